@@ -3,7 +3,7 @@
 //
 //   |s| <= min(mu(T0, |[v]|) P, yield_strength g(P, T0) / sqrt(3)),                    DLP (5), (65)
 //
-// and a friction law is the coefficient mu. The concepts of this file list what a law must offer.
+// and a friction law is the coefficient mu. The concepts of this file list the members that a law must have.
 #pragma once
 
 #include <concepts>
@@ -23,10 +23,10 @@ struct InterfaceOptions {
   double friction_coefficient = 0.0;            // coefficient mu; if mu varies, its value without slip and below T_ref
   double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
   FrictionLaw friction_law{};                   // law that gives the coefficient mu
-  double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
-  double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]
+  double friction_coefficient_fast = 0.0;       // coefficient mu_inf of velocity weakening at high velocity
+  double velocity_decay = 0.0;                  // decay theta of velocity weakening  [s/m]
   double friction_reference_temperature = 0.0;  // reference temperature T_ref of thermal softening   [K]
-  double friction_softening_exponent = 0.0;     // m of thermal softening, at least 1
+  double friction_softening_exponent = 0.0;     // exponent m of thermal softening, at least 1
 };
 
 // The friction coefficient mu and its derivatives.
@@ -70,7 +70,8 @@ constexpr FrictionLawProperties properties_of_law() {
 template <class Law>
 concept TemperatureDependentFriction =
     !Law::kDependsOnTemperature || requires(const InterfaceOptions& options, const Material& soft, double T) {
-  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| between two T  [1/K]
+  // Upper bound of |d mu / d T0| between two temperatures  [1/K]
+  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;
 };
 
 // A law whose coefficient depends on slip solves the friction of a step itself.

@@ -28,8 +28,8 @@ Carried carried(const StressLimit& limit, const FrictionHeating& heating, double
   return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b};
 }
 
-// Improves the root `a` of H(a) = s_lim - a by one Newton step, which removes what the tolerance of the search left.
-// Returns `cold` if the interface would be molten at `a`.
+// Improves the root `a` of H(a) = s_lim - a by one Newton step, which removes the error that the tolerance of the
+// search left. Returns `cold` if the interface would be molten at `a`.
 double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max, double cold) {
   const Carried s = carried(limit, heating, a);
   if (s.limit.stress <= 0.0) return cold;
@@ -89,8 +89,8 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;
   if (spare_strength(limit, heating, hi) >= 0.0) return hi;
-  // `melting` is the stress that melts the interface if at least half of the frictionless slip c remains. If half of it
-  // does remain, `melting` is an upper bound of the root; with fast slip it is far below `hi`.
+  // `melting` is the stress that melts the interface if at least half of the frictionless slip c remains. If at least
+  // c/2 does remain, `melting` is an upper bound of the root; with fast slip it is far below `hi`.
   const double melting = 2.0 * (limit.soft->melting_temperature - heating.T_ad) / (heating.rise * heating.c);
   if (melting < hi && 2.0 * heating.b * melting <= heating.c) hi = melting;
   double a = guess > kLeastGuess * hi && guess < hi ? guess : 0.5 * hi;

@@ -104,7 +104,7 @@ inline StressLimit interface_strength(const InterfaceOptions& options, const Mat
   return limit;
 }
 
-// Friction heats the interface it acts on: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
+// Friction heats the interface: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
 struct FrictionHeating {
   double T_ad;  // interface temperature after a step without friction   [K]
   double rise;  // temperature rise per friction power, beta_T B0         [K m2/W]

@@ -43,8 +43,8 @@ struct HeatGrid {
 //   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   old and t: temperature before and after, and with
 //   a[i] = alpha dt / (weight[i] * width of the cell before i), c[i] likewise with the cell behind i
 // The elimination runs from both far ends to z = 0, the substitution from z = 0 outwards: vertices still at the far
-// temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and no
-// difference is formed, so nothing cancels: the solution is accurate to rounding for any dt and grading.
+// temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and the
+// factorisation forms no difference, so nothing cancels: the solution is accurate to rounding for any dt and grading.
 struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
   HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
@@ -72,7 +72,8 @@ struct HeatOperator {
 struct SpreadHeat {
   SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft, const Material& hard);
 
-  std::vector<double> gain;  // temperature rise of each vertex of the layer per source in it: dt / capacity  [K m2/W]
+  // Temperature rise of each vertex of the layer per heat source at it: dt / capacity  [K m2/W]
+  std::vector<double> gain;
 };
 
 // Writes B_phi, the temperature after a step from 0 K with 1 W/m2 distributed over the layer by the fractions `shape`.
@@ -83,8 +84,8 @@ void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* s
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature);
 
-// Conducts for one step without flux, in all lanes, from `before` to `after`, both [vertex][lane] and possibly the
-// same. Vertices at the far temperature whose bits this step does not change are skipped.
+// Conducts for one step without flux, in all lanes, from `before` to `after`, both [vertex][lane], which may be the
+// same array. Vertices at the far temperature whose bits this step does not change are skipped.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
 // Conducts for one step without flux, in one lane of a tile and in place.

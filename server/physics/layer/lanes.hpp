@@ -1,6 +1,6 @@
 // A tile holds kLanes shear layers side by side and is the unit of work of the solvers. Arrays across the layer are
-// [vertex][lane], lane fastest: the sweep across the layer is sequential and the lanes vectorise. No lane reads another
-// lane, so the answer of a lane has the same bits whatever the other lanes hold.
+// [vertex][lane], lane fastest: the sweep across the layer is sequential and the lanes vectorise. No value of one lane
+// enters the arithmetic of another lane, so the answer of a lane has the same bits whatever the other lanes hold.
 #pragma once
 
 #include <bit>

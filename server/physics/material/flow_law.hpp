@@ -38,7 +38,7 @@ struct SofteningExcess {
 template <int N>
 struct LoadedVertices {
   const double* load;          // stress on each vertex, as load_of(a) gives it
-  const double* bracket;       // part of g that depends on P, bracket_at(m, P), of each lane
+  const double* bracket;       // part of the softening g that depends on P, bracket_at(m, P), of each lane
   const double* T_melt;        // melting temperature at P           [K]
   alignas(64) double T[N];     // temperature after the step         [K]
   alignas(64) double rise[N];  // temperature rise by the friction heat of the stress a, a dT/da  [K]
@@ -50,8 +50,9 @@ struct LawFault {
   std::string_view text;
 };
 
-inline constexpr double kMolten = 1e300;   // softening excess where g = 0: the vertex flows under any load but kNoLoad
-inline constexpr double kNoLoad = -1e305;  // load_of() of no stress: under it nothing yields, not even a molten vertex
+inline constexpr double kMolten = 1e300;  // softening excess where g = 0: the vertex flows under any load but kNoLoad
+// Result of load_of() without stress: no vertex yields, not even a molten one.
+inline constexpr double kNoLoad = -1e305;
 // Largest excess (SeparableFlowKernel) that a kernel uses; a larger one is cut to it, so that the strain is finite. No
 // host has a strain of that size.
 inline constexpr double kMaxExcess = 300.0;
@@ -116,7 +117,7 @@ concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
     requires(const Law law, const Material& m, double a, double P) {
   { law.load_of(a) } -> std::same_as<double>;         // a stress magnitude in the form that the kernel needs
   { Law::unit_of_load(m) } -> std::same_as<double>;   // stress unit of load_of()  [Pa]
-  { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
+  { Law::bracket_at(m, P) } -> std::same_as<double>;  // part of the softening g that depends on P
 };
 
 // The kernel of a separable law. A vertex flows if excess = load_of(a) + softening_excess - log_strength is positive.

@@ -210,7 +210,8 @@ class JohnsonCook {
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
         const double inside = x - step > log_slow_ ? x - step : log_slow_;
         const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
-        // The values after a step of the search follow from those before it by series, without another evaluation.
+        // The values after a step of the search follow by series from the values before this step, without another
+        // evaluation.
         const double along = x - next;
         const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
         const double u_new = u - u_1 * along, w_new = w - C_ * along;

@@ -15,7 +15,7 @@
 //   3. Below 1e-3 1/s, where the law was fitted to no data, the rate has no effect, so that a layer has a yield stress.
 //   4. For r > 1 the argument of erf stays 0: thermal activation ends where the rate reaches the attempt rate.
 //   5. tau is multiplied by 1 + 1e-9 min(ln r, 0). Where erf is 1 to its last digit and hardening has saturated, the
-//      printed law has one stress for many rates; this keeps rate and strain functions of the stress.
+//      printed law has one stress for many rates; the factor keeps rate and strain functions of the stress.
 //
 // fault_of() accepts only constants with tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse
 // has a closed form. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest
@@ -218,14 +218,16 @@ class PrestonTonksWallace {
   static constexpr double kNearRest = 1e-12;    // rounding of tau allowed for in the first test of slow flow (creep)
   static constexpr double kArrived = 1e-8;      // a shorter step of ln r is the last: the next is below rounding
   // Interpolation between the last two points of the search leaves an error of ln r of the order of the squared product
-  // of the new point's distances to the two. kArrivedByTwo is the largest product whose square is below rounding.
+  // of the new point's distances to these two points. kArrivedByTwo is the largest product whose square is below
+  // rounding.
   static constexpr double kArrivedByTwo = 3e-8;
   // Longest last step of ln r by interpolation, which is used only where no branch of tau ends within 3 kSmooth.
   static constexpr double kSmooth = 3e-4;
   // Largest correction by interpolation that is used, relative to the square of Newton's step.
   static constexpr double kMostBend = 4.0;
-  static constexpr double kRounding = 1e-15;    // rounding error of tau, relative to the target
-  static constexpr int kNewtonIterations = 12;  // after these every second iteration bisects; 2 to 5 are usual
+  static constexpr double kRounding = 1e-15;  // rounding error of tau, relative to the target
+  // After this number of iterations every second one bisects; 2 to 5 are usual.
+  static constexpr int kNewtonIterations = 12;
   static constexpr int kMostIterations = 150;
 
   // The flow stress tau in units of 2 G, and its derivatives by ln r, ep and T^.

@@ -33,10 +33,10 @@ struct ModelOptions {
   std::optional<GridOptions> hard_grid;
   double initial_temperature = 300.0;                               // [K]
   TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat equation
-  // Absent: the temperature is stored in cells. Present: a sum of exponentials replaces the cells; only force-driven,
-  // with one conducting body.
+  // Absent: the temperature is a profile on the grid. Present: a sum of exponentials replaces the profile; only
+  // force-driven, with one conducting body.
   std::optional<ModesOptions> modes;
-  Drive drive = Drive::kLayerShear;            // velocity-driven: what shears the layer
+  Drive drive = Drive::kLayerShear;            // velocity-driven: the velocity that shears the layer
   std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P
   InterfaceOptions interface;                  // force-driven: law of the interface
   bool plastic_layer = false;                  // force-driven: in addition to the slip, the layer flows and hardens

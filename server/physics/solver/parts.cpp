@@ -327,7 +327,7 @@ constexpr std::array kExclusions = {
               "the stress of a step has one direction, and that of waves turns across the layer"},
 };
 
-// A check of one option alone: returns what is wrong with its value, or nothing if the value is allowed.
+// A check of one option alone: returns a refusal, or nothing if the value of the option is allowed.
 using Limit = std::optional<Refusal> (*)(const ModelOptions&);
 
 std::optional<Refusal> most_cells(std::string key, int most, int found) {
@@ -397,7 +397,8 @@ constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exc
   return true;
 }
 
-// Whether every pair of rows is decided: listed by the later row or excluded, but not both, or else unable to meet.
+// Whether every pair of rows is decided: the later row lists the earlier row, or the pair is excluded (not both), or
+// the two can never meet.
 constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
   for (std::size_t j = 0; j < rows.size(); ++j) {
     for (std::size_t i = 0; i < j; ++i) {

@@ -75,7 +75,7 @@ struct Part {
   // strategy: every model has one.
   void (*set)(ModelOptions&, bool on) = nullptr;
   Properties goes_with{};       // properties of earlier rows with which this property may be on together
-  std::string_view law_with{};  // a property of laws: what such a law is called, as "friction law that depends on slip"
+  std::string_view law_with{};  // name of a law with this property, for example "friction law that depends on slip"
   // Texts of the property's row on the options page (OPTIONS.md); empty if that page has no row of the property.
   std::string_view equation{};
   std::string_view adds{};
@@ -99,10 +99,10 @@ std::span<const Exclusion> exclusions();
 struct Refusal {
   std::string key;     // key of a scene, for example "layer.inertia"
   std::string text;    // one sentence that begins with the key
-  std::string remedy;  // one sentence: what to change
+  std::string remedy;  // one sentence: the change that removes this reason
 };
 
-// All reasons why a model with these options cannot be made; empty: it can.
+// All reasons why a model with these options cannot be made; empty if it can.
 std::vector<Refusal> refusals(const ModelOptions& options);
 // For tests: all reasons why a model cannot be made, under the given rows and exclusions instead of those of parts.cpp.
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,

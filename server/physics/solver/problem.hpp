@@ -48,7 +48,7 @@ inline std::uint8_t outside_domain(double slip, double jump) {
   return std::abs(slip - jump) <= kOutsideDomainShare * std::abs(jump) ? 0 : kOutsideDomain;
 }
 
-// The shear stress of a lane before the step: `inputs.stress_before` if given, else that of the committed state  [Pa].
+// The shear stress of a lane before the step: `inputs.stress_before` if given, else the committed stress [Pa].
 inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
   return inputs.stress_before ? inputs.stress_before[lane] : committed[layout.shear_stress + lane];
 }

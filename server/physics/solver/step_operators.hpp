@@ -73,7 +73,8 @@ class StepOperators {
   int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
   double dt() const { return dt_; }
-  const double* decay() const { return decay_.data(); }  // factor of a step on each mode of a sleeping node
+  // Factor by which a step multiplies each mode of a sleeping node.
+  const double* decay() const { return decay_.data(); }
   const SpreadHeat& spread() const { return *spread_; }
   int num_heated() const { return num_heated_; }  // number of vertices, from z = 0, that the heat of one step reaches
 

@@ -21,8 +21,8 @@ constexpr double kGrowthHalfSpace = 20.0;
 constexpr double kMostGrowth = 1.0;  // largest (ratio of the widths of neighbouring cells) - 1
 // The first cells resolve the diffusion length of a short time, and therefore the skin in which the flow localises near
 // melting.
-constexpr double kShortTime = 1e-11;          // time that the first cells resolve, for tolerances down to 1e-3  [s]
-constexpr double kShortestTime = 1e-14;       // lower limit of the time that the first cells resolve  [s]
+constexpr double kShortTime = 1e-11;  // time whose diffusion length the first cells resolve, at tolerances >= 1e-3  [s]
+constexpr double kShortestTime = 1e-14;       // lower limit of kShortTime after its reduction  [s]
 constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which kShortTime is reduced, as tolerance^3
 
 constexpr double kKernelShare = 0.1;   // error of the heat kernel in a model with modes, relative to the tolerance

@@ -200,10 +200,10 @@ class ControlledStep {
     if (lane.at == end_) finish(l);
   }
 
-  // Estimates the error of a substep from one substep against two halves, as an error of T0 at the end of the step
-  // relative to T_melt less the initial temperature. It is the largest of three errors: that of T0, which diffusion
-  // damps, that of the heat released, and that of the host's new velocity jump, which goes on heating. `of_rest`:
-  // length of the substep relative to the rest of the step.
+  // Estimates the error of a substep from the difference between its answer in one piece and in two halves, as an error
+  // of T0 at the end of the step, relative to T_melt less the initial temperature. The estimate is the largest of three
+  // errors: the error of T0, which diffusion damps; the error of the heat released; and the error of the host's new
+  // velocity jump, which goes on heating. `of_rest`: length of the substep relative to the rest of the step.
   double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();

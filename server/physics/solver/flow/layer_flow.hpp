@@ -13,10 +13,11 @@ namespace shearbus::physics {
 
 // The load of each lane under a stress of magnitude a.
 struct FlowLoad {
-  alignas(64) double load[kLanes];  // load_of(a) of the flow law, by which it measures the stress a; kNoLoad: no stress
+  alignas(64) double load[kLanes];  // stress a in the form of the flow law, load_of(a); kNoLoad: no stress
   alignas(64) double flux[kLanes];  // heat flux q; the temperatures are T_ad + q B, or T_ad + q B_phi     [W/m2]
-  alignas(64) double bracket[kLanes];  // part of g that depends on the lane's pressure, the flow law's bracket_at()
-  alignas(64) double T_melt[kLanes];   // melting temperature at the lane's pressure         [K]
+  // Part of the softening g that depends on the pressure, bracket_at() of the flow law.
+  alignas(64) double bracket[kLanes];
+  alignas(64) double T_melt[kLanes];  // melting temperature at the lane's pressure         [K]
 };
 
 struct FlowSum {
@@ -39,7 +40,8 @@ struct FlowProblem {
   const double* spread_response = nullptr;
 };
 
-// Number of vertices, from z = 0, that the heat of one step reaches: it warms the others by less than rounding.
+// Number of vertices, from z = 0, that the heat of one step reaches: it changes all other temperatures by less than
+// rounding.
 int num_heated_vertices(const Grid& grid, const double* response);
 
 // Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.

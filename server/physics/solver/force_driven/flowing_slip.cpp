@@ -11,7 +11,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kAtCeiling = 1e-11;  // relative distance from the ceiling up to which a stress counts as equal to it
-constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search, in ulps
+constexpr int kMostUlps = 1 << 26;    // largest correction of a stress or temperature at the end of a search, in ulps
 constexpr double kBeyond = 1e-10;     // relative margin that keeps a bound of the stress above the answer
 
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
@@ -148,9 +148,9 @@ void FlowingSlip::update(double slip) {
   ask(Phase::kStick, a, start_.heat_partition * (a * stopping_.slip(a)));
 }
 
-// 2. Stick: the slip at the end of the step falls strictly with the stress, since flow and heating rise with it. The
-//    root lies below three bounds: the sticking stress of a rigid layer, the largest stress that the layer carries, and
-//    the stress under which the first vertex alone would flow by more than all the slip.
+// 2. Stick: the slip at the end of the step falls strictly with the stress, because flow and heating rise with the
+//    stress. The root lies below three bounds: the sticking stress of a rigid layer, the largest stress that the layer
+//    carries, and the stress under which the first vertex alone would flow by more than all the slip.
 void FlowingSlip::begin_stick() {
   stick_was_searched_ = true;
   const Material& soft = *start_.limit.soft;

@@ -12,13 +12,15 @@ namespace shearbus::physics {
 
 // A lane with a closed contact at the start of a step.
 struct FlowingStart {
-  StressLimit limit;      // stress limit s_lim(T0) of the interface
-  double ceiling;         // stress that the fully hardened layer carries where g = 1; infinity: no ceiling  [Pa]
-  bool hardens;           // false: the layer flows only at its ceiling
-  double first_weight;    // length of z that the first vertex represents                                 [m]
-  double first_strain;    // plastic strain at z = 0 before the step
-  Heated layer;           // temperatures of the layer as functions of the heat flux
-  double heat_partition;  // share of the friction heat that enters the grid: beta_T; 1 if both bodies are on the grid
+  StressLimit limit;    // stress limit s_lim(T0) of the interface
+  double ceiling;       // stress that the fully hardened layer carries where g = 1; infinity: no ceiling  [Pa]
+  bool hardens;         // false: the layer flows only at its ceiling
+  double first_weight;  // length of z that the first vertex represents                                 [m]
+  double first_strain;  // plastic strain at z = 0 before the step
+  Heated layer;         // temperatures of the layer as functions of the heat flux
+  // Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid, 1 if both
+  // are.
+  double heat_partition;
   double dt;
   Forcing forcing;
   LaneStep before;  // the state before the step; only stress, jump_new and sticks are read

@@ -33,11 +33,11 @@ LaneStep open_step(const Forcing& forcing, double dt, double jump_old) {
 LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
                     double guess, bool stuck) {
   const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
-  // Friction that depends on slip is solved first. It is then a constant, with one value for a sliding interface and
-  // another value for a sticking interface.
+  // Friction that depends on slip is solved first. In the rest of the step this friction is a constant, with one value
+  // for a sliding interface and another value for a sticking interface.
   const std::optional<SlidingFriction> by_slip = strength.friction_of_step(heating.c, heating.b, trial.stress_stick);
 
-  // 1. Stick: no slip at the end of the step, if the interface carries the stress that this needs. (With the
+  // 1. Stick: no slip at the end of the step, if the interface carries the stress that sticking needs. (With the
   // condition [V]mid = 0 instead the jump would oscillate.)
   const double a_stick = trial.stress_stick;
   StressLimit resolved;  // `strength` with the constant friction of the step

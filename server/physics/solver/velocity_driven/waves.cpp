@@ -217,7 +217,8 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // Evaluates stresses and slopes at the iterate, for the given heat flux q or else that of the stress at z = 0.
+  // Evaluates stresses and slopes at the iterate, for the given heat flux q or else for the heat flux of the stress at
+  // z = 0.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);
@@ -298,7 +299,7 @@ class Waves {
   // where the last term is the softening by the heat of the interface's stress.
   void newton_direction() {
     ++answer_.iterations;
-    double stiffness = 0.0;  // slope ds/d(dv) of the stress behind cell c over the velocity difference
+    double stiffness = 0.0;  // derivative of the stress behind cell c by the velocity difference
     double excess = 0.0;     // pivot of row c without the term of the vertex before cell c
     double heat = 0.0;       // coupling to dv[0] carried over from the rows behind
     double pushed = 0.0;     // residual carried over from the rows behind
@@ -407,8 +408,8 @@ class Waves {
   // The guarded search. At a given q the step minimises the convex energy
   //   E(v) = sum over cells of rho width/2 (v - v_old)^2
   //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
-  // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
-  // function q - heat_share * max(s[0] [V], 0) changes sign.
+  // whose gradient is -dt residual: descend() lowers this energy from any start. Between q = 0 and the q that melts
+  // z = 0 the function q - heat_share * max(s[0] [V], 0) changes sign.
   void search(int steps) {
     answer_.guarded = true;
     const double share = step_.heat_share * step_.jump;

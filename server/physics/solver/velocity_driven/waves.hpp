@@ -9,7 +9,7 @@ namespace shearbus::physics {
 
 // Stress, plastic strain and temperature live at the vertices, velocity in the cells between them. The equations of one
 // step of backward Euler, for vertices i = 0..N and cells c = 0..N-1, where v[-1] is the velocity at z = 0+ and v[N]
-// that of the host's soft body, both relative to the hard body:
+// the velocity of the host's soft body, both relative to the hard body:
 //   weight[i] (s[i] - s_old[i]) = G0 (dt (v[i] - v[i-1]) - sqrt(3) weight[i] dep[i] sign(s[i]))         DLP (37)
 //   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
 //   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3);   dep[i] >= 0, and dep[i] = 0 where |s[i]| < Y / sqrt(3)      DLP (42-48)
@@ -21,7 +21,7 @@ namespace shearbus::physics {
 struct WaveStep {
   const Material* soft;    // soft body at the pressure of the node
   const Grid* grid;        // grid of at most kMaxInertiaCells cells
-  const double* response;  // temperature rise per unit heat flux at z = 0, B, per vertex  [K m2/W]
+  const double* response;  // response B: temperature rise of each vertex per unit heat flux at z = 0  [K m2/W]
   double dt;               // length of the step                           [s]
   double pressure;         // normal pressure P                            [Pa]
   double jump;             // imposed velocity jump [V]                    [m/s]
@@ -31,12 +31,12 @@ struct WaveStep {
 
 // One node's fields, a value per vertex or cell.
 struct WaveFields {
-  static constexpr int kPacket = 8;  // vertices per SIMD packet; the length of a Row is a multiple of it
+  static constexpr int kPacket = 8;  // vertices per SIMD packet; the length of a Row is a multiple of this number
   using Row = double[(kMaxInertiaCells / kPacket + 1) * kPacket];
   alignas(64) Row T_ad;           // temperature after the step without friction  [K]
   alignas(64) Row strain;         // plastic strain ep before the step
-  alignas(64) Row stress;         // stress s: before the step, then after it    [Pa]
-  alignas(64) Row velocity;       // velocity v: before the step, then after it  [m/s]
+  alignas(64) Row stress;         // stress s: before the step on entry, after the step on return  [Pa]
+  alignas(64) Row velocity;       // velocity v: before the step on entry, after the step on return  [m/s]
   alignas(64) Row strain_growth;  // growth of the plastic strain in the step, dep
 };
 
