@@ -3,7 +3,7 @@
 //
 //   |s| <= min(mu(T0, |[v]|) P, yield_strength g(P, T0) / sqrt(3)),                    DLP (5), (65)
 //
-// and a friction law is the coefficient mu. The concepts of this file list the members that a law must have.
+// and a friction law gives the coefficient mu. The concepts of this file list the members that a law must have.
 #pragma once
 
 #include <concepts>
@@ -47,8 +47,8 @@ struct SlidingFriction {
   double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
 };
 
-// The properties of a friction law. Options of a model are allowed or refused by them, never by the name of a law. None
-// has a default: a law that does not declare all of them does not compile.
+// The properties of a friction law. Options of a model are allowed or refused by these properties, never by the name of
+// a law. No property has a default: a law that does not declare all of them does not compile.
 struct FrictionLawProperties {
   bool depends_on_slip;         // whether mu depends on the slip of the step
   bool depends_on_temperature;  // whether mu depends on T0 at the end of the step

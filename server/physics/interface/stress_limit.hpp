@@ -1,4 +1,5 @@
-// The strength of the interface (DLP 65): the largest stress it carries at an interface temperature T0 and a slip,
+// The strength of the interface (DLP 65): the largest stress that the interface carries at an interface temperature T0
+// and a slip,
 //
 //   s_lim(T0, [v]) = min(mu(T0, [v]) P, Y([v]) g(P, T0) / sqrt(3)),
 //

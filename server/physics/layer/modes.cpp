@@ -210,8 +210,8 @@ void ModeOperator::fill(const HeatModes& modes) {
   }
 }
 
-// The flux at the time s before the end of the step is q - (q - q_early) s / ((1 - early) dt): linear in time, q_early
-// at `early` dt.
+// The flux at the time s before the end of the step is q - (q - q_early) s / ((1 - early) dt): linear in time, with the
+// value q_early at the time `early` dt.
 ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : ModeOperator(modes, step) {
   const double span = (1.0 - early) * dt;
   early_response = modes.kernel.moment(dt) / span;

@@ -53,12 +53,12 @@ struct LawFault {
 inline constexpr double kMolten = 1e300;  // softening excess where g = 0: the vertex flows under any load but kNoLoad
 // Result of load_of() without stress: no vertex yields, not even a molten one.
 inline constexpr double kNoLoad = -1e305;
-// Largest excess (SeparableFlowKernel) that a kernel uses; a larger one is cut to it, so that the strain is finite. No
-// host has a strain of that size.
+// Largest excess (SeparableFlowKernel) that a kernel uses; a larger excess is cut to this value, so that the strain is
+// finite. No host has a strain of that size.
 inline constexpr double kMaxExcess = 300.0;
 
-// The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
-// a default: a law that does not declare all of them does not compile.
+// The properties of a flow law. Options of a model are allowed or refused by these properties, never by the name of a
+// law. No property has a default: a law that does not declare all of them does not compile.
 struct FlowLawProperties {
   bool depends_on_rate;      // the strength H rises with the strain rate dep/dt
   bool separable;            // H is independent of P and T, so that Y is a product H(ep, dep/dt) g(P, T)

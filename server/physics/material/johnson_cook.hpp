@@ -186,10 +186,10 @@ class JohnsonCook {
     alignas(64) double creeps[N];     // 1 where the rate of the root is below r0 and has no effect, else 0
   };
 
-  // Solves u w = target for ln(dep) by Halley's method, where u = 1 + B (ep + dep)^n is the hardening and w = 1 + C (x
-  // - ln(r0 dt)) the effect of the rate, lane by lane: a lane that has converged keeps its root while its neighbours go
-  // on. The last step leaves an error of the order of its cube; dep after a step is dep before it times the series of
-  // exp(-step).
+  // Solves u w = target for ln(dep) by Halley's method, where u = 1 + B (ep + dep)^n is the hardening and
+  // w = 1 + C (x - ln(r0 dt)) the effect of the rate, lane by lane: a lane that has converged keeps its root while its
+  // neighbours go on. The last step leaves an error of the order of its cube; dep after a step is dep before it times
+  // the series of exp(-step).
   template <int N>
   [[gnu::always_inline]] void fall_to_root(const double* ep, Roots<N>& roots) const {
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {

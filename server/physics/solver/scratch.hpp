@@ -6,7 +6,7 @@
 
 namespace shearbus::physics {
 
-// What a scratch tile is used for. Uses that may overlap in time have a tile each.
+// The uses of a scratch tile. Uses that may overlap in time have separate tiles.
 enum class Scratch { kStages, kWaking, kAccepted, kFirstHalf, kSecondHalf };
 
 double* scratch_tile(Scratch use, std::size_t doubles);

@@ -242,7 +242,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   }
   if (resting == 0) return;
 
-  // 4. Step the lanes that stay asleep: the modes decay, stress, regime and counts are set, the other states stay.
+  // 4. Step the lanes that stay asleep: the modes decay; stress, regime and counts are set; the other states stay.
   if (solved == 0) {
     const auto behind = static_cast<std::ptrdiff_t>(layout.temperature + layout.num_vertices * kLanes);
     std::copy_n(committed + behind, static_cast<std::ptrdiff_t>(layout.doubles) - behind, trial + behind);

@@ -41,8 +41,9 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
   compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
 
-  // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under it.
-  //    An interface that was stuck begins to slip only if it cannot stick while the layer flows.
+  // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under
+  //    the stress of this answer. An interface that was stuck begins to slip only if it cannot stick while the layer
+  //    flows.
   rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
                       start.before.sticks);
   //    At stress 0 the interface is molten and cannot stick.

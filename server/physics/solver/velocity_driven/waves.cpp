@@ -293,8 +293,9 @@ class Waves {
     return held_or(a, slope);
   }
 
-  // Newton's step on the balance of momentum, residual = 0. The elimination from the far end forms no difference, so
-  // nothing cancels. "Behind" is farther from z = 0, "before" nearer. Row c becomes
+  // Newton's step on the balance of momentum, residual = 0. The elimination from the far end adds the terms of
+  // stiffness and inertia without a difference, so these terms do not cancel. "Behind" is farther from z = 0, "before"
+  // nearer. Row c becomes
   //   dv[c] = constant[c] + carry[c] dv[c-1] + coupling[c] dv[0],
   // where the last term is the softening by the heat of the interface's stress.
   void newton_direction() {

@@ -15,8 +15,8 @@ namespace shearbus::physics {
 //   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3);   dep[i] >= 0, and dep[i] = 0 where |s[i]| < Y / sqrt(3)      DLP (42-48)
 //   |s[0]| <= mu P;   v[-1] is along s[0], and v[-1] = 0 where |s[0]| < mu P
 //   T = T_ad + q B,   q = share max(s[0] [V], 0)                                                         DLP (18, 35)
-// where share is WaveStep::heat_share.
-// Summed over the layer and for rho -> 0 these equations are the balance of a layer without inertia, weight for weight.
+// where share is WaveStep::heat_share. Summed over the layer and for rho -> 0 these equations are the balance of a
+// layer without inertia, with the same weights.
 
 struct WaveStep {
   const Material* soft;    // soft body at the pressure of the node
