@@ -3,7 +3,7 @@
 //
 //   |s| <= min(mu(T0, |[v]|) P, yield_strength g(P, T0) / sqrt(3)),                    DLP (5), (65)
 //
-// and a friction law is the coefficient mu. The concepts of this file list what a law must offer.
+// and a friction law gives the coefficient mu. The concepts of this file list the members that a law must have.
 #pragma once
 
 #include <concepts>
@@ -20,13 +20,13 @@ namespace shearbus::physics {
 enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
 
 struct InterfaceOptions {
-  double friction_coefficient = 0.0;            // mu; a varying mu: its value without slip and below T_ref
+  double friction_coefficient = 0.0;            // coefficient mu; if mu varies, its value without slip and below T_ref
   double yield_strength = 0.0;                  // yield strength of the interface  [Pa]
-  FrictionLaw friction_law{};                   // friction law: the law of the coefficient mu
-  double friction_coefficient_fast = 0.0;       // mu_inf of velocity weakening
-  double velocity_decay = 0.0;                  // theta of velocity weakening  [s/m]
+  FrictionLaw friction_law{};                   // law that gives the coefficient mu
+  double friction_coefficient_fast = 0.0;       // coefficient mu_inf of velocity weakening at high velocity
+  double velocity_decay = 0.0;                  // decay theta of velocity weakening  [s/m]
   double friction_reference_temperature = 0.0;  // reference temperature T_ref of thermal softening   [K]
-  double friction_softening_exponent = 0.0;     // m of thermal softening, at least 1
+  double friction_softening_exponent = 0.0;     // exponent m of thermal softening, at least 1
 };
 
 // The friction coefficient mu and its derivatives.
@@ -40,15 +40,15 @@ struct FrictionValue {
 // (FrictionHeating). Temperature changes this slip only through the stress, so friction is solved before the interface
 // temperature T0 is known, and the rest of the solver sees a constant limit.
 struct SlidingFriction {
-  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the sliding state with the most slip  [Pa]
+  double sliding;  // smallest a >= 0 with a = mu(c - b a) P, which is the answer with the most slip  [Pa]
   double holding;  // friction stress mu P at the slip that remains under the sticking stress a_stick  [Pa]
   // Above this stress, `exceeds_again`, friction exceeds the stress a again because less slip strengthens friction; a
   // sticking state may then coexist with the sliding state. Infinity: this never happens.
   double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
 };
 
-// The properties of a friction law. Options of a model are allowed or refused by them, never by the name of a law. None
-// has a default: a law that does not declare all of them does not compile.
+// The properties of a friction law. Options of a model are allowed or refused by these properties, never by the name of
+// a law. No property has a default: a law that does not declare all of them does not compile.
 struct FrictionLawProperties {
   bool depends_on_slip;         // whether mu depends on the slip of the step
   bool depends_on_temperature;  // whether mu depends on T0 at the end of the step
@@ -70,7 +70,8 @@ constexpr FrictionLawProperties properties_of_law() {
 template <class Law>
 concept TemperatureDependentFriction =
     !Law::kDependsOnTemperature || requires(const InterfaceOptions& options, const Material& soft, double T) {
-  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;  // bound of |d mu / d T0| between two T  [1/K]
+  // Upper bound of |d mu / d T0| between two temperatures  [1/K]
+  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;
 };
 
 // A law whose coefficient depends on slip solves the friction of a step itself.

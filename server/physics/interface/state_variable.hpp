@@ -6,7 +6,7 @@ namespace shearbus::physics {
 
 struct StateVariable {
   const char* name;  // for example "junction_strain"; a unit other than 1 is appended to the name
-  const char* unit;  // UDUNITS, "1" without a dimension
+  const char* unit;  // unit in the notation of UDUNITS; "1": no dimension
 };
 
 }  // namespace shearbus::physics

@@ -7,14 +7,15 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr int kMaxIterations = 200;        // largest number of iterations of slip_stress(); bisection alone needs 60
-constexpr int kNewtonIterations = 12;      // afterwards every second step bisects; Newton's method has needed fewer
-constexpr double kConverged = 1e-9;        // a shorter Newton step, relative, is the last: the next is below rounding
+constexpr int kMaxIterations = 200;    // largest number of iterations of slip_stress(); bisection alone needs 60
+constexpr int kNewtonIterations = 12;  // afterwards every second iteration bisects; Newton has needed fewer iterations
+// A shorter Newton step, relative to the stress, is the last: the next is below rounding.
+constexpr double kConverged = 1e-9;
 constexpr double kLeastGuess = 1e-12;      // smallest starting stress used, relative to the upper end of the bracket
 constexpr int kMaxSearchIterations = 400;  // largest number of iterations of approach_zero()
 
-// The limit s_lim of the interface at the temperature and slip that the stress a causes, and its derivative d s_lim /
-// da.
+// The limit s_lim of the interface at the temperature and slip that the stress a causes, and its derivative
+// d(s_lim)/da.
 struct Carried {
   StressLimit::Value limit;
   double slope;
@@ -27,8 +28,8 @@ Carried carried(const StressLimit& limit, const FrictionHeating& heating, double
   return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b};
 }
 
-// Improves the root `a` of H(a) = s_lim - a by one Newton step, which removes what the tolerance of the search left.
-// Returns `cold` if the interface would be molten at `a`.
+// Improves the root `a` of H(a) = s_lim - a by one Newton step, which removes the error that the tolerance of the
+// search left. Returns `cold` if the interface would be molten at `a`.
 double polished(const StressLimit& limit, const FrictionHeating& heating, double a, double a_max, double cold) {
   const Carried s = carried(limit, heating, a);
   if (s.limit.stress <= 0.0) return cold;
@@ -82,14 +83,14 @@ double spare_strength(const StressLimit& limit, const FrictionHeating& heating, 
 }
 
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess) {
-  // The first upper bound of the stress is the limit before friction heats, at the largest slip, which is that of a =
-  // 0.
+  // The first upper bound of the stress is the limit before friction heats, at the slip without stress, which is the
+  // largest slip.
   double hi = std::min(a_max, limit.at(heating.T_ad, heating.slip(0.0)).stress);
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;
   if (spare_strength(limit, heating, hi) >= 0.0) return hi;
-  // `melting` is the stress that melts the interface if at least half of the frictionless slip c remains. If half of it
-  // does remain, `melting` is an upper bound of the root; with fast slip it is far below `hi`.
+  // `melting` is the stress that melts the interface if at least half of the frictionless slip c remains. If at least
+  // c/2 does remain, `melting` is an upper bound of the root; with fast slip it is far below `hi`.
   const double melting = 2.0 * (limit.soft->melting_temperature - heating.T_ad) / (heating.rise * heating.c);
   if (melting < hi && 2.0 * heating.b * melting <= heating.c) hi = melting;
   double a = guess > kLeastGuess * hi && guess < hi ? guess : 0.5 * hi;

@@ -1,4 +1,5 @@
-// The strength of the interface (DLP 65): the largest stress it carries at an interface temperature T0 and a slip,
+// The strength of the interface (DLP 65): the largest stress that the interface carries at an interface temperature T0
+// and a slip,
 //
 //   s_lim(T0, [v]) = min(mu(T0, [v]) P, Y([v]) g(P, T0) / sqrt(3)),
 //
@@ -104,7 +105,7 @@ inline StressLimit interface_strength(const InterfaceOptions& options, const Mat
   return limit;
 }
 
-// Friction heats the interface it acts on: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
+// Friction heats the interface: T0(a) = T_ad + rise * a * max(0, v(a)) with the slip v(a) = c - b a.
 struct FrictionHeating {
   double T_ad;  // interface temperature after a step without friction   [K]
   double rise;  // temperature rise per friction power, beta_T B0         [K m2/W]
@@ -115,26 +116,29 @@ struct FrictionHeating {
   double temperature(double a) const { return T_ad + rise * (a * slip(a)); }
 };
 
-// The spare strength H(a) = s_lim(T0(a), v(a)) - a of the interface: positive if the interface can carry more than a
-// [Pa].
+// The spare strength H(a) = s_lim(T0(a), v(a)) - a of the interface  [Pa]: positive if the interface can carry more
+// than the stress a.
 double spare_strength(const StressLimit& limit, const FrictionHeating& heating, double a);
 
 // Finds the zero of the spare strength H in [0, a_max], where H has at most one. Without a zero the result is a_max,
 // because the interface then carries a_max  [Pa]. The search starts at `guess`. Returns NaN if it fails.
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
 
-// The largest stress up to `a` under which the interface, heated by partition * work, stays below T_melt; `a` if the
-// interface was molten before. Needed because one ulp of temperature can exceed the distance to melting.
+// The largest stress up to `a` under which the interface, heated by partition * work, stays below T_melt. Returns `a`
+// if the interface was molten before the step. This search is needed because one ulp of temperature can exceed the
+// distance to melting.
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
 
-// Whether the spare strength H falls strictly on [0, a_max], so that its zero is the only one: B0 beta_T |ds_lim/dT0|
-// (2 b a - c) < 1. Sufficient, not necessary. Junctions make H fall faster: less slip hardens them less.
+// True only if the spare strength H has at most one zero in [0, a_max]; false may mean that this is not known. H has no
+// zero above the limit of the unheated interface, s_lim(T_ad, v(0)). Up to that limit H is checked to fall strictly:
+// where more stress heats less, an upper bound of B0 beta_T |ds_lim/dT0| (2 b a - c) must be below 1, with b and c of
+// FrictionHeating. Junctions make H fall faster: less slip hardens them less.
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 
 // The smallest zero of the spare strength H in [0, a_max], which is the answer with the most slip, for any number of
 // zeros.
 struct SlipSearch {
-  double stress;  // the zero; without a zero the smaller of a_max and the limit   [Pa]
+  double stress;  // the zero; without a zero the smaller of a_max and the limit of the unheated interface   [Pa]
   bool found;
   bool several;  // the spare strength H has other zeros in [0, a_max]
 };

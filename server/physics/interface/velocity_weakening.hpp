@@ -3,8 +3,8 @@
 //   mu(v) = mu_inf + (mu_0 - mu_inf) exp(-theta v)
 //
 // In a step whose slip under the stress a is c - b a the balance h(a) = mu(c - b a) P - a is convex where friction
-// falls with velocity. While the interface slips h has two zeros at most; it has no more than one if b theta (mu_0 -
-// mu_inf) P exp(-theta v) < 1 at every slip v.
+// falls with velocity. While the interface slips h has two zeros at most; it has no more than one if
+// b theta (mu_0 - mu_inf) P exp(-theta v) < 1 at every slip v.
 #pragma once
 
 #include <string_view>

@@ -59,7 +59,8 @@ struct Coupling {
 Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {
   const std::size_t interface = static_cast<std::size_t>(grid.interface);
   if (i == interface && i > 0) {
-    const double inertia = grid.capacity(grid.interface, soft, hard) / dt;  // capacity at z = 0 over step  [W/(m2 K)]
+    // Heat capacity of the vertex at z = 0, divided by dt  [W/(m2 K)].
+    const double inertia = grid.capacity(grid.interface, soft, hard) / dt;
     return {hard.conductivity / (inertia * grid.width[i - 1]), soft.conductivity / (inertia * grid.width[i])};
   }
   const double diffused = (i < interface ? hard : soft).diffusivity * dt;  // diffusivity times step length  [m2]
@@ -179,7 +180,8 @@ namespace {
 
 // The vertices of one body, without z = 0.
 struct Arm {
-  std::ptrdiff_t heated;     // outermost vertex that any lane has warmer than its colder end; z = 0 if none
+  // Outermost vertex at which a lane differs from the temperature of its colder end; z = 0 if none.
+  std::ptrdiff_t heated;
   std::ptrdiff_t outermost;  // outermost vertex of the body
   std::ptrdiff_t outwards;   // step to the next outer vertex: 1 or -1
 };

@@ -13,13 +13,13 @@
 namespace shearbus::physics {
 
 // The vertices of the temperature: those of the layer and, for a half-space, vertices of the soft body behind the
-// layer. This extension begins with the layer's last cell, widens by kExtensionGrading from cell to cell up to
-// kExtensionDepth thicknesses and is insulated there. Each of its vertices holds the heat of the geometric mean of its
-// two cells: on geometric cells the discrete half-space then responds as the continuous one does, so a few wide cells
-// suffice (arithmetic means make it stiffer by the fraction (ln grading)^2/16). A matched grid (GridOptions::matched)
-// keeps its own grading in the extension and has longer conduction lengths, which compensate its arithmetic means.
-// Where the hard body conducts, its vertices come first, the outermost vertex leading, so that both bodies form one row
-// of cells through z = 0.
+// layer. From the last cell of the layer on, each cell of this extension is kExtensionGrading times as wide as the cell
+// before it; the extension ends, insulated, at a depth of kExtensionDepth thicknesses. Each of its vertices holds the
+// heat of the geometric mean of its two cells: on geometric cells the discrete half-space then responds as the
+// continuous one does, so a few wide cells suffice (arithmetic means make it stiffer by the fraction
+// (ln grading)^2/16). A matched grid (GridOptions::matched) keeps its own grading in the extension and has longer
+// conduction lengths, which compensate its arithmetic means. Where the hard body conducts, its vertices come first, the
+// outermost vertex leading, so that both bodies form one row of cells through z = 0.
 struct HeatGrid {
   static constexpr double kExtensionGrading = 1.3;
   static constexpr double kExtensionDepth = 1000.0;
@@ -43,8 +43,8 @@ struct HeatGrid {
 //   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   old and t: temperature before and after, and with
 //   a[i] = alpha dt / (weight[i] * width of the cell before i), c[i] likewise with the cell behind i
 // The elimination runs from both far ends to z = 0, the substitution from z = 0 outwards: vertices still at the far
-// temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and no
-// difference is formed, so nothing cancels: the solution is accurate to rounding for any dt and grading.
+// temperature need no elimination, and heat that reaches them decays outwards. All coefficients are positive and the
+// factorisation forms no difference, so nothing cancels: the solution is accurate to rounding for any dt and grading.
 struct HeatOperator {
   HeatOperator(const HeatGrid& grid, const Material& soft, const Material& hard, double step);
   HeatOperator(const HeatGrid& one_sided, const Material& soft, double step)
@@ -57,8 +57,9 @@ struct HeatOperator {
   int interface;                    // index of the vertex at z = 0
   std::span<double> inverse_pivot;  // 1 / pivot[i]
   std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
-  std::span<double> outward;        // t[i] / t[inner neighbour], from old temperatures of 0; unused at z = 0
-  double inward_hard;          // elimination factor at z = 0 from the hard side; from the soft side: inward[interface]
+  std::span<double> outward;        // ratio t[i] / t[inner neighbour] if the old temperatures are 0; unused at z = 0
+  // Elimination factor at z = 0 from the hard side; inward[interface] is the factor from the soft side.
+  double inward_hard;
   std::span<double> response;  // response B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
   const double* layer_response() const { return response.data() + interface; }  // response B of the layer's vertices
@@ -71,7 +72,8 @@ struct HeatOperator {
 struct SpreadHeat {
   SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft, const Material& hard);
 
-  std::vector<double> gain;  // temperature rise of each vertex of the layer per source in it: dt / capacity  [K m2/W]
+  // Temperature rise of each vertex of the layer per heat source at it: dt / capacity  [K m2/W]
+  std::vector<double> gain;
 };
 
 // Writes B_phi, the temperature after a step from 0 K with 1 W/m2 distributed over the layer by the fractions `shape`.
@@ -82,8 +84,8 @@ void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* s
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature);
 
-// Conducts for one step without flux, in all lanes, from `before` to `after`, both [vertex][lane] and possibly the
-// same. Vertices at the far temperature whose bits this step does not change are skipped.
+// Conducts for one step without flux, in all lanes, from `before` to `after`, both [vertex][lane], which may be the
+// same array. Vertices at the far temperature whose bits this step does not change are skipped.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
 // Conducts for one step without flux, in one lane of a tile and in place.

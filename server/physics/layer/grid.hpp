@@ -5,7 +5,8 @@
 
 namespace shearbus::physics {
 
-// Most vertices of both bodies if `[layer] sleep` is on: the modes of a HeatBasis are a square matrix of this order.
+// Largest number of vertices of both bodies together if `[layer] sleep` is on: the modes of a HeatBasis are a square
+// matrix of this order.
 inline constexpr int kMaxBasisVertices = 1000;
 
 enum class FarBoundary { kInsulated, kHalfSpace };
@@ -31,7 +32,8 @@ struct Grid {
 
   std::vector<double> width;   // width of each cell, from the interface outward  [m]
   std::vector<double> vertex;  // z of each vertex                          [m]
-  std::vector<double> weight;  // weight of each vertex in an integral over the layer: half the widths of its cells  [m]
+  // Weight of each vertex in an integral over the layer: half the sum of the widths of its cells  [m]
+  std::vector<double> weight;
 };
 
 }  // namespace shearbus::physics

@@ -32,7 +32,8 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
   Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
   solver.computeFromTridiagonal(diagonal, off);
   Eigen::MatrixXd mode = solver.eigenvectors();
-  mode.col(0) = root / root.norm();  // the uniform mode exactly, so that heat is conserved: the solver rounds it
+  // The exact uniform mode, so that heat is conserved: the mode of the solver has rounding errors.
+  mode.col(0) = root / root.norm();
 
   for (int k = 0; k < n; ++k) {
     rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));
@@ -63,7 +64,8 @@ std::vector<double> HeatBasis::decay(double dt) const {
 SHEARBUS_WIDE int to_modes(const HeatBasis& basis, int lane, double* rows) {
   const std::ptrdiff_t n = basis.num_modes();
   double temperature[kMaxBasisVertices];
-  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);  // T of the colder end, as in conduct()
+  // Temperature of the colder end, as in conduct().
+  const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i] = rows[i * kLanes + lane] - far;
   for (std::ptrdiff_t k = 0; k < n; ++k) {
     const double* projection = basis.projection.data() + k * n;
@@ -83,7 +85,8 @@ SHEARBUS_WIDE void to_profile(const HeatBasis& basis, int num_live, int lane, co
   const std::ptrdiff_t n = basis.num_modes();
   double sum[kMaxBasisVertices];
   std::fill_n(sum, n, 0.0);
-  for (std::ptrdiff_t k = num_live; k-- > 0;) {  // mode 0, the mean, last: added first it would round off the others
+  // Mode 0, the mean, is added last: if added first, it would round off the other modes.
+  for (std::ptrdiff_t k = num_live; k-- > 0;) {
     const double* shape = basis.shape.data() + k * n;
     const double amplitude = amplitudes[k * kLanes + lane];
     for (std::ptrdiff_t i = 0; i < n; ++i) sum[i] += amplitude * shape[i];

@@ -1,6 +1,6 @@
 // A tile holds kLanes shear layers side by side and is the unit of work of the solvers. Arrays across the layer are
-// [vertex][lane], lane fastest: the sweep across the layer is sequential and the lanes vectorise. No lane reads another
-// lane, so the answer of a lane has the same bits whatever the other lanes hold.
+// [vertex][lane], lane fastest: the sweep across the layer is sequential and the lanes vectorise. No value of one lane
+// enters the arithmetic of another lane, so the answer of a lane has the same bits whatever the other lanes hold.
 #pragma once
 
 #include <bit>
@@ -35,7 +35,8 @@ class LaneSet {
   std::uint32_t lanes_;
 };
 
-// The lanes whose bits are set in `active`, for `for (const int lane : lanes_of(active))`; the loop walks a copy.
+// The lanes whose bits are set in `active`, for `for (const int lane : lanes_of(active))`. The loop may change
+// `active`: it visits the lanes whose bits were set when it began.
 constexpr LaneSet lanes_of(std::uint32_t active) {
   return LaneSet(active);
 }

@@ -15,11 +15,12 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double kUnfelt = 160.0;  // for larger h^2/(alpha t) the first image source, exp(-h^2/(alpha t)), counts as 0
 constexpr double kSpent = 40.0;    // exp(-x) is below rounding for larger x
 constexpr double kPanelRatio = 8.0;  // ratio of mu = sqrt(rate) between the two ends of a panel of the spectrum
-constexpr int kSamples = 64;         // samples of a panel of the uniform spectrum
+constexpr int kSamples = 64;         // number of samples of the continuous spectrum in a panel
 constexpr int kLongestRule = 24;     // largest number of nodes of the Gauss rule of a panel
 constexpr int kTimesPerDecade = 40;  // times per decade of t at which the error of K(t) is measured
 
-// Discrete lines of the spectrum of the heat kernel: K(t) = sum of weight exp(-mu^2 t).
+// Discrete lines of the spectrum of the heat kernel: K(t) = sum of weight exp(-mu^2 t), where mu is the square root of
+// a decay rate (here mu is not the friction coefficient).
 struct Lines {
   std::vector<double> mu;  // square root of the decay rate of each line  [s^(-1/2)]
   std::vector<double> weight;
@@ -43,7 +44,7 @@ Rule legendre(int n) {
   return rule_from_recurrence(Eigen::VectorXd::Zero(n), off, 2.0);
 }
 
-// The n-point Gauss rule of a sum over x with weights w (Stieltjes' procedure).
+// The n-point Gauss rule that replaces a sum over the points x with weights w (Stieltjes' procedure).
 Rule gauss_rule(const Eigen::ArrayXd& x, const Eigen::ArrayXd& w, int n) {
   const double mass = w.sum();
   Eigen::VectorXd centre(n), off(n);
@@ -61,9 +62,9 @@ Rule gauss_rule(const Eigen::ArrayXd& x, const Eigen::ArrayXd& w, int n) {
   return rule_from_recurrence(centre, off.head(n - 1), mass);
 }
 
-// Appends to `sum` the n lines of the Gauss rule that replaces a panel. It is a rule in the rate mu^2 for the first
-// panel, which begins at 0, because exp(-rate t) is nearly linear there; for the other panels it is a rule in log(mu),
-// which makes all panels alike.
+// Appends to `sum` the n lines of the Gauss rule that replaces a panel. In the first panel, which begins at 0, the rule
+// is in the rate mu^2, because exp(-rate t) is nearly linear there. In the other panels the rule is in log(mu), which
+// makes all these panels alike.
 void add_reduced(const Lines& panel, int n, bool first, Lines& sum) {
   if (static_cast<int>(panel.mu.size()) <= n) {
     sum.mu.insert(sum.mu.end(), panel.mu.begin(), panel.mu.end());
@@ -81,8 +82,9 @@ void add_reduced(const Lines& panel, int n, bool first, Lines& sum) {
   }
 }
 
-// The spectrum between two values of mu: samples of the uniform spectrum if `even`, else the lines of the slab without
-// its line at 0.
+// The part of the spectrum of the heat kernel between two square roots of decay rates, `from` and `to`  [s^(-1/2)]. If
+// `even`: samples of the continuous spectrum of the half-space, whose density over this square root mu is constant.
+// Else: the discrete lines of the slab, without its line at rate 0.
 Lines spectrum(const HeatKernel& kernel, const Rule& samples, bool even, double from, double to) {
   Lines lines;
   if (even) {
@@ -128,9 +130,10 @@ bool HeatKernel::far_face_unfelt(double t) const {
   return thickness * thickness > kUnfelt * diffusivity * t;
 }
 
-// The kernel of a slab is the sum over its spectrum, K = (alpha / k h) (1 + 2 sum exp(-rate_m t)), where
-// rate_m = alpha (m pi / h)^2. Few terms are needed: short times, which would need many, are left to the formula of
-// the half-space (far_face_unfelt()). The sums of 1/rate and 1/rate^2 over all terms are h^2/6 alpha, h^4/90 alpha^2.
+// The kernel of a slab is the sum over its spectrum, K = alpha / (k h) (1 + 2 sum exp(-rate_m t)), where
+// rate_m = alpha (m pi / h)^2. Few terms are needed: short times, which would need many, are left to the formula of the
+// half-space (far_face_unfelt()). The sums of 1/rate_m and 1/rate_m^2 over all m are h^2/(6 alpha) and h^4/(90
+// alpha^2).
 double HeatKernel::at(double t) const {
   if (far_face_unfelt(t)) return half_space / std::sqrt(t);
   const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
@@ -207,8 +210,8 @@ void ModeOperator::fill(const HeatModes& modes) {
   }
 }
 
-// The flux at the time s before the end of the step is q - (q - q_early) s / ((1 - early) dt): linear in time, q_early
-// at `early` dt.
+// The flux at the time s before the end of the step is q - (q - q_early) s / ((1 - early) dt): linear in time, with the
+// value q_early at the time `early` dt.
 ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : ModeOperator(modes, step) {
   const double span = (1.0 - early) * dt;
   early_response = modes.kernel.moment(dt) / span;

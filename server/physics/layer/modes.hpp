@@ -35,9 +35,10 @@ struct HeatKernel {
 };
 
 // The modes of the heat kernel: K(t) = sum of weight exp(-rate t), all weights positive, for t >= shortest_step /
-// kHalvingsCovered. K is an integral over mu = sqrt(rate): with constant density for a half-space, a sum over discrete
-// values of mu for a slab. The range of mu is cut into panels, and a Gauss rule with positive weights replaces each
-// panel. Points are added to the rules until the measured relative error of K is below the requested accuracy.
+// kHalvingsCovered. Exactly, K is a sum over a spectrum of decay rates, written here over mu = sqrt(rate): a continuous
+// spectrum of constant density for a half-space, discrete lines for a slab. The range of mu is cut into panels, and a
+// Gauss rule with positive weights replaces each panel. Points are added to the rules until the measured relative error
+// of K is below the requested accuracy.
 struct HeatModes {
   static constexpr double kHalvingsCovered = 64.0;  // largest ratio of a step to its shortest substep
 

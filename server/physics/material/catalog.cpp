@@ -42,7 +42,8 @@ constexpr Material metal(double density, const Strength& s, double k, double c) 
   return metal(density, s, Heat{k, c, k / (density * c)});
 }
 
-// Shock and melting constants as Steinberg prints them: c0 [m/s], s, gamma0, a.
+// Shock and melting constants as Steinberg prints them: c0 [m/s] and s of the Hugoniot U = c0 + s u; Grueneisen's
+// gamma0 and its first-order volume correction a.
 struct Compression {
   double c0, s, gamma0, a;
 };

@@ -3,12 +3,12 @@
 //
 //   Y(ep, dep/dt, P, T) = H(ep, dep/dt, P, T) g(P, T)
 //
-// where g is the softening, which is 0 at T_melt and above and which the yield strength of the interface follows too,
-// and H is the hardened strength. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
+// where H is the hardened strength and g the softening, which is 0 at T_melt and above; the yield strength of the
+// interface is multiplied by g too. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
 // with T, and Y is 0 from T_melt on. Then every balance of the layer has one root and a bracket. The kernels of a
 // separable law, whose H does not depend on P and T, work on logarithms; a law whose rate and temperature are coupled
-// offers an inverse of its own. The concepts of this file list what a law must offer, one requirement with its comment
-// per line; the compiler names what a new law lacks.
+// has an inverse of its own. The concepts of this file list the members of a law, one requirement with its comment per
+// line; the compiler names the members that a new law lacks.
 #pragma once
 
 #include <concepts>
@@ -38,10 +38,10 @@ struct SofteningExcess {
 template <int N>
 struct LoadedVertices {
   const double* load;          // stress on each vertex, as load_of(a) gives it
-  const double* bracket;       // part of g that depends on P, bracket_at(m, P), of each lane
+  const double* bracket;       // part of the softening g that depends on P, bracket_at(m, P), of each lane
   const double* T_melt;        // melting temperature at P           [K]
   alignas(64) double T[N];     // temperature after the step         [K]
-  alignas(64) double rise[N];  // a dT/da, by the friction heat of the stress a  [K]
+  alignas(64) double rise[N];  // temperature rise by the friction heat of the stress a, a dT/da  [K]
 };
 
 // A contradiction between constants of a law that are valid one by one. An empty field means no contradiction.
@@ -50,14 +50,15 @@ struct LawFault {
   std::string_view text;
 };
 
-inline constexpr double kMolten = 1e300;   // softening excess where g = 0: the vertex flows under any load but kNoLoad
-inline constexpr double kNoLoad = -1e305;  // load_of() of no stress: under it nothing yields, not even a molten vertex
-// Largest excess (SeparableFlowKernel) that a kernel uses; a larger one is cut to it, so that the strain is finite. No
-// host has a strain of that size.
+inline constexpr double kMolten = 1e300;  // softening excess where g = 0: the vertex flows under any load but kNoLoad
+// Result of load_of() without stress: no vertex yields, not even a molten one.
+inline constexpr double kNoLoad = -1e305;
+// Largest excess (SeparableFlowKernel) that a kernel uses; a larger excess is cut to this value, so that the strain is
+// finite. No host has a strain of that size.
 inline constexpr double kMaxExcess = 300.0;
 
-// The properties of a flow law. Options of a model are allowed or refused by them, never by the name of a law. None has
-// a default: a law that does not declare all of them does not compile.
+// The properties of a flow law. Options of a model are allowed or refused by these properties, never by the name of a
+// law. No property has a default: a law that does not declare all of them does not compile.
 struct FlowLawProperties {
   bool depends_on_rate;      // the strength H rises with the strain rate dep/dt
   bool separable;            // H is independent of P and T, so that Y is a product H(ep, dep/dt) g(P, T)
@@ -102,21 +103,21 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks the constants of the law together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT
-  { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;          // upper bound of |dg/dT| between two T
-  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;             // strength H; separable laws ignore P and T
-  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;   // hardening slope dH/d(dep) at ep + dep
-  { Law::ceiling(m) } -> std::same_as<double>;                              // the largest H; infinity: none
-  { Law::hardens(m) } -> std::same_as<bool>;                                // false: H is a constant
+  { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;  // upper bound of |dg/dT| between two temperatures
+  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;     // strength H; separable laws ignore P and T
+  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;  // hardening slope dH/d(dep) at ep + dep
+  { Law::ceiling(m) } -> std::same_as<double>;                             // the largest H; infinity: none
+  { Law::hardens(m) } -> std::same_as<bool>;                               // false: H is a constant
 };
 
-// What every law offers as a kernel, for the loops over lanes of solver/flow/layer_flow: an object of the law holds the
+// The kernel that every law has for the loops over lanes in solver/flow/layer_flow. An object of the law holds its
 // constants for one step length.
 template <class Law>
 concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
     requires(const Law law, const Material& m, double a, double P) {
   { law.load_of(a) } -> std::same_as<double>;         // a stress magnitude in the form that the kernel needs
   { Law::unit_of_load(m) } -> std::same_as<double>;   // stress unit of load_of()  [Pa]
-  { Law::bracket_at(m, P) } -> std::same_as<double>;  // the part of g that depends on P
+  { Law::bracket_at(m, P) } -> std::same_as<double>;  // part of the softening g that depends on P
 };
 
 // The kernel of a separable law. A vertex flows if excess = load_of(a) + softening_excess - log_strength is positive.

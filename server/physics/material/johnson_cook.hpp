@@ -4,11 +4,11 @@
 //   g(T)     = 1 - T*^m,   T* = (T - T_ref) / (T_melt - T_ref), cut at 0 and 1
 //
 // A is the material's yield strength, n its hardening exponent. Pressure enters only through T_melt(P), if a scene asks
-// for that. The rate is that of the step, dep/dt, and is solved for with the strain: with u = A + B (ep + dep)^n and
-// x = ln(dep), u(x) (1 + C (x - ln(r0 dt))) is a rising convex function times a rising affine one, so it is convex, its
-// root is unique and Newton's method falls to it from any dep above the root. Two such dep are that which would carry
-// the stress without rate hardening, and that whose rate would carry it without strain hardening. Where the rate is
-// below r0 the root has a closed form.
+// for that. The rate is that of the step, dep/dt, and is solved for with the strain: with u = A + B (ep + dep)^n and x
+// = ln(dep), u(x) (1 + C (x - ln(r0 dt))) is a rising convex function times a rising affine one, so it is convex and
+// its root is unique. The search starts from a dep above the root, the smaller of two: the dep that would carry the
+// stress without rate hardening, and the dep whose rate would carry the stress without strain hardening. Where the rate
+// is below r0 the root has a closed form.
 #pragma once
 
 #include <algorithm>
@@ -186,10 +186,10 @@ class JohnsonCook {
     alignas(64) double creeps[N];     // 1 where the rate of the root is below r0 and has no effect, else 0
   };
 
-  // Solves u w = target for ln(dep) by Halley's method, where u = 1 + B (ep + dep)^n is the hardening and w = 1 + C (x
-  // - ln(r0 dt)) the effect of the rate, lane by lane: a lane that has converged keeps its root while its neighbours go
-  // on. The last step leaves an error of the order of its cube; dep after a step is dep before it times the series of
-  // exp(-step).
+  // Solves u w = target for ln(dep) by Halley's method, where u = 1 + B (ep + dep)^n is the hardening and
+  // w = 1 + C (x - ln(r0 dt)) the effect of the rate, lane by lane: a lane that has converged keeps its root while its
+  // neighbours go on. The last step leaves an error of the order of its cube; dep after a step is dep before it times
+  // the series of exp(-step).
   template <int N>
   [[gnu::always_inline]] void fall_to_root(const double* ep, Roots<N>& roots) const {
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
@@ -210,7 +210,8 @@ class JohnsonCook {
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
         const double inside = x - step > log_slow_ ? x - step : log_slow_;
         const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
-        // The values after a step of the search follow from those before it by series, without another evaluation.
+        // The values after a step of the search follow by series from the values before this step, without another
+        // evaluation.
         const double along = x - next;
         const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
         const double u_new = u - u_1 * along, w_new = w - C_ * along;

@@ -52,7 +52,8 @@ bool is_strength(double Material::*constant) {
       [&](auto each) { return has_constant(FlowLaws::place<typename decltype(each)::type>(), constant); });
 }
 
-// Whether a material with this law has the constant: a constant of strength if the law uses it, any other always.
+// Whether a material with this law has the constant: true for a strength constant that the law uses, and for every
+// constant that is not a strength constant of any law.
 bool belongs(double Material::*constant, FlowLaw law) {
   return !is_strength(constant) || has_constant(law, constant);
 }
@@ -126,7 +127,7 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     material = entry->material;
   }
   // Under a law other than the catalog's the strength constants of the catalog mean nothing: the caller must give all
-  // of the new law.
+  // strength constants that the new law requires.
   const bool other_law = law && *law != material.flow_law;
   if (law) material.flow_law = *law;
 

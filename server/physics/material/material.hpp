@@ -24,43 +24,43 @@ struct Material {
   double shear_modulus = 0.0;                                           // G0    [Pa]
   double yield_strength = 0.0;                                          // Y0, Johnson-Cook: A  [Pa]
   double yield_strength_max = std::numeric_limits<double>::infinity();  // Y_max [Pa]; infinity: no cap (DLP 40)
-  double hardening_coefficient = 0.0;                                   // beta  [1]
-  double hardening_exponent = 0.0;                                      // n     [1]
-  double pressure_coefficient = 0.0;                                    // gP    [1/Pa]
-  double temperature_coefficient = 0.0;                                 // hT    [1/K]
-  double melting_temperature = 0.0;                                     // T_melt [K]
-  double conductivity = 0.0;                                            // k     [W/(m K)]
-  double specific_heat = 0.0;                                           // c     [J/(kg K)]
+  double hardening_coefficient = 0.0;                                   // beta in (1 + beta ep)^n  [1]
+  double hardening_exponent = 0.0;                                      // n, exponent of hardening  [1]
+  double pressure_coefficient = 0.0;                                    // gP, factor of P in the softening g  [1/Pa]
+  double temperature_coefficient = 0.0;  // hT, coefficient of -(T - 300 K) in the softening g  [1/K]
+  double melting_temperature = 0.0;      // T_melt [K]
+  double conductivity = 0.0;             // k     [W/(m K)]
+  double specific_heat = 0.0;            // c     [J/(kg K)]
   double diffusivity = 0.0;  // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
 
   // Constants that only Johnson and Cook's law uses.
-  double hardening_modulus = kNotGiven;      // B     [Pa]
-  double rate_coefficient = kNotGiven;       // C     [1]
-  double reference_strain_rate = kNotGiven;  // r0    [1/s]
-  double thermal_exponent = kNotGiven;       // m     [1]
-  double reference_temperature = kNotGiven;  // T_ref [K]
+  double hardening_modulus = kNotGiven;      // B in johnson_cook.hpp  [Pa]
+  double rate_coefficient = kNotGiven;       // C in johnson_cook.hpp  [1]
+  double reference_strain_rate = kNotGiven;  // r0 in johnson_cook.hpp  [1/s]
+  double thermal_exponent = kNotGiven;       // m in johnson_cook.hpp  [1]
+  double reference_temperature = kNotGiven;  // T_ref in johnson_cook.hpp  [K]
 
   // Constants that only Preston, Tonks and Wallace's law uses; stresses in units of the shear modulus.
-  double molar_mass = kNotGiven;                // M      [kg/mol]
-  double work_hardening_rate = kNotGiven;       // theta  [1]
-  double work_hardening_curvature = kNotGiven;  // p      [1]; 0: Voce's law
-  double saturation_cold = kNotGiven;           // s0     [1]
-  double saturation_hot = kNotGiven;            // s_inf  [1]
-  double yield_cold = kNotGiven;                // y0     [1]
-  double yield_hot = kNotGiven;                 // y_inf  [1]
-  double activation = kNotGiven;                // kappa  [1]
-  double attempt_rate = kNotGiven;              // gamma  [1]
-  double medium_rate_yield = kNotGiven;         // y1     [1]
-  double medium_rate_exponent = kNotGiven;      // y2     [1]
-  double overdriven_exponent = kNotGiven;       // beta   [1]
-  double modulus_temperature = kNotGiven;       // alpha  [1], G = G0 (1 - alpha T/T_melt)
+  double molar_mass = kNotGiven;                // M in preston_tonks_wallace.hpp  [kg/mol]
+  double work_hardening_rate = kNotGiven;       // theta in preston_tonks_wallace.hpp  [1]
+  double work_hardening_curvature = kNotGiven;  // p in preston_tonks_wallace.hpp  [1]; 0: Voce's law
+  double saturation_cold = kNotGiven;           // s0 in preston_tonks_wallace.hpp  [1]
+  double saturation_hot = kNotGiven;            // s_inf in preston_tonks_wallace.hpp  [1]
+  double yield_cold = kNotGiven;                // y0 in preston_tonks_wallace.hpp  [1]
+  double yield_hot = kNotGiven;                 // y_inf in preston_tonks_wallace.hpp  [1]
+  double activation = kNotGiven;                // kappa in preston_tonks_wallace.hpp  [1]
+  double attempt_rate = kNotGiven;              // gamma in preston_tonks_wallace.hpp  [1]
+  double medium_rate_yield = kNotGiven;         // y1 in preston_tonks_wallace.hpp  [1]
+  double medium_rate_exponent = kNotGiven;      // y2 in preston_tonks_wallace.hpp  [1]
+  double overdriven_exponent = kNotGiven;       // beta in preston_tonks_wallace.hpp  [1]
+  double modulus_temperature = kNotGiven;       // alpha in G = G0 (1 - alpha T/T_melt)  [1]
 
   // Compression and melting under pressure, as Steinberg tabulates them; needed only by melting_curve and
   // pressure_term.
-  double sound_speed = kNotGiven;        // c0     [m/s], of the Hugoniot U = c0 + s u
-  double hugoniot_slope = kNotGiven;     // s      [1]
-  double grueneisen = kNotGiven;         // gamma0 [1]
-  double volume_correction = kNotGiven;  // a      [1], first-order volume correction of gamma0
+  double sound_speed = kNotGiven;        // c0 of the Hugoniot U = c0 + s u  [m/s]
+  double hugoniot_slope = kNotGiven;     // s of the Hugoniot U = c0 + s u  [1]
+  double grueneisen = kNotGiven;         // Grueneisen's gamma0  [1]
+  double volume_correction = kNotGiven;  // first-order volume correction a of gamma0  [1]
 
   FlowLaw flow_law{};  // 0: Steinberg-Cochran-Guinan
   MeltingCurve melting_curve = MeltingCurve::kConstant;
@@ -75,7 +75,7 @@ struct Material {
 struct MaterialField {
   std::string_view name;  // key in scenes, for example "yield_strength_pa"
   double Material::*value;
-  bool required;     // true: every material whose law has the constant must have it
+  bool required;     // true: a material must have this constant if its law uses it
   bool may_be_zero;  // false: the constant must be above 0
 };
 std::span<const MaterialField> material_fields();
@@ -87,10 +87,11 @@ struct CatalogEntry {
 };
 std::span<const CatalogEntry> catalog();
 
-// The catalog's material `name` (may be empty) with the constants in `given` put over it. `law`: a flow law in place of
-// the catalog's; all its constants must then be given. The material cannot be made if the name is unknown, or if a
-// constant is unknown, missing, of another law, not finite, or not positive although it must be. `fault` then says why,
-// and `fault_field` is "material" or the name of the constant. Otherwise both are empty.
+// Makes a material from the catalog's material `name`, or from no constants if `name` is empty; the constants in
+// `given` replace those of the catalog. `law`: a flow law in place of the catalog's; all constants that this law
+// requires must then be given. The material cannot be made if the name is unknown, if a constant is unknown, missing,
+// of another law, not finite or out of its range, or if constants contradict each other. `fault` then says why, and
+// `fault_field` is "material" or the name of the constant. Otherwise both are empty.
 struct MaterialResult {
   Material material;
   std::string fault_field;
@@ -99,10 +100,11 @@ struct MaterialResult {
 MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given,
                              std::optional<FlowLaw> law = {});
 
-// The first constant that the material's options need and it does not have; empty: none.
+// Name of the first constant that the material lacks although its melting_curve or pressure_term needs it; empty: none.
 std::string_view constant_missing_for_options(const Material& material);
 
-// (name, value) of every constant that is finite and used by the material's law, as an effective scene lists them.
+// (name, value) of every finite constant of the material, without the strength constants of other laws, as an effective
+// scene lists them.
 std::vector<std::pair<std::string, double>> constants_of(const Material& material);
 
 }  // namespace shearbus::physics

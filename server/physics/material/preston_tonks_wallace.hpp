@@ -12,12 +12,12 @@
 //      whole of Y; it enters neither r nor xi.
 //   2. G(P, T) = G0 (1 + gP P) (1 - alpha T^). G0, the shear modulus of the body, is that of P = 0 and T = 0. The
 //      elasticity of the layer keeps G0. rho in xi is the density at rest. So g(P, T) = (G/G0) m and H = 2 G0 tau.
-//   3. Slower than 1e-3 1/s, where the law was fitted to no data, the rate has no effect: a layer has a yield stress.
+//   3. Below 1e-3 1/s, where the law was fitted to no data, the rate has no effect, so that a layer has a yield stress.
 //   4. For r > 1 the argument of erf stays 0: thermal activation ends where the rate reaches the attempt rate.
 //   5. tau is multiplied by 1 + 1e-9 min(ln r, 0). Where erf is 1 to its last digit and hardening has saturated, the
-//      printed law has one stress for many rates; this keeps rate and strain functions of the stress.
+//      printed law has one stress for many rates; the factor keeps rate and strain functions of the stress.
 //
-// The constants are such (fault_of) that tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse
+// fault_of() accepts only constants with tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse
 // has a closed form. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest
 // rate and 1, by inverse Hermite interpolation, or by Newton's method where a branch of tau_s or tau_y ends, or by
 // bisection where a step leaves the bracket. tau rises with ln r (tests/unit), so the root is unique. tau is computed
@@ -206,7 +206,8 @@ class PrestonTonksWallace {
   static constexpr double kPi = 3.141592653589793;
   static constexpr double kAvogadro = 6.02214076e23;  // Avogadro constant  [1/mol]
   static constexpr double kLeastAttempts = 1.0;       // attempt rates gamma xi up to this one are refused  [1/s]
-  static constexpr double kMostSoftening = 0.6;     // largest alpha accepted: Y then falls with T although xi falls too
+  // Largest alpha accepted: up to it Y falls with T although xi falls too.
+  static constexpr double kMostSoftening = 0.6;
   static constexpr double kMostCurvature = 100.0;   // largest p accepted, so that exp(p) is a moderate number
   static constexpr double kLeastCurvature = 1e-12;  // replaces p = 0 (Voce's law), with the same tau to rounding
   static constexpr double kRateSensitivity = 1e-9;  // tau is multiplied by 1 + this * min(ln r, 0)
@@ -217,14 +218,16 @@ class PrestonTonksWallace {
   static constexpr double kNearRest = 1e-12;    // rounding of tau allowed for in the first test of slow flow (creep)
   static constexpr double kArrived = 1e-8;      // a shorter step of ln r is the last: the next is below rounding
   // Interpolation between the last two points of the search leaves an error of ln r of the order of the squared product
-  // of the new point's distances to the two. kArrivedByTwo is the largest product whose square is below rounding.
+  // of the new point's distances to these two points. kArrivedByTwo is the largest product whose square is below
+  // rounding.
   static constexpr double kArrivedByTwo = 3e-8;
   // Longest last step of ln r by interpolation, which is used only where no branch of tau ends within 3 kSmooth.
   static constexpr double kSmooth = 3e-4;
   // Largest correction by interpolation that is used, relative to the square of Newton's step.
   static constexpr double kMostBend = 4.0;
-  static constexpr double kRounding = 1e-15;    // rounding error of tau, relative to the target
-  static constexpr int kNewtonIterations = 12;  // after these every second iteration bisects; 2 to 5 are usual
+  static constexpr double kRounding = 1e-15;  // rounding error of tau, relative to the target
+  // After this number of iterations every second one bisects; 2 to 5 are usual.
+  static constexpr int kNewtonIterations = 12;
   static constexpr int kMostIterations = 150;
 
   // The flow stress tau in units of 2 G, and its derivatives by ln r, ep and T^.
@@ -235,7 +238,7 @@ class PrestonTonksWallace {
 
   // Properties of a vertex that depend on its temperature, but not on its load and strain.
   struct Vertex {
-    double g;            // softening (G/G0) m; 0 where molten
+    double g;            // softening g = (G/G0) m, where m is the melting factor; 0 where molten
     double T_hat;        // relative temperature T/T_melt
     double log_scale;    // ln of the strain increment dep of the step at r = 1
     double log_slowest;  // ln r at the slowest rate, 1e-3 1/s
@@ -260,7 +263,7 @@ class PrestonTonksWallace {
     alignas(64) double by_strain[N];
     alignas(64) double by_T_hat[N];
     alignas(64) double crept[N];   // strain increment dep of a vertex on which the rate has no effect
-    alignas(64) double creeps[N];  // 1 where the step's dep is `crept`; before creep() has run, where it may be
+    alignas(64) double creeps[N];  // 1 where dep is `crept`; before creep() has run, where dep may be `crept`
     alignas(64) double moves[N];   // 1 where the search goes on, else 0
   };
 

@@ -3,9 +3,9 @@
 //   H(ep)   = min(Y_max, Y0 (1 + beta ep)^n)                                        DLP (14), (40)
 //   g(P, T) = (1 + gP P - hT (T - 300)) exp(-0.001 T / (T_melt - T))                DLP (15), (41)
 //
-// g is 0 where the bracket is not positive and at T_melt and above. excess = log(sqrt(3) a / (Y0 g)) / n - log(1 + beta
-// ep), so that DLP (48) is dep = (1/beta + ep) (exp(excess) - 1), without cancellation. The kernel leaves out Y_max:
-// solvers cap the stress.
+// g is 0 where the bracket is not positive and at T_melt and above. The excess (flow_law.hpp) is
+// log(sqrt(3) a / (Y0 g)) / n - log(1 + beta ep), so that DLP (48) is dep = (1/beta + ep) (exp(excess) - 1), in which
+// nothing cancels. The kernel leaves out Y_max: solvers cap the stress.
 #pragma once
 
 #include <algorithm>
@@ -90,7 +90,7 @@ class SteinbergCochranGuinan {
 
   double load_of(double a) const { return logarithm(kSqrt3 * a / yield_strength_) / exponent_; }
   static double unit_of_load(const Material& m) { return m.yield_strength; }
-  // Returns 1 + gP P + 300 hT. Less hT T this is the bracket of the softening g.
+  // Returns 1 + gP P + 300 hT. The bracket of the softening g is this value minus hT T.
   static double bracket_at(const Material& m, double pressure) {
     return 1.0 + m.pressure_coefficient * pressure + m.temperature_coefficient * kReference;
   }

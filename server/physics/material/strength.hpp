@@ -9,7 +9,8 @@ namespace shearbus::physics {
 inline constexpr double kMeltingShare = 0.99;  // share of T_melt above which an interface that yields is called melting
 
 // The compression eta = rho / rho0 on the principal Hugoniot (first shock from rest) at a pressure; 1 in tension. A
-// release or a second shock ends at another eta at that pressure, which for weak shocks differs in the third order.
+// release or a second shock to the same pressure ends at another eta; for weak shocks the difference is of third order
+// in 1 - 1/eta.
 double compression_at(const Material& m, double pressure);
 
 // The material at a pressure: its melting_curve and pressure_term are worked into the constants T_melt and gP.
@@ -55,7 +56,7 @@ inline double flow_stress(const Material& m, double plastic_strain, double press
   return hardened_strength(m, plastic_strain, rate, pressure, temperature) * softening(m, pressure, temperature).g;
 }
 
-// The strength H of the metal at rest, before any strain, without pressure and at room temperature   [Pa]
+// The strength H of the metal at strain 0, strain rate 0, pressure 0 and room temperature   [Pa]
 inline double fresh_strength(const Material& m) {
   constexpr double kRoomTemperature = 300.0;
   return hardened_strength(m, 0.0, 0.0, 0.0, kRoomTemperature);

@@ -60,8 +60,8 @@ NodeOutputs velocity_driven(const ModelOptions& options, double dt, const NodeIn
     return out;
   }
 
-  // The stress from which the step starts: the old stress. With INTERFACE_SLIP it is the yield stress if there is a
-  // jump and the old stress is not along this jump.
+  // The stress from which the step starts: with INTERFACE_SLIP the yield stress along the jump, if there is a jump and
+  // the old stress is not along this jump; otherwise the old stress.
   double s_old = state.shear_stress;
   if (!layer_shear && V != 0.0 && s_old * V <= 0.0) {
     s_old = std::copysign(flow_stress(soft, state.plastic_strain[0], in.pressure, state.temperature[0]) / kSqrt3, V);

@@ -9,7 +9,8 @@ namespace shearbus::physics::reference {
 namespace {
 
 // Error of the jump after a substep in which the jump changes sign or seems to stop  [m/s]; the reason is in
-// solver/around/tolerance.cpp. `before`, `after`: jump at the two ends; `s_before`, `s`: stress before and in it.
+// solver/around/tolerance.cpp. `before`, `after`: jump at the two ends; `s_before`, `s`: stress before and in the
+// substep.
 double turning_error(const NodeInputs& in, double dt, double before, double after, double s_before, double s) {
   const double mobility = 1.0 / in.mass_soft + 1.0 / in.mass_hard;
   const double acceleration = std::abs(in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);

@@ -147,8 +147,8 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
     return out;
   }
 
-  // 1. All solutions. A stuck interface sticks if it can. A slipping interface continues next to a layer that does not
-  //    flow; without such a solution it sticks if it can.
+  // 1. All solutions. A stuck interface sticks if it can. A slipping interface goes on slipping next to a layer
+  //    that does not flow; without such a solution it sticks if it can.
   const Candidate stick = stick_of(step, beta_T);
   const bool can_stick = stick.stress <= step.limit(stick.flux) * (1.0 + 1e-13);
   const std::vector<Candidate> slips = slips_of(step, beta_T, stick.stress);

@@ -42,7 +42,7 @@ namespace {
 
 // T_ad and B of a step with modes. Rows: the start temperature, each mode of HeatModes, T0. The response of T0 to the
 // flux of the step is the exact integral of the heat kernel. `early` > 0: the flux is linear in time through
-// `early_flux` at `early` dt and q at dt; else it is constant.
+// `early_flux` at `early` dt and q at dt; else the flux is constant.
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;
@@ -76,7 +76,8 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
   std::vector<Eigen::Triplet<double>> entries;
   Eigen::VectorXd rhs(n);
   for (int i = 0; i < n; ++i) {
-    const double storage = grid.capacity(i, options.soft, options.hard) / dt;  // capacity / step  [W/(m2 K)]
+    // Heat capacity divided by dt  [W/(m2 K)]
+    const double storage = grid.capacity(i, options.soft, options.hard) / dt;
     double diagonal = storage;
     if (i > 0) {
       const double k = (i <= grid.interface ? options.hard : options.soft).conductivity;

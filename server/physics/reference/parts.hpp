@@ -10,10 +10,12 @@ namespace shearbus::physics::reference {
 
 inline constexpr int kScan = 4000;  // number of points at which a search for all roots looks for changes of sign
 
-// The only zero of f in [lo, hi], where f rises from negative values. Bisects until no number lies between the ends.
+// Finds the only zero of f in [lo, hi], where f rises from negative values. Bisects until no number lies between the
+// ends.
 double bisect(const std::function<double(double)>& f, double lo, double hi);
 
-// A value for each row of the heat grid, or of HeatModes. operator[] counts vertices from z = 0 into the soft body.
+// A value for each row of the heat grid, or for each row of HeatModes. operator[] counts vertices from z = 0 into the
+// soft body.
 struct Profile {
   std::vector<double> rows;
   std::size_t interface = 0;
@@ -22,7 +24,8 @@ struct Profile {
 
 Profile profile_of(const NodeState& state);
 
-// Share of the friction heat that enters the heat equation: beta_T; 1 if both bodies are on the grid.
+// Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid, 1 if both
+// bodies are.
 double conducted_share(const ModelOptions& options);
 
 // Backward Euler of dT/dt = alpha d2T/dz2 in each body with sources [W/m2] at the vertices from z = 0 into the soft

@@ -23,8 +23,8 @@ struct Layer {
   double coulomb() const { return friction_coefficient(options, in.pressure, 0.0, 0.0) * in.pressure; }
 };
 
-// Returns a trial stress magnitude t to the flow stress at a vertex: solves s + sqrt(3) G0 dep = t, s = Y(ep +
-// dep)/sqrt(3), by bisection in dep.
+// Returns a trial stress magnitude t to the flow stress at a vertex: solves s + sqrt(3) G0 dep = t with
+// s = Y(ep + dep)/sqrt(3), by bisection in dep.
 struct Kept {
   double stress, growth, slope;
 };
@@ -91,8 +91,8 @@ Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
   return r;
 }
 
-// At given temperatures the residual is the gradient of a convex energy. Newton's method minimises it; each step is cut
-// to the lowest energy along its direction.
+// At given temperatures the residual is -1/dt times the gradient of a convex energy. Newton's method minimises this
+// energy; each step is cut to the lowest energy along its direction.
 void balance(const Layer& layer, const std::vector<double>& T, Solved& at) {
   const int n = layer.cells();
   look(layer, T, at);

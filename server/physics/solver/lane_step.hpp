@@ -14,7 +14,7 @@ struct LaneStep {
   double flux;      // heat flux q at z = 0               [W/m2]
   Regime regime;
   bool sticks;   // the interface does not slip at the end of the step
-  bool unique;   // the step certainly has one answer (MODEL.md, "Force-driven step")
+  bool unique;   // false: the step may have several answers; true also if it sticks while its layer flows
   bool several;  // other answers satisfied the equations of the step too
 };
 

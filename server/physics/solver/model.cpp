@@ -19,8 +19,9 @@
 namespace shearbus::physics {
 namespace {
 
-// Largest number of halvings of dt where a force-driven step has several answers. Each halving makes the left side of
-// the criterion for one answer (slip_is_unique()) 2^1.5 times smaller; six make it 512 times smaller.
+// Largest number of halvings of dt where a force-driven step may have several answers. In the criterion for one answer,
+// slip_is_unique(), B0 falls as sqrt(dt) and b as dt: each halving makes the left side about 2^1.5 times smaller, six
+// make it about 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {

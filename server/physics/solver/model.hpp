@@ -28,7 +28,8 @@ class Model {
   const Grid& grid() const;
   const TileLayout& layout() const;
 
-  // Warnings about this combination of options, one sentence each (hard side weaker than soft, ...).
+  // Warnings about this combination of options, one sentence each; for example that the hard body is weaker than the
+  // soft body.
   std::vector<std::string> warnings() const;
 
   // Interface temperature T0 of the node in one lane, which may be asleep (ModelOptions::sleep)  [K].
@@ -41,8 +42,9 @@ class Model {
 
   // One step of the active lanes: reads `committed`, writes the whole of `trial` (inactive lanes are copied) and the
   // active lanes of `outputs`. Inputs must be finite, dt and masses > 0; the service checks them. A lane for which no
-  // answer is found keeps its state and has the outcome kFailed. Allocates only in the first steps of a thread and
-  // throws only if that allocation fails.
+  // answer is found keeps its state and has the outcome kFailed. Allocates scratch tiles in the first steps of a thread
+  // and, with a tolerance, the operators of a shorter step when they are first needed. Throws only if an allocation
+  // fails.
   void advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) const;
 

@@ -17,8 +17,9 @@ enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
 inline constexpr double kShortestControlledStep = 1e-12;  // shortest dt of a host if the model has a tolerance  [s]
-inline constexpr int kMaxInertiaCells = 1000;  // most cells of a layer with inertia, whose step works on the stack
-inline constexpr int kMaxSleepCells = 900;     // most cells of both bodies together in a model with sleep
+// Largest number of cells of a layer with inertia: the arrays of its step are on the stack.
+inline constexpr int kMaxInertiaCells = 1000;
+inline constexpr int kMaxSleepCells = 900;  // largest number of cells of both bodies together in a model with sleep
 // A far boundary "half_space" adds at most 49 vertices to a body: each added cell is 1.3 times as wide as the cell
 // before it, down to a depth of 1000 layer thicknesses.
 static_assert(kMaxSleepCells + 2 * 50 <= kMaxBasisVertices);
@@ -28,11 +29,14 @@ struct ModelOptions {
   Material soft;
   Material hard;
   GridOptions grid;
-  std::optional<GridOptions> hard_grid;  // grid of a conducting hard body; absent: the body gets 1 - beta_T of the heat
-  double initial_temperature = 300.0;    // [K]
+  // Grid of a conducting hard body. Absent: the hard body gets the fixed share 1 - beta_T of the friction heat.
+  std::optional<GridOptions> hard_grid;
+  double initial_temperature = 300.0;                               // [K]
   TimeIntegrator time_integrator = TimeIntegrator::kBackwardEuler;  // time integrator of the heat equation
-  std::optional<ModesOptions> modes;  // force-driven with one conducting body: heat by modes, which replace the cells
-  Drive drive = Drive::kLayerShear;   // velocity-driven: what shears the layer
+  // Absent: the temperature is a profile on the grid. Present: a sum of exponentials replaces the profile; only
+  // force-driven, with one conducting body.
+  std::optional<ModesOptions> modes;
+  Drive drive = Drive::kLayerShear;            // velocity-driven: the velocity that shears the layer
   std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P
   InterfaceOptions interface;                  // force-driven: law of the interface
   bool plastic_layer = false;                  // force-driven: in addition to the slip, the layer flows and hardens
@@ -42,16 +46,17 @@ struct ModelOptions {
   // smaller. discretised() gives the grid and the methods for a tolerance.
   std::optional<double> tolerance;
 
-  int tangential_components = 1;  // components of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
+  int tangential_components = 1;  // components of slip and stress: 1 or 2; 2 not with INTERFACE_SLIP or inertia
 
-  // The layer has mass: its stress is a field (DLP 36). Velocity-driven with LAYER_SHEAR, at most kMaxInertiaCells.
+  // The layer has mass, so its stress varies with z, DLP (36). Only velocity-driven, with LAYER_SHEAR and at most
+  // kMaxInertiaCells cells.
   bool inertia = false;
 
-  // Nodes at rest sleep: their temperatures follow from modes, and no step is solved (METHODS.md). Needs at most
-  // kMaxSleepCells cells.
+  // Nodes at rest sleep: their temperatures follow from eigenmodes of heat conduction, and no step is solved
+  // (METHODS.md). Needs at most kMaxSleepCells cells.
   bool sleep = false;
-  // Fraction of the plastic work that becomes heat, where the layer flows. Velocity-driven with LAYER_SHEAR and a
-  // conducting hard body. Absent: all work heats z = 0.
+  // Fraction of the plastic work that becomes heat, where the layer flows. Only velocity-driven, with LAYER_SHEAR and a
+  // conducting hard body. Absent: the work of the whole jump heats z = 0.
   std::optional<double> taylor_quinney_factor;
 };
 

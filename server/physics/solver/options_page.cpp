@@ -37,7 +37,8 @@ std::string table_of_laws() {
   return text;
 }
 
-// The name of a part on the page: an option as a scene writes it, or what a law with the property is called.
+// The name of a part on the options page: the setting of an option as a scene writes it, or for a property of laws the
+// words for a law that has it.
 std::string name_of(const Part& part) {
   return part.law_with.empty() ? text_of('`', setting_of(part, {}), '`') : text_of("a ", part.law_with);
 }

@@ -16,7 +16,8 @@ namespace {
 
 using enum Property;
 
-// The grid of [layer], scaled to the depth that heat reaches in the hard body while it crosses the layer.
+// Returns the grid of [layer] with another thickness: the depth that heat reaches in the hard body in the time in which
+// heat crosses the soft layer.
 GridOptions matching_hard_grid(const ModelOptions& o) {
   GridOptions grid = o.grid;
   grid.thickness *= std::sqrt(o.hard.diffusivity / o.soft.diffusivity);
@@ -40,8 +41,9 @@ constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
 constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
 constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
-// Properties that leave the layer's balance of one step at a given temperature unchanged, and properties that every
-// solver of this balance handles. A part that needs only this balance goes with all of them.
+// Strategies, drives, limits and contact options: each has a step that balances one stress at given temperatures. Parts
+// that change only the strength in this balance (flow laws, pressure, melting), or that treat a step as a whole (sleep,
+// tolerance), go with all of them.
 constexpr Properties kStepOfALayer =
     kEitherStrategy | kEitherHardBody |
     Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
@@ -265,7 +267,7 @@ constexpr std::array kExclusions = {
     Exclusion{kPlasticHeating, kFixedHeatShare,
               "the fixed share of the hard body is that of heat released at z = 0, not inside the layer: give the "
               "table [hard_layer]"},
-    // Inertia: the jump must cross the layer, and no other part may need the stress to be one number.
+    // Inertia: the jump must cross the layer, and no other part may need a stress that is uniform across the layer.
     Exclusion{kInertia, kForceDriven,
               "the masses that exchange momentum in force_driven (DLP 61) are those of whole zones, the layer's among "
               "them, which would then count twice"},
@@ -290,7 +292,8 @@ constexpr std::array kExclusions = {
               "could be solved for first"},
     Exclusion{kCompressedPressureTerm, kFlowWithoutPressureTerm,
               "it changes a pressure term that the law does not have"},
-    // Second order in time: no quantity may come from the step before or from the length of the step.
+    // Second order in time excludes parts that use a quantity of the step before, or the slip, rate or balance of a
+    // whole step.
     Exclusion{kSecondOrder, kPlasticHeating,
               "where the work becomes heat is taken from the step before, which is first order"},
     Exclusion{kSecondOrder, kPlasticLayer, "its slip and flow share one balance per step"},
@@ -324,7 +327,7 @@ constexpr std::array kExclusions = {
               "the stress of a step has one direction, and that of waves turns across the layer"},
 };
 
-// A check of one option alone: returns what is wrong with its value, or nothing if the value is allowed.
+// A check of one option alone: returns a refusal, or nothing if the value of the option is allowed.
 using Limit = std::optional<Refusal> (*)(const ModelOptions&);
 
 std::optional<Refusal> most_cells(std::string key, int most, int found) {
@@ -394,7 +397,8 @@ constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exc
   return true;
 }
 
-// Whether every pair of rows is decided: listed by the later row or excluded, but not both, or else unable to meet.
+// Whether every pair of rows is decided: the later row lists the earlier row, or the pair is excluded (not both), or
+// the two can never meet.
 constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
   for (std::size_t j = 0; j < rows.size(); ++j) {
     for (std::size_t i = 0; i < j; ++i) {

@@ -71,11 +71,11 @@ struct Part {
   std::string_view key{};    // key of a scene, for example "layer.inertia"
   std::string_view value{};  // value of the key that switches the property on, as in a scene: for example "true"
   bool (*is_on)(const ModelOptions&) = nullptr;
-  // Switches the part on, with typical values if it needs values, or off. Null: no switch, such as for a strategy,
-  // which every model has.
+  // Switches the part on, with typical values if it needs values, or off. Null if the part has no switch, for example a
+  // strategy: every model has one.
   void (*set)(ModelOptions&, bool on) = nullptr;
   Properties goes_with{};       // properties of earlier rows with which this property may be on together
-  std::string_view law_with{};  // a property of laws: what such a law is called, as "friction law that depends on slip"
+  std::string_view law_with{};  // name of a law with this property, for example "friction law that depends on slip"
   // Texts of the property's row on the options page (OPTIONS.md); empty if that page has no row of the property.
   std::string_view equation{};
   std::string_view adds{};
@@ -99,16 +99,17 @@ std::span<const Exclusion> exclusions();
 struct Refusal {
   std::string key;     // key of a scene, for example "layer.inertia"
   std::string text;    // one sentence that begins with the key
-  std::string remedy;  // one sentence: what to change
+  std::string remedy;  // one sentence: the change that removes this reason
 };
 
-// All reasons why a model with these options cannot be made; empty: it can.
+// All reasons why a model with these options cannot be made; empty if it can.
 std::vector<Refusal> refusals(const ModelOptions& options);
 // For tests: all reasons why a model cannot be made, under the given rows and exclusions instead of those of parts.cpp.
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions);
 
-// Whether two properties may be on together: no exclusion names both, and the later row's goes_with has the earlier.
+// Whether two properties may be on together: no exclusion names both, and the later row lists the earlier property in
+// goes_with.
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions);
 
 Properties properties_of(const ModelOptions& options);
@@ -116,7 +117,8 @@ Properties properties_of(const ModelOptions& options);
 // Whether `property` may be on together with every other property of `options`; `options` may have it already.
 bool goes_with(Property property, const ModelOptions& options);
 
-// Returns the options with a part switched on or off. Options with a tolerance get grid and methods chosen anew for it.
+// Returns the options with a part switched on or off. Options with a tolerance get grid and methods chosen anew for the
+// tolerance.
 ModelOptions switched(ModelOptions options, const Part& part, bool on);
 
 // Thrown by Model's constructor; what() is the text of all refusals, one per line.

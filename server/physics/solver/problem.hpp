@@ -33,21 +33,22 @@ struct Problem {
   HeatGrid heat_grid;
   std::optional<HeatModes> modes;  // modes that replace the temperature profile, if the scene has heat = "modes"
   TileLayout layout;
-  std::optional<HeatBasis> basis;  // modes of heat conduction, for sleeping nodes
+  std::optional<HeatBasis> basis;  // eigenmodes of heat conduction, if the model has sleep
   int steps_before_sleep = 0;      // number of steps at rest before a node sleeps
-  int heat_rows;                   // rows of temperature or modes in a tile, from layout.first_temperature() on
-  // Share of the friction heat that enters the heat equation: beta_T; 1 if both bodies are on the grid, where
-  // conduction divides the heat between them.
+  int heat_rows;  // number of rows of temperatures, or of modes, in a tile, from layout.first_temperature() on
+  // Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid; 1 if both
+  // bodies are, because conduction then divides the heat between them.
   double heat_partition;
 };
 
-inline constexpr double kOutsideDomainShare = 0.1;  // a step with a larger |slip - jump| / |jump| is kOutsideDomain
+// A step in which |slip - jump| / |jump| is larger than this has the outcome kOutsideDomain.
+inline constexpr double kOutsideDomainShare = 0.1;
 
 inline std::uint8_t outside_domain(double slip, double jump) {
   return std::abs(slip - jump) <= kOutsideDomainShare * std::abs(jump) ? 0 : kOutsideDomain;
 }
 
-// The shear stress of a lane before the step: `inputs.stress_before` if given, else that of the committed state  [Pa].
+// The shear stress of a lane before the step: `inputs.stress_before` if given, else the committed stress [Pa].
 inline double stress_before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {
   return inputs.stress_before ? inputs.stress_before[lane] : committed[layout.shear_stress + lane];
 }

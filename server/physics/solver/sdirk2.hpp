@@ -16,18 +16,20 @@ namespace shearbus::physics::sdirk2 {
 
 inline constexpr double kDiagonal = 0.29289321881345254;     // coefficient gamma of SDIRK2, 1 - 1/sqrt(2)
 inline constexpr double kExtrapolation = 2.414213562373095;  // factor of the extrapolation, r = (1 - gamma) / gamma
-inline constexpr double kFirstWeight = 1.0 - kDiagonal;  // weight of stage 1 in the mean of a step; stage 2: kDiagonal
+// Weight of stage 1 in the mean over a step; of stage 2: kDiagonal.
+inline constexpr double kFirstWeight = 1.0 - kDiagonal;
 
-// Temperatures of the second stage without its own flux, all lanes: T_old + r (T1 - T_old), then conduction. `T` holds
-// T1 on entry and the result on return. With modes: conduction over the whole step from the old state, plus the
-// response to `early_flux`, the heat flux of the first stage.
+// Computes the temperatures of the second stage before its own flux is added, in all lanes: T_old + r (T1 - T_old),
+// then conduction. `T` holds T1 on entry and the result on return. With modes: conduction over the whole step from the
+// old state, plus the response to `early_flux`, the heat flux of the first stage.
 void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old,
                         const double (&early_flux)[kLanes], double* T);
 void begin_second_stage(const ModeOperator& step, int num_rows, const double* old, const double (&early_flux)[kLanes],
                         double* rows);
 
-// Active lanes whose extrapolated temperatures are below the lowest old temperature or not below melting; backward
-// Euler cannot produce either. A temperature below the lowest old one by rounding only is set to the lowest.
+// Returns the active lanes whose extrapolated temperatures are below the coldest old temperature or not below melting.
+// Backward Euler suits these lanes: without flux its temperatures stay within the range of the old ones. A temperature
+// below the coldest old one by rounding only is set to the coldest.
 std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T);
 
 }  // namespace shearbus::physics::sdirk2

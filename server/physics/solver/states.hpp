@@ -50,9 +50,11 @@ class TileLayout : public StateList {
   // `modes` is null in a model with a temperature profile.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
-  std::size_t num_hard_vertices;    // vertices of the hard body except z = 0; 0 if the hard body does not conduct
-  std::size_t num_heat_modes;       // with modes: rows of the start temperature and each mode's share of T0; else 0
-  std::size_t num_vertices;         // vertices of the layer and of a half-space behind it; with modes 1, that of T0
+  std::size_t num_hard_vertices;  // vertices of the hard body except z = 0; 0 if the hard body does not conduct
+  // With modes: number of rows before the row of T0, one for the start temperature and one for each mode; else 0.
+  std::size_t num_heat_modes;
+  // Heat vertices of the layer and of a half-space behind the layer; with modes 1, the row of T0.
+  std::size_t num_vertices;
   std::size_t num_strain_vertices;  // vertices of a layer that can flow, else 0
   std::size_t num_stress_vertices;  // vertices that have a stress: with inertia all of the layer, else only z = 0
   std::size_t num_velocity_cells;   // cells of a layer with inertia, else 0
@@ -65,7 +67,7 @@ class TileLayout : public StateList {
   std::size_t plastic_strain = add("plastic_strain", "1", num_strain_vertices);
   // Fraction phi of the work of the imposed jump that heats each vertex (MODEL.md, "Plastic-work heating").
   std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
-  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // s, signed
+  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // shear stress s, signed
   std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // relative to the hard body
   std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double

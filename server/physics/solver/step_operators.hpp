@@ -19,10 +19,10 @@ namespace shearbus::physics {
 
 class StepOperators {
  public:
-  // Operators of a model with a temperature profile. The operators of dt/2, dt/4, ..., `halvings` of them, are made
-  // when a step first needs them. Grids and materials belong to the model and must outlive this object. `spread`: also
-  // makes the operator of heat released across the layer. `stages`: also makes that of the stages of SDIRK2. `basis`:
-  // modes for sleeping nodes, or null.
+  // Operators of a model with a temperature profile. The `halvings` operators of dt/2, dt/4, ... are factorised when a
+  // step first needs them. Grids and materials belong to the model and must outlive this object. `spread`: also makes
+  // the operator of heat released across the layer. `stages`: also makes the operator of the stages of SDIRK2. `basis`:
+  // eigenmodes of heat conduction for sleeping nodes, or null.
   StepOperators(const Grid& layer, const HeatGrid& grid, const Material& soft, const Material& hard, double dt,
                 int halvings, bool spread, bool stages, const HeatBasis* basis)
       : dt_(dt), bodies_({&grid, &soft, &hard}), heat_(std::in_place, grid, soft, hard, dt) {
@@ -73,11 +73,13 @@ class StepOperators {
   int most_times_halved() const { return static_cast<int>(halved_.size()); }
 
   double dt() const { return dt_; }
-  const double* decay() const { return decay_.data(); }  // factor of a step on each mode of a sleeping node
+  // Factor by which a step multiplies each mode of a sleeping node.
+  const double* decay() const { return decay_.data(); }
   const SpreadHeat& spread() const { return *spread_; }
   int num_heated() const { return num_heated_; }  // number of vertices, from z = 0, that the heat of one step reaches
 
-  // SDIRK2: with a profile both stages use the operator of gamma dt; with modes the second goes over the whole step.
+  // SDIRK2: with a profile both stages use the operator of gamma dt; with modes the operator of the second stage covers
+  // the whole step.
   struct ModeStages {
     ModeOperator first, second;
   };

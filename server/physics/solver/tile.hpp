@@ -19,23 +19,24 @@ inline constexpr std::uint8_t kAsleep = 32;      // the node was at rest and was
 inline constexpr std::uint8_t kFirstOrder = 64;  // backward Euler, because the second-order step did not apply
 inline constexpr std::uint8_t kFailed = 128;
 
-// The inputs of the host for one step of one tile. Lanes that are not active may hold any finite number; they are not
-// read. Members `second_` are second tangential components: they are read only if a model has two.
+// The inputs of the host for one step of one tile. Lanes that are not active may hold any finite number: it affects no
+// answer. Members `second_` are second tangential components: they are read only if a model has two.
 struct TileInputs {
   const double* stress_before = nullptr;            // stress before the step, [kLanes]; null: committed stress  [Pa]
   SearchEffort* effort = nullptr;                   // counters of search effort, to which a step adds; null: no counts
   std::uint32_t active = 0;                         // bit i: lane i takes the step
-  alignas(64) double velocity_jump[kLanes] = {};    // jump [V]; force-driven: that before the step, at n-1/2  [m/s]
-  alignas(64) double pressure[kLanes] = {};         // P, compression positive          [Pa]
+  alignas(64) double velocity_jump[kLanes] = {};    // jump [V]; force-driven: jump before the step, at n-1/2  [m/s]
+  alignas(64) double pressure[kLanes] = {};         // normal pressure P, compression positive  [Pa]
   alignas(64) double soft_shear_rate[kLanes] = {};  // shear rate of the host's soft zone, for INTERFACE_SLIP  [1/s]
   alignas(64) double stress_soft[kLanes] = {};      // shear stress in the soft body, half a zone from z = 0  [Pa]
   alignas(64) double stress_hard[kLanes] = {};      // shear stress in the hard body, half a zone from z = 0  [Pa]
   alignas(64) double mass_soft[kLanes] = {};        // mass per area of the soft half zone at the interface  [kg/m2]
   alignas(64) double mass_hard[kLanes] = {};        // mass per area of the hard half zone at the interface  [kg/m2]
-  alignas(64) double soft_plastic_strain_rate[kLanes] = {};  // Ep_dot >= 0 of the host's soft zone  [1/s]
-  alignas(64) double second_velocity_jump[kLanes] = {};      // second component of the jump  [m/s]
-  alignas(64) double second_stress_soft[kLanes] = {};        // second component of stress_soft  [Pa]
-  alignas(64) double second_stress_hard[kLanes] = {};        // second component of stress_hard  [Pa]
+  // Plastic strain rate Ep_dot >= 0 of the host's soft zone  [1/s]
+  alignas(64) double soft_plastic_strain_rate[kLanes] = {};
+  alignas(64) double second_velocity_jump[kLanes] = {};  // second component of the jump  [m/s]
+  alignas(64) double second_stress_soft[kLanes] = {};    // second component of stress_soft  [Pa]
+  alignas(64) double second_stress_hard[kLanes] = {};    // second component of stress_hard  [Pa]
 };
 
 // Answers of one step of one tile. Members `second_` are written only where a model has two tangential components.

@@ -12,29 +12,32 @@
 namespace shearbus::physics {
 namespace {
 
-// Each cell of a graded grid is 1 + C sqrt(tolerance) times as wide as the cell before it. With an insulated face the
-// quasi-steady profile limits the accuracy: C = kGrowthInsulated. Without one the localised flow at z = 0 limits it:
-// C = kGrowthHalfSpace. Both errors are measured to be of second order in (ratio of widths - 1).
+// Each cell of a graded grid is at most 1 + C sqrt(tolerance) times as wide as the cell before it. With an insulated
+// face the quasi-steady profile limits the accuracy: C = kGrowthInsulated. Without an insulated face the localised flow
+// at z = 0 limits the accuracy: C = kGrowthHalfSpace. Both errors are measured to be of second order in (ratio of
+// widths - 1).
 constexpr double kGrowthInsulated = 7.0;
 constexpr double kGrowthHalfSpace = 20.0;
 constexpr double kMostGrowth = 1.0;  // largest (ratio of the widths of neighbouring cells) - 1
 // The first cells resolve the diffusion length of a short time, and therefore the skin in which the flow localises near
 // melting.
-constexpr double kShortTime = 1e-11;          // time that the first cells resolve, for tolerances down to 1e-3  [s]
-constexpr double kShortestTime = 1e-14;       // lower limit of the time that the first cells resolve  [s]
-constexpr double kShortTimeTolerance = 1e-3;  // for smaller tolerances kShortTime is reduced, as tolerance^3
+constexpr double kShortTime = 1e-11;  // time whose diffusion length the first cells resolve, at tolerances >= 1e-3  [s]
+constexpr double kShortestTime = 1e-14;       // lower limit of kShortTime after its reduction  [s]
+constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which kShortTime is reduced, as tolerance^3
 
-constexpr double kKernelShare = 0.1;   // error of the heat kernel that the modes represent, relative to the tolerance
+constexpr double kKernelShare = 0.1;   // error of the heat kernel in a model with modes, relative to the tolerance
 constexpr double kLongestTime = 1e-3;  // longest time that the modes represent  [s]; a half-space forgets older heat
 
 // Makes cells that grow by a ratio g away from z = 0, from a first cell of (g - 1) delta, where delta is the diffusion
-// length of a short time. The near face of every cell is then its width / (g - 1) away from z = -delta.
+// length of a short time. The cells then resolve all diffusion lengths above delta alike: the width of each cell is
+// (g - 1) times the distance of its near face from z = -delta.
 GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, bool insulated) {
   const double growth =
       1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);
   const double part = std::min(1.0, tolerance / kShortTimeTolerance);
   const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
-  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);  // width of last / first cell
+  // 1 + h / delta, which is g to the power of the number of cells.
+  const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);
   grid.cells = std::max(2, static_cast<int>(std::ceil(std::log(ratio) / std::log(growth))));
   grid.grading = std::pow(ratio, 1.0 / grid.cells);
   grid.matched = true;

@@ -31,8 +31,8 @@ double working_velocity(const Problem& problem, double jump, double jump_new) {
   return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
 }
 
-// Velocity by which the host's own shear of the soft body adds to the work of the stress  [m/s]. Force-driven it is
-// along the stress, velocity-driven it has the sign of the host's shear rate.
+// Velocity by which the host's own shear of the soft body adds to the work of the stress  [m/s]. Force-driven this
+// velocity is along the stress, velocity-driven it has the sign of the host's shear rate.
 double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
   const double h = problem.options.grid.thickness;
   if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_strain_rate[lane], stress);

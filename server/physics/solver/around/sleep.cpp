@@ -13,7 +13,8 @@ namespace shearbus::physics {
 namespace {
 
 constexpr int kLeastStepsBeforeSleep = 16;
-constexpr double kTemperatureMargin = 1e-6;     // added to the hottest temperature; far above rounding of modes  [K]
+// Margin added to the temperature of the hottest vertex; far above the rounding errors of the modes  [K].
+constexpr double kTemperatureMargin = 1e-6;
 constexpr double kStrengthMargin = 1.0 - 1e-9;  // factor on the flow stress; 1 less a margin far above rounding
 
 int living(const TileLayout& layout, const double* tile, int lane) {
@@ -126,7 +127,8 @@ Held held_heat(const Problem& problem, const double* tile, int lane, double refe
   const double* rows = tile + problem.layout.first_temperature() + lane;
   Held held{};
   if (asleep(problem.layout, tile, lane)) {
-    const HeatBasis& basis = *problem.basis;  // modes after the first hold no net heat, both bodies together
+    // Every mode but the first holds no net heat in both bodies together.
+    const HeatBasis& basis = *problem.basis;
     if (!problem.options.hard_grid) return {basis.heat * (rows[0] - reference), 0.0};
     held.soft = basis.soft_heat[0] * (rows[0] - reference);
     for (std::ptrdiff_t k = 1; k < basis.num_modes(); ++k)
@@ -240,7 +242,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   }
   if (resting == 0) return;
 
-  // 4. Step the lanes that stay asleep: the modes decay, stress, regime and counts are set, the other states stay.
+  // 4. Step the lanes that stay asleep: the modes decay; stress, regime and counts are set; the other states stay.
   if (solved == 0) {
     const auto behind = static_cast<std::ptrdiff_t>(layout.temperature + layout.num_vertices * kLanes);
     std::copy_n(committed + behind, static_cast<std::ptrdiff_t>(layout.doubles) - behind, trial + behind);

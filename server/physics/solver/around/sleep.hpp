@@ -31,14 +31,14 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
 // Writes the temperatures of a lane, asleep or not, to `temperature`, [vertex][lane].
 void profile_of(const Problem& problem, const double* tile, int lane, double* temperature);
 
-// How a strategy steps a lane at rest.
+// The rules by which a strategy steps a lane at rest.
 struct RestRules {
-  // The step of a sleeping lane, bit for bit the step that the solver would find; empty where heat or slip wakes the
-  // lane. `soft`: the soft material at the pressure of the lane. T0: interface temperature after the step,
-  // without friction  [K].
+  // The step of a sleeping lane, bit for bit the step that the solver would find from the same T0; empty where heat or
+  // slip wakes the lane. `soft`: the soft material at the pressure of the lane. T0: interface temperature after the
+  // step, without friction  [K].
   std::optional<RestingStep> (*step)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                                      const Material& soft, double T0, int lane);
-  // Whether a step of a stuck lane may count as rest under the given inputs. Null: it always may.
+  // Whether a step of a stuck lane may count as rest under the given inputs. Null: every such step may.
   bool (*may_rest)(const Problem&, const TileInputs&, int lane) = nullptr;
 };
 struct SleepingSolver {

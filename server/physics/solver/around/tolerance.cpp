@@ -13,18 +13,20 @@ namespace {
 
 // Error budget of a step, as a fraction of the tolerance.
 constexpr double kStepShare = 0.25;
-// A substep may use this share of the remaining error budget: the largest of (its length) / (remaining time),
-// kEarlyShare (its length) / (time from the step's start to its end) and, if it was shortened, kRefinedShare.
-constexpr double kEarlyShare = 0.05;    // share of the error budget of a first substep, since steps start suddenly
-constexpr double kRefinedShare = 0.25;  // share of the error budget of a substep that was shortened for its error
+// A substep may use a share of the remaining error budget, the largest of three: length of the substep / remaining time
+// of the step; kEarlyShare times the length / time from the start of the step to the end of the substep; and
+// kRefinedShare, if the substep was shortened because of its error.
+constexpr double kEarlyShare = 0.05;    // least share of the error budget for the first substep: inputs may jump
+constexpr double kRefinedShare = 0.25;  // least share of the error budget for a substep that its error has shortened
 // The next substep may be twice as long if the error was below this fraction of the error budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
 constexpr double kJumpTime = 1e-6;    // time for which an error of the velocity jump is assumed to heat  [s]
 constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
 constexpr int kMostHalvings = 22;     // largest number of times that a step is halved
-constexpr int kMostAttempts = 1024;   // substeps tried in one step of a lane; then the rest is accepted unchecked
-constexpr int kHurriedPieces = 64;    // approximate number of unchecked substeps after kMostAttempts
+// Largest number of substeps tried in one step of a lane; then the rest is accepted unchecked.
+constexpr int kMostAttempts = 1024;
+constexpr int kHurriedPieces = 64;  // approximate number of unchecked substeps after kMostAttempts
 
 // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
@@ -42,8 +44,9 @@ Answer answer_of(const TileOutputs& out, int l) {
           out.outcome[l]};
 }
 
-// Adds a substep, `share` of the step, to the answer of the substeps before it. The force-driven answer is the mean
-// stress, with which the host exchanges momentum; the velocity-driven answer is the stress at the end.
+// Adds a substep, whose length is the fraction `share` of the step, to the answer of the substeps before it. The
+// force-driven answer is the mean stress, with which the host exchanges momentum; the velocity-driven answer is the
+// stress at the end.
 void add(const Answer& next, double share, bool forced, Answer& sum) {
   sum.stress = forced ? sum.stress + share * next.stress : next.stress;
   sum.slip += share * next.slip;
@@ -67,12 +70,12 @@ struct Progress {
   double estimate = 0.0;  // estimated error of T0 after the accepted substeps, relative to the same range as `left`
 };
 
-// Error of the jump after a substep in which the jump reverses or stops; `before` and `after` are the jump at the two
-// ends. One stress s acts over the whole substep, so its two halves can have the same error and comparing them does not
-// show it. Let the jump change by A in the substep, to which s contributes b s. Until the reversal friction really has
-// the other sign, so the jump changes at the rate A + 2 b s per substep, and at the rate A only afterwards: the
-// returned error is the difference. If the jump stops although the far stresses exceed the stress of the slip before,
-// only the old jump bounds its error.
+// Error of the velocity jump at the end of a substep in which the jump reverses or stops; `before` and `after` are the
+// jump at the two ends of the substep. One stress s acts over the whole substep, although friction really has the other
+// sign until the reversal. Both halves of the substep can have this error, so comparing them does not show it. Let the
+// jump change by A in the substep, to which s contributes b s. The true rate of change is A + 2 b s per substep until
+// the reversal, and A afterwards: the returned error is the difference. If the jump stops although the far stresses
+// exceed the stress of the slip before, only the old jump bounds the error.
 double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
                      double stress) {
   if (before == 0.0 || before * after > 0.0) return 0.0;
@@ -186,7 +189,8 @@ class ControlledStep {
     add(one, half, forced_, lane.sum);
     add(two, half, forced_, lane.sum);
     lane.estimate += error;
-    // If an error above the allowed error is accepted, the remaining budget is at least this error.
+    // If a substep is accepted although its error is above the allowed error, the remaining budget becomes at least
+    // this error.
     lane.left = error > allowed ? std::max(lane.left, error) : lane.left - error;
     lane.at += length;
     lane.coarse_known = false;
@@ -196,10 +200,10 @@ class ControlledStep {
     if (lane.at == end_) finish(l);
   }
 
-  // Estimates the error of a substep from one substep against two halves, as an error of T0 at the end of the step
-  // relative to T_melt less the initial temperature. It is the largest of three errors: that of T0, which diffusion
-  // damps, that of the heat released, and that of the host's new velocity jump, which goes on heating. `of_rest`:
-  // length of the substep relative to the rest of the step.
+  // Estimates the error of a substep from the difference between its answer in one piece and in two halves, as an error
+  // of T0 at the end of the step, relative to T_melt less the initial temperature. The estimate is the largest of three
+  // errors: the error of T0, which diffusion damps; the error of the heat released; and the error of the host's new
+  // velocity jump, which goes on heating. `of_rest`: length of the substep relative to the rest of the step.
   double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();

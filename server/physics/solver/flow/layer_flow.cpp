@@ -31,7 +31,7 @@ template <class Law, bool kSpread>
   }
 }
 
-// Each law is a function of its own: all laws in one function would cost each of them registers.
+// Each law gets a function of its own: a function for all laws would leave fewer registers to the code of each.
 template <class Law, bool kWrite, bool kSpread>
 SHEARBUS_WIDE void flow(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t num_rows,
                         const double* threshold, double* strain_new, FlowSum& sum) {

@@ -13,31 +13,35 @@ namespace shearbus::physics {
 
 // The load of each lane under a stress of magnitude a.
 struct FlowLoad {
-  alignas(64) double load[kLanes];  // load_of(a) of the flow law, by which it measures the stress a; kNoLoad: no stress
-  alignas(64) double flux[kLanes];  // heat flux q: T = T_ad + q B, or T_ad + q B_phi     [W/m2]
-  alignas(64) double bracket[kLanes];  // part of g that depends on the lane's pressure, the flow law's bracket_at()
-  alignas(64) double T_melt[kLanes];   // melting temperature at the lane's pressure         [K]
+  alignas(64) double load[kLanes];  // stress a in the form of the flow law, load_of(a); kNoLoad: no stress
+  alignas(64) double flux[kLanes];  // heat flux q; the temperatures are T_ad + q B, or T_ad + q B_phi     [W/m2]
+  // Part of the softening g that depends on the pressure, bracket_at() of the flow law.
+  alignas(64) double bracket[kLanes];
+  alignas(64) double T_melt[kLanes];  // melting temperature at the lane's pressure         [K]
 };
 
 struct FlowSum {
-  alignas(64) double slip[kLanes];   // integral of dep over the layer                  [m]
-  alignas(64) double slope[kLanes];  // derivative of the slip by ln(a), a the stress; includes heating by a  [m]
-  int num_yielding;                  // number of vertices from z = 0 to the last one at which any lane yields
+  alignas(64) double slip[kLanes];  // integral of the strain increment dep over the layer   [m]
+  // Derivative of `slip` by ln(a), where a is the stress; includes the heating by a  [m]
+  alignas(64) double slope[kLanes];
+  int num_yielding;  // number of vertices from z = 0 to the last one at which any lane yields
 };
 
 // The layers of a tile at the start of a step. Arrays are [vertex][lane].
 struct FlowProblem {
   const Material* soft;
   const Grid* grid;
-  const double* response;  // temperature rise per unit heat flux at z = 0, B; one value per vertex  [K m2/W]
+  const double* response;  // response B of the temperature to a unit heat flux at z = 0; one value per vertex  [K m2/W]
   const double* T_ad;      // temperature after the step without friction heat  [K]
   const double* strain;    // plastic strain before the step
   int num_heated;          // number of vertices, from z = 0, that the heat of the step reaches
   double dt;               // length of the step  [s]
-  const double* spread_response = nullptr;  // response B_phi to heat released in the layer; if given, used for B
+  // Response B_phi to heat released in the layer; if not null, it replaces B.
+  const double* spread_response = nullptr;
 };
 
-// Number of vertices, from z = 0, that the heat of one step reaches: it warms the others by less than rounding.
+// Number of vertices, from z = 0, that the heat of one step reaches: it changes all other temperatures by less than
+// rounding.
 int num_heated_vertices(const Grid& grid, const double* response);
 
 // Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.

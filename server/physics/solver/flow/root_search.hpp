@@ -24,7 +24,7 @@ class RootSearch {
     at_ = guess > lo && guess < hi ? guess : 0.5 * (lo + hi);
   }
 
-  double at() const { return at_; }  // argument of the next value; the zero after update() has returned true
+  double at() const { return at_; }  // next argument of f; after update() has returned true, the zero of f
 
   // `value` is f(at()). Returns true when the search has ended.
   bool update(double value) {
@@ -39,7 +39,8 @@ class RootSearch {
     one_ = now;
     const double width = std::abs(two_.x - one_.x);
     const Point& nearest = std::abs(one_.f) < std::abs(two_.f) ? one_ : two_;
-    const double least = 2.0 * std::numeric_limits<double>::epsilon() * std::abs(nearest.x);  // smallest useful step
+    // Smallest useful step of the argument.
+    const double least = 2.0 * std::numeric_limits<double>::epsilon() * std::abs(nearest.x);
     if (width <= 2.0 * least || ++values_ == kMostValues) {
       at_ = nearest.x;
       return true;

@@ -11,7 +11,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kAtCeiling = 1e-11;  // relative distance from the ceiling up to which a stress counts as equal to it
-constexpr int kMostUlps = 1 << 26;    // largest correction at the end of a search, in ulps
+constexpr int kMostUlps = 1 << 26;    // largest correction of a stress or temperature at the end of a search, in ulps
 constexpr double kBeyond = 1e-10;     // relative margin that keeps a bound of the stress above the answer
 
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
@@ -41,8 +41,9 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
   compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
 
-  // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under it.
-  //    An interface that was stuck begins to slip only if it cannot stick while the layer flows.
+  // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under
+  //    the stress of this answer. An interface that was stuck begins to slip only if it cannot stick while the layer
+  //    flows.
   rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
                       start.before.sticks);
   //    At stress 0 the interface is molten and cannot stick.
@@ -148,9 +149,9 @@ void FlowingSlip::update(double slip) {
   ask(Phase::kStick, a, start_.heat_partition * (a * stopping_.slip(a)));
 }
 
-// 2. Stick: the slip at the end of the step falls strictly with the stress, since flow and heating rise with it. The
-//    root lies below three bounds: the sticking stress of a rigid layer, the largest stress that the layer carries, and
-//    the stress under which the first vertex alone would flow by more than all the slip.
+// 2. Stick: the slip at the end of the step falls strictly with the stress, because flow and heating rise with the
+//    stress. The root lies below three bounds: the sticking stress of a rigid layer, the largest stress that the layer
+//    carries, and the stress under which the first vertex alone would flow by more than all the slip.
 void FlowingSlip::begin_stick() {
   stick_was_searched_ = true;
   const Material& soft = *start_.limit.soft;
@@ -188,8 +189,9 @@ void FlowingSlip::end_stick(double a) {
   const FrictionHeating flux{0.0, start_.heat_partition, stopping_.c, stopping_.b};
   a = not_molten(flux, start_.layer, start_.limit.soft->melting_temperature, a);
   a_stick_ = a;
-  // If the layer is at its ceiling at z = 0 and this ceiling is below the yield limit of the interface, only the
-  // friction branch can be exceeded: near melting, ceiling and yield limit differ by less than T0 resolves.
+  // If the layer is at its ceiling at z = 0 and this ceiling is not above the yield limit of the interface, only the
+  // friction branch can be exceeded. The yield limit is not compared: near melting, ceiling and yield limit differ by
+  // less than T0 resolves.
   const double q = flux.rise * (a * flux.slip(a));
   const bool below_yield = at_ceiling_ && start_.ceiling <= start_.limit.tresca && start_.layer.hottest(q) == 0;
   const double carried = below_yield ? start_.limit.friction(T0(q)).stress : interface_at(q);
@@ -204,9 +206,10 @@ void FlowingSlip::end_stick(double a) {
   begin_slip();
 }
 
-// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The slip
-//    that the flow leaves heats by less than q at the q of the rigid answer, because flow reduces the slip. It heats by
-//    more than q where the limit of the interface equals the sticking stress.
+// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The root
+//    has an upper and a lower bound. At the q of the rigid answer the slip that remains after the flow heats by less
+//    than q, because flow reduces the slip. Where the limit of the interface equals the sticking stress it heats by
+//    more than q.
 void FlowingSlip::begin_slip() {
   const double T_melt = start_.limit.soft->melting_temperature;
   low_ = 0.0;

@@ -12,13 +12,15 @@ namespace shearbus::physics {
 
 // A lane with a closed contact at the start of a step.
 struct FlowingStart {
-  StressLimit limit;      // stress limit s_lim(T0) of the interface
-  double ceiling;         // stress at which hardening of the layer ends, for g = 1; infinity: never           [Pa]
-  bool hardens;           // false: the layer flows only at its ceiling
-  double first_weight;    // length of z that the first vertex represents                                 [m]
-  double first_strain;    // plastic strain at z = 0 before the step
-  Heated layer;           // temperatures of the layer as functions of the heat flux
-  double heat_partition;  // share of the friction heat that enters the grid: beta_T; 1 if both bodies are on the grid
+  StressLimit limit;    // stress limit s_lim(T0) of the interface
+  double ceiling;       // stress that the fully hardened layer carries where g = 1; infinity: no ceiling  [Pa]
+  bool hardens;         // false: the layer flows only at its ceiling
+  double first_weight;  // length of z that the first vertex represents                                 [m]
+  double first_strain;  // plastic strain at z = 0 before the step
+  Heated layer;         // temperatures of the layer as functions of the heat flux
+  // Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid, 1 if both
+  // are.
+  double heat_partition;
   double dt;
   Forcing forcing;
   LaneStep before;  // the state before the step; only stress, jump_new and sticks are read
@@ -33,11 +35,11 @@ class FlowingSlip {
   // Load of the layer to evaluate next (stress magnitude and heat flux); once done, the load of the answer.
   double stress() const { return a_; }
   double flux() const { return q_; }
-  void update(double slip);  // takes integral(dep) under the load of stress() and flux()   [m]
+  void update(double slip);  // `slip`: integral(dep) under the load of stress() and flux()   [m]
 
   struct Answer {
     LaneStep step;
-    double surplus;  // part of integral(dep) beyond DLP (48), which flows at the hottest vertex   [m]
+    double surplus;  // part of integral(dep) that DLP (48) does not give: it flows at the hottest vertex   [m]
     int hottest;     // index of the hottest vertex
   };
   Answer answer(double slip) const;  // `slip`: integral(dep) under the load of the answer

@@ -1,6 +1,5 @@
 // Stress and slip of one lane in a step or substep of a force-driven model whose layer does not flow
-// (server/physics/MODEL.md, "Force-driven step"): DLP (61), (65), and the junctions ("Junctions"). The caller conducts
-// the heat.
+// (server/physics/MODEL.md, "Force-driven step", DLP (61), (65), and "Junctions"). The caller conducts the heat.
 #pragma once
 
 #include <cmath>

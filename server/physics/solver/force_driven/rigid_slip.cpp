@@ -11,8 +11,8 @@ namespace shearbus::physics {
 
 TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before)
     : jump_free(jump_before + dt * forcing.acceleration), per_stress(dt * forcing.mobility) {
-  // A jump of 0 without friction has no direction: the host's plastic shear then acts along the old stress, or not at
-  // all.
+  // A frictionless jump of 0 has no direction: the host's plastic shear then acts along the old stress, or not at all
+  // if the old stress is 0 too.
   const double leads = jump_free != 0.0 ? jump_free : stress_before;
   direction = leads < 0.0 ? -1.0 : 1.0;
   drive = leads != 0.0 ? forcing.plastic_drive : 0.0;
@@ -33,11 +33,11 @@ LaneStep open_step(const Forcing& forcing, double dt, double jump_old) {
 LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
                     double guess, bool stuck) {
   const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
-  // Friction that depends on slip is solved first. It is then a constant, with one value for a sliding interface and
-  // another value for a sticking interface.
+  // Friction that depends on slip is solved first. In the rest of the step this friction is a constant, with one value
+  // for a sliding interface and another value for a sticking interface.
   const std::optional<SlidingFriction> by_slip = strength.friction_of_step(heating.c, heating.b, trial.stress_stick);
 
-  // 1. Stick: no slip at the end of the step, if the interface carries the stress that this needs. (With the
+  // 1. Stick: no slip at the end of the step, if the interface carries the stress that sticking needs. (With the
   // condition [V]mid = 0 instead the jump would oscillate.)
   const double a_stick = trial.stress_stick;
   StressLimit resolved;  // `strength` with the constant friction of the step

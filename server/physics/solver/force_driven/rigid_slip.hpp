@@ -28,7 +28,7 @@ struct TrialSlip {
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }
 
   double jump_free;     // jump after the step without friction, signed               [m/s]
-  double per_stress;    // how much 1 Pa of stress reduces the jump              [m/(s Pa)]
+  double per_stress;    // reduction of the jump per stress of the interface                        [m/(s Pa)]
   double direction;     // the trial direction, +1 or -1
   double jump_old;      // jump before the step, along the trial direction             [m/s]
   double drive;         // slip velocity by the host's plastic shear, sqrt(3) h Ep_dot, along the direction  [m/s]

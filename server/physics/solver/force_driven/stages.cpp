@@ -35,7 +35,7 @@ bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, 
 struct StagedLane {
   StressLimit limit;
   Forcing forcing;
-  double direction;  // sign of the jump; without a jump, of the acceleration
+  double direction;  // sign of the jump or, without a jump, sign of the acceleration
   double jump_old;   // jump before the step, along `direction`  [m/s]
   bool at_rest = false;
   double early_stress = 0.0;  // stress of the first stage  [Pa]

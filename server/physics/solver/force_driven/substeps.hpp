@@ -36,7 +36,7 @@ inline void write_answer(const LaneResult& result, const TileLayout& layout, int
 // One lane at the start of a step.
 struct LaneStart {
   int lane;
-  LaneStep before;      // the state before the step: stress, jump_new and sticks
+  LaneStep before;      // state before the step; stress, jump_new, regime and sticks are read
   int num_rows;         // number of rows of temperatures or modes, [row][lane]
   const double* T_old;  // temperatures or modes before the step
   double* T;            // temperatures or modes after conduction over the whole step, or after the substeps

@@ -15,14 +15,16 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kConverged = 1e-10;  // Newton's steps end with one at most this long, relative to the stress
+constexpr double kConverged = 1e-10;  // a Newton step at most this long is the last, relative to the stress
 // Largest residual before the last Newton step, relative to the trial stress; the last step squares it.
 constexpr double kFlowConverged = 1e-3;
-constexpr double kBalanced = 1e-8;     // largest residual of an answer, relative to the stress that the flow relieves
-constexpr double kFarAbove = 100.0;    // Newton works on logarithms if the flow relieves more than this x trial stress
+constexpr double kBalanced = 1e-8;  // largest residual of an answer, relative to the stress that the flow relieves
+// If the flow relieves more than this multiple of the trial stress, Newton works on the logarithm of the flow.
+constexpr double kFarAbove = 100.0;
 constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
-constexpr int kNewtonIterations = 16;  // more iterations than Newton usually needs; then every second step bisects
-constexpr int kMaxIterations = 300;    // limit of iterations; bisection alone, from 1e300 to rounding, needs fewer
+// After this number of iterations every second one bisects; Newton usually needs fewer.
+constexpr int kNewtonIterations = 16;
+constexpr int kMaxIterations = 300;  // limit of iterations; bisection alone, from 1e300 to rounding, needs fewer
 
 // The bound at the upper end of the bracket of the stress. The stress of a step may be the bound itself, except
 // kNotAnAnswer, which only limits the bracket.
@@ -69,7 +71,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
 
   // The upper end of the bracket is the smallest of several bounds. The first is the elastic trial stress.
   state.hi = state.a_trial;
-  // Ceiling: a = Y_max g(T0(a)) / sqrt(3) with the heating by a; with g = 0 the layer carries no stress.
+  // Ceiling: the stress a = Y_max g(T) / sqrt(3) of the hottest vertex, which the stress itself heats; with g = 0 the
+  // layer carries no stress.
   StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
   limit.effort = inputs.effort;
   const int hottest_ad = heated.hottest(0.0);
@@ -189,15 +192,16 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
     }
-    // Every lane was evaluated at a stress above its answer: vertices that did not yield under it are left out from now
-    // on.
+    // Every unfinished lane was evaluated at a stress above its answer: vertices at which no lane yielded under these
+    // stresses are left out from now on.
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
 }
 
 // The result of Newton's last step is not evaluated. If a vertex begins to flow within that step, the balance may be
-// far from closed, however small the step. The search of such lanes is resumed; returns whether there are any.
+// far from closed, however small the step. The search of lanes with an open balance is resumed; returns whether there
+// are any.
 bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
   bool any = false;
   for (int l = 0; l < kLanes; ++l) {

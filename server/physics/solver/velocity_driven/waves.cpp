@@ -15,36 +15,42 @@ namespace {
 using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
-constexpr double kConverged = 1e-11;        // longest last Newton step, relative to the unknowns; the next is rounding
-constexpr double kLocallyConverged = 1e-9;  // longest last step of the return to the yield stress at a vertex, relative
-constexpr double kNothing = 1e-14;          // a velocity without effect, for any dt and cell  [m/s]
-constexpr double kUnfelt = 1e-14;           // temperature rise without effect on the strength, relative to T_melt
-// Line search. Slopes are those of the energy along Newton's direction, relative to the slope at its start.
-constexpr double kOvershoot = 0.5;       // largest accepted slope beyond the minimum
-constexpr double kUndershoot = 0.5;      // largest accepted slope before the minimum, of a shortened step
-constexpr double kLeastDescent = 0.25;   // twice the smallest accepted decrease of the energy
+constexpr double kConverged = 1e-11;  // a shorter Newton step, relative to the unknowns (small_step()), is the last
+// A shorter Newton step in the return to the yield stress at a vertex, relative to 1 + x, is the last.
+constexpr double kLocallyConverged = 1e-9;
+constexpr double kNothing = 1e-14;  // a change of velocity so small has no effect, for any dt and cell  [m/s]
+constexpr double kUnfelt = 1e-14;   // temperature rise without effect on the strength, relative to T_melt
+// Line search. A slope is the derivative of the energy along Newton's direction; its limits are relative to the slope
+// at the start of the step.
+constexpr double kOvershoot = 0.5;  // largest accepted slope of the energy beyond its minimum, relative to the start
+// Largest accepted slope before the minimum after a shortened step, relative to the start.
+constexpr double kUndershoot = 0.5;
+// Twice the smallest accepted decrease of the energy, relative to its first slope times the step.
+constexpr double kLeastDescent = 0.25;
 constexpr int kLocalSteps = 60;          // largest number of iterations of a return to the yield stress; 3 are usual
 constexpr int kLocalNewtonSteps = 12;    // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
 constexpr int kGuardedSteps = 400;       // largest number of Newton steps with line search at one flux
-constexpr int kMostGuardedSteps = 4000;  // the same in a second search, where the first one did not balance
+constexpr int kMostGuardedSteps = 4000;  // largest number of Newton steps at one flux in a second guarded search
 constexpr double kBalanced = 1e-6;       // largest accepted residual of the guarded search, relative to the stresses
-constexpr double kLeastStress =
-    1e6;                       // a smaller stress is judged as this one: close to melting all stresses vanish [Pa]
-constexpr double kUlps = 1e4;  // the same in units of the stress of one ulp of a velocity
+// Added to the largest stress, to which kBalanced refers: close to melting all stresses vanish  [Pa]
+constexpr double kLeastStress = 1e6;
+// Largest accepted residual due to rounding, in units of the stress that one ulp of the largest velocity causes.
+constexpr double kUlps = 1e4;
 
 // ---- Return to the yield stress at every vertex, DLP (42-48) ----
 //
 // In this file t is not the time but a stress: the trial stress t = s_old + G0 dt dv/dz of a vertex, where dt is the
 // length of the step. The function R returns it to the yield stress: s = R(t). R is odd, and its slope lies in [0, 1].
 // For t > 0: s = t below the yield stress; above it
-//   s + sqrt(3) G0 dep = t,   s = min(strength (1 + x)^n / sqrt(3), ceiling) g(P, T),   x = beta dep / (1 + beta ep)
+//   s + sqrt(3) G0 dep = t,   s = min(strength (1 + x)^n, ceiling) g(P, T),   x = beta dep / (1 + beta ep)
+// where strength = Y0 (1 + beta ep)^n / sqrt(3) and ceiling = Y_max / sqrt(3).
 
 struct ReturnLaw {
   double exponent;  // hardening exponent n
   double ceiling;   // largest strength in shear, Y_max / sqrt(3)             [Pa]
-  double bracket;   // bracket of g at 0 K: 1 + gP P + 300 hT
-  double hT;        // temperature coefficient of g     [1/K]
+  double bracket;   // bracket of the softening g at T = 0 K: 1 + gP P + 300 hT
+  double hT;        // coefficient of -(T - 300 K) in the bracket of the softening g  [1/K]
   double T_melt;    // melting temperature at P         [K]
 };
 
@@ -54,8 +60,8 @@ struct ReturnRows {
   alignas(64) Row T;           // temperature                                     [K]
   alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
   alignas(64) Row compliance;  // growth of the hardening term x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
-  alignas(64) Row slope;       // slope of s over the trial stress t
-  alignas(64) Row softening;   // slope of s over the temperature                 [Pa/K]
+  alignas(64) Row slope;       // derivative of the stress s by the trial stress t
+  alignas(64) Row softening;   // derivative of the stress s by the temperature   [Pa/K]
 };
 
 inline bool any_positive(const double (&value)[kPacket]) {
@@ -119,7 +125,8 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
       const double limit = law.ceiling * g[l];
       const bool capped = hardened[l] >= limit;
       const double s = capped ? limit : hardened[l];
-      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);  // ds/d(dep) over sqrt(3) G0
+      // Slope ds/d(dep) divided by sqrt(3) G0.
+      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);
       const bool yields = over[l] > 0.0;
       const double size = yields ? s : std::abs(t[l]);
       stress[first + l] = t[l] < 0.0 ? -size : size;
@@ -210,7 +217,8 @@ class Waves {
     rows_.slope[0] = rows_.softening[0] = 0.0;
   }
 
-  // Evaluates stresses and slopes at the iterate, for the given heat flux q or else that of the stress at z = 0.
+  // Evaluates stresses and slopes at the iterate, for the given heat flux q or else for the heat flux of the stress at
+  // z = 0.
   void evaluate(std::optional<double> given) {
     set_trial_stress();
     if (given) return evaluate_at(*given);
@@ -232,14 +240,13 @@ class Waves {
 
   // The return to the yield stress at z = 0, with the heat of the stress itself: finds the magnitude a = R(|t|) at the
   // temperature T_ad + B q, q = per_stress a, where t is the trial stress. The strength falls with that heat, so there
-  // is one root, and it lies below melting for any trial stress.
+  // is one root. If T_ad is below melting, the temperature at the root is below melting for any trial stress.
   InterfaceReturn return_at_interface(double per_stress) {
     const double t = std::abs(rows_.t[0]);
     const double rise = per_stress * step_.response[0];
     const double n = law_.exponent;
     const double compliance = rows_.compliance[0];
-    // The yield stress at the heat of a stress a, its logarithmic slope d log(stress) / da and its slope d stress /
-    // d|t|.
+    // The yield stress at the heat of a stress a, its logarithmic slope d log(stress)/da and its slope d stress/d|t|.
     struct Carried {
       double stress, log_slope, flow_slope;
     };
@@ -286,13 +293,14 @@ class Waves {
     return held_or(a, slope);
   }
 
-  // Newton's step on the balance of momentum, residual = 0. The elimination from the far end forms no difference, so
-  // nothing cancels. "Behind" is farther from z = 0, "before" nearer. Row c becomes
+  // Newton's step on the balance of momentum, residual = 0. The elimination from the far end adds the terms of
+  // stiffness and inertia without a difference, so these terms do not cancel. "Behind" is farther from z = 0, "before"
+  // nearer. Row c becomes
   //   dv[c] = constant[c] + carry[c] dv[c-1] + coupling[c] dv[0],
   // where the last term is the softening by the heat of the interface's stress.
   void newton_direction() {
     ++answer_.iterations;
-    double stiffness = 0.0;  // slope ds/d(dv) of the stress behind cell c over the velocity difference
+    double stiffness = 0.0;  // derivative of the stress behind cell c by the velocity difference
     double excess = 0.0;     // pivot of row c without the term of the vertex before cell c
     double heat = 0.0;       // coupling to dv[0] carried over from the rows behind
     double pushed = 0.0;     // residual carried over from the rows behind
@@ -345,8 +353,8 @@ class Waves {
     return largest;
   }
 
-  // Whether the step is small relative to two velocities: the velocities of the layer, and the velocities that would
-  // cause stresses as large as the present stresses, by a wave or in one step.
+  // Whether Newton's step is small relative to the sum of two velocities: the largest velocity of the layer, and the
+  // velocity that would cause the largest present stress, by a wave or in one step, whichever velocity is smaller.
   bool small_step() const {
     const Material& soft = *step_.soft;
     const auto [v, s] = largest();
@@ -355,7 +363,7 @@ class Waves {
     return largest_step() <= kConverged * (v + s * per_stress) + kNothing;
   }
 
-  // Slope of the energy (see search()) along Newton's direction, after a part of the step.
+  // Slope of the energy (see search()) along Newton's direction, after the fraction `part` of the step.
   double slope_after(double part, std::optional<double> flux) {
     for (int c = 0; c < num_cells_; ++c) fields_.velocity[c] = start_[c] + part * direction_[c];
     evaluate(flux);
@@ -401,8 +409,8 @@ class Waves {
   // The guarded search. At a given q the step minimises the convex energy
   //   E(v) = sum over cells of rho width/2 (v - v_old)^2
   //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
-  // whose gradient is -dt residual: descend() lowers it from any start. Between q = 0 and the q that melts z = 0 the
-  // function q - heat_share * max(s[0] [V], 0) changes sign.
+  // whose gradient is -dt residual: descend() lowers this energy from any start. Between q = 0 and the q that melts
+  // z = 0 the function q - heat_share * max(s[0] [V], 0) changes sign.
   void search(int steps) {
     answer_.guarded = true;
     const double share = step_.heat_share * step_.jump;

@@ -7,21 +7,21 @@
 
 namespace shearbus::physics {
 
-// Stress, plastic strain and temperature live at the vertices, velocity in the cells between them. One step of backward
-// Euler, i = 0..N, c = 0..N-1, v[-1] the velocity at z = 0+ and v[N] that of the host's soft body, both relative to the
-// hard body:
+// Stress, plastic strain and temperature live at the vertices, velocity in the cells between them. The equations of one
+// step of backward Euler, for vertices i = 0..N and cells c = 0..N-1, where v[-1] is the velocity at z = 0+ and v[N]
+// the velocity of the host's soft body, both relative to the hard body:
 //   weight[i] (s[i] - s_old[i]) = G0 (dt (v[i] - v[i-1]) - sqrt(3) weight[i] dep[i] sign(s[i]))         DLP (37)
 //   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
 //   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3);   dep[i] >= 0, and dep[i] = 0 where |s[i]| < Y / sqrt(3)      DLP (42-48)
 //   |s[0]| <= mu P;   v[-1] is along s[0], and v[-1] = 0 where |s[0]| < mu P
 //   T = T_ad + q B,   q = share max(s[0] [V], 0)                                                         DLP (18, 35)
-// where share is WaveStep::heat_share.
-// Summed over the layer and for rho -> 0 these equations are the balance of a layer without inertia, weight for weight.
+// where share is WaveStep::heat_share. Summed over the layer and for rho -> 0 these equations are the balance of a
+// layer without inertia, with the same weights.
 
 struct WaveStep {
   const Material* soft;    // soft body at the pressure of the node
   const Grid* grid;        // grid of at most kMaxInertiaCells cells
-  const double* response;  // temperature rise per unit heat flux at z = 0, B, per vertex  [K m2/W]
+  const double* response;  // response B: temperature rise of each vertex per unit heat flux at z = 0  [K m2/W]
   double dt;               // length of the step                           [s]
   double pressure;         // normal pressure P                            [Pa]
   double jump;             // imposed velocity jump [V]                    [m/s]
@@ -31,12 +31,12 @@ struct WaveStep {
 
 // One node's fields, a value per vertex or cell.
 struct WaveFields {
-  static constexpr int kPacket = 8;  // vertices per SIMD packet; the length of a Row is a multiple of it
+  static constexpr int kPacket = 8;  // vertices per SIMD packet; the length of a Row is a multiple of this number
   using Row = double[(kMaxInertiaCells / kPacket + 1) * kPacket];
   alignas(64) Row T_ad;           // temperature after the step without friction  [K]
   alignas(64) Row strain;         // plastic strain ep before the step
-  alignas(64) Row stress;         // stress s: before the step, then after it    [Pa]
-  alignas(64) Row velocity;       // velocity v: before the step, then after it  [m/s]
+  alignas(64) Row stress;         // stress s: before the step on entry, after the step on return  [Pa]
+  alignas(64) Row velocity;       // velocity v: before the step on entry, after the step on return  [m/s]
   alignas(64) Row strain_growth;  // growth of the plastic strain in the step, dep
 };
 
@@ -44,13 +44,13 @@ struct WaveAnswer {
   double flux = 0.0;            // heat flux q into the layer             [W/m2]
   double interface_slip = 0.0;  // slip velocity v[-1] of the interface at z = 0, signed  [m/s]
   int iterations = 0;           // number of Newton steps
-  bool guarded = false;         // plain Newton did not converge, so q was bisected, with a line search in v
-  bool found = true;            // false: the guarded search ended without balance, and the fields are meaningless
+  bool guarded = false;  // Newton's method did not converge: the guarded search bisected q, with a line search in v
+  bool found = true;     // false: the guarded search ended without balance, and the fields are meaningless
 };
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
-// follows, which descends from any start but may be long: `found` is false where momentum does not balance when its
-// Newton steps or its `evaluations` of the balance run out.
+// follows, which lowers the energy from any start but may be long. `found` is false if momentum does not balance when
+// the guarded search has used up its Newton steps or its `evaluations` of the balance.
 inline constexpr int kWaveNewtonSteps = 60;
 inline constexpr int kWaveEvaluations = 200'000;
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
