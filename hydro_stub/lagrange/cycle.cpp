@@ -96,7 +96,7 @@ void Cycle::advance(double end_time) {
 
 // The scheme of one step. Returns false, with the state unchanged, if the step is too long.
 bool Cycle::try_step(double dt) {
-  // 1. moves the nodes for half a step with the old velocities; positions, volumes and weights at mid-step
+  // 1. moves the nodes for half a step with the old velocities; finds positions, volumes and weights at mid-step
   if (!go_to_middle(dt)) return false;
   find_gradients();
   // 2. predicts the state at mid-step: density, energy (by the work of the old stresses), deviators, pressure
@@ -106,8 +106,8 @@ bool Cycle::try_step(double dt) {
   find_forces();
   // 4. advances the velocities by the momentum balance, constrained by the walls
   accelerate(dt);
-  // 5. lets the bodies press and rub on each other along the slide lines; while the interface law computes, the
-  //    deviators of the zones away from the slide lines are advanced
+  // 5. adds the impulses of contact and friction on the slide lines; while the interface law computes, the deviators of
+  //    the zones away from the slide lines are advanced
   contact_.ask(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
   find_mean_velocities();
   advance_stress(dt, Reach::kInner);
@@ -117,8 +117,8 @@ bool Cycle::try_step(double dt) {
     if (law_ != nullptr) law_->take_back();
     return false;
   }
-  // 7. adds to the zones' energy the work of each force with the mean velocity and the heat of the slide lines; books
-  //    the work of walls and loads
+  // 7. adds to the energy of each zone the work of its forces with the mean velocities, and the heat of the
+  //    slide lines; adds the work of walls and loads to the ledger
   do_work(dt);
   contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
   book_boundaries(dt);
@@ -279,7 +279,7 @@ void Cycle::do_work(double dt) {
   }
 }
 
-// The walls' impulse is the change of a node's momentum that zones, slide lines and loads do not explain.
+// The impulse of the walls on a node is the change of its momentum that zones, slide lines and loads do not explain.
 void Cycle::book_boundaries(double dt) {
   std::vector<Vec2> beyond(bodies_.walls.empty() ? 0 : bodies_.mesh.num_nodes());
   for (std::size_t n = 0; n < beyond.size(); ++n) {
