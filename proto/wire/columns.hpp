@@ -72,7 +72,7 @@ inline constexpr std::array kStickColumns = {
 #define STICK(enumerator, ...) Field::enumerator,
 #include "proto/wire/columns.inc"
 };
-// The required columns of a request in this form; `required` are those in far-field form.
+// Returns the required columns of a request in this form; `required` are the required columns of the far-field form.
 std::vector<Field> columns_in(Form form, std::span<const Field> required);
 
 // Columns of the steps of a strategy, in the order of the rows. A request may also have node_id.
@@ -81,7 +81,7 @@ struct StrategyColumns {
   std::span<const Field> optional;
   std::span<const Field> reply;
   std::span<const Field> on_request;
-  std::span<const Field> stick;  // in place of kFarFieldColumns, if the request is in stick form
+  std::span<const Field> stick;  // columns that replace kFarFieldColumns in a request in stick form
 };
 const StrategyColumns& columns_of(Strategy strategy);  // all empty for kUnspecified
 
@@ -91,7 +91,7 @@ inline constexpr std::array kLedgerColumns = {
 #include "proto/wire/columns.inc"
 };
 
-// The name of a component of a column in a file: its quantity, with an ending for the second component.
+// Returns the name of a component of a column in a file: its quantity, with an ending for the second component.
 std::string quantity_of(Field field, std::uint32_t component = 0);
 
 }  // namespace shearbus::wire
