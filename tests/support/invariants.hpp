@@ -34,7 +34,7 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
   } else {
     require_dissipation(a);
   }
-  // Without a temperature profile the heat is kept in modes. They give the stored heat only for an insulated slab,
+  // Without a temperature profile the heat is kept in modes. The modes give the stored heat only for an insulated slab,
   // whose mode with decay rate 0 contains all heat.
   if (has_profile || !HeatKernel(options.soft, options.grid).far_face_unfelt(options.modes->longest_time)) {
     require_heat_balance(rig.stored_heat_of(rig.trial, 0.0, lane), rig.stored_heat(0.0, lane), a.heat, figures);

@@ -31,8 +31,8 @@ inline ModelOptions paper_options(Strategy strategy = Strategy::kVelocityDriven)
   return options;
 }
 
-// Returns the options with a conducting hard body, by default on the layer's grid scaled by sqrt(alpha_h / alpha), so
-// that heat penetrates the same number of cells on both sides.
+// Returns the options with a conducting hard body. Its default grid is the layer's grid scaled by the square root of
+// the ratio of the thermal diffusivities, hard to soft, so that heat penetrates the same number of cells on both sides.
 inline ModelOptions two_sided(ModelOptions options, std::optional<GridOptions> hard = {}) {
   options.hard_grid = hard ? *hard : options.grid;
   if (!hard) options.hard_grid->thickness *= std::sqrt(options.hard.diffusivity / options.soft.diffusivity);
@@ -157,8 +157,8 @@ class Rig {
     return sum;
   }
 
-  // Returns the share of the friction power that enters the bodies whose conduction is computed: beta_T, or 1 if both
-  // bodies conduct.
+  // Returns the share of the friction power that enters the bodies whose conduction is computed: the soft body's share,
+  // the heat partition beta_T, or 1 if both bodies conduct.
   double conducted_share() const {
     const ModelOptions& o = model.options();
     return o.hard_grid ? 1.0 : heat_partition(o.soft, o.hard);

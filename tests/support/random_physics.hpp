@@ -107,7 +107,7 @@ inline double strain_scale(const Material& m) {
   return has_constant(m.flow_law, &Material::hardening_coefficient) ? 1.0 / m.hardening_coefficient : 1.0;
 }
 
-// Relative rounding error of a stress or a temperature.
+// Relative rounding error that the checks allow for a stress or a temperature: 16 ulps.
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
 // Returns the uncertainty of a layer's flow, integral(dep) [m]: the change of the flow if stress and temperatures
@@ -193,7 +193,8 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
-  // Draws from a copy of the generator, so that scenes without this flow law are the same as before it was added.
+  // Draws from a copy of the generator, so that scenes without the Preston-Tonks-Wallace law stay as they were before
+  // this law was added.
   if (Draw aside = draw; aside.chance(0.2)) {
     adopt_flow_law(soft, random_preston_tonks_wallace(aside));
     options.time_integrator = TimeIntegrator::kBackwardEuler;
@@ -249,7 +250,8 @@ inline double random_dt(Draw& draw, bool extreme) {
   return extreme ? draw.log_uniform(1e-12, 1e-5) : draw.log_uniform(1e-10, 1e-8);
 }
 
-// Draws the inputs of all lanes for one step: mostly a small change of the last step's, sometimes entirely new values.
+// Draws the inputs of all lanes for one step. Pressure, velocity jump and masses mostly keep their last values; rates
+// and stresses are drawn anew.
 inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   for (int l = 0; l < kLanes; ++l) {
     TileInputs& in = rig.inputs;
