@@ -20,8 +20,8 @@
 
 namespace shearbus::testing {
 
-// Invariants 1, 3 and 5 of MODEL.md, "What always holds": the answer is finite, temperatures are in their range,
-// friction dissipates, heat and work balance.
+// Checks the invariants that do not depend on the strategy (MODEL.md, "What always holds"): the answer is finite,
+// temperatures are in their range, friction dissipates, heat and work balance.
 inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const bool has_profile = rig.model.layout().heat_modes == TileLayout::kAbsent;

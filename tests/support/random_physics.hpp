@@ -27,7 +27,7 @@ class Draw {
   std::mt19937_64 random_;
 };
 
-// Gives the metal Johnson and Cook's flow law. Constants of other laws become NaN, so that any use of them shows.
+// Gives the metal Johnson and Cook's flow law. Constants of other laws become NaN, so that their use would give NaN.
 inline void follow_johnson_cook(Material& m, double B, double C, double rate, double exponent, double T_ref) {
   m.flow_law = FlowLaws::place<JohnsonCook>();
   m.hardening_modulus = B;
@@ -89,7 +89,7 @@ inline Material random_preston_tonks_wallace(Draw& draw) {
   return m;
 }
 
-// Returns a lower bound of the sensitivity of the stress to the strain increment, d ln(stress) / d ln(dep).
+// Returns a lower bound of the sensitivity d ln(stress) / d ln(dep) of the stress to the plastic strain increment dep.
 inline double flow_exponent(const Material& m) {
   const auto least = [&](std::initializer_list<double Material::*> exponents) {
     double exponent = 1.0;
@@ -110,9 +110,9 @@ inline double strain_scale(const Material& m) {
 // Relative rounding error that the checks allow for a stress or a temperature: 16 ulps.
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
-// Returns the uncertainty of a layer's flow, integral(dep) [m]: the change of the flow if stress and temperatures
-// change in their last digits. Near melting, or if strain follows a high power of the stress, no answer is more
-// accurate. `grain` [K] is an additional error of the temperatures.
+// Returns the uncertainty of a layer's flow, the integral of the plastic strain increment [m]: the change of the flow
+// if stress and temperatures change in their last digits. Near melting, or if strain follows a high power of the
+// stress, no answer is more accurate. `grain` [K] is an additional error of the temperatures.
 inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt,
                          double grain = 0.0) {
   if (!hardens(rig.model.options().soft)) return 0.0;

@@ -1,4 +1,4 @@
-// Invariant 3 of MODEL.md, "What always holds": all heat comes from friction work.
+// An invariant of server/physics/MODEL.md, "What always holds": all heat comes from friction work.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 namespace shearbus::testing {
 
-// Returns true for a step of second order. Both its stages contribute to the heat, but the answer contains the stress
-// of the second stage only.
+// Returns true for a step of second order. Both its stages contribute to the heat. The answer holds the stress of the
+// second stage if the step is velocity-driven, the mean stress of the stages if it is force-driven.
 inline bool of_two_stages(const ModelOptions& options, const Answered& a) {
   return options.time_integrator == TimeIntegrator::kSdirk2 && !(a.outcome & kFirstOrder);
 }

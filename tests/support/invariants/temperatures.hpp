@@ -1,5 +1,5 @@
-// Invariants 1 and 5 of MODEL.md, "What always holds": temperatures stay below melting and in their range, and fall
-// with the distance from the interface where only the interface is heated.
+// An invariant of server/physics/MODEL.md, "What always holds": temperatures stay below melting and in their range.
+// This file also checks that they fall with the distance from the interface where only the interface is heated.
 #pragma once
 
 #include <algorithm>
