@@ -18,7 +18,7 @@ class HistoryRows {
  public:
   HistoryRows(std::vector<wire::Quantity> quantities, std::size_t nodes);
 
-  void begin_row(double time);  // [s]
+  void begin_row(double time);  // `time`: time of the row  [s]
   template <typename Values>    // Values: a range of doubles or of regimes
   void set(std::size_t quantity, const Values& values) {
     values_[quantity].insert(values_[quantity].end(), values.begin(), values.end());

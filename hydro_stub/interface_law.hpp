@@ -69,7 +69,7 @@ struct LawTime {
   std::chrono::nanoseconds solver{0};
   // time in the server, from the arrival of each request to the end of its step; includes the solver
   std::chrono::nanoseconds service{0};
-  std::chrono::nanoseconds bus{0};     // time of the round trips to the server, less the time in its solver
+  std::chrono::nanoseconds bus{0};     // time of the round trips to the server, less the time in the server's solver
   std::chrono::nanoseconds waited{0};  // time in which the host waited for answers and did no other work
   std::chrono::nanoseconds cpu{0};     // CPU time of the host's thread spent on requests
 };

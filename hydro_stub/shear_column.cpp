@@ -27,7 +27,7 @@ ShearColumn::ShearColumn(const ColumnProblem& problem)
 
 // Advances by one step. The run starts at t = 0 with velocities and stresses at the same time; the first half step
 // brings the velocities to dt/2, and from there on velocities and stresses alternate:
-//     velocities   0 -> 1/2 -> 3/2 -> ...  dt        stresses   0 -> 1 -> 2 -> ...  dt
+//     times of the velocities: 0, 1/2 dt, 3/2 dt, ...       times of the stresses: 0, dt, 2 dt, ...
 // With this half step, and dt equal to the transit time of a zone, a constant friction stress gives the exact jump of
 // two half-spaces from the start; with a full first step the jump would alternate about the exact value.
 void ShearColumn::advance(InterfaceLaw& law) {
@@ -66,7 +66,8 @@ void ShearColumn::gather_inputs() {
   }
 }
 
-// Refuses answers of the interface law that are not finite, which would otherwise be noticed only some steps later.
+// Refuses answers of the interface law that are not finite or have an unknown regime. Without this check the fault
+// would be noticed only some steps later.
 void ShearColumn::check_answer() const {
   constexpr auto kLastRegime = static_cast<std::uint8_t>(wire::Regime::kMelting);
   for (std::size_t i = 0; i < answer_.shear_stress.size(); ++i) {

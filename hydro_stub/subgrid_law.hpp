@@ -43,7 +43,7 @@ class SubgridLaw : public InterfaceLaw {
   SubgridLaw(const std::string& kept, const SubgridServer& server);
   ~SubgridLaw() override;  // a session that has a saved state and was not closed stays open
 
-  // A step stays a trial until the next advance(), which commits it in the same round trip, or until close().
+  // A step stays a trial until the next advance(), which commits it in the same round trip, or until keep() or close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
   void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;  // sends the request
   void finish() override;                                                       // waits for the answer

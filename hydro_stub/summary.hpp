@@ -17,7 +17,7 @@ namespace shearbus::hydro {
 struct RunTime {
   std::chrono::nanoseconds total{0};
   std::chrono::nanoseconds solver{0};  // time in the solver of the interface law
-  std::chrono::nanoseconds bus{0};     // round trips to the server, less the time in its solver
+  std::chrono::nanoseconds bus{0};     // round trips to the server, less the time in the server's solver
   std::chrono::nanoseconds output{0};  // time spent writing histories
   std::chrono::nanoseconds hydro() const { return total - solver - bus - output; }
 };

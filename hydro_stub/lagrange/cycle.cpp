@@ -69,7 +69,7 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
   middle_density_ = state_.density;
   middle_pressure_ = state_.pressure;
   find_gradients();
-  find_forces();  // for the viscous rates, which limit the first step
+  find_forces();  // computes the viscous rates, which limit the first step
 }
 
 void Cycle::run_to(double end_time) {
@@ -254,7 +254,7 @@ void Cycle::find_mean_velocities() {
 
 bool Cycle::go_to_end(double dt) {
   const int nodes = bodies_.mesh.num_nodes();
-  find_mean_velocities();  // again: the slide lines have changed velocity_new_
+  find_mean_velocities();  // for the second time in the step: the slide lines have changed velocity_new_
 #pragma omp parallel for schedule(static) if (nodes >= kFewestForThreads)
   for (int n = 0; n < nodes; ++n) position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
   measure_volumes(bodies_.mesh, position_new_, volume_new_);

@@ -67,8 +67,8 @@ struct Memory {
 
 class Cycle {
  public:
-  // The interface law `law` acts on all slide lines and must outlive the cycle; null: free slip. Throws
-  // std::invalid_argument for inconsistent bodies.
+  // The interface law `law` acts on the slide lines with friction and must outlive the cycle. If it is null, these
+  // lines slip freely, too. Throws std::invalid_argument for inconsistent bodies.
   explicit Cycle(Bodies bodies, hydro::InterfaceLaw* law = nullptr);
 
   // Advances by one step, at most to `end_time`. A step that is too long (it inverts a zone, or changes the volume of a
@@ -140,7 +140,7 @@ class Cycle {
   std::vector<double> heating_new_;
   std::vector<double> dilatation_;  // relative rate of volume change, dV/dt / V, in the last step  [1/s]
   std::vector<double> xx_new_, yy_new_, xy_new_, plastic_strain_new_;
-  std::vector<std::uint8_t> on_rim_;  // 1 for zones with a node on a slide line
+  std::vector<std::uint8_t> on_rim_;  // 1 for zones with a node on a slide line, 0 for all others
 };
 
 }  // namespace shearbus::lagrange

@@ -16,7 +16,7 @@
 
 namespace shearbus::lagrange {
 
-// Loops over fewer nodes or zones use one thread, since waking other threads costs more than they save.
+// Loops over fewer nodes or zones use one thread, since waking other threads costs more time than these save.
 inline constexpr int kFewestForThreads = 4000;
 
 // Sums over a mesh are per metre of depth (kPlane) or per radian about the axis x = r = 0 (kAxisymmetric).

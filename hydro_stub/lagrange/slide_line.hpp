@@ -45,8 +45,10 @@ struct PushWeight {
   Vec2 weight;  // force on mesh node `node` per unit pressure of the interface node  [m2]
 };
 struct RowWeight {
-  int row;        // interface node on the same slide line as node i; may be node i itself
-  double weight;  // integral N_i N_row r dl  [m2]
+  // an interface node on the same slide line as the node i that has this weight; may be node i itself
+  int row;
+  // integral of N_i N_row r dl: the shape functions of the two nodes and the radius (1 in plane symmetry)  [m2]
+  double weight;
 };
 struct RubWeight {
   int node;

@@ -26,7 +26,7 @@ struct Zone {
   double temperature;  // [K]
   double dt;           // [s]
 
-  // Flow stress Y after the plastic strain increment x, at the mean strain rate x/dt  [Pa].
+  // Returns the flow stress after the plastic strain increment x, at the mean strain rate x/dt  [Pa].
   double yield(double x) const {
     return physics::hardened_strength(metal, plastic_strain + x, x / dt, pressure, temperature) * g;
   }

@@ -1,4 +1,4 @@
-// Scenes as shearbus.v1.Scene: from TOML text to the checked message, and back to canonical text.
+// Converts scenes: from TOML text to the checked message shearbus.v1.Scene, and back to canonical text.
 #pragma once
 
 #include <filesystem>

@@ -1,7 +1,7 @@
 #include "proto/wire/codec.hpp"
 
 #include <fmt/format.h>
-#define XXH_INLINE_ALL  // client libraries need no libxxhash
+#define XXH_INLINE_ALL  // compiles xxhash into this file, so that client libraries need no libxxhash
 #include <xxhash.h>
 
 #include <algorithm>

@@ -58,8 +58,8 @@ class Decoder {
   explicit Decoder(std::span<const std::byte> message) : message_(message) {}
 
   bool next(EncodedField& field);           // reads the next field; false at the end, and at a fault
-  bool next_varint(std::uint64_t& value);   // reads an element of a packed list; false as next()
-  bool next_fixed64(std::uint64_t& value);  // reads an element of a packed list; false as next()
+  bool next_varint(std::uint64_t& value);   // reads an element of a packed list; false at the end, and at a fault
+  bool next_fixed64(std::uint64_t& value);  // reads an element of a packed list; false at the end, and at a fault
   std::size_t position() const { return at_; }
   bool fault() const { return fault_; }
 

@@ -24,7 +24,7 @@ class EnergyTotals {
   // Returns the lines of a summary, each with label and text.
   std::vector<std::pair<std::string, std::string>> lines() const;
 
-  // The sums as plain numbers, which a restart dump saves and restores.
+  // Return the sums as plain numbers, which a restart dump saves and restores.
   std::span<double> numbers() { return numbers_; }
   std::span<const double> numbers() const { return numbers_; }
 

@@ -19,7 +19,7 @@ struct EnvelopeScan {
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
   bool has_payload = false;  // true if the header declares a payload frame
-  std::uint32_t body = 0;    // field number of the body, 16 to 47; 0: none
+  std::uint32_t body = 0;    // field number of the body, 16 to 47; 0: no body
   std::string fault;         // empty if the envelope is sound; otherwise the other members hold what precedes the fault
 };
 

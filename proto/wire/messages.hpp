@@ -310,7 +310,7 @@ struct RolledBack {
 struct Marked {
   static constexpr BodyRow kBody = {24, "marked"};
   std::uint64_t state_version = 0;
-  std::vector<std::string> names;  // oldest first
+  std::vector<std::string> names;  // names of the marks that the session keeps, oldest first
 
   static void fields(auto&& v, auto& m) {
     v(1, "state_version", m.state_version);

@@ -18,7 +18,8 @@ namespace shearbus::wire {
 inline void begin_program() {
   std::signal(SIGXFSZ, SIG_IGN);
   for (int stream = STDIN_FILENO; stream <= STDERR_FILENO; ++stream)
-    if (::fcntl(stream, F_GETFD) < 0) static_cast<void>(::open("/dev/null", O_RDWR));  // gets the lowest free number
+    // open() takes the lowest free number, which is that of the closed stream.
+    if (::fcntl(stream, F_GETFD) < 0) static_cast<void>(::open("/dev/null", O_RDWR));
 }
 
 // Prints a line to standard error. A failure to print is ignored.

@@ -77,7 +77,7 @@ class HistoryReader {
   const std::vector<double>& times_s() const;  // end of each step; checked to increase strictly
   // length of each step: /dt [T] if present (checked against /time), otherwise the differences of /time
   const std::vector<double>& dt_s() const;
-  const std::vector<std::uint64_t>& node_ids() const;  // checked to be unique
+  const std::vector<std::uint64_t>& node_ids() const;  // ids of the nodes, checked to be unique
   bool has(std::string_view name) const;
   std::vector<double> per_node(std::string_view name) const;  // one value per node, all checked to be finite
   void row(std::string_view name, std::size_t step, std::span<double> values);  // values checked to be finite

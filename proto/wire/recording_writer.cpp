@@ -41,7 +41,7 @@ struct HistoryWriter::Impl {
     bool bytes = false;
     Type type;  // number type of the dataset in the file
     Dataset dataset;
-    std::vector<double> numbers;  // buffered rows of a float64 dataset; those of bytes are in `codes`
+    std::vector<double> numbers;  // buffered rows of a float64 dataset; rows of a byte dataset are in `codes`
     std::vector<std::uint8_t> codes;
     bool set = false;  // true if the current row already has its values
   };
