@@ -30,8 +30,8 @@ struct ConeTarget {
 // Reads the problem `cone_target` of a scene. Throws wire::Error{kInvalidScene} that names the field at fault.
 ConeTarget make_cone_target(const guest::HydroScene& scene);
 
-// Makes mesh, materials, walls and slide lines. The interface law acts on the cone's flank; the flyer's faces slip
-// freely.
+// Makes the three bodies of the problem: mesh, materials, walls and slide lines. The interface law acts on the cone's
+// flank; cone and confinement slip freely along the flyer.
 lagrange::Bodies make_bodies(const ConeTarget& problem);
 
 // Makes the two-dimensional problem of a cone target, with its bodies and histories, ready to run.

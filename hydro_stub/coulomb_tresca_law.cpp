@@ -24,10 +24,10 @@ void CoulombTrescaLaw::advance(const InterfaceInputs& inputs, InterfaceAnswer& a
   spent_ += std::chrono::steady_clock::now() - start;
 }
 
-// Solves a node's step in magnitudes along the direction in which the interface would slip without friction. The
-// friction coefficient depends on the mean jump of the step, as the friction power does. The jump at the end of the
-// step decides whether the node sticks, so that a jump which friction has stopped stays 0. The yield strength is that
-// of the soft zone at the start of the step.
+// Solves the step of a node in magnitudes, along the direction in which the interface would slip without friction. The
+// friction coefficient is that at the mean velocity jump of the step, as the friction power uses this mean. A node
+// sticks if the stress that makes the jump at the end of the step 0 is within the limit; this jump is then set to
+// exactly 0. The yield strength is that of the soft zone at the start of the step.
 void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i, InterfaceAnswer& answer) {
   const FreeJump free = free_jump(inputs, i);
   const double pressure = inputs.pressure[i];

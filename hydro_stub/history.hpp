@@ -1,5 +1,5 @@
-// Writes history.h5 of a run: the answers of the interface law and the inputs it was given, so that shearbus-replay can
-// repeat the run. proto/wire/recording.md describes the layout.
+// Writes history.h5 of a run: the inputs and the answers of the interface law in each step, so that shearbus-replay can
+// repeat the run. proto/wire/recording.md describes the layout of the file.
 #pragma once
 
 #include <filesystem>
@@ -13,7 +13,8 @@ namespace shearbus::hydro {
 
 class History {
  public:
-  // Opens the file. `scene` is the scene with all constants filled in, as TOML, `law` the name of the interface law.
+  // Opens the file. `scene` is the TOML text of the scene with all constants filled in; `law` is the name of the
+  // interface law.
   History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
           const std::string& scene, const std::string& law);
 
@@ -24,7 +25,7 @@ class History {
   wire::HistoryWriter writer_;
 };
 
-// Node ids of the columns in sessions and histories: 0, 1, 2, ...
+// Returns the node ids of the columns in sessions and histories: 0, 1, 2, ...
 std::vector<std::uint64_t> node_ids(std::size_t columns);
 
 }  // namespace shearbus::hydro

@@ -1,5 +1,5 @@
-// Rows of a history, kept in memory until the run ends. A restart dump stores them, so that a continued run writes the
-// same file as a run that was never stopped.
+// Keeps the rows of a history in memory until the run ends. A restart dump stores the rows, so that a continued run
+// writes the same file as a run that was never stopped.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ class HistoryRows {
  public:
   HistoryRows(std::vector<wire::Quantity> quantities, std::size_t nodes);
 
-  void begin_row(double time);  // [s]
+  void begin_row(double time);  // `time`: time of the row  [s]
   template <typename Values>    // Values: a range of doubles or of regimes
   void set(std::size_t quantity, const Values& values) {
     values_[quantity].insert(values_[quantity].end(), values.begin(), values.end());
@@ -32,7 +32,8 @@ class HistoryRows {
   std::vector<wire::Quantity> quantities_;
   std::size_t nodes_;
   std::vector<double> times_;
-  std::vector<std::vector<double>> values_;  // for each quantity its rows in turn; a row has one value per node
+  // all rows of each quantity one after the other; a row has one value per node
+  std::vector<std::vector<double>> values_;
 };
 
 }  // namespace shearbus::hydro

@@ -12,7 +12,7 @@
 
 namespace shearbus::hydro {
 
-// Histories of the interface nodes, and the totals over nodes and steps that the summary prints.
+// The history of the interface nodes, and the totals over nodes and steps that the summary prints.
 class InterfaceHistory {
  public:
   explicit InterfaceHistory(std::size_t nodes);
@@ -25,7 +25,7 @@ class InterfaceHistory {
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
 
   std::size_t nodes() const { return slip_.size(); }
-  double share(wire::Regime regime) const;  // share of all node-steps so far that are in this regime
+  double share(wire::Regime regime) const;  // share of all node-steps so far that were in this regime
   const wire::EnergyTotals& energy() const { return energy_; }
   double hottest() const { return peaks_[kTemperature]; }
   double highest_pressure() const { return peaks_[kPressure]; }
@@ -36,13 +36,14 @@ class InterfaceHistory {
   enum Peak : std::size_t { kTemperature, kPressure };
 
   HistoryRows rows_;
-  std::vector<double> slip_;         // of each node: integral of |[v]| dt while the contact is closed  [m]
+  // slip distance of each node: integral of |sliding velocity| dt while the contact is closed  [m]
+  std::vector<double> slip_;
   std::array<double, 5> regimes_{};  // number of node-steps in each regime
   std::array<double, 2> peaks_{};    // largest temperature [K] and pressure [Pa] so far
   wire::EnergyTotals energy_;
 };
 
-// Histories of the nodes of a free surface, in the order along the surface.
+// The history of the nodes of a free surface, in their order along the surface.
 class SurfaceHistory {
  public:
   explicit SurfaceHistory(std::vector<int> nodes);

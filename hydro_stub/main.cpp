@@ -1,4 +1,4 @@
-// shearbus-hydro: makes problem and interface law of a scene, runs it and writes the results.
+// shearbus-hydro: reads a scene, makes its problem and interface law, runs the problem and writes the results.
 #include <fmt/format.h>
 
 #include <cctype>
@@ -48,8 +48,8 @@ guest::HydroScene effective_scene(guest::HydroScene scene) {
   return scene;
 }
 
-// Makes the interface law of a two-dimensional problem. A problem without nodes that slide under a law gets free slip,
-// and no session is opened.
+// Makes the interface law of a two-dimensional problem. If no node of the problem slides under a law, the result is
+// free slip, and no session is opened.
 std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d& problem, const SubgridServer& server,
                                           const std::string& kept) {
   const std::vector<double> temperature(interface_nodes(problem.bodies),

@@ -14,8 +14,8 @@ struct Metal {
   physics::Material strength;
 };
 
-// Makes the metal of a body, whose table in the scene is [table]. The equation of state has the constants that `other`
-// gives; all others are those of the body's material. Throws if constants are missing.
+// Makes the metal of a body, whose table in the scene is [table]. A constant of the equation of state is the value in
+// `other` if there is one, otherwise the value of the body's material. Throws wire::Error if both are missing.
 Metal make_metal(const v1::Body& body, const std::string& table, const guest::MieGrueneisen& other = {});
 
 inline lagrange::BodyMaterial body_material(const Metal& metal) {

@@ -12,10 +12,10 @@
 namespace shearbus::hydro {
 
 struct Options {
-  std::filesystem::path scene;                       // scene to run; empty if `restart` is given
-  std::filesystem::path restart;                     // directory of a run to continue; empty if `scene` is given
-  std::filesystem::path out;                         // for the results; empty: out/<scene name>-<interface law>
-  wire::ServerAddress server;                        // subgrid server; without an endpoint it runs in this process
+  std::filesystem::path scene;    // scene to run; empty if `restart` is given
+  std::filesystem::path restart;  // directory of a run to continue; empty if `scene` is given
+  std::filesystem::path out;      // directory for the results; empty: out/<scene name>-<interface law>
+  wire::ServerAddress server;     // subgrid server; without an endpoint it runs in this process
   std::optional<guest::InterfaceLaw> interface_law;  // if set, replaces the interface law of the scene
   DumpSchedule dumps;
   bool overlap = true;
@@ -25,8 +25,8 @@ struct Options {
   bool progress = true;
 };
 
-// Returns the options, or an exit code after --help or a faulty command line. Throws std::runtime_error for encryption
-// key files that cannot be used.
+// The result of parse_command_line(): the options, or an exit code after --help or a faulty command line.
+// parse_command_line() throws std::runtime_error for encryption key files that cannot be used.
 struct CommandLine {
   Options options;
   std::optional<int> exit_code;

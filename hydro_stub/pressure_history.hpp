@@ -5,7 +5,7 @@
 
 namespace shearbus::hydro {
 
-// Pressure on the interface: constant in each column, or a table in time for all of them.
+// Pressure on the interface: either one constant value per column, or one table over time that holds for all columns.
 class PressureHistory {
  public:
   PressureHistory() = default;
@@ -17,7 +17,7 @@ class PressureHistory {
 
  private:
   std::vector<double> times_;   // times of the table  [s]; empty if values_ holds one value per column
-  std::vector<double> values_;  // pressures at times_; without a table one per column  [Pa]
+  std::vector<double> values_;  // pressures at times_; without a table, one pressure per column  [Pa]
 };
 
 }  // namespace shearbus::hydro

@@ -53,8 +53,9 @@ Columns columns_of(const guest::ShearColumn& column, double layer_temperature) {
   Columns columns;
   columns.count = combined ? jumps.size() * temperatures.size() * pressures.size()
                            : std::max({jumps.size(), temperatures.size(), pressures.size()});
-  // From column to column: of combined lists, one advances to its next value after all lists before it have run
-  // through; of paired lists, all with more than one value advance together.
+  // Combined lists give one column for each combination of their values: the first list advances from column to column,
+  // each later list only when all lists before it have run through. Paired lists advance together; a list of one value
+  // holds for all columns.
   std::size_t stride = 1;
   const auto spread = [&](const std::vector<double>& values_of_list) {
     std::vector<double> values(columns.count);
@@ -94,8 +95,9 @@ void choose_steps(const guest::Hydro& hydro, ColumnProblem& problem) {
                     problem.dt, limit, hydro.cfl(), transit),
         "lower dt_s, or leave it out: it then follows from cfl");
   }
-  // Velocities are defined at t = (k - 1/2) dt; the run ends at the first such time at or after the end time. The
-  // tolerance avoids one more step where the ratio is a whole number except for rounding.
+  // Velocities are defined at the times (k - 1/2) dt, k = 1, 2, ...; the run ends at the first of these times at or
+  // after the end time. The tolerance 1e-9 avoids one more step where rounding lifts the ratio just above a whole
+  // number.
   const double exact = hydro.end_time_s() / problem.dt + 0.5;
   const double steps = std::max(1.0, std::ceil(exact - 1e-9));
   constexpr double kMostSteps = 1e9;

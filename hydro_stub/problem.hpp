@@ -21,10 +21,12 @@ struct ColumnProblem {
   physics::Material hard_material;
   BodyMesh soft;
   BodyMesh hard;
-  double dt = 0.0;          // step length  [s]
-  std::string dt_reason;    // the condition that limits dt
-  std::uint64_t steps = 0;  // number of steps; the first is half a step, from t = 0 to the velocities' time dt/2
-  std::vector<double> initial_jump;         // V0 of each column; the hard body starts at rest  [m/s]
+  double dt = 0.0;        // step length  [s]
+  std::string dt_reason;  // the condition that limits dt
+  // number of steps; the first has half the length, from t = 0 to dt/2, the first time of the velocities
+  std::uint64_t steps = 0;
+  // initial velocity of the soft body, per column; the hard body starts at rest  [m/s]
+  std::vector<double> initial_jump;
   std::vector<double> initial_temperature;  // initial temperature of each column  [K]
   PressureHistory pressure;
 };

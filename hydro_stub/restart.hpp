@@ -1,6 +1,7 @@
-// Restart dumps of a run in RUN/restart: the newest two files dump-STEPS.h5, since the subgrid service keeps two marks.
-// A dump holds the arrays of the run, the scene, the server's address and the saved state of the interface law. The law
-// saves its state before the dump is written, so every dump can be continued.
+// Restart dumps of a run: the newest two files RUN/restart/dump-STEPS.h5 are kept, as the subgrid service keeps the
+// newest two saved states (marks) of a session. A dump holds the arrays of the run, the scene, the server's address and
+// the saved state of the interface law. The law saves its state before the dump is written, so that a complete dump
+// never refers to a state that was not saved.
 #pragma once
 
 #include <chrono>
@@ -28,13 +29,13 @@ class Interrupted : public std::runtime_error {
 };
 
 std::filesystem::path restart_directory(const std::filesystem::path& run);
-// State directory of an embedded server, next to the dumps. Created if missing.
+// Returns the state directory of an embedded server, next to the dumps; creates the directory if it is missing.
 std::filesystem::path server_directory(const std::filesystem::path& run);
 
 // Returns the newest complete dump of a run; reports damaged dumps on stderr. Throws wire::Error if there is none.
 wire::DumpReader newest_dump(const std::filesystem::path& run);
 
-// Prepares the directory of a new run for its dumps. Throws wire::Error if they would overwrite those of another run.
+// Prepares the directory of a new run for its dumps. Throws wire::Error if dumps of a stopped run are there.
 void make_room_for_dumps(const std::filesystem::path& run);
 
 class RestartDumps {

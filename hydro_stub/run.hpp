@@ -14,14 +14,14 @@
 
 namespace shearbus::hydro {
 
-// Makes the scene's law for nodes with these initial temperatures, or restores it from `kept` (InterfaceLaw::keep).
-// Prints the server's warnings to stderr. Throws wire::Error.
+// Makes the interface law of the scene, for nodes with these initial temperatures, or restores it from `kept`, the text
+// that InterfaceLaw::keep() returned. Prints the server's warnings to stderr. Throws wire::Error.
 std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
                                        const SubgridServer& server, const std::string& kept = {});
 
 // Runs the problem, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
-// std::exception; then no file has the name of a complete result.
+// std::exception; if a step fails, no file has the name of a complete result.
 void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
          const std::filesystem::path& out, bool progress);
 

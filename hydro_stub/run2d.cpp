@@ -143,7 +143,7 @@ class Run {
   void dump() {
     dumps_.write(cycle_.steps(), [&](const std::string& name, wire::DumpWriter& to) {
       to.text("kept", law_.keep(name));
-      to.text("scene", scene::to_toml(file_.scene));  // with the interface law that the command line chose
+      to.text("scene", scene::to_toml(file_.scene));  // `scene` names the interface law that the command line chose
       to.text("server", options_.server);
       const lagrange::Memory memory = cycle_.memory();
       for (const auto& [what, values] : memory.numbers) to.numbers(std::string("cycle/") + what, values);
@@ -229,8 +229,8 @@ std::size_t interface_nodes(const lagrange::Bodies& bodies) {
 
 void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const wire::DumpReader* from) {
-  // OpenMP's threads wait by spinning, which on a shared machine costs more than they gain. Without OMP_NUM_THREADS the
-  // run therefore uses one thread.
+  // The threads of OpenMP wait by spinning, which on a shared machine costs more than the threads gain. Without
+  // OMP_NUM_THREADS the run therefore uses one thread.
   if (std::getenv("OMP_NUM_THREADS") == nullptr) omp_set_num_threads(1);
   std::filesystem::create_directories(options.out);
   wire::stop_at_next_step();

@@ -20,9 +20,9 @@ struct RunOptions {
 };
 
 // Writes interface.h5 (histories of the interface nodes), free_surface.h5, fields.xmf with its directory, and
-// summary.json to `options.out`, and prints the summary. `effective` is the scene with all constants filled in. With
-// `from` the run continues from that dump. Throws Interrupted after SIGINT or SIGTERM, wire::Error or std::exception;
-// then neither histories nor a summary are written.
+// summary.json to `options.out`, and prints the summary. `effective` is the scene with all constants filled in. If
+// `from` is not null, the run continues from that dump. Throws Interrupted after SIGINT or SIGTERM, otherwise
+// wire::Error or std::exception; a run that does not reach its end writes neither histories nor a summary.
 void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const wire::DumpReader* from);
 

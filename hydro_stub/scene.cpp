@@ -46,8 +46,8 @@ class CrossChecks {
       add("hydro.interface_law", "interface_law constant needs hydro.constant_shear_stress_pa, which is missing");
   }
 
-  // Paired lists hold one value for all columns or one per column; the pressures may instead be one per time in
-  // pressure_time_s.
+  // Checks the lengths of the lists. A paired list holds one value for all columns or one value per column; pressure_pa
+  // may instead hold one value for each time in pressure_time_s.
   void shear_column() {
     const guest::ShearColumn& column = scene_.hydro().shear_column();
     const int jumps = column.velocity_jump_m_per_s_size();
@@ -89,7 +89,7 @@ class CrossChecks {
 
   void combinations(std::size_t jumps, int temperatures, std::size_t pressures) {
     const std::size_t columns =
-        // each of the three factors is at most 2e5, so that their product does not overflow
+        // each of the three factors is at most 2e5 (kMaxNodesPerSession), so that the product does not overflow
         jumps * std::max<std::size_t>(1, temperatures) * pressures;
     if (columns > wire::kMaxNodesPerSession)
       add(kColumn + "lists", fmt::format("{}lists combine to {} columns, expected at most {}", kColumn, columns,

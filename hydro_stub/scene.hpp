@@ -14,7 +14,8 @@ struct SceneFile {
   std::string text;
   scene::Document document;
 
-  // Returns the text for the server: without [hydro], with every other key on its original line for messages.
+  // Returns the text for the server, without [hydro]. Every other key stays on its original line, as messages name
+  // lines.
   std::string server_text() const;
 };
 

@@ -13,12 +13,12 @@ void accelerate_free_end(ShearBody& body, double dt) {
   for (std::size_t i = 0; i < body.mesh.columns; ++i) end[i] -= scale * inner[i];
 }
 
-// Advances the outer node of a transmitting end, which stands for an infinite body behind it: in an outgoing wave the
+// Advances the outer node of a transmitting end, which stands for an infinite body behind it. In an outgoing wave the
 // stress is
 //     tau = -Z (V - V_far)
-// with the impedance Z, evaluated at the middle of the step, the time level of the stress. With dt equal to the transit
-// time of a zone every wave passes unchanged. With a smaller Courant number C a wave of frequency w and wave number k
-// is reflected by
+// where Z is the impedance and V_far the velocity of the undisturbed body. The relation is evaluated at the middle of
+// the step, the time level of the stress. With dt equal to the transit time of a zone every wave passes unchanged. With
+// a smaller Courant number C a wave of frequency w and wave number k is reflected, in a mesh of zone width dz, by
 //     (cos(k dz/2) - cos(w dt/2)) / (cos(k dz/2) + cos(w dt/2)),   sin(w dt/2) = C sin(k dz/2),
 // that is, by about (w dt)^2 (1 - 1/C^2) / 16.
 void accelerate_transmitting_end(ShearBody& body, double dt) {

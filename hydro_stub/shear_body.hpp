@@ -50,14 +50,15 @@ struct ShearBody {
   std::vector<double> far_work;      // work of the far end on the body since the start  [J/m2]
 };
 
-// Advances the velocities of all nodes except the interface node by dt, with the stresses of level n.
+// Advances the velocities of all nodes except the interface node by dt, with the stresses at time level n.
 void accelerate(ShearBody& body, double dt);
 
-// Advances the velocity of the interface node, whose mass is half a zone's. The first zone's stress tau pulls the node
-// outward, away from the interface; `traction`, in the sign of tau, pulls it the other way.
+// Advances the velocity of the interface node, whose mass is half the mass of a zone. A positive stress tau of the
+// first zone pulls the node outward, away from the interface; a positive `traction` pulls the node toward the other
+// body.
 void accelerate_interface(ShearBody& body, double dt, std::span<const double> traction);
 
-// Advances the stresses from n to n+1 with the velocities of n+1/2. The bulk is elastic.
+// Advances the stresses from time level n to n+1 with the velocities at n+1/2. The body is elastic.
 void strain(ShearBody& body, double dt);
 
 // Returns the momentum of one column  [Pa s].

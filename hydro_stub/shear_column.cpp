@@ -27,7 +27,7 @@ ShearColumn::ShearColumn(const ColumnProblem& problem)
 
 // Advances by one step. The run starts at t = 0 with velocities and stresses at the same time; the first half step
 // brings the velocities to dt/2, and from there on velocities and stresses alternate:
-//     velocities   0 -> 1/2 -> 3/2 -> ...  dt        stresses   0 -> 1 -> 2 -> ...  dt
+//     times of the velocities: 0, 1/2 dt, 3/2 dt, ...       times of the stresses: 0, dt, 2 dt, ...
 // With this half step, and dt equal to the transit time of a zone, a constant friction stress gives the exact jump of
 // two half-spaces from the start; with a full first step the jump would alternate about the exact value.
 void ShearColumn::advance(InterfaceLaw& law) {
@@ -37,12 +37,12 @@ void ShearColumn::advance(InterfaceLaw& law) {
       energy_start_[i] = energy(soft_, i, 0.0) + energy(hard_, i, 0.0);
     }
   }
-  //   1. inputs of the interface law: stresses of the zones next to it, velocity jump, pressure          DLP (58)-(60)
+  //   1. inputs of the interface law: zone stresses next to the interface, velocity jump, pressure       DLP (58)-(60)
   gather_inputs();
   //   2. interface law: shear stress of the step and the new jump                                        DLP (61)
   law.advance(inputs_, answer_);
   check_answer();
-  //   3. momentum: first all nodes except those of the interface, then its two sides, with equal and opposite tractions
+  //   3. momentum: first all nodes except the interface nodes of the two bodies, then these, with opposite tractions
   accelerate(soft_, inputs_.dt);
   accelerate(hard_, inputs_.dt);
   apply_answer();
@@ -66,7 +66,8 @@ void ShearColumn::gather_inputs() {
   }
 }
 
-// Refuses answers of the interface law that are not finite, which would otherwise be noticed only some steps later.
+// Refuses answers of the interface law that are not finite or have an unknown regime. Without this check the fault
+// would be noticed only some steps later.
 void ShearColumn::check_answer() const {
   constexpr auto kLastRegime = static_cast<std::uint8_t>(wire::Regime::kMelting);
   for (std::size_t i = 0; i < answer_.shear_stress.size(); ++i) {
@@ -97,8 +98,8 @@ void ShearColumn::apply_answer() {
   double* soft_velocity = soft_.velocity_at(0);
   double* hard_velocity = hard_.velocity_at(0);
   for (std::size_t i = 0; i < s.size(); ++i) {
-    // Bodies that stick get the same velocity to the last bit: each by its own momentum equation, they would keep a
-    // jump of rounding errors.
+    // Bodies that stick get the same velocity to the last bit. Two separate momentum equations would leave a jump of
+    // the size of rounding errors.
     if (answer_.velocity_jump_new[i] == 0.0) {
       const double common = (mass_soft * soft_velocity[i] + mass_hard * hard_velocity[i]) / (mass_soft + mass_hard);
       soft_velocity[i] = common;

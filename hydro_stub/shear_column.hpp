@@ -24,7 +24,7 @@ class ShearColumn {
 
   const ShearBody& soft() const { return soft_; }
   const ShearBody& hard() const { return hard_; }
-  // Gives access to the velocities before the first step, for problems with another initial state than a uniform jump.
+  // Gives access to the velocities before the first step, for problems whose initial state is not a uniform jump.
   ShearBody& soft() { return soft_; }
   ShearBody& hard() { return hard_; }
 
@@ -34,7 +34,7 @@ class ShearColumn {
     double impulse_of_far_ends;           // impulse of the far ends on the bodies  [Pa s]
     double energy_start, energy_end;      // kinetic plus elastic energy  [J/m2]
     double friction_work;                 // work of the bodies against friction, summed over the steps  [J/m2]
-    double work_of_far_ends;              // work on the bodies; negative if waves leave  [J/m2]
+    double work_of_far_ends;              // work of the far ends on the bodies; negative where waves leave  [J/m2]
     double momentum_residual() const { return momentum_end - momentum_start - impulse_of_far_ends; }
     double energy_residual() const { return energy_end - energy_start + friction_work - work_of_far_ends; }
   };

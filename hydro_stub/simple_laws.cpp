@@ -6,8 +6,8 @@
 namespace shearbus::hydro {
 namespace {
 
-// Without friction nothing heats the interface: its temperature is that of the zone, or 300 K if the host gives no zone
-// temperature.
+// The laws of this file compute no interface temperature: they answer the temperature of the soft zone, or 300 K if the
+// host gives no zone temperatures.
 constexpr double kRoomTemperature = 300.0;
 
 void answer_without_heat(const InterfaceInputs& inputs, std::size_t i, double stress, InterfaceAnswer& answer) {

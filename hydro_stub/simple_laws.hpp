@@ -11,14 +11,14 @@ class FreeSlipLaw : public InterfaceLaw {
   LawTime time_spent() const override { return {}; }
 };
 
-// Stick wherever the pressure is positive.
+// Sticks wherever the pressure is positive.
 class StickLaw : public InterfaceLaw {
  public:
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
   LawTime time_spent() const override { return {}; }
 };
 
-// |s| = limit while the interface slips and |s| <= limit while it sticks, at any positive pressure.
+// |s| = limit while the interface slips and |s| <= limit while it sticks, whatever the pressure.
 class ConstantFrictionLaw : public InterfaceLaw {
  public:
   explicit ConstantFrictionLaw(double limit) : limit_(limit) {}  // [Pa]

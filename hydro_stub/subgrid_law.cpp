@@ -38,7 +38,8 @@ std::optional<server::Embedded> embed(const SubgridServer& server) {
   return std::optional<server::Embedded>(std::in_place, options);
 }
 
-// Adds the time from its construction to its destruction, spent on the host's thread, to the law's LawTime.
+// Adds the time from the construction to the destruction of this object to LawTime::waited, and the CPU time that the
+// host's thread used in between to LawTime::cpu.
 class Stopwatch {
  public:
   explicit Stopwatch(LawTime& time) : time_(time) {}
@@ -65,8 +66,8 @@ std::string hex(const std::array<std::uint8_t, kSize>& bytes) {
   return fmt::format("{:02x}", fmt::join(bytes, ""));
 }
 
-// The saved state of the law. As text it is one line, MARK SESSION TOKEN: the name of the mark in the server, then the
-// session id and the resume token, both in hexadecimal.
+// The saved state of the law. As text it is one line, MARK SESSION TOKEN: the name of the saved state (mark) in the
+// server, then the session id and the resume token, both in hexadecimal.
 struct Kept {
   std::string mark;
   Session::Ticket ticket;
@@ -121,12 +122,13 @@ struct SubgridLaw::Impl {
   std::optional<server::Embedded> embedded;
   Client client;
   Session session;
-  bool wants_soft_plastic_strain_rate;  // the session accepts this optional column, and `request` does not have it yet
-  Batch request;                        // columns that are sent in each step
+  // true: the session accepts this optional column, but `request` does not yet have it
+  bool wants_soft_plastic_strain_rate;
+  Batch request;  // columns that are sent in each step
   std::string server;
   bool outlives_process;
   LawTime time;
-  const InterfaceInputs* asked = nullptr;  // inputs of the step that was sent last
+  const InterfaceInputs* asked = nullptr;  // inputs of the step that was last sent
   InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
   bool kept = false;
@@ -143,8 +145,8 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
         return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
       })) {}
 
-// Restores the saved state of the layers and marks it again: it is then the newest of the two marks that the server
-// keeps, so that the next mark does not replace it.
+// Restores the layers from the mark, the saved state in the server, and sets the same mark again. The server keeps the
+// newest two marks; set again, this mark is the newest, and the next mark does not replace it.
 SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
   impl_ = std::make_unique<Impl>(server, [&](Client& client) { return client.resume(point.ticket); });

@@ -1,4 +1,4 @@
-// The interface law that asks the subgrid service. Of the hydrocode only subgrid_law.hpp and .cpp include the client.
+// The interface law that asks the subgrid service. Of the hydrocode only subgrid_law.cpp includes the client library.
 // Without an endpoint the server runs in this process.
 #pragma once
 
@@ -19,8 +19,8 @@ namespace shearbus::hydro {
 struct SubgridServer {
   wire::ServerAddress address;      // without an endpoint the server runs in this process
   std::filesystem::path state_dir;  // state directory of a server in this process; empty: none
-  // Compares the host's jumps with the answers. In two dimensions the interface turns, and neighbouring nodes share
-  // momentum, so the jump has other changes too.
+  // true: the client compares the velocity jumps that the host sends with the jumps of the answers. Two-dimensional
+  // runs switch this off: there the jump also changes as the interface turns and as neighbouring nodes share momentum.
   bool check_closure = true;
 };
 
@@ -30,7 +30,8 @@ struct SceneText {
   std::string file;  // file name of the text, for messages
 };
 
-// Describes the cost of the scene's parts, measured on this machine.
+// Returns a text on the parts of the subgrid model that the scene switches on, with their cost measured on this
+// machine.
 std::string explain(const SceneText& scene, std::size_t nodes);
 
 class SubgridLaw : public InterfaceLaw {
@@ -42,7 +43,7 @@ class SubgridLaw : public InterfaceLaw {
   SubgridLaw(const std::string& kept, const SubgridServer& server);
   ~SubgridLaw() override;  // a session that has a saved state and was not closed stays open
 
-  // A step stays a trial until the next advance(), which commits it in the same round trip, or until close().
+  // A step stays a trial until the next advance(), which commits it in the same round trip, or until keep() or close().
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
   void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;  // sends the request
   void finish() override;                                                       // waits for the answer

@@ -1,4 +1,4 @@
-// The summary of a one-dimensional run: collected in each step, printed at the end and written as summary.json.
+// The summary of a one-dimensional run. It is collected in each step, printed at the end and written as summary.json.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ namespace shearbus::hydro {
 struct RunTime {
   std::chrono::nanoseconds total{0};
   std::chrono::nanoseconds solver{0};  // time in the solver of the interface law
-  std::chrono::nanoseconds bus{0};     // round trips to the server, less the time in its solver
+  std::chrono::nanoseconds bus{0};     // round trips to the server, less the time in the server's solver
   std::chrono::nanoseconds output{0};  // time spent writing histories
   std::chrono::nanoseconds hydro() const { return total - solver - bus - output; }
 };
@@ -28,7 +28,8 @@ class Summary {
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
-  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }  // only known after InterfaceLaw::close()
+  // the cost is known only after InterfaceLaw::close()
+  void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }
 
   std::string text() const;
   std::string json() const;
@@ -54,19 +55,22 @@ class Summary {
   double melting_threshold(double pressure) const;  // [K]
 
   physics::Material soft_;
-  double heat_share_;  // share of the friction heat that enters the soft body, beta_T
+  double heat_share_;  // share of the friction heat that enters the soft body
   Peak peak_;
-  std::vector<double> melting_time_;  // per node: first time with T0 above melting_threshold(); negative: none  [s]
-  std::vector<double> slip_;          // slip of each node since the start, the integral of |[v]| dt  [m]
+  // first time at which the interface temperature of each node reached melting_threshold(); negative: not reached  [s]
+  std::vector<double> melting_time_;
+  std::vector<double> slip_;  // slip distance of each node, the integral of |sliding velocity| dt  [m]
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // friction heat that entered the soft bodies, sum over nodes  [J/m2]
   wire::EnergyTotals energy_;
   OmittedCost omitted_;
   std::uint64_t flagged_ = 0;
 
-  double friction_work_ = 0.0;      // work against friction, sum over nodes  [J/m2]
-  double momentum_residual_ = 0.0;  // residual of the momentum balance, largest of all nodes, relative to its terms
-  double energy_residual_ = 0.0;    // residual of the energy balance, largest of all nodes, relative to its terms
+  double friction_work_ = 0.0;  // work against friction, sum over nodes  [J/m2]
+  // largest residual of a node's momentum balance, relative to the magnitudes in the balance
+  double momentum_residual_ = 0.0;
+  // largest residual of a node's energy balance, relative to the magnitudes in the balance
+  double energy_residual_ = 0.0;
   RunTime time_;
 };
 

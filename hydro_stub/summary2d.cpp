@@ -19,8 +19,9 @@ struct Residuals {
   double energy, momentum;
 };
 
-// Residuals of the balances of energy and momentum since the start, each relative to the sum of the magnitudes in its
-// balance. In axisymmetry only the axial component of momentum is conserved as a sum.
+// Residuals of the balances of energy and momentum since the start. The energy residual is relative to the total
+// energy, the momentum residual to sqrt(2 mass energy) plus the sum of |pressure| volume / sound speed. In axisymmetry
+// only the axial component of momentum is conserved as a sum.
 Residuals residuals(const lagrange::Cycle& cycle, const Ledger& start) {
   const Ledger end = cycle.ledger();
   const lagrange::State& state = cycle.state();

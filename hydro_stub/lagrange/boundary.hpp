@@ -1,4 +1,4 @@
-// Boundary conditions of the bodies: walls with a given normal velocity, and given pressures.
+// Boundary conditions of the bodies: walls with a given normal velocity, and pressure loads.
 #pragma once
 
 #include <vector>
@@ -43,7 +43,8 @@ class Guides {
 
  private:
   struct Normals {
-    Vec2 first, second;  // unit normals of the node's walls; zero: no wall
+    // unit normals of the one or two walls that the node lies on; a zero vector stands for no wall
+    Vec2 first, second;
   };
   std::vector<Normals> normals_;
 };

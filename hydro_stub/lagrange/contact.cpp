@@ -10,7 +10,8 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Smallest covered share of a node's area for which the law is asked: a stress over a smaller area is not meaningful.
+// Smallest share of a node's area that the other body must cover for the law to be asked: a stress over a smaller area
+// is not meaningful.
 constexpr double kLeastCovered = 0.05;
 // A node under a smaller pressure counts as open: pressures below 1e4 Pa come from rounding or from the foot of a
 // smeared shock.
@@ -110,8 +111,9 @@ void Contact::press(const Guides& guides, const State& state, double dt, std::ve
   }
 }
 
-// The inverse mass 1/m_hard at a node is computed as if all interface nodes had the same shear stress: their
-// compliances add up. The true coupling of neighbours is never stronger, so sticking converges without oscillation.
+// The inverse mass 1/m_hard at a node is computed as if all interface nodes had the same shear stress: the compliances
+// that all of them give the hard nodes add up. The true coupling of neighbouring nodes is never stronger, so sticking
+// converges without oscillation.
 void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                       const std::vector<Vec2>& velocity) {
   const int size = weights_.rubbing();
@@ -126,7 +128,8 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   find_plastic_rates(state);
   for (int i = 0; i < size; ++i) {
     inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_soft[i] = inputs_.stress_hard[i] = 0.0;
-    // Nodes that the hard surface hardly covers keep these masses. At their pressure of 0 nothing depends on the value.
+    // Nodes that the hard surface hardly covers keep unit masses. Such nodes have pressure 0, where nothing depends on
+    // the masses.
     inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;
     for (const int zone : weights_.zones_at(i)) {
       inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];

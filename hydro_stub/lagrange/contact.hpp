@@ -1,14 +1,14 @@
 // Contact and friction of bodies on slide lines: impulses on the nodes of both surfaces.
 //
-//   1. normal: pressures p_i >= 0 such that no closed gap goes on closing and no pressure acts across an opening gap (a
-//      linear complementarity problem, solved by projected Gauss-Seidel)
+//   1. normal: pressures p_i >= 0 such that no closed gap goes on closing and no pressure acts across an opening gap
+//      (a linear complementarity problem, solved by projected Gauss-Seidel)
 //   2. tangential: far-field stresses, masses and the jump of DLP (58)-(61) at every interface node; the interface law
 //      answers a shear stress
 //   3. normal again, with the shear impulses known
 //
-// All impulses are equal and opposite between the bodies, to rounding. The work that a node's impulses take from the
-// motion heats the adjoining zones: friction heats the two bodies in proportion to their effusivities (DLP 19), and the
-// kinetic energy lost when a gap closes is divided equally.
+// All impulses are equal and opposite between the bodies, to rounding. The energy that the impulses of a node take from
+// the motion heats the adjoining zones: friction heats the two bodies in proportion to their effusivities (DLP 19), and
+// the kinetic energy lost when a gap closes is divided equally between them.
 #pragma once
 
 #include <array>
@@ -25,10 +25,10 @@ namespace shearbus::lagrange {
 struct ContactOptions {
   bool overlap = true;      // advance the zones away from the slide lines while the law runs; the results do not change
   double soft_share = 0.5;  // share of the friction heat that enters the soft body
-  // Shares of the gap that are corrected in one step, so that curved surfaces which slide along each other stay
-  // together (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
-  double push_out = 0.2;  // share of the gap corrected in a step where the bodies overlap
-  double approach = 0.5;  // share of the gap closed in a step where the bodies would touch within it
+  // Bounds on the change of a gap in one step, so that curved surfaces which slide along each other stay together
+  // (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
+  double push_out = 0.2;  // where the bodies overlap: share of the overlap that one step removes
+  double approach = 0.5;  // where the bodies are apart: largest share of the gap that one step may close
 };
 
 class Contact {
@@ -36,9 +36,9 @@ class Contact {
   Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes);
 
   // Adds the impulses of the step to `velocity_new`, which on entry holds the velocities after all other forces; only
-  // nodes on slide lines change. The work is split in two so that the interface law can run in between: of the steps at
-  // the top of this file, ask() does step 1 and sends the law the inputs of step 2, and answered() does the rest. If
-  // `law` is null, the surfaces slip freely.
+  // nodes on slide lines change. The work is split in two so that other work can be done while the interface law runs:
+  // of the steps at the top of this file, ask() does step 1 and sends the law the inputs of step 2, and answered() does
+  // the rest. If `law` is null, the surfaces slip freely.
   void ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
            std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new);
   void answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,
@@ -79,7 +79,7 @@ class Contact {
   hydro::InterfaceAnswer answer_;
   std::vector<double> pressing_;  // pressure impulse p_i dt of each interface node in the step  [Pa s]
   std::vector<Vec2> impulse_;
-  double plastic_time_ = 0.0;  // time at which the plastic strains in inputs_ were taken  [s]
+  double plastic_time_ = 0.0;  // time to which zone_plastic_strain in inputs_ belongs  [s]
   enum Cause : std::size_t { kFriction, kClosing };
   std::array<double, 2> heat_{};
 };

@@ -69,7 +69,7 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
   middle_density_ = state_.density;
   middle_pressure_ = state_.pressure;
   find_gradients();
-  find_forces();  // for the viscous rates, which limit the first step
+  find_forces();  // computes the viscous rates, which limit the first step
 }
 
 void Cycle::run_to(double end_time) {
@@ -96,7 +96,7 @@ void Cycle::advance(double end_time) {
 
 // The scheme of one step. Returns false, with the state unchanged, if the step is too long.
 bool Cycle::try_step(double dt) {
-  // 1. moves the nodes for half a step with the old velocities; positions, volumes and weights at mid-step
+  // 1. moves the nodes for half a step with the old velocities; finds positions, volumes and weights at mid-step
   if (!go_to_middle(dt)) return false;
   find_gradients();
   // 2. predicts the state at mid-step: density, energy (by the work of the old stresses), deviators, pressure
@@ -106,8 +106,8 @@ bool Cycle::try_step(double dt) {
   find_forces();
   // 4. advances the velocities by the momentum balance, constrained by the walls
   accelerate(dt);
-  // 5. lets the bodies press and rub on each other along the slide lines; while the interface law computes, the
-  //    deviators of the zones away from the slide lines are advanced
+  // 5. adds the impulses of contact and friction on the slide lines; while the interface law computes, the deviators of
+  //    the zones away from the slide lines are advanced
   contact_.ask(state_, middle_position_, guides_, dt, steps_ + 1, law_, velocity_new_);
   find_mean_velocities();
   advance_stress(dt, Reach::kInner);
@@ -117,8 +117,8 @@ bool Cycle::try_step(double dt) {
     if (law_ != nullptr) law_->take_back();
     return false;
   }
-  // 7. adds to the zones' energy the work of each force with the mean velocity and the heat of the slide lines; books
-  //    the work of walls and loads
+  // 7. adds to the energy of each zone the work of its forces with the mean velocities, and the heat of the
+  //    slide lines; adds the work of walls and loads to the ledger
   do_work(dt);
   contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
   book_boundaries(dt);
@@ -254,7 +254,7 @@ void Cycle::find_mean_velocities() {
 
 bool Cycle::go_to_end(double dt) {
   const int nodes = bodies_.mesh.num_nodes();
-  find_mean_velocities();  // again: the slide lines have changed velocity_new_
+  find_mean_velocities();  // for the second time in the step: the slide lines have changed velocity_new_
 #pragma omp parallel for schedule(static) if (nodes >= kFewestForThreads)
   for (int n = 0; n < nodes; ++n) position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
   measure_volumes(bodies_.mesh, position_new_, volume_new_);
@@ -279,7 +279,7 @@ void Cycle::do_work(double dt) {
   }
 }
 
-// The walls' impulse is the change of a node's momentum that zones, slide lines and loads do not explain.
+// The impulse of the walls on a node is the change of its momentum that zones, slide lines and loads do not explain.
 void Cycle::book_boundaries(double dt) {
   std::vector<Vec2> beyond(bodies_.walls.empty() ? 0 : bodies_.mesh.num_nodes());
   for (std::size_t n = 0; n < beyond.size(); ++n) {

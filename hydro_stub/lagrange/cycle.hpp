@@ -25,7 +25,7 @@ namespace shearbus::lagrange {
 
 struct BodyMaterial {
   Eos eos;
-  std::optional<physics::Material> strength;  // absent: a fluid
+  std::optional<physics::Material> strength;  // absent: the body is a fluid
 };
 
 struct Bodies {
@@ -48,13 +48,13 @@ struct Bodies {
 
 // Sums over all bodies. Impulse and work of the boundaries are totals since the start.
 struct Ledger {
-  Vec2 momentum;               // [kg m/s]; in axisymmetry only the axial component has a meaning
-  double kinetic = 0.0;        // [J]
-  double internal = 0.0;       // [J]
+  Vec2 momentum;               // momentum  [kg m/s]; in axisymmetry only the axial component has a meaning
+  double kinetic = 0.0;        // kinetic energy  [J]
+  double internal = 0.0;       // internal energy  [J]
   Vec2 impulse_given;          // impulse of walls and loads  [kg m/s]
   double work_given = 0.0;     // work of walls and loads  [J]
-  double friction_heat = 0.0;  // part of the internal energy that came from rubbing on slide lines  [J]
-  double closing_heat = 0.0;   // part of the internal energy from closing gaps of slide lines  [J]
+  double friction_heat = 0.0;  // part of the internal energy that came from friction on slide lines  [J]
+  double closing_heat = 0.0;   // part of the internal energy that came from closing gaps of slide lines  [J]
   double total_energy() const { return kinetic + internal; }
 };
 
@@ -67,8 +67,8 @@ struct Memory {
 
 class Cycle {
  public:
-  // The interface law `law` acts on all slide lines and must outlive the cycle; null: free slip. Throws
-  // std::invalid_argument for inconsistent bodies.
+  // The interface law `law` acts on the slide lines with friction and must outlive the cycle. If it is null, these
+  // lines slip freely, too. Throws std::invalid_argument for inconsistent bodies.
   explicit Cycle(Bodies bodies, hydro::InterfaceLaw* law = nullptr);
 
   // Advances by one step, at most to `end_time`. A step that is too long (it inverts a zone, or changes the volume of a
@@ -117,8 +117,8 @@ class Cycle {
   Vec2 impulse_given_;
   double work_given_ = 0.0;
 
-  // Work arrays of the step that is being made.
-  Geometry middle_;  // geometry at mid-step, n+1/2
+  // Work arrays of the current step.
+  Geometry middle_;  // geometry of the zones at mid-step
   std::vector<Vec2> middle_position_;
   std::vector<double> middle_density_;
   std::vector<double> middle_energy_;
@@ -130,16 +130,17 @@ class Cycle {
   std::vector<std::vector<Vec2>> load_force_;  // forces of each pressure load on its nodes
   std::vector<Vec2> position_new_;
   std::vector<Vec2> velocity_new_;
-  // mean of the velocities at the start and end of the step; it moves the nodes, and forces do their work with it
+  // mean of the velocities at the start and end of the step; it moves the nodes, and the work of forces uses it
   std::vector<Vec2> velocity_mean_;
   std::vector<double> volume_new_;
-  std::vector<Gradient> gradient_;  // velocity gradients in the geometry of mid-step, with the velocities at its start
+  // velocity gradient of each zone, from the geometry at mid-step and the velocities at the start of the step  [1/s]
+  std::vector<Gradient> gradient_;
   std::vector<double> viscous_rate_;
   std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
   std::vector<double> heating_new_;
   std::vector<double> dilatation_;  // relative rate of volume change, dV/dt / V, in the last step  [1/s]
   std::vector<double> xx_new_, yy_new_, xy_new_, plastic_strain_new_;
-  std::vector<std::uint8_t> on_rim_;  // 1 for zones with a node on a slide line
+  std::vector<std::uint8_t> on_rim_;  // 1 for zones with a node on a slide line, 0 for all others
 };
 
 }  // namespace shearbus::lagrange

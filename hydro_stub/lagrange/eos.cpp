@@ -8,8 +8,8 @@
 namespace shearbus::lagrange {
 namespace {
 
-// Smallest value used for the denominator 1 - s1 n - ... of the Hugoniot pressure, with the compression n. The
-// denominator would be 0 at the physical limit of the compression.
+// Smallest value used for the denominator 1 - s1 n - s2 n^2 - s3 n^3 of the Hugoniot pressure, where n = 1 - rho0/rho
+// is the compression. The denominator would be 0 at the largest compression that a shock can reach.
 constexpr double kLeastDenominator = 0.05;
 
 }  // namespace

@@ -7,8 +7,9 @@
 namespace shearbus::lagrange {
 
 struct EosPoint {
-  double pressure;             // [Pa]
-  double sound_speed_squared;  // dP/drho at constant e plus (P/rho^2) dP/de at constant rho, not negative  [m2/s2]
+  double pressure;  // [Pa]
+  // square of the sound speed: dP/drho at constant e plus (P/rho^2) dP/de at constant rho; never negative  [m2/s2]
+  double sound_speed_squared;
 };
 
 struct IdealGas {
@@ -16,9 +17,10 @@ struct IdealGas {
   double specific_heat = 1.0;  // specific heat at constant volume, for the temperature only  [J/(kg K)]
 };
 
-// Mie-Grueneisen equation about the Hugoniot Us = c0 + s1 up + s2 (up/Us) up + s3 (up/Us)^2 up, with rho Gamma = rho0
-// gamma0 (D. J. Steinberg, LLNL UCRL-MA-106439, without its volume correction of Gamma). In tension P = c0^2 (rho -
-// rho0) + gamma0 rho0 e. The energy e is 0 at rho0 and the reference temperature.
+// Mie-Grueneisen equation of state. The reference is the Hugoniot Us = c0 + s1 up + s2 (up/Us) up + s3 (up/Us)^2 up of
+// shock velocity Us and particle velocity up, and rho Gamma = rho0 gamma0 (D. J. Steinberg, LLNL UCRL-MA-106439,
+// without its volume correction of Gamma). In tension P = c0^2 (rho - rho0) + gamma0 rho0 e. The specific internal
+// energy e is 0 at the density rho0 and the reference temperature.
 struct MieGrueneisen {
   double density = 0.0;      // rho0    [kg/m3]
   double sound_speed = 0.0;  // c0      [m/s]
@@ -26,9 +28,10 @@ struct MieGrueneisen {
   double s2 = 0.0;
   double s3 = 0.0;
   double gamma0 = 0.0;
-  double specific_heat = 0.0;                                      // [J/(kg K)]
-  double reference_temperature = 300.0;                            // [K]
-  double tension_limit = std::numeric_limits<double>::infinity();  // the metal spalls: P >= -tension_limit  [Pa]
+  double specific_heat = 0.0;            // [J/(kg K)]
+  double reference_temperature = 300.0;  // [K]
+  // the metal spalls where the pressure would fall below -tension_limit: P >= -tension_limit  [Pa]
+  double tension_limit = std::numeric_limits<double>::infinity();
 };
 
 inline EosPoint eos_from_density_energy(const IdealGas& gas, double density, double energy) {
@@ -50,12 +53,13 @@ class Eos {
 
   EosPoint at(double density, double energy) const;
 
-  // T = T_s(rho) + (e - e_s(rho)) / c_v, where T_s(rho) = T0 exp(gamma0 (1 - rho0/rho)) and e_s(rho) are temperature
-  // and energy on the isentrope through the reference state.
+  // Returns the temperature  [K]. For a gas T = e / c_v with the specific heat c_v. For a metal T = T_s(rho) + (e -
+  // e_s(rho)) / c_v, where T_s(rho) = T_ref exp(gamma0 (1 - rho0/rho)) and e_s(rho) are temperature and energy on the
+  // isentrope through the reference state (density rho0, temperature T_ref).
   double temperature(double density, double energy) const;
 
-  // Half the slope of the shock velocity over the velocity jump, (gamma + 1)/4 for a gas and s1/2 for a metal. It
-  // scales the quadratic viscosity.
+  // Returns half the slope of the shock velocity over the velocity jump across the shock: (gamma + 1)/4 for a gas, s1/2
+  // for a metal. It scales the quadratic part of the artificial viscosity.
   double half_shock_slope() const;
 
  private:

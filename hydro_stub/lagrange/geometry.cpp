@@ -13,9 +13,9 @@ Corners corners_of(const Mesh& mesh, const std::vector<Vec2>& position, int zone
   return {position[n[0]], position[n[1]], position[n[2]], position[n[3]]};
 }
 
-// Computes the integrals of N_i dA exactly. The Jacobian is linear in the reference square, and its corner values are
-// half the areas of the corner triangles. With the mass matrix (4 2 1 2)/9 of the square and `jacobian` holding twice
-// the triangles' areas the divisor is 4 * 9 = 36.
+// Computes the integrals of the shape functions N_i over a zone exactly. The Jacobian is linear in the reference
+// square, and its corner values are half the areas of the corner triangles. The array `jacobian` holds twice these
+// areas, and the mass matrix of the square is (4 2 1 2)/9; so the divisor is 4 * 9 = 36.
 std::array<double, 4> shape_integrals(const Corners& x) {
   std::array<double, 4> jacobian;
   for (int k = 0; k < 4; ++k) jacobian[k] = cross(x[(k + 1) % 4] - x[k], x[(k + 3) % 4] - x[k]);
@@ -57,7 +57,7 @@ void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geom
       h[k] = shape[k];
       b[k] = {-shape[k], 0.0};
     }
-    for (int k = 0; k < 4; ++k) {  // edge k, along which the radius r is linear
+    for (int k = 0; k < 4; ++k) {  // loop over the edges k; the radius is linear along an edge
       const int next = (k + 1) % 4;
       const Vec2 normal = right_of(x[next] - x[k]);
       b[k] += ((2.0 * x[k].x + x[next].x) / 6.0) * normal;

@@ -1,18 +1,22 @@
 // Volumes of zones and the weights that turn stresses into corner forces.
 //
-// A zone's volume is V = integral of r dA (r = 1 in plane symmetry), exact for the polygon. The derivative of V by the
-// position of corner i is B_i = dV/dx_i = integral of r N_i n dl, and h_i = integral of N_i dA, with the bilinear shape
-// functions N_i; in axisymmetry V = sum h_i r_i. With b_i = B_i - h_i e_r (in plane symmetry b_i = B_i) the means over
-// a zone are
+// A zone's volume is V = integral of r dA, exact for the polygon; in plane symmetry the weight r is 1. N_i is the
+// bilinear shape function of corner i, x_i = (r_i, z_i) its position and v_i, with radial component u_i, its velocity.
+// Integrals over the zone and over its boundary (length dl, outward normal n) give the weights of corner i:
+//
+//     h_i = integral of N_i dA,     B_i = dV/dx_i = integral of r N_i n dl,     b_i = B_i - h_i e_r,
+//
+// with the radial unit vector e_r; in plane symmetry b_i = B_i, in axisymmetry V = sum h_i r_i. The means over a zone
+// are
 //
 //     grad v = (1/V) sum v_i (x) b_i,     hoop rate D_tt = (1/V) sum u_i h_i,     dV/dt = sum v_i . B_i,
 //
-// and the forces that do the same work, sum F_i . v_i = -V (sigma : D), are F_i = -(sigma . b_i + sigma_tt h_i e_r).
-// This is the true-volume (control-volume) form of compatible hydrodynamics (Caramana, Burton, Shashkov, Whalen, J.
-// Comput. Phys. 146 (1998) 227). Energy closes to rounding in both symmetries. Since sum b_i = 0, momentum closes to
-// rounding in the plane, and its axial component does in axisymmetry. With corner_volumes() as masses, plane waves
-// along the axis stay plane and cylindrical waves stay cylindrical, to rounding, and uniform dilatation has no
-// deviator; spherical symmetry is kept to second order only, as in every true-volume form.
+// and the forces F_i = -(sigma . b_i + sigma_tt h_i e_r) do the same work as the stress sigma with the strain rate D:
+// sum F_i . v_i = -V (sigma : D). This is the true-volume (control-volume) form of compatible hydrodynamics (Caramana,
+// Burton, Shashkov, Whalen, J. Comput. Phys. 146 (1998) 227). Energy closes to rounding in both symmetries. Since sum
+// b_i = 0, momentum closes to rounding in the plane; in axisymmetry its axial component does. With corner_volumes() as
+// masses, plane waves along the axis stay plane and cylindrical waves stay cylindrical, to rounding, and uniform
+// dilatation has no deviator; spherical symmetry is kept to second order only, as in every true-volume form.
 #pragma once
 
 #include <cstddef>
@@ -25,10 +29,11 @@ namespace shearbus::lagrange {
 struct Geometry {
   explicit Geometry(int num_zones) : Geometry(static_cast<std::size_t>(num_zones)) {}
 
-  std::vector<Vec2> gradient_weight;  // b_i  [m in the plane, m2 per radian in axisymmetry: volume per length]
-  std::vector<double> hoop_weight;    // h_i; 0 in plane symmetry
-  std::vector<double> area;           // area of the zone in the plane  [m2]
-  std::vector<double> volume;         // [m3 per metre of depth, or per radian]
+  // weight b_i of each corner: volume per length  [m in the plane, m2 per radian in axisymmetry]
+  std::vector<Vec2> gradient_weight;
+  std::vector<double> hoop_weight;  // weight h_i of each corner; 0 in plane symmetry  [m2]
+  std::vector<double> area;         // area of the zone in the plane  [m2]
+  std::vector<double> volume;       // volume of the zone  [m3 per metre of depth, or per radian]
 
  private:
   explicit Geometry(std::size_t zones)
@@ -49,8 +54,8 @@ void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::v
 
 Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity, int zone);
 
-// Integrals of N_i r dA: each corner's share of the volume of its zone. At uniform density they give the corner masses,
-// which are fixed at the start.
+// Returns the share of each corner in the volume of its zone, the integral of N_i r dA. Multiplied by the density of
+// the zone at the start, the shares are the corner masses, which never change.
 std::vector<double> corner_volumes(const Mesh& mesh, const std::vector<Vec2>& position);
 
 }  // namespace shearbus::lagrange

@@ -25,7 +25,7 @@ void add_hourglass(const Mesh& mesh, double coefficient, const Geometry& geometr
       mode[k] = kMode[k] - inverse_area * dot(slope, skew);
       rate += mode[k] * velocity[n[k]];
     }
-    const double mean_radius = geometry.volume[zone] * inverse_area;  // mean r of the zone; 1 in plane symmetry
+    const double mean_radius = geometry.volume[zone] * inverse_area;  // mean radius of the zone; 1 in plane symmetry
     const double damping =
         0.25 * coefficient * density[zone] * sound_speed[zone] * std::sqrt(geometry.area[zone]) * mean_radius;
     for (int k = 0; k < 4; ++k) corner_force[4 * zone + k] -= (damping * mode[k]) * rate;

@@ -1,6 +1,7 @@
-// Hourglass control (Flanagan & Belytschko, Int. J. Numer. Meth. Eng. 17 (1981) 679, viscous form): a zone's mean
-// velocity gradient does not contain the mode in which its diagonals move against each other. A force along that mode,
-// orthogonal to every linear velocity field, damps it; the force sums to zero and its work heats the zone.
+// Hourglass control (Flanagan & Belytschko, Int. J. Numer. Meth. Eng. 17 (1981) 679, viscous form). The mean velocity
+// gradient of a zone does not contain the hourglass mode, in which the two diagonals move against each other. A force
+// along this mode, orthogonal to every linear velocity field, damps the mode. The forces on a zone sum to zero, and
+// their work heats the zone.
 #pragma once
 
 #include <vector>
@@ -9,8 +10,8 @@
 
 namespace shearbus::lagrange {
 
-// Adds the hourglass forces to the corner forces of all zones. A `coefficient` of 0.25 damps a mode within about one
-// step and is the stability limit at a Courant number of 1.
+// Adds the hourglass forces to the corner forces of all zones. On square zones and at a Courant number of 1, a
+// `coefficient` of 0.25 stops the mode within one step, and a larger coefficient lets the mode overshoot.
 void add_hourglass(const Mesh& mesh, double coefficient, const Geometry& geometry, const std::vector<Vec2>& position,
                    const std::vector<Vec2>& velocity, const std::vector<double>& density,
                    const std::vector<double>& sound_speed, std::vector<Vec2>& corner_force);

@@ -3,8 +3,8 @@
 //
 //      3 ---(2)--- 2
 //      |           |
-//     (3)    z    (1)         blocks of nx by ny zones, i to the right, j upward, joined to nothing else;
-//      |           |          bodies meet on slide lines only
+//     (3)    z    (1)         A block has nx by ny zones, with index i to the right and j upward. Blocks share no
+//      |           |          nodes: bodies meet on slide lines only.
 //      0 ---(0)--- 1
 #pragma once
 
@@ -16,7 +16,7 @@
 
 namespace shearbus::lagrange {
 
-// Loops over fewer nodes or zones use one thread, since waking other threads costs more than they save.
+// Loops over fewer nodes or zones use one thread, since waking other threads costs more time than these save.
 inline constexpr int kFewestForThreads = 4000;
 
 // Sums over a mesh are per metre of depth (kPlane) or per radian about the axis x = r = 0 (kAxisymmetric).
@@ -27,7 +27,7 @@ enum class Side { kBottom, kRight, kTop, kLeft };  // the sides at j = 0, i = nx
 struct Block {
   int nx = 0;
   int ny = 0;
-  bool ring = false;  // i = nx and i = 0 are the same column of nodes
+  bool ring = false;  // true: the block is closed to a ring, where i = nx and i = 0 are the same column of nodes
   int first_node = 0;
   int first_zone = 0;
 
@@ -47,8 +47,8 @@ class Mesh {
  public:
   explicit Mesh(Symmetry symmetry) : symmetry_(symmetry) {}
 
-  // Makes a block with its node (i, j) at `place(i, j)`. Throws std::invalid_argument for a zone that is clockwise, has
-  // no area or, in axisymmetry, lies at a negative radius.
+  // Makes a block with its node (i, j) at `place(i, j)`. Throws std::invalid_argument for a block with too few zones
+  // and for a zone that is clockwise, not convex or, in axisymmetry, at a negative radius.
   const Block& add_block(int nx, int ny, const std::function<Vec2(int, int)>& place, bool ring = false);
 
   Symmetry symmetry() const { return symmetry_; }
@@ -58,7 +58,7 @@ class Mesh {
   const std::vector<Vec2>& places() const { return places_; }  // initial positions of the nodes
 
   const int* zone_nodes(int zone) const { return zone_nodes_.data() + 4 * static_cast<std::size_t>(zone); }
-  // Returns the zone on the other side of edge k; -1 if there is none.
+  // Returns the zone on the other side of edge k of a zone; -1 if there is none in the block.
   int neighbour(int zone, int k) const { return neighbours_[4 * static_cast<std::size_t>(zone) + k]; }
 
   // Sums a corner quantity onto the nodes. Each node adds its corners in the same order for any number of threads.

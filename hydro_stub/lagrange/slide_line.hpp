@@ -2,17 +2,18 @@
 // nodes.
 //
 // A slide line has a soft and a hard surface whose nodes need not match. The soft nodes are the interface nodes: each
-// carries a pressure and a shear stress. Pressure is linear between the soft nodes, p = sum N_i p_i along the soft
-// surface. It acts on both bodies through integrals over the part of the soft surface that the hard surface covers
-// (segment to segment, as in mortar methods: Puso & Laursen, Comput. Methods Appl. Mech. Eng. 193 (2004) 601), with the
-// normal n out of the soft body:
+// carries a pressure and a shear stress. Along the soft surface the pressure p = sum N_i p_i is linear between the soft
+// nodes, with the pressure p_i and the shape function N_i of node i. The pressure acts on both bodies through integrals
+// over the part of the soft surface that the hard surface covers (segment to segment, as in mortar methods: Puso &
+// Laursen, Comput. Methods Appl. Mech. Eng. 193 (2004) 601). With the normal n out of the soft body and the radius r (1
+// in plane symmetry), p_i exerts the forces
 //
 //     on soft node j:  -p_i integral N_i N_j n r dl        on hard node j:  +p_i integral N_i N_j^hard n r dl
 //
-// Both shape functions sum to 1 at every point, so the two sides' forces cancel exactly, for any mesh, and a uniform
-// pressure equals exactly the nodal forces of uniformly stressed bodies (patch test). The same weights give the rate at
-// which the gap of node i opens. The shear stress of node i acts along the tangent t_i. On the soft node itself it acts
-// over the node's area A_i = integral N_i r dl, on the hard nodes with the weights integral N_i N_j^hard r dl.
+// The shape functions of each surface sum to 1 at every point, so the forces on the two sides cancel exactly, for any
+// mesh, and a uniform pressure equals exactly the nodal forces of uniformly stressed bodies (patch test). The same
+// weights give the rate at which the gap of node i opens. The shear stress of node i acts along the tangent t_i: on
+// soft node i over its area A_i = integral N_i r dl, on hard node j with the weight integral N_i N_j^hard r dl.
 #pragma once
 
 #include <array>
@@ -36,24 +37,28 @@ inline Surface surface(const Block& block, Side side) {
 struct SlideLine {
   Surface soft;
   Surface hard;
-  bool rubs = true;  // false: free slip on this line, whatever the interface law
+  bool rubs = true;  // false: the surfaces slip freely on this line, whatever the interface law
 };
 
 struct PushWeight {
   int node;
-  Vec2 weight;  // force on mesh node `node` per unit pressure p_i  [m2]
+  Vec2 weight;  // force on mesh node `node` per unit pressure of the interface node  [m2]
 };
 struct RowWeight {
-  int row;        // interface node on the same slide line as node i; may be node i itself
-  double weight;  // integral N_i N_row r dl  [m2]
+  // an interface node on the same slide line as the node i that has this weight; may be node i itself
+  int row;
+  // integral of N_i N_row r dl: the shape functions of the two nodes and the radius (1 in plane symmetry)  [m2]
+  double weight;
 };
 struct RubWeight {
   int node;
-  double weight;  // force on the hard node `node` per unit shear stress  [m2]
+  double weight;  // force on the hard node `node` per unit shear stress of the interface node  [m2]
 };
 struct ZoneShare {
   int zone;
-  double share;  // the zone's share of its body's part of the heat at an interface node; each body's shares sum to 1
+  // share that this zone gets of the heat that an interface node gives the body of the zone; the shares in a body sum
+  // to 1
+  double share;
 };
 
 // The weights of the interface nodes of all slide lines, computed for given positions of the nodes.
@@ -75,7 +80,8 @@ class InterfaceWeights {
   double area(int i) const { return area_[i]; }       // part of the node's area that the hard surface covers, A_i  [m2]
   // share of the node's area that the hard surface covers
   double covered(int i) const { return area_[i] / whole_area_[i]; }
-  double gap(int i) const { return gap_[i]; }        // mean gap over A_i, negative where the bodies overlap  [m]
+  // mean gap over the covered area A_i, negative where the bodies overlap  [m]
+  double gap(int i) const { return gap_[i]; }
   Vec2 tangent(int i) const { return tangent_[i]; }  // unit tangent, in the direction of the soft surface's nodes
   std::span<const PushWeight> push(int i) const { return push_[i]; }
   std::span<const RowWeight> overlap(int i) const { return overlap_[i]; }
@@ -90,12 +96,13 @@ class InterfaceWeights {
   Symmetry symmetry_;
   std::vector<SlideLine> lines_;
   int rubbing_ = 0;
-  std::vector<int> first_;  // number of the interface node at the first soft node of each line
+  std::vector<int> first_;  // index of the interface node at the first soft node of each line
   std::vector<int> node_;
   std::vector<int> line_;
   std::vector<std::array<int, 2>> zones_at_;
   std::vector<double> area_;
-  std::vector<double> whole_area_;  // integral N_i r dl over all of the soft surface
+  // area of each interface node, covered or not: integral of N_i r dl over the soft surface  [m2]
+  std::vector<double> whole_area_;
   std::vector<double> gap_;
   std::vector<Vec2> normal_sum_;
   std::vector<Vec2> tangent_;

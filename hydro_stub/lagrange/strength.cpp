@@ -6,7 +6,7 @@ namespace shearbus::lagrange {
 namespace {
 
 Deviator rotated(const Deviator& s, double spin, double dt) {
-  const double t = 0.5 * spin * dt;  // tan(angle/2) of the rotation
+  const double t = 0.5 * spin * dt;  // tangent of half the angle of rotation
   const double scale = 1.0 / (1.0 + t * t);
   const double cosine = (1.0 - t * t) * scale;
   const double sine = 2.0 * t * scale;
@@ -26,7 +26,7 @@ struct Zone {
   double temperature;  // [K]
   double dt;           // [s]
 
-  // Flow stress Y after the plastic strain increment x, at the mean strain rate x/dt  [Pa].
+  // Returns the flow stress after the plastic strain increment x, at the mean strain rate x/dt  [Pa].
   double yield(double x) const {
     return physics::hardened_strength(metal, plastic_strain + x, x / dt, pressure, temperature) * g;
   }
@@ -35,9 +35,10 @@ struct Zone {
   }
 };
 
-// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x, where `trial` is the equivalent stress of
-// the trial deviator. The left side rises strictly. Newton's method is kept between 0 and the increment of perfect
-// plasticity. Under concave hardening its iterates rise from x = 0 to the root and cannot pass it.
+// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x, with the flow stress Y at plastic strain
+// and strain rate, the shear modulus G, and the equivalent stress `trial` of the trial deviator. The left side rises
+// strictly. Newton's iterates are kept between 0 and the increment of perfect plasticity. Under concave hardening they
+// rise from x = 0 to the root and do not pass the root.
 double plastic_increment(const Zone& zone, double trial, double yield) {
   const physics::Material& metal = zone.metal;
   const double stiffness = 3.0 * metal.shear_modulus;

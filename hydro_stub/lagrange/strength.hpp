@@ -1,4 +1,4 @@
-// Stress deviators: hypo-elastic, rotated with the metal, returned radially to the flow stress.
+// Advances stress deviators: hypo-elastic, rotated with the metal, returned radially to the flow stress.
 #pragma once
 
 #include "hydro_stub/lagrange/geometry.hpp"
@@ -6,7 +6,7 @@
 
 namespace shearbus::lagrange {
 
-// Components of a stress deviator in the plane; the one across the plane (hoop, or out of plane) is -(xx + yy).
+// Components of a stress deviator in the plane; the component across the plane (hoop, or out of plane) is -(xx + yy).
 struct Deviator {
   double xx = 0.0;
   double yy = 0.0;
@@ -21,7 +21,7 @@ struct StrengthStep {
   double plastic_strain_increment = 0.0;
 };
 
-// One step of length dt of an elastic-plastic metal with shear modulus G0 (constant, as in the shear layer):
+// Advances the deviator of an elastic-plastic metal with shear modulus G0 (constant, as in the shear layer) by dt:
 //   1. rotation by the exact angle of the mid-step spin (Hughes & Winget, Int. J. Numer. Meth. Eng. 15 (1980) 1862):
 //      a rigid rotation of any size leaves the invariants unchanged
 //   2. elastic trial: the deviator of the stress grows by 2 G0 dt times the deviator of the strain rate

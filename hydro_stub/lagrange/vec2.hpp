@@ -1,4 +1,4 @@
-// A vector of the plane. In plane symmetry (x, y); in axisymmetry x is the radius r and y the axis z.
+// A vector in the plane: (x, y) in plane symmetry; in axisymmetry x is the radius and y the coordinate along the axis.
 #pragma once
 
 #include <cmath>

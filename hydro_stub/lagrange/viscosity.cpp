@@ -31,7 +31,8 @@ double rate_along(const Gradient& d, Vec2 s) {
   return s.x * s.x * d.xx + s.x * s.y * (d.xy + d.yx) + s.y * s.y * d.yy;
 }
 
-// Returns the length of a zone along the direction s, 1/|J^-1 s|; the columns of J are the zone's mean edges.
+// Returns the length of a zone along the direction s, 1/|J^-1 s|; the columns of the matrix J are the zone's mean
+// edges.
 double length_along(const Vec2& across, const Vec2& up, Vec2 s) {
   const double inverse = 1.0 / cross(across, up);
   const Vec2 reference = {inverse * cross(s, up), inverse * cross(across, s)};

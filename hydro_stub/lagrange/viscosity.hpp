@@ -3,15 +3,16 @@
 //
 //     sigma_q = (1 - psi) mu lambda s s^T,    mu = rho l (c2 w |du| + sqrt((c2 w du)^2 + (c1 c)^2)),    du = l |lambda|
 //
-// lambda is the most negative eigenvalue of the strain rate in the plane (without a negative eigenvalue there is no
-// viscosity), s its direction, l the zone's length along s, c the sound speed, and w half the slope of the material's
-// shock velocity over the velocity jump: a jump du then gets the shock pressure of the material's own Hugoniot. The
-// limiter psi compares lambda with the rates in the zones on both sides, as is usual for second-order schemes (D. J.
-// Benson, Comput. Methods Appl. Mech. Eng. 99 (1992) 235); psi is 1 where the rate varies linearly through the
-// neighbours. Rigid rotation has no lambda, and uniform compression has psi = 1, so neither has viscosity. The stress
-// acts through the same weights as all other stresses, so its forces cancel in a zone, and its work mu lambda^2 only
-// heats. Since the viscosity is directional, it does not shorten the time step of thin zones that are squeezed along
-// their length.
+// Here mu is the viscosity and rho the density. lambda is the most negative eigenvalue of the strain rate in the plane
+// (without a negative eigenvalue there is no viscosity), s the unit eigenvector of lambda, l the zone's length along s,
+// du the velocity jump across the zone, c the sound speed, c1 and c2 the coefficients of ViscosityOptions, and w half
+// the slope of the material's shock velocity over the velocity jump: a jump du then gets the shock pressure of the
+// material's own Hugoniot. The limiter psi compares lambda with the rates in the zones on both sides, as is usual for
+// second-order schemes (D. J. Benson, Comput. Methods Appl. Mech. Eng. 99 (1992) 235); psi is 1 where the rate varies
+// linearly through the neighbours. Rigid rotation has no negative eigenvalue, and uniform compression has psi = 1, so
+// neither has viscosity. The stress acts through the same weights as all other stresses, so its forces on a zone
+// cancel. Its work (1 - psi) mu lambda^2 is never negative: it only heats. Since the viscosity is directional, it does
+// not shorten the time step of thin zones that are squeezed along their length.
 #pragma once
 
 #include <vector>

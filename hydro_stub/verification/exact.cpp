@@ -25,7 +25,7 @@ TwoWaves two_waves(const Metal& metal, double velocity) {
   const double rho1 = m.density * std::exp(0.5 * yield / metal.strength.shear_modulus);
   const auto pressure = [&](double rho, double e) { return lagrange::eos_from_density_energy(m, rho, e).pressure; };
   const double shear = 2.0 * yield / 3.0;
-  // The energy behind the elastic wave is e1 = s1 (1/rho0 - 1/rho1)/2, with the stress s1 = P(rho1, e1) + 2Y/3.
+  // The state behind the elastic wave has the stress S = P(rho1, e1) + 2Y/3 and the energy e1 = S (1/rho0 - 1/rho1)/2.
   const double strain1 = 0.5 * (1.0 / m.density - 1.0 / rho1);
   const double stress1 = root(0.0, 1e12, [&](double s) { return s - pressure(rho1, s * strain1) - shear; });
   TwoWaves w{};
@@ -33,7 +33,8 @@ TwoWaves two_waves(const Metal& metal, double velocity) {
   w.elastic_velocity = std::sqrt(stress1 * 2.0 * strain1);
   w.elastic_speed = std::sqrt(stress1 / (2.0 * strain1)) / m.density;
   const double e1 = stress1 * strain1;
-  const auto behind = [&](double rho) {  // stress on the plastic Hugoniot centred at the elastic limit
+  // returns the stress on the plastic Hugoniot centred at the elastic limit, at density rho  [Pa]
+  const auto behind = [&](double rho) {
     const double gap = 1.0 / rho1 - 1.0 / rho;
     return root(0.0, 1e13, [&](double s) { return s - pressure(rho, e1 + 0.5 * (s + stress1) * gap) - shear; });
   };
@@ -54,7 +55,8 @@ Impact impact(const Metal& flyer, const Metal& target, double speed) {
 
 namespace {
 
-// Returns the integral of r^(d-1) ln(r_start/r) dr over the shell at rest, with r_start^d = r^d + inner^d - stop^d.
+// Returns the integral of r^(d-1) ln(r_start/r) dr over the shell at rest, in d dimensions. The metal now at r started
+// at r_start, where r_start^d = r^d + inner^d - stop^d because the shell is incompressible.
 double strain_integral(double inner, double outer, double stop, int dimension) {
   const double d = dimension;
   const double moved = std::pow(inner, d) - std::pow(stop, d);

@@ -22,16 +22,17 @@ struct TwoWaves {
 };
 TwoWaves two_waves(const Metal& metal, double velocity);
 
-// State after the impact of one metal on another, both beyond their elastic limits: the velocity at which the stresses
-// agree.
+// State of the common face after the impact of a flyer on a target, both beyond their elastic limits. The stresses of
+// the two metals agree at its velocity.
 struct Impact {
   double velocity, stress;
 };
 Impact impact(const Metal& flyer, const Metal& target, double speed);
 
-// Initial speed of the inner surface of an incompressible, perfectly plastic shell that comes to rest at `stop`. The
-// kinetic energy equals the plastic work, with the velocity field u = u0 (R0/r)^(d-1) in d dimensions. R0 and R1 are
-// the initial inner and outer radius; the metal that comes to rest at r started at r_start.
+// Returns the initial speed u0 of the inner surface of an incompressible, perfectly plastic shell that comes to rest at
+// the inner radius `stop`. The kinetic energy of the velocity field u = u0 (R0/r)^(d-1) in d dimensions equals the
+// plastic work. Y is the flow stress, R0 and R1 are the initial inner and outer radius, and the metal that comes to
+// rest at r started at r_start.
 //   cylinder   rho u0^2 R0^2 ln(R1/R0)     = (4 Y / sqrt 3) integral of r ln(r_start/r) dr over the shell at rest
 //   sphere     rho u0^2 R0^3 (1 - R0/R1)   = 4 Y integral of r^2 ln(r_start/r) dr over the shell at rest
 double cylinder_speed(const Metal& metal, double inner, double outer, double stop);

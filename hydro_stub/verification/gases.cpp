@@ -18,7 +18,8 @@ using lagrange::Vec2;
 
 namespace {
 
-// A square of gas between two planes of symmetry; in axisymmetry the axis and the equatorial plane take their place.
+// A square of gas with planes of symmetry at its left and bottom; in axisymmetry these are the axis and the equatorial
+// plane.
 Bodies quarter(Symmetry symmetry, int zones, double length, double gamma) {
   Mesh mesh(symmetry);
   const Block block = mesh.add_block(zones, zones, [=](int i, int j) {
@@ -40,8 +41,9 @@ Vec2 centre(const Cycle& cycle, int zone) {
 
 }  // namespace
 
-// W. F. Noh, J. Comput. Phys. 72 (1987) 78: gas flows to the origin with speed 1 and stops behind a shock at r = t/3,
-// where rho = 4^d, with d = 2 about a line (plane) and d = 3 about a point (axisymmetric); gamma = 5/3.
+// W. F. Noh, J. Comput. Phys. 72 (1987) 78: gas with gamma = 5/3 flows to the origin with speed 1 and stops behind a
+// shock at r = t/3. Behind the shock rho = 4^d, with d = 2 for flow to a line (plane) and d = 3 for flow to a point
+// (axisymmetric).
 Bodies make_bodies(const NohProblem& p) {
   Bodies bodies = quarter(p.symmetry, p.zones, 1.0, 5.0 / 3.0);
   for (std::size_t n = 0; n < bodies.velocity.size(); ++n) {

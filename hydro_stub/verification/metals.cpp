@@ -49,7 +49,7 @@ Bodies cylinder_slice(const ImplosionProblem& p) {
   return bodies;
 }
 
-// The upper half of a spherical shell; the mesh index i runs from the equator to the axis, j inward.
+// The upper half of a spherical shell; the mesh index i runs from the equator to the axis, the index j inward.
 Bodies sphere(const ImplosionProblem& p) {
   const int around = 2 * p.zones;
   Mesh mesh(Symmetry::kAxisymmetric);

@@ -51,8 +51,9 @@ Bodies make_bodies(const PlatesProblem& p) {
   return bodies;
 }
 
-// Compares the face of the soft plate at the middle of the slide line. The velocity of the face falls by 2 s/Z, with
-// friction stress s and shear impedance Z, each time the wave returns from the free back of the plate.
+// Compares the velocity of the soft plate's face at the middle of the slide line. The friction stress s lowers the
+// velocity by s/Z at once, with the shear impedance Z of the plate, and by another 2 s/Z each time the wave returns
+// from the free back of the plate.
 std::vector<Comparison> compare(const PlatesProblem& p, const Cycle& cycle, double limit) {
   const int middle = cycle.contact().size() / 2;
   const double time = cycle.state().time;

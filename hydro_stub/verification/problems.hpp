@@ -44,12 +44,14 @@ struct FlyerProblem {
 };
 struct ImplosionProblem {
   bool sphere;
-  lagrange::Symmetry symmetry;  // of a cylinder: kPlane a sector, kAxisymmetric a slice of a long one
+  // mesh of a cylinder: a sector of its cross section for kPlane, a slice of a long cylinder for kAxisymmetric
+  lagrange::Symmetry symmetry;
   Metal metal;
-  double inner, outer, stop;  // initial inner and outer radius, inner radius at rest  [m]
-  int zones;                  // zones across the shell
+  // inner and outer radius at the start, and inner radius at rest  [m]
+  double inner, outer, stop;
+  int zones;  // zones across the shell
 };
-// Gas problems have lengths of 1 m, a density of 1 kg/m3 and speeds of 1 m/s.
+// The gas problems are in units of 1 m, 1 kg/m3 and 1 m/s.
 struct NohProblem {
   lagrange::Symmetry symmetry;
   int zones;
@@ -94,8 +96,8 @@ std::vector<Comparison> compare(const NohProblem& problem, const lagrange::Cycle
 std::vector<Comparison> compare(const SedovProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const SaltzmanProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const TaylorProblem& problem, const lagrange::Cycle& cycle);
-// Compares with the solution under a constant friction stress `limit`, which may be 0 or infinity. Returns nothing for
-// times at which waves from the plates' ends have arrived.
+// Compares with the solution under a constant friction stress `limit`, which may be 0 or infinity. Returns nothing once
+// the shear wave has returned from the back of the hard plate.
 std::vector<Comparison> compare(const PlatesProblem& problem, const lagrange::Cycle& cycle, double limit);
 
 double shear_impedance(const physics::Material& metal);  // sqrt(rho G0)  [Pa s/m]

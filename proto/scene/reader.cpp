@@ -37,7 +37,7 @@ Place place_of(const toml::key& key, const toml::node& node) {
   return {at.line, at.column};
 }
 
-// The kind of a TOML value, in the words of a user.
+// Returns the kind of a TOML value, in the words of a user.
 std::string kind_of(const toml::node& node) {
   switch (node.type()) {
     case toml::node_type::table:
@@ -135,7 +135,7 @@ class Reader {
     fault(fmt::format("{}{}", path.empty() ? "" : path + ".", as_utf8(key, kShown)), std::move(text), place);
   }
 
-  // Names of the tables that have this key, e.g. "[soft], [hard]".
+  // Returns the names of the tables that have this key, e.g. "[soft], [hard]".
   static std::string tables_with(std::string_view key, const Descriptor& table, const std::string& path) {
     std::string names;
     const auto add = [&](const std::string& name) { names += names.empty() || name.empty() ? name : ", " + name; };
@@ -209,7 +209,8 @@ class Reader {
       const toml::node& item = *items->get(i);
       const Place at{item.source().begin.line, item.source().begin.column};
       if (!read_number(item, field, fmt::format("{}[{}]", name, i), number, at, name)) {
-        to.GetReflection()->ClearField(&to, &field);  // an incomplete list counts as absent; its length is no fault
+        // an incomplete list counts as absent, so that its length is not also reported
+        to.GetReflection()->ClearField(&to, &field);
         return;
       }
       to.GetReflection()->AddDouble(&to, &field, number);
@@ -243,7 +244,8 @@ Place place_at(std::string_view text, std::size_t at) {
           static_cast<std::uint32_t>(1 + at - line_start)};
 }
 
-// The end of the string that starts at `at`: its last byte, or the end of the line if a one-line string is not closed.
+// Returns the end of the string that starts at `at`: its last byte, or the end of the line if a one-line string is not
+// closed.
 std::size_t end_of_string(std::string_view text, std::size_t at) {
   const char quote = text[at];
   const std::string_view triple = quote == '"' ? "\"\"\"" : "'''";
@@ -264,8 +266,8 @@ std::size_t end_of_string(std::string_view text, std::size_t at) {
   return i;
 }
 
-// The position of the first dot of a dotted key that has more parts than any key of a scene. toml++ makes a table of
-// each part and destroys them recursively, so that a long key would overflow the stack.
+// Returns the position of the first dot too many of a dotted key that has more parts than any key of a scene. toml++
+// makes a table of each part and destroys the tables recursively, so that a long key would overflow the stack.
 std::optional<std::size_t> find_deep_key(std::string_view text) {
   constexpr int kMaxKeyDots = 8;
   int dots = 0;
@@ -300,9 +302,9 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
     refuse(fmt::format("{}: {} bytes, a scene has at most {}", file, text.size(), wire::kMaxSceneBytes));
   if (const auto deep = find_deep_key(text))
     refuse(line_of(file, place_at(text, *deep), "a key of too many parts, no table lies so deep"));
-  // If there is no memory to read a number, toml++ reports the number as a fault of the text. A text is therefore
-  // refused only if it fails twice. The parser does not get the file's name, because it would end the program if there
-  // were no memory to copy the name.
+  // If memory runs out while toml++ reads a number, toml++ reports the number as a fault of the text. A text is
+  // therefore refused only if it fails twice. The parser does not get the file's name, because the parser would end the
+  // program if memory ran out while it copied the name.
   for (bool failed_before = false;; failed_before = true) {
     try {
       return toml::parse(text);
@@ -313,7 +315,8 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
   }
 }
 
-// Returns the text with the lines marked in `blank` emptied; the line numbers stay the same, and lines count from 1.
+// Returns the text with the lines marked in `blank` emptied, so that the line numbers stay the same. Lines count from
+// 1.
 std::string without_lines(std::string_view text, const std::vector<bool>& blank) {
   std::string out;
   for (std::size_t line = 1; !text.empty(); ++line) {

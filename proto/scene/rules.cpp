@@ -26,8 +26,9 @@ struct Enclosed {
   bool has(const FieldDescriptor& field) const { return message.GetReflection()->HasField(message, &field); }
 };
 
-// The rule `unless` names another field and excludes a field while the other field has a value. The other field is that
-// of the nearest enclosing message which has a field of this name.
+// Returns true if the rule `unless` excludes a field. The rule names another field, and excludes while that field has a
+// value. The other field is looked up in the message, then in the messages around it, up to the first that has a field
+// of this name.
 bool excluded(const Enclosed& where, const std::string& unless) {
   if (unless.empty()) return false;
   for (const Enclosed* level = &where; level != nullptr; level = level->around)
@@ -42,7 +43,7 @@ struct Condition {
   std::vector<std::string> wanted;
 };
 
-// The choices in "johnson_cook or preston_tonks_wallace".
+// Returns the choices in a text like "johnson_cook or preston_tonks_wallace".
 std::vector<std::string> choices_in(std::string_view text) {
   constexpr std::string_view kOr = " or ";
   std::vector<std::string> choices;
@@ -54,8 +55,8 @@ std::vector<std::string> choices_in(std::string_view text) {
   return choices;
 }
 
-// The state is kOpen if the field named by the rule has neither a value nor a default: then the material of the catalog
-// decides later, and the first choice is assumed until then.
+// Evaluates the rule `used_with` of a field. The state is kOpen if the field that the rule names has neither a value
+// nor a default: then the material of the catalog decides later, and the first choice is assumed until then.
 Condition condition_of(const Enclosed& where, const FieldDescriptor& field) {
   const std::string& text = rule_of(field).used_with();
   if (text.empty()) return {};
@@ -96,7 +97,7 @@ class Checker {
  public:
   explicit Checker(Findings& findings) : findings_(findings) {}
 
-  // `required`: whether missing fields that the schema requires are faults.
+  // Checks all fields of a table. If `required` is false, a missing field that the schema requires is no fault.
   void table(const Enclosed& where, const std::string& path, bool required = true) {
     const Message& message = where.message;
     for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
@@ -120,8 +121,8 @@ class Checker {
   }
 
  private:
-  // Whether the value of another field excludes this field. An excluded field is refused if it is given, and is not
-  // required.
+  // Returns true if the value of another field excludes this field. An excluded field is at fault if it is given, and
+  // is not required.
   bool unused(const Enclosed& where, const FieldDescriptor& field, const std::string& table_path,
               const std::string& name) {
     const bool given = !field.is_repeated() && where.has(field);
@@ -135,7 +136,7 @@ class Checker {
     const Condition condition = condition_of(where, field);
     if (condition.state != Condition::kNotMet && condition.state != Condition::kOpen) return false;
     if (!findings_.sound(path_of(table_path, *where.field(condition.other))))
-      return true;  // the choice is itself at fault, so nothing more is reported
+      return true;  // the other field is itself at fault, so nothing more is reported
     if (given && condition.state == Condition::kOpen) return false;
     if (given)
       findings_.add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", shown(field, name),
@@ -245,7 +246,7 @@ void set_default(Message& message, const FieldDescriptor& field) {
   }
 }
 
-// Fills in values first, then tables, because the default of a table may depend on a value.
+// Fills in the values of a message first, then its tables, because the default of a table may depend on a value.
 void fill_table(Message& message, const Enclosed* around) {
   const Enclosed where{message, around};
   for (const bool tables : {false, true}) {
@@ -310,7 +311,7 @@ std::string bounds_of(const FieldDescriptor& field) {
 
 std::vector<std::string> choices_of(const FieldDescriptor& field) {
   const google::protobuf::EnumDescriptor& type = *field.enum_type();
-  // For example FAR_BOUNDARY_UNSPECIFIED: it begins with the prefix that all names of the enum share.
+  // The first name of an enum, for example FAR_BOUNDARY_UNSPECIFIED, begins with the prefix that all its names share.
   const std::string_view unspecified = type.value(0)->name();
   const std::size_t prefix = unspecified.size() - std::string_view("UNSPECIFIED").size();
   std::vector<std::string> choices;

@@ -36,7 +36,7 @@ class Findings {
  public:
   explicit Findings(std::vector<Fault> faults = {}) : faults_(std::move(faults)) {}
 
-  // Whether no fault was found at this key, so that its value may be used.
+  // Returns true if no fault was found at this key, so that its value may be used.
   bool sound(std::string_view path) const;
   void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text), {}}); }
   const std::vector<Fault>& faults() const { return faults_; }
@@ -45,7 +45,8 @@ class Findings {
   std::vector<Fault> faults_;
 };
 
-// Adds every fault of a single field: missing, out of bounds, not finite, or given although another field excludes it.
+// Adds every fault that concerns a single field: missing, out of bounds, not finite, or given although the value of
+// another field excludes it.
 void check_fields(const google::protobuf::Message& root, Findings& findings);
 
 // Sets every absent field that has a default, and adds the absent tables whose absence means the same as an empty
@@ -54,19 +55,19 @@ void fill_defaults(google::protobuf::Message& root);
 
 const v1::Rule& rule_of(const google::protobuf::FieldDescriptor& field);
 
-// The path of a field of the table `path`; a merged message has the path of its enclosing table.
+// Returns the path of a field of the table `path`; a merged message has the path of its enclosing table.
 std::string path_of(const std::string& path, const google::protobuf::FieldDescriptor& field);
 
-// The keys of a table: its fields, with a merged message replaced by the fields of that message.
+// Returns the keys of a table: its fields, with a merged message replaced by the fields of that message.
 std::vector<const google::protobuf::FieldDescriptor*> keys_of(const google::protobuf::Descriptor& table);
 
-// The bounds of a field as text: "above 0 and at most 1 m", "at least 1"; empty if the field has no bounds.
+// Returns the bounds of a field as text: "above 0 and at most 1 m", "at least 1"; empty if the field has no bounds.
 std::string bounds_of(const google::protobuf::FieldDescriptor& field);
 
-// Names of an enum field's values as scenes write them, in order: "velocity_driven", "force_driven".
+// Returns the names of an enum field's values as scenes write them, in order: "velocity_driven", "force_driven".
 std::vector<std::string> choices_of(const google::protobuf::FieldDescriptor& field);
 
-// A number as text that reads back to the same bits, e.g. "2e-05".
+// Returns a number as text that reads back to the same bits, e.g. "2e-05".
 std::string number_text(double value);
 
 }  // namespace shearbus::scene

@@ -1,4 +1,4 @@
-// Scenes as shearbus.v1.Scene: from TOML text to the checked message, and back to canonical text.
+// Converts scenes: from TOML text to the checked message shearbus.v1.Scene, and back to canonical text.
 #pragma once
 
 #include <filesystem>
@@ -19,24 +19,26 @@ struct SceneFile {
   Document document;
 };
 
-// Both throw wire::Error{kInvalidScene} that lists every fault, as read() does.
+// Read a scene from its text or from its file. Both throw wire::Error{kInvalidScene} that lists the faults, as read()
+// does.
 SceneFile parse(std::string text, std::string file);
 SceneFile load(const std::filesystem::path& path);
 
-// Reads a scene into an empty message of the caller; otherwise as parse().
+// Reads a scene into an empty message of the caller; otherwise it does the same as parse().
 Document read(std::string_view text, std::string file, v1::Scene& scene);
 
-// The rules between keys that the schema cannot express; `scene` has its defaults filled in. A rule is skipped if a
-// value that it needs is at fault. Which options of the physics exclude each other is checked by the physics alone
+// Checks the rules between keys that the schema cannot express; `scene` has its defaults filled in. A rule is skipped
+// if a value that it needs is at fault. Only the physics checks which of its options exclude each other
 // (server/physics/solver/parts.hpp).
 void check_scene(const v1::Scene& scene, Findings& findings);
 
-// All faults of a scene that does not come from a text. Fills in the defaults of the scene.
+// Returns all faults of a scene that does not come from a text. Fills in the defaults of the scene.
 std::vector<Fault> faults_of(v1::Scene& scene);
 
-// The numbers of a table with their names in a scene ("density_kg_per_m3", ...), in the order of the schema.
+// Returns the numbers of a table with their names in a scene ("density_kg_per_m3", ...), in the order of the schema.
 std::vector<std::pair<std::string, double>> numbers_of(const google::protobuf::Message& table);
-// Sets numbers of a table by their names. Throws std::invalid_argument for a name that is not one of its numbers.
+// Sets numbers of a table by their names. Throws std::invalid_argument for a name that is not that of a number in the
+// table.
 void set_numbers(const std::vector<std::pair<std::string, double>>& numbers, google::protobuf::Message& table);
 
 }  // namespace shearbus::scene

@@ -1,4 +1,4 @@
-// Messages as canonical TOML text, and the reference of every key.
+// Writes messages as canonical TOML text, and the reference of every key.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <google/protobuf/descriptor.h>
@@ -69,8 +69,8 @@ std::string comment_of(const FieldDescriptor& field) {
   return text.empty() ? std::string() : "  # " + text;
 }
 
-// Writes keys first and then tables, because a key after a [table] would belong to that table. The keys of merged
-// messages are written among the keys of the enclosing table.
+// Writes the keys of a message. Its tables are written after them, because a key after a [table] would belong to that
+// table. The keys of merged messages are written among the keys of the enclosing table.
 void write_keys(const Message& message, std::string& out) {
   std::vector<const FieldDescriptor*> present;
   message.GetReflection()->ListFields(message, &present);
@@ -126,8 +126,8 @@ std::string default_text(const FieldDescriptor& field) {
   return rule.required_without().empty() ? "absent" : "required without `" + rule.required_without() + "`";
 }
 
-// Writes one section for each kind of table, with all its names as the heading ("[soft], [hard]"), then the sections of
-// the tables inside it.
+// Writes one section for each kind of table, with the names of all tables of this kind as heading ("[soft], [hard]"),
+// then the sections of the tables inside it.
 void describe_table(const Descriptor& table, const std::string& path, const std::string& heading, std::string& out) {
   out += fmt::format("\n## {}\n\n| key | type | unit | default | bounds | meaning |\n|---|---|---|---|---|---|\n",
                      heading);

@@ -28,30 +28,31 @@ struct Column {
   }
 };
 
-// Columns over one 8-byte aligned block. Cheap to move, not copyable.
+// Columns over one 8-byte aligned block. A batch can be moved cheaply, but not copied.
 class Batch {
  public:
   Batch() = default;
 
   // Allocates zeroed columns of `count` values: one for each field, but two for each tangential field if `components`
-  // is 2. Write through the spans below.
+  // is 2. The non-const spans of the batch write the values.
   static Batch of(std::span<const Field> fields, std::size_t count, std::uint32_t components = 1);
 
-  // Columns over received bytes, which must outlive the batch if they are aligned; misaligned bytes (ZeroMQ hands out
-  // such frames below 8 kB) are copied. Throws Error{kShape} if a column leaves the frame, overlaps another, is
-  // misaligned, repeats a field and component or has the wrong element type, or if there are more than kMaxColumns.
+  // Makes a batch of columns over received bytes. Aligned bytes are not copied and must outlive the batch; misaligned
+  // bytes (ZeroMQ hands out such frames below 8 kB) are copied. Throws Error{kShape} if a column leaves the frame,
+  // overlaps another, is misaligned, repeats a field and component or has the wrong element type, or if there are more
+  // than kMaxColumns.
   static Batch over(std::vector<Column> columns, std::span<const std::byte> bytes);
 
   const std::vector<Column>& columns() const { return columns_; }
   std::span<const std::byte> bytes() const { return {data_, size_}; }
 
   bool has(Field field, std::uint32_t component = 0) const;
-  // The values of a column; empty if the batch does not have it.
+  // Return the values of a column; empty if the batch does not have the column.
   std::span<const double> f64(Field field, std::uint32_t component = 0) const;
   std::span<const std::uint64_t> u64(Field field, std::uint32_t component = 0) const;
   std::span<const std::uint8_t> u8(Field field, std::uint32_t component = 0) const;
-  // The values of a column for writing. A batch over received bytes copies them first, so the received bytes do not
-  // change.
+  // Return the values of a column for writing. A batch over received bytes copies the bytes first, so the received
+  // bytes do not change.
   std::span<double> f64(Field field, std::uint32_t component = 0);
   std::span<std::uint64_t> u64(Field field, std::uint32_t component = 0);
   std::span<std::uint8_t> u8(Field field, std::uint32_t component = 0);

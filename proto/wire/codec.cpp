@@ -1,7 +1,7 @@
 #include "proto/wire/codec.hpp"
 
 #include <fmt/format.h>
-#define XXH_INLINE_ALL  // client libraries need no libxxhash
+#define XXH_INLINE_ALL  // compiles xxhash into this file, so that client libraries need no libxxhash
 #include <xxhash.h>
 
 #include <algorithm>
@@ -60,7 +60,7 @@ Payload payload_of(const Batch& batch) {
   return {.size_bytes = batch.bytes().size(), .xxh3 = xxh3(batch.bytes()), .columns = batch.columns()};
 }
 
-// The status with at most as many node ids as a peer accepts.
+// Returns the status with at most as many node ids as a peer accepts.
 Status shortened(Status status) {
   status.node_ids.resize(std::min(status.node_ids.size(), kMaxNodesNamed));
   return status;
@@ -97,7 +97,7 @@ template <typename Variant>
 struct Bodies;
 template <typename... Body>
 struct Bodies<std::variant<std::monostate, Body...>> {
-  // Calls use<Body>() for the body of this number; false if there is none.
+  // Calls use<Body>() for the body of this number; returns false if no body has the number.
   static bool find(std::uint32_t number, const auto& use) {
     return ((Body::kBody.number == number && (use.template operator()<Body>(), true)) || ...);
   }
@@ -234,8 +234,8 @@ bool declares_payload(std::span<const std::byte> header_frame) {
 }
 
 std::uint64_t hash_of(Frames frames) {
-  std::uint64_t hash =
-      0;  // seed: the hash of a frame is the seed of the next, so that moving bytes between frames changes the result
+  // The hash of a frame is the seed of the next, so that moving bytes between frames changes the result.
+  std::uint64_t hash = 0;
   for (const std::span<const std::byte> frame : frames) hash = XXH3_64bits_withSeed(frame.data(), frame.size(), hash);
   return hash;
 }

@@ -20,7 +20,7 @@ constexpr std::array kRows = {
 #include "proto/wire/columns.inc"
 };
 
-// Returns the fields of those column rows for which `test` is true.
+// The fields of those column rows for which Test returns true.
 template <typename Test>
 struct Selection {
   static constexpr std::size_t kCount = std::count_if(kRows.begin(), kRows.end(), Test{});

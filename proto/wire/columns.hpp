@@ -11,7 +11,7 @@
 
 namespace shearbus::wire {
 
-// Same numbers as shearbus.v1.Field.
+// The columns, with the same numbers as in shearbus.v1.Field.
 enum class Field : std::uint32_t {
   kUnspecified = 0,
 #define COLUMN(enumerator, number, ...) enumerator = number,
@@ -26,8 +26,8 @@ enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 enum class Use : std::uint8_t {
   kNone,
   kRequired,   // every request has the column
-  kOptional,   // values are 0 if a request does not have the column
-  kStick,      // every request in stick form has the column, and no other
+  kOptional,   // a request may have the column; without it the values are 0
+  kStick,      // every request in stick form has the column, and no other request does
   kReply,      // every reply has the column, unless `wanted` leaves it out
   kOnRequest,  // a reply has the column only if `wanted` names it
 };
@@ -44,7 +44,8 @@ struct ColumnRow {
   bool tangential;  // a vector along the interface: has a second column, component 1, if slip has two components
   Use velocity_driven;
   Use force_driven;
-  double lowest;  // bounds of a request's values, in `unit`; both 0 for columns of a reply
+  // smallest and largest value that a request may hold, in `unit`; both are 0 for columns of a reply
+  double lowest;
   double highest;
   const char* meaning;
 
@@ -58,7 +59,7 @@ struct ColumnRow {
 std::span<const ColumnRow> column_rows();          // all rows, in the order of columns.inc
 const ColumnRow* find_column(Field field);         // null for a number that is no field
 const ColumnRow& column_row(Field field);          // throws std::out_of_range for a number that is no field
-std::size_t size_of(Element element);              // bytes
+std::size_t size_of(Element element);              // size of one value in bytes
 Element element_of(Field field);                   // kUnspecified for a number that is no field
 bool is_tangential(Field field);                   // false for a number that is no field
 const char* name(Field field);                     // "?" for a number that is no field
@@ -72,7 +73,7 @@ inline constexpr std::array kStickColumns = {
 #define STICK(enumerator, ...) Field::enumerator,
 #include "proto/wire/columns.inc"
 };
-// The required columns of a request in this form; `required` are those in far-field form.
+// Returns the required columns of a request in this form; `required` are the required columns of the far-field form.
 std::vector<Field> columns_in(Form form, std::span<const Field> required);
 
 // Columns of the steps of a strategy, in the order of the rows. A request may also have node_id.
@@ -81,9 +82,9 @@ struct StrategyColumns {
   std::span<const Field> optional;
   std::span<const Field> reply;
   std::span<const Field> on_request;
-  std::span<const Field> stick;  // in place of kFarFieldColumns, if the request is in stick form
+  std::span<const Field> stick;  // columns that replace kFarFieldColumns in a request in stick form
 };
-const StrategyColumns& columns_of(Strategy strategy);  // all empty for kUnspecified
+const StrategyColumns& columns_of(Strategy strategy);  // all lists are empty for kUnspecified
 
 // The columns of the energy ledger of a step.
 inline constexpr std::array kLedgerColumns = {
@@ -91,7 +92,7 @@ inline constexpr std::array kLedgerColumns = {
 #include "proto/wire/columns.inc"
 };
 
-// The name of a component of a column in a file: its quantity, with an ending for the second component.
+// Returns the name of a component of a column in a file: its quantity, with an ending for the second component.
 std::string quantity_of(Field field, std::uint32_t component = 0);
 
 }  // namespace shearbus::wire

@@ -92,7 +92,7 @@ std::vector<T> read(const Dataset& dataset, hid_t memory_type, const std::filesy
   return values;
 }
 
-// Datasets below a group, by their path inside it.
+// Returns the datasets inside a group, by their path in the group.
 std::vector<std::string> names_below(const Group& group, const std::filesystem::path& file) {
   std::vector<std::string> names;
   checked(H5Ovisit2(

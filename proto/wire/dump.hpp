@@ -1,6 +1,6 @@
 // A restart dump on disk: arrays and texts by name in one HDF5 file, which appears only when complete. Every value is
-// checksummed; a flipped bit is an error. All functions throw wire::Error{kInvalidValue} with file and name in the
-// text.
+// checksummed; a flipped bit is an error. All functions throw wire::Error with the file in the text: kNoSpace for a
+// full disk, otherwise kInvalidValue.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ namespace shearbus::wire {
 
 class DumpWriter {
  public:
-  // Writes FILE.partial, which only the owner may read, because a dump may hold the resume token of a session.
+  // Creates FILE.partial, which only the owner may read, because a dump may hold the resume token of a session.
   explicit DumpWriter(std::filesystem::path file);
   DumpWriter(const DumpWriter&) = delete;
   DumpWriter& operator=(const DumpWriter&) = delete;
@@ -32,7 +32,7 @@ class DumpWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// Reads the whole dump at once, so that damage is found at once.
+// Reads the whole dump in the constructor, so that damage is found before a value is used.
 class DumpReader {
  public:
   explicit DumpReader(std::filesystem::path file);

@@ -20,10 +20,10 @@ class Encoder {
   void fixed32(std::uint32_t number, std::uint32_t value);
   void fixed64(std::uint32_t number, std::uint64_t value);
   void bytes(std::uint32_t number, std::string_view value);
-  void raw_varint(std::uint64_t value);   // an element of a packed list
-  void raw_fixed64(std::uint64_t value);  // an element of a packed list
+  void raw_varint(std::uint64_t value);   // appends an element of a packed list
+  void raw_fixed64(std::uint64_t value);  // appends an element of a packed list
 
-  // A field whose content `fill()` appends: a message, or a packed list.
+  // Appends a field whose content `fill()` appends: a message, or a packed list.
   template <typename Fill>
   void nested(std::uint32_t number, const Fill& fill) {
     tag(number, WireType::kLength);
@@ -41,7 +41,7 @@ class Encoder {
   std::string out_;
 };
 
-// A field as it stands in a message.
+// A field of an encoded message.
 struct EncodedField {
   std::uint32_t number = 0;
   WireType type = WireType::kVarint;
@@ -57,9 +57,9 @@ class Decoder {
  public:
   explicit Decoder(std::span<const std::byte> message) : message_(message) {}
 
-  bool next(EncodedField& field);           // false at the end, and at a fault
-  bool next_varint(std::uint64_t& value);   // an element of a packed list
-  bool next_fixed64(std::uint64_t& value);  // an element of a packed list
+  bool next(EncodedField& field);           // reads the next field; false at the end, and at a fault
+  bool next_varint(std::uint64_t& value);   // reads an element of a packed list; false at the end, and at a fault
+  bool next_fixed64(std::uint64_t& value);  // reads an element of a packed list; false at the end, and at a fault
   std::size_t position() const { return at_; }
   bool fault() const { return fault_; }
 

@@ -21,10 +21,10 @@ class EnergyTotals {
   bool empty() const { return numbers_.back() == 0.0; }
   double mean(Field term) const;  // mean over the nodes of the sum over the steps  [J/m2]
 
-  // Lines of a summary, each with label and text.
+  // Returns the lines of a summary, each with label and text.
   std::vector<std::pair<std::string, std::string>> lines() const;
 
-  // The sums as plain numbers, which a restart dump saves and restores.
+  // Return the sums as plain numbers, which a restart dump saves and restores.
   std::span<double> numbers() { return numbers_; }
   std::span<const double> numbers() const { return numbers_; }
 

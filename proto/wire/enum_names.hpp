@@ -1,5 +1,5 @@
-// The numbers and names of the enums of the wire, as in the schema. They serve to check received numbers, to name
-// values in texts, and to test that they agree with the .proto files.
+// The numbers and names of the enums of the wire, as in the schema. They are used to check received numbers and to name
+// values in texts; a test checks that they agree with the .proto files.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +21,11 @@ struct EnumNames {
 
   bool has(std::uint64_t number) const;
   const char* name(std::uint32_t number) const;  // "?" for a number without a name
-  std::string choices() const;                   // "ADVANCE or TRIAL": all but number 0
+  // names of all values but number 0, as text: "ADVANCE or TRIAL"
+  std::string choices() const;
 };
 
-// The names of an enum. The argument selects the enum; its value does not matter.
+// Returns the names of an enum. The argument selects the enum; its value does not matter.
 EnumNames names_of(AbsentNodes absent);
 EnumNames names_of(Code code);
 EnumNames names_of(Element element);
@@ -36,7 +37,7 @@ EnumNames names_of(Regime regime);
 EnumNames names_of(Strategy strategy);
 EnumNames names_of(Top top);
 
-// Whether a message may carry this number as a value of the enum.
+// Returns true if a message may carry this number as a value of the enum.
 template <typename E>
 bool may_be_sent(E type, std::uint64_t number) {
   return names_of(type).has(number);

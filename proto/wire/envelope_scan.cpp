@@ -11,7 +11,7 @@ namespace {
 constexpr std::uint32_t kFirstBody = 16;
 constexpr std::uint32_t kLastOnce = 47;  // no field up to this number may occur twice
 
-// The wire type of a field of the envelope; none for an unknown number, which may have any type.
+// Returns the wire type of a field of the envelope; none for an unknown number, which may have any type.
 std::optional<WireType> wire_type_of(std::uint32_t number) {
   switch (number) {
     case 1:
@@ -64,7 +64,7 @@ void keep(const EncodedField& field, EnvelopeScan& scan) {
   }
 }
 
-// The fault of a field, given the fields before it; empty if the field is sound.
+// Returns the fault of a field, given the fields before it; empty if the field is sound.
 std::string fault_of(const EncodedField& field, std::size_t at, std::uint64_t seen, std::uint32_t body) {
   const auto expected = wire_type_of(field.number);
   if (expected && *expected != field.type)

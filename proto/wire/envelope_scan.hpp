@@ -18,9 +18,9 @@ struct EnvelopeScan {
   std::span<const std::byte> session_id;
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
-  bool has_payload = false;  // whether the header declares a payload frame
-  std::uint32_t body = 0;    // field number of the body, 16 to 47; 0: none
-  std::string fault;         // empty if the envelope is sound; the members above hold what precedes the fault
+  bool has_payload = false;  // true if the header declares a payload frame
+  std::uint32_t body = 0;    // field number of the body, 16 to 47; 0: no body
+  std::string fault;         // empty if the envelope is sound; otherwise the other members hold what precedes the fault
 };
 
 EnvelopeScan scan_envelope(std::span<const std::byte> header);

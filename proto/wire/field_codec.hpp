@@ -42,7 +42,8 @@ concept Varint = std::unsigned_integral<T> || std::is_enum_v<T>;
 
 // ---- writing ----
 
-// Text that a peer accepts: valid UTF-8 of at most `most` bytes. A longer text is cut, an invalid byte is replaced.
+// Returns text that a peer accepts: valid UTF-8 of at most `most` bytes. A longer text is cut, an invalid byte is
+// replaced.
 inline std::string sent_text(const std::string& text, std::size_t most = kMaxTextBytes) {
   return text.size() <= most && is_utf8(text) ? text : as_utf8(text, most);
 }
@@ -136,7 +137,7 @@ class FieldWriter {
 template <HasRows T>
 void read_message(T& message, std::span<const std::byte> bytes, const FieldPath& path, bool strict);
 
-// An id of 16 bytes; all zero if `bytes` is empty.
+// Returns an id of 16 bytes; all zero if `bytes` is empty.
 inline Id read_id(std::span<const std::byte> bytes, const FieldPath& path) {
   Id id{};
   if (!bytes.empty() && bytes.size() != id.size())
@@ -185,7 +186,7 @@ class FieldReader {
   FieldReader(const EncodedField& found, const FieldPath& path, bool strict)
       : found_(found), path_(path), strict_(strict) {}
 
-  bool known() const { return known_; }  // whether a row has the number and type of this field
+  bool known() const { return known_; }  // true if a row has the number and type of this field
 
   template <typename T>
   void operator()(std::uint32_t number, const char* name, T&& row) {

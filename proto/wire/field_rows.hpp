@@ -26,7 +26,7 @@ Fixed<T> fixed(T& value) {
   return {value};
 }
 
-// A field that a message must have; for an enum, kUnspecified is refused too.
+// A field that a message must have; for an enum, the value kUnspecified is refused too.
 template <typename T>
 struct Required {
   T& value;
@@ -36,7 +36,8 @@ Required<T> required(T& value) {
   return {value};
 }
 
-// A vector of at most `most` elements; a message with more is refused. `fixed`: numbers that are encoded as fixed64.
+// A vector of at most `most` elements; a message with more is refused. If `fixed` is true, its numbers are encoded as
+// fixed64.
 template <typename T>
 struct AtMost {
   T& value;
@@ -52,7 +53,7 @@ AtMost<T> at_most_fixed(std::size_t most, T& value) {
   return {value, most, true};
 }
 
-// Columns that a peer offers. Columns that this side does not know are left out.
+// A list of columns that the sender knows. Columns that the reader does not know are left out when the list is read.
 template <typename T>
 struct KnownOnly {
   T& value;

@@ -1,6 +1,6 @@
-// Fields of a run for ParaView and VisIt. FIELDS.xmf describes the HDF5 files below FIELDS/, one file for each frame
-// (XDMF 3; opened by ParaView's Xdmf2 and Xdmf3 readers). Quadrilaterals in the plane z = 0. recording.md describes the
-// layout.
+// Fields of a run for ParaView and VisIt. FIELDS.xmf describes the HDF5 files in the directory FIELDS, one file for
+// each frame (XDMF 3; opened by ParaView's Xdmf2 and Xdmf3 readers). The zones are quadrilaterals in the plane z = 0.
+// recording.md describes the layout.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +26,8 @@ class FieldWriter {
   FieldWriter& operator=(FieldWriter&&) noexcept;
   ~FieldWriter();
 
-  // Positions and velocities of the nodes as x, y, 0; one span of zone values for each quantity, in their order.
+  // Writes a frame: positions and velocities of the nodes as x, y, 0, and one span of zone values for each quantity, in
+  // the order of the quantities.
   void frame(double time_s, std::span<const double> place, std::span<const double> velocity,
              std::span<const std::span<const double>> zones);
   const std::vector<double>& times_s() const;  // times of the written frames

@@ -53,7 +53,8 @@ class Quiet {
   void* data_ = nullptr;
 };
 
-// The innermost entry of HDF5's error stack, which names the cause. The outer entries name only the calls around it.
+// Returns the innermost entry of HDF5's error stack, which names the cause. The outer entries name only the calls
+// around it.
 inline std::string reason() {
   std::string text;
   H5Ewalk2(

@@ -14,7 +14,7 @@ inline bool interrupted() {
   return detail::interrupted != 0;
 }
 
-// After this call the first signal sets interrupted(), and a second signal ends the program at once.
+// After this call the first signal sets interrupted(), and a second signal of the same kind ends the program at once.
 inline void stop_at_next_step() {
   struct sigaction action = {};
   action.sa_handler = [](int) { detail::interrupted = 1; };
@@ -24,7 +24,8 @@ inline void stop_at_next_step() {
   sigaction(SIGTERM, &action, nullptr);
   struct sigaction hangup = {};
   sigaction(SIGHUP, nullptr, &hangup);
-  if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // ignored under nohup
+  // a signal that is ignored, as under nohup, stays ignored
+  if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
 }
 
 }  // namespace shearbus::wire

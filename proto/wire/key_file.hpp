@@ -1,6 +1,6 @@
 // Files of CURVE keys. A key is 40 characters of Z85 (ZeroMQ RFC 32). Each line holds one key, followed by words; empty
 // lines and lines that begin with "# " are comments. A file of a secret key holds only that key, and only its owner may
-// read it.
+// read the file.
 #pragma once
 
 #include <filesystem>
@@ -15,7 +15,7 @@ inline constexpr std::size_t kKeyCharacters = 40;
 struct ServerAddress {
   std::string endpoint;    // tcp://host:port or ipc://path
   std::string server_key;  // tcp: the server's public key; empty: the connection is not encrypted
-  std::string secret_key;  // secret key of the client; empty if server_key is
+  std::string secret_key;  // tcp: secret key of the client; empty if server_key is empty
 };
 
 struct KeyLine {
@@ -25,12 +25,13 @@ struct KeyLine {
 
 bool is_key(const std::string& text);
 
-// All functions throw std::runtime_error whose text names the file, the line, the expected and the found text.
+// These functions throw std::runtime_error. Its text names the file and, for a line that is no key, the line and the
+// expected text.
 std::vector<KeyLine> read_keys(const std::filesystem::path& file);
 std::string read_public_key(const std::filesystem::path& file);
 std::string read_secret_key(const std::filesystem::path& file);
 
-// Reads the keys of an address; both files or neither must be given.
+// Reads the two key files of an address; either both files or neither must be given.
 void read_keys_into(ServerAddress& address, const std::filesystem::path& server_key,
                     const std::filesystem::path& secret_key);
 

@@ -1,4 +1,5 @@
-// Limits on everything that arrives from outside. The welcome publishes them.
+// Limits on everything that arrives from outside. The reply `welcome` publishes those of the struct Limits
+// (messages.hpp).
 #pragma once
 
 #include <cstddef>
@@ -16,15 +17,19 @@ inline constexpr std::size_t kMaxColumns = 32;
 inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;  // bytes of the widest row of a request or reply
 inline constexpr std::size_t kMaxNodesPerSession = 200'000;
 inline constexpr std::size_t kMaxSessions = 1'024;
-inline constexpr std::size_t kMaxMarks = 2;        // largest number per session; a mark holds a copy of its states
-inline constexpr std::size_t kMaxNameBytes = 128;  // name of a mark or a domain
-inline constexpr std::size_t kMaxOffers = 256;     // waiting offers per session
+// largest number of marks of a session; a mark holds a copy of the session's states
+inline constexpr std::size_t kMaxMarks = 2;
+inline constexpr std::size_t kMaxNameBytes = 128;  // length of the name of a mark or a domain
+// largest number of offers (transfers of nodes to another session) of a session that wait to be accepted
+inline constexpr std::size_t kMaxOffers = 256;
 inline constexpr std::size_t kMaxTopNodes = 1'024;
 inline constexpr std::size_t kMaxSessionsListed = 128;  // sessions listed in one reply
 inline constexpr std::size_t kMaxHeaderBytes = std::size_t{512} * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
-inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;     // any string of a header, except a scene
-inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;  // a scene, or the list of its faults
+// length of a text in a header, except scenes and lists of faults
+inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;
+// length of a scene, or of the list of its faults
+inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;
 
 static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);
 static_assert(kMaxHeaderBytes <= kMaxPayloadBytes);

@@ -19,7 +19,7 @@ using ResumeToken = Id;
 using TransferId = Id;
 static_assert(sizeof(Id) == kSessionIdBytes);
 
-// Same numbers as shearbus.v1.Regime and Outcome, where they are explained.
+// The enums have the same numbers as shearbus.v1.Regime and shearbus.v1.Outcome, which explain the values.
 enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca = 3, kMelting = 4 };
 enum Outcome : std::uint8_t {
   kOutcomeOk = 0,
@@ -55,7 +55,7 @@ struct OpenSession {
   ResumeToken resume_token{};
   std::string domain;  // empty: the session is in no domain
   bool check_closure = false;
-  std::uint64_t idle_limit_s = 0;  // 0: none
+  std::uint64_t idle_limit_s = 0;  // 0: no limit
 
   static void fields(auto&& v, auto& m) {
     v(1, "scene", scene_text(m.scene));
@@ -75,7 +75,7 @@ struct Downscale {
   std::uint32_t attempt = 0;
   Mode mode = Mode::kAdvance;
   bool commit_previous = false;
-  std::vector<Field> wanted;  // columns of the reply; empty: the default columns
+  std::vector<Field> wanted;  // columns that the reply is to have; empty: the default columns
   Policy policy = Policy::kUnspecified;
   AbsentNodes absent_nodes = AbsentNodes::kKeep;
 
@@ -97,7 +97,7 @@ struct Commit {
 };
 struct Rollback {
   static constexpr BodyRow kBody = {20, "rollback"};
-  std::string to_mark;  // name of a mark; empty: only drops the trial that waits for commit or rollback
+  std::string to_mark;  // name of a mark; empty: the request only drops a waiting trial
 
   static void fields(auto&& v, auto& m) { v(1, "to_mark", m.to_mark); }
 };
@@ -258,7 +258,8 @@ struct SessionResumed {
   std::uint64_t state_version = 0;
   bool trial_stands = false;
   std::uint64_t claim = 0;
-  std::vector<TransferId> offers;  // offers that wait to be accepted, oldest first
+  // transfer_id of each offer of this session that waits to be accepted, oldest first
+  std::vector<TransferId> offers;
 
   static void fields(auto&& v, auto& m) {
     v(1, "session", required(m.session));
@@ -276,11 +277,11 @@ struct Upscale {
   std::uint64_t solver_ns = 0;
   std::uint64_t service_ns = 0;
   std::uint64_t flagged_nodes = 0;
-  // Only of sessions that check closure.
+  // The next three fields are set only in sessions that check closure.
   double largest_closure_m_per_s = 0.0;
   std::uint64_t closure_node = 0;
   double layer_time_s = 0.0;
-  std::vector<std::string> warnings;  // each begins with the name of the field or column that it is about
+  std::vector<std::string> warnings;  // each warning begins with the name of the field or column that it is about
 
   static void fields(auto&& v, auto& m) {
     v(1, "nodes", m.nodes);
@@ -309,7 +310,7 @@ struct RolledBack {
 struct Marked {
   static constexpr BodyRow kBody = {24, "marked"};
   std::uint64_t state_version = 0;
-  std::vector<std::string> names;  // oldest first
+  std::vector<std::string> names;  // names of the marks that the session keeps, oldest first
 
   static void fields(auto&& v, auto& m) {
     v(1, "state_version", m.state_version);
@@ -349,7 +350,9 @@ struct Histogram {
     v(4, "sum_ns", m.sum_ns);
   }
 };
-inline constexpr std::uint64_t kHistogramBaseNs = 1024;  // bucket i counts durations below this times 2^i
+// Bucket 0 counts durations below this value, bucket i durations from this value times 2^(i-1) to times 2^i; the last
+// bucket also counts all longer durations  [ns]
+inline constexpr std::uint64_t kHistogramBaseNs = 1024;
 struct Refusals {
   std::uint32_t code = 0;
   std::uint64_t count = 0;

@@ -17,7 +17,7 @@ namespace {
 
 thread_local int last_fault = 0;
 
-// HDF5 reads and writes the first member.
+// A file that is open with this driver. HDF5 uses the first member, the driver the others.
 struct OutputFile {
   H5FD_t base{};
   int number = -1;
@@ -78,7 +78,7 @@ herr_t handle_of(H5FD_t* file, hid_t, void** handle) {
 herr_t read_file(H5FD_t* base, H5FD_mem_t, hid_t, haddr_t at, std::size_t size, void* buffer) {
   OutputFile& file = self(base);
   char* const out = static_cast<char*>(buffer);
-  std::memset(out, 0, size);  // what lies behind the end reads as zeros
+  std::memset(out, 0, size);  // bytes behind the end of the file read as zeros
   for (std::size_t done = 0; done < size;) {
     const ssize_t taken = ::pread(file.number, out + done, size - done, static_cast<off_t>(at + done));
     if (taken < 0 && errno == EINTR) continue;
@@ -135,7 +135,7 @@ hid_t driver() {
     c.read = read_file;
     c.write = write_file;
     c.truncate = truncate_file;
-    constexpr H5FD_mem_t kFreeLists[] = H5FD_FLMAP_DICHOTOMY;  // as HDF5's own driver has it
+    constexpr H5FD_mem_t kFreeLists[] = H5FD_FLMAP_DICHOTOMY;  // the same as in HDF5's own driver
     std::copy(std::begin(kFreeLists), std::end(kFreeLists), std::begin(c.fl_map));
     return c;
   }();

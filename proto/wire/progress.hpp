@@ -1,4 +1,4 @@
-// A progress line of a long run with its remaining time: on a terminal only, and only after two seconds.
+// Shows a progress line of a long run, with the remaining time: on a terminal only, and only after two seconds.
 #pragma once
 
 #include <fmt/format.h>
@@ -13,7 +13,7 @@
 
 namespace shearbus::wire {
 
-// The text of a progress line:
+// Returns the text of a progress line:
 //   replay  [#########...........]  45 %  450/1000 steps  812/s  0.7 s left
 inline std::string progress_line(const std::string& what, std::size_t done, std::size_t total, double elapsed_s) {
   constexpr std::size_t kWidth = 20;

@@ -5,8 +5,8 @@
 //
 // T is the number of steps, N the number of nodes.
 //
-// Functions throw wire::Error with file and dataset in the text, kNoSpace for a full disk. A writer works on
-// FILE.partial and renames it when closed, so that an interrupted run leaves no file that looks complete.
+// Functions throw wire::Error with the file in the text, kNoSpace for a full disk. A writer works on FILE.partial and
+// renames it when closed, so that an interrupted run leaves no file that looks complete.
 #pragma once
 
 #include <cstdint>
@@ -24,21 +24,22 @@
 namespace shearbus::wire {
 
 struct Quantity {
-  std::string name;         // dataset
+  std::string name;         // name of the dataset
   std::string units;        // UDUNITS text
   std::string long_name;    // description in one line
   bool is_regime = false;   // regimes: stored as uint8 with an enum of their names, not as float64
   bool is_outcome = false;  // outcomes: stored as uint8 whose bits are those of Outcome, not as float64
 };
 
-// A component of a column as a dataset of a history; `long_name`, if given, replaces the meaning in the column's row.
+// Returns a component of a column as a dataset of a history. If `long_name` is given, it replaces the meaning in the
+// column's row.
 Quantity quantity_of_column(Field field, std::uint32_t component = 0, const std::string& long_name = {});
 
 class HistoryWriter {
  public:
   // `meta` is written to /meta, together with format, version, created and units_system: a text of one line as an
   // attribute, a longer text (the scene) as a scalar dataset. Rows are buffered in chunks of at most 512 KiB per
-  // dataset.
+  // dataset, or of one row if a row is longer.
   HistoryWriter(std::filesystem::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
                 const std::map<std::string, std::string>& meta, double start_time_s = 0.0);
   HistoryWriter(HistoryWriter&&) noexcept;
@@ -54,7 +55,7 @@ class HistoryWriter {
 
   // Writes a dataset of one dimension and any length, such as one mass per node.
   void add_static(const Quantity& quantity, std::span<const double> values);
-  // Returns when the file is on the disk under its final name. It replaces a file of that name.
+  // Returns when the file is on the disk under its final name. An older file of that name is replaced.
   void close(const std::map<std::string, std::string>& closing_meta = {});
 
  private:
@@ -62,7 +63,7 @@ class HistoryWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// Reads a macroscopic history. Rows are read on demand.
+// Reads a history of host inputs. Rows are read on demand.
 class HistoryReader {
  public:
   explicit HistoryReader(std::filesystem::path file);
@@ -72,11 +73,11 @@ class HistoryReader {
 
   std::size_t steps() const;
   std::size_t nodes() const;
-  double start_time_s() const;                 // attribute t0 of /time, 0 when absent
+  double start_time_s() const;                 // start of the first step: attribute t0 of /time, 0 when absent
   const std::vector<double>& times_s() const;  // end of each step; checked to increase strictly
-  const std::vector<double>& dt_s()
-      const;  // length of each step: /dt [T] if present (checked against /time), else differences
-  const std::vector<std::uint64_t>& node_ids() const;  // checked to be unique
+  // length of each step: /dt [T] if present (checked against /time), otherwise the differences of /time
+  const std::vector<double>& dt_s() const;
+  const std::vector<std::uint64_t>& node_ids() const;  // ids of the nodes, checked to be unique
   bool has(std::string_view name) const;
   std::vector<double> per_node(std::string_view name) const;  // one value per node, all checked to be finite
   void row(std::string_view name, std::size_t step, std::span<double> values);  // values checked to be finite
@@ -87,7 +88,7 @@ class HistoryReader {
   std::unique_ptr<Impl> impl_;
 };
 
-// "xxh3-64:" and 16 hexadecimal digits of a file's bytes: what `xxhsum -H3` prints.
+// Returns the hash of a file's bytes, "xxh3-64:" and 16 hexadecimal digits: what `xxhsum -H3` prints.
 std::string hash_of_file(const std::filesystem::path& file);
 
 }  // namespace shearbus::wire

@@ -1,5 +1,5 @@
-// HDF5 errors as wire::Error, and files that get their name only when they are complete. Private to the sources of this
-// directory that write and read HDF5.
+// Reports HDF5 errors as wire::Error, and gives files their name only when they are complete. Private to the sources of
+// this directory that write and read HDF5.
 #pragma once
 
 #include <fmt/format.h>
@@ -32,7 +32,7 @@ T checked(T returned, const std::filesystem::path& file, const char* what) {
   return returned;
 }
 
-// A new file in the 1.10 format, which checksums its metadata: a flipped bit is an error instead of another number.
+// Creates a file in the 1.10 format, which checksums its metadata: a flipped bit is an error instead of another number.
 // Errors name the file as `named`.
 inline File create_file(const std::filesystem::path& file, const std::filesystem::path& named) {
   const Properties access(checked(H5Pcreate(H5P_FILE_ACCESS), named, "cannot prepare"));
@@ -44,12 +44,12 @@ inline File create_file(const std::filesystem::path& file, const std::filesystem
   return made;
 }
 
-// Throws if a write to the open file has failed. HDF5 itself reports none (output_driver.hpp).
+// Throws if a write to the open file has failed. HDF5 itself reports no failed write (output_driver.hpp).
 inline void check_written(hid_t file, const std::filesystem::path& named) {
   if (const int fault = fault_of(file)) refuse_to_write(named, fault);
 }
 
-// Closes a file of which no object is open, and gives it its name if every byte was written.
+// Closes a file, all of whose objects are closed, and gives it its name if every byte was written.
 inline void close_and_publish(File& file, const std::filesystem::path& partial, const std::filesystem::path& named) {
   checked(H5Fflush(file, H5F_SCOPE_LOCAL), named, "cannot write to the disk");
   check_written(file, named);

@@ -41,9 +41,9 @@ struct HistoryWriter::Impl {
     bool bytes = false;
     Type type;  // number type of the dataset in the file
     Dataset dataset;
-    std::vector<double> numbers;  // buffered rows of a float64 dataset; those of bytes are in `codes`
+    std::vector<double> numbers;  // buffered rows of a float64 dataset; rows of a byte dataset are in `codes`
     std::vector<std::uint8_t> codes;
-    bool set = false;  // whether the present row already has its values
+    bool set = false;  // true if the current row already has its values
   };
 
   fs::path file;
@@ -71,7 +71,7 @@ struct HistoryWriter::Impl {
     fs::remove(partial, ignored);
   }
 
-  // A file with open objects would stay open.
+  // Closes all objects of the file, because a file with open objects would stay open.
   herr_t close_objects() {
     herr_t worst = std::min(time.close(), dt.close());
     for (Series& one : series) worst = std::min({worst, one.dataset.close(), one.type.close()});
@@ -192,7 +192,7 @@ void HistoryWriter::Impl::write_waiting_rows() {
     one.numbers.clear();
     one.codes.clear();
   }
-  check_written(handle, file);  // a long run need not go on to its end
+  check_written(handle, file);  // ends a long run at its first failed write
   rows_written += rows;
   waiting_times.clear();
   waiting_dts.clear();

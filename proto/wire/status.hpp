@@ -50,10 +50,10 @@ enum class Code : std::uint16_t {
   kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
   kUnexpectedReply = 502,  // the reply does not answer the request
   kAuth = 503,             // the server refuses this client, or its key is not the expected key
-  kNotClosed = 504,        // the host's jump is not the jump that its last step answered
+  kNotClosed = 504,        // the velocity jump of the host is not the one that its last step answered
 };
 
-// The name users see, e.g. "SEQUENCE_GAP".
+// Returns the name that users see, e.g. "SEQUENCE_GAP".
 const char* name(Code code);
 
 inline constexpr std::size_t kMaxNodesNamed = 16;
@@ -78,7 +78,7 @@ struct Status {
   }
 };
 
-// One line: "INVALID_VALUE: pressure_pa of node 7 is nan; ... (remedy)".
+// Returns the status as one line: "INVALID_VALUE: pressure_pa of node 7 is nan; ... (remedy)".
 std::string describe(const Status& status);
 
 class Error : public std::runtime_error {

@@ -10,7 +10,7 @@
 namespace shearbus::wire {
 namespace {
 
-// Damerau-Levenshtein distance (optimal string alignment).
+// Returns the Damerau-Levenshtein distance (optimal string alignment).
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), row(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j) last[j] = j;

@@ -10,15 +10,16 @@ namespace shearbus::wire {
 
 bool is_utf8(std::string_view text);
 
-// Whether a valid UTF-8 text has a control character: U+0000 to U+001F or U+007F to U+009F. A name has none.
+// Returns true if a valid UTF-8 text has a control character: U+0000 to U+001F or U+007F to U+009F. Names must have
+// none.
 bool has_control_character(std::string_view text);
 
-// `text` with every invalid byte replaced by '?', cut at a character boundary to at most `max_bytes`; a text that was
-// cut ends in "...".
+// Returns `text` with every invalid byte replaced by '?', cut at a character boundary to at most `max_bytes`; a text
+// that was cut ends in "...".
 std::string as_utf8(std::string_view text, std::size_t max_bytes);
 
-// The candidate nearest to a mistyped word: the smallest edit distance (a swap of neighbours counts once), at most a
-// third of the longer word, with at least one common letter; empty if there is none.
+// Returns the candidate with the smallest edit distance to a mistyped word (a swap of neighbours counts once). The
+// distance must be smaller than the length of the longer word, and at most a third of it or 1. Empty if there is none.
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates);
 
 }  // namespace shearbus::wire

@@ -1,4 +1,4 @@
-// Files that get their name only when they are complete and on the disk.
+// Writes files that get their name only when they are complete and on the disk.
 #pragma once
 
 #include <fcntl.h>
@@ -31,7 +31,7 @@ inline void sync_to_disk(const std::filesystem::path& path, const std::filesyste
   if (!synced) refuse_to_write(named, fault);
 }
 
-// Gives a finished file its name. The name survives a loss of power when the function has returned.
+// Gives a finished file its name. When the function has returned, the name survives a loss of power.
 inline void publish(const std::filesystem::path& partial, const std::filesystem::path& file) {
   try {
     sync_to_disk(partial, file);
@@ -47,7 +47,7 @@ inline void publish(const std::filesystem::path& partial, const std::filesystem:
   sync_to_disk(directory.empty() ? std::filesystem::path(".") : directory, file);
 }
 
-// Writes a text file of that name, or throws Error and leaves no file.
+// Writes a text file of that name; on failure throws Error and leaves no partial file.
 inline void write_whole(const std::filesystem::path& file, std::string_view text) {
   std::filesystem::path partial = file;
   partial += ".partial";

@@ -30,7 +30,7 @@ inline void follow_flow_law(Material& soft, FlowLaw law) {
     const Material aluminium = soft;
     soft = entry.material;
     // Sound speed, slope of the Hugoniot, Grueneisen coefficient and volume correction give the compression at a
-    // pressure. Some metals of the catalog lack them; these get the constants of aluminium.
+    // pressure. A metal of the catalog that lacks one of these constants gets the constant of aluminium.
     if (!std::isfinite(soft.sound_speed)) soft.sound_speed = aluminium.sound_speed;
     if (!std::isfinite(soft.hugoniot_slope)) soft.hugoniot_slope = aluminium.hugoniot_slope;
     if (!std::isfinite(soft.grueneisen)) soft.grueneisen = aluminium.grueneisen;

@@ -20,8 +20,8 @@
 
 namespace shearbus::testing {
 
-// Invariants 1, 3 and 5 of MODEL.md, "What always holds": the answer is finite, temperatures are in their range,
-// friction dissipates, heat and work balance.
+// Checks the invariants that do not depend on the strategy (MODEL.md, "What always holds"): the answer is finite,
+// temperatures are in their range, friction dissipates, heat and work balance.
 inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const bool has_profile = rig.model.layout().heat_modes == TileLayout::kAbsent;
@@ -34,7 +34,7 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
   } else {
     require_dissipation(a);
   }
-  // Without a temperature profile the heat is kept in modes. They give the stored heat only for an insulated slab,
+  // Without a temperature profile the heat is kept in modes. The modes give the stored heat only for an insulated slab,
   // whose mode with decay rate 0 contains all heat.
   if (has_profile || !HeatKernel(options.soft, options.grid).far_face_unfelt(options.modes->longest_time)) {
     require_heat_balance(rig.stored_heat_of(rig.trial, 0.0, lane), rig.stored_heat(0.0, lane), a.heat, figures);

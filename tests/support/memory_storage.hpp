@@ -19,7 +19,7 @@
 
 namespace shearbus::support {
 
-// The exception of the call at which the server dies, and of every later call.
+// Thrown by the call at which the server dies, and by every later call.
 struct Died : store::StorageError {
   Died() : StorageError("the machine has died", EIO) {}
 };
@@ -61,7 +61,7 @@ class MemoryStorage final : public store::Storage {
     changes_.clear();
     for (auto& [name, node] : names_) {
       Node& file = *node;
-      // Bytes written over others have reached the disk, or have not.
+      // Bytes that were written over synced bytes have reached the disk or have not, with equal probability.
       if (random() % 2 == 0)
         std::copy_n(file.synced.begin(), std::min(file.synced.size(), file.written.size()), file.written.begin());
       if (file.written.size() > file.synced.size()) {

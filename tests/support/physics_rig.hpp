@@ -31,8 +31,8 @@ inline ModelOptions paper_options(Strategy strategy = Strategy::kVelocityDriven)
   return options;
 }
 
-// Returns the options with a conducting hard body, by default on the layer's grid scaled by sqrt(alpha_h / alpha), so
-// that heat penetrates the same number of cells on both sides.
+// Returns the options with a conducting hard body. Its default grid is the layer's grid scaled by the square root of
+// the ratio of the thermal diffusivities, hard to soft, so that heat penetrates the same number of cells on both sides.
 inline ModelOptions two_sided(ModelOptions options, std::optional<GridOptions> hard = {}) {
   options.hard_grid = hard ? *hard : options.grid;
   if (!hard) options.hard_grid->thickness *= std::sqrt(options.hard.diffusivity / options.soft.diffusivity);
@@ -111,8 +111,9 @@ class Rig {
 
   const HeatGrid& heat_grid() const { return heat_grid_; }
 
-  // Returns the temperatures of a lane in a tile of states, one for each row of heat_grid(). Those of a sleeping lane
-  // are computed from its modes. A model without a temperature profile has one temperature only, T0.
+  // Returns the temperatures of a lane in a tile of states, one for each row of heat_grid(). The temperatures of a
+  // sleeping lane are computed from its modes. A model without a temperature profile has one temperature only, the
+  // interface temperature T0.
   std::vector<double> temperatures(const std::vector<double>& tile, int lane) const {
     const TileLayout& layout = model.layout();
     const std::size_t rows = layout.num_hard_vertices + layout.num_vertices;
@@ -138,8 +139,8 @@ class Rig {
     return asleep(model.layout(), committed.data(), lane) || asleep(model.layout(), trial.data(), lane);
   }
 
-  // Returns the heat [J/m2] stored in all conducting bodies above the temperature `reference`, (k/alpha) integral(T -
-  // reference). The integral has the weights of the conduction scheme.
+  // Returns the heat [J/m2] stored in all conducting bodies above the temperature `reference`: (k/alpha) integral(T -
+  // reference) with conductivity k and diffusivity alpha. The integral has the weights of the conduction scheme.
   double stored_heat(double reference, int lane = 0) const { return stored_heat_of(committed, reference, lane); }
   double stored_heat_of(const std::vector<double>& tile, double reference, int lane) const {
     if (const TileLayout& layout = model.layout(); layout.heat_modes != TileLayout::kAbsent) {
@@ -157,14 +158,15 @@ class Rig {
     return sum;
   }
 
-  // Returns the share of the friction power that enters the bodies whose conduction is computed: beta_T, or 1 if both
-  // bodies conduct.
+  // Returns the share of the friction power that enters the bodies whose conduction is computed: the soft body's share,
+  // the heat partition beta_T, or 1 if both bodies conduct.
   double conducted_share() const {
     const ModelOptions& o = model.options();
     return o.hard_grid ? 1.0 : heat_partition(o.soft, o.hard);
   }
 
-  // Returns the plastic slip that the layer has carried since the start, sqrt(3) integral(ep)  [m].
+  // Returns the plastic slip that the layer has carried since the start, sqrt(3) integral(ep) with the plastic strain
+  // ep  [m].
   double plastic_slip(int lane = 0) const { return plastic_slip_of(committed, lane); }
   double plastic_slip_of(const std::vector<double>& tile, int lane) const {
     double sum = 0.0;

@@ -27,7 +27,7 @@ class Draw {
   std::mt19937_64 random_;
 };
 
-// Gives the metal Johnson and Cook's flow law. Constants of other laws become NaN, so that any use of them shows.
+// Gives the metal Johnson and Cook's flow law. Constants of other laws become NaN, so that their use would give NaN.
 inline void follow_johnson_cook(Material& m, double B, double C, double rate, double exponent, double T_ref) {
   m.flow_law = FlowLaws::place<JohnsonCook>();
   m.hardening_modulus = B;
@@ -89,7 +89,7 @@ inline Material random_preston_tonks_wallace(Draw& draw) {
   return m;
 }
 
-// Returns a lower bound of the sensitivity of the stress to the strain increment, d ln(stress) / d ln(dep).
+// Returns a lower bound of the sensitivity d ln(stress) / d ln(dep) of the stress to the plastic strain increment dep.
 inline double flow_exponent(const Material& m) {
   const auto least = [&](std::initializer_list<double Material::*> exponents) {
     double exponent = 1.0;
@@ -107,12 +107,12 @@ inline double strain_scale(const Material& m) {
   return has_constant(m.flow_law, &Material::hardening_coefficient) ? 1.0 / m.hardening_coefficient : 1.0;
 }
 
-// Relative rounding error of a stress or a temperature.
+// Relative rounding error that the checks allow for a stress or a temperature: 16 ulps.
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
-// Returns the uncertainty of a layer's flow, integral(dep) [m]: the change of the flow if stress and temperatures
-// change in their last digits. Near melting, or if strain follows a high power of the stress, no answer is more
-// accurate. `grain` [K] is an additional error of the temperatures.
+// Returns the uncertainty of a layer's flow, the integral of the plastic strain increment [m]: the change of the flow
+// if stress and temperatures change in their last digits. Near melting, or if strain follows a high power of the
+// stress, no answer is more accurate. `grain` [K] is an additional error of the temperatures.
 inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, double stress, int lane, double dt,
                          double grain = 0.0) {
   if (!hardens(rig.model.options().soft)) return 0.0;
@@ -193,7 +193,8 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
   options.initial_temperature = draw.chance(0.3) ? 1220.0 - draw.log_uniform(1e-6, 100.0) : draw.uniform(1.0, 1200.0);
-  // Draws from a copy of the generator, so that scenes without this flow law are the same as before it was added.
+  // Draws from a copy of the generator, so that scenes without the Preston-Tonks-Wallace law stay as they were before
+  // this law was added.
   if (Draw aside = draw; aside.chance(0.2)) {
     adopt_flow_law(soft, random_preston_tonks_wallace(aside));
     options.time_integrator = TimeIntegrator::kBackwardEuler;
@@ -249,7 +250,8 @@ inline double random_dt(Draw& draw, bool extreme) {
   return extreme ? draw.log_uniform(1e-12, 1e-5) : draw.log_uniform(1e-10, 1e-8);
 }
 
-// Draws the inputs of all lanes for one step: mostly a small change of the last step's, sometimes entirely new values.
+// Draws the inputs of all lanes for one step. Pressure, velocity jump and masses mostly keep their last values; rates
+// and stresses are drawn anew.
 inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   for (int l = 0; l < kLanes; ++l) {
     TileInputs& in = rig.inputs;

@@ -102,7 +102,7 @@ class RawStream {
     if (file_ >= 0) ::close(file_);
   }
 
-  // Returns false once the server has closed the connection.
+  // Returns false if the bytes cannot be sent, as on a connection that the server has closed.
   bool send(std::span<const char> bytes) {
     return ::send(file_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
   }

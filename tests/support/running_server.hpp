@@ -54,7 +54,8 @@ class RunningServer {
   ClientOptions client_options(const std::string& scheme = "ipc") {
     ClientOptions options;
     options.endpoint = endpoint(scheme);
-    options.check_closure = CheckClosure::kOff;  // most tests send columns that are no host's
+    // most tests send velocity jumps that do not follow from the earlier answers
+    options.check_closure = CheckClosure::kOff;
     if (scheme == "inproc") options.context = context();
     return options;
   }

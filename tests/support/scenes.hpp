@@ -1,4 +1,4 @@
-// Small scenes of both strategies, and input columns of steps that differ from node to node.
+// Small scenes, velocity-driven and force-driven, and input columns of steps that differ from node to node.
 #pragma once
 
 #include <cstddef>

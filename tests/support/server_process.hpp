@@ -87,7 +87,7 @@ class ServerProcess {
     arguments.insert(arguments.begin(), launcher.begin(), launcher.end());
     process_.emplace(std::move(arguments), log_.string());
   }
-  // Waits until the server listens on all its endpoints.
+  // Returns true once the server listens on all its endpoints, or false if it does not within `time`.
   bool ready(std::chrono::milliseconds time = std::chrono::seconds(20)) const {
     const auto end = std::chrono::steady_clock::now() + time;
     while (std::chrono::steady_clock::now() < end) {

@@ -78,7 +78,8 @@ struct ServiceHarness {
   }
 
   std::uint64_t clock = 0;
-  bool clock_fails = false;  // the next reading of the clock throws, which simulates a fault inside the server
+  // true: the next reading of the clock throws, which simulates a fault inside the server
+  bool clock_fails = false;
   std::vector<std::string> log;
   shard::TaskPool pool;
   service::Service service;

@@ -52,7 +52,7 @@ struct Server {
                      .log = [this](const std::string& line) { log += line + "\n"; }}) {
     store.recover(counter);
   }
-  // Writes a request to the journal and settles it. Throws if the request must not be answered.
+  // Writes a request to the journal and makes it durable. Throws if the request must not be answered.
   void run(std::uint64_t value) {
     const auto frame = bytes_of(value);
     store.append({.sequence = value, .header_frame = frame});

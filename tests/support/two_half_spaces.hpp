@@ -1,6 +1,6 @@
-// Two elastic half-spaces that slide under an interface law that softens with T0 (server/physics/MEASURED.md, "Exact
-// solutions"), written as one Volterra equation and solved to high accuracy. The solution shares no code with the
-// layer, the hydrocode or the bus.
+// Two elastic half-spaces that slide on each other under an interface law that softens with the interface temperature
+// (server/physics/MEASURED.md, "Exact solutions"), written as one Volterra equation and solved to high accuracy. The
+// solution shares no code with the layer, the hydrocode or the bus.
 #pragma once
 
 #include <cmath>
@@ -11,7 +11,7 @@ namespace shearbus::test {
 struct HalfSpaces {
   double initial_jump;          // velocity jump before the contact, V0  [m/s]
   double pressure;              // compression of the contact [Pa]
-  double friction_coefficient;  // friction coefficient mu
+  double friction_coefficient;  // friction coefficient mu of Coulomb friction
   double yield_strength;        // yield strength of the interface  [Pa]
   double initial_temperature = 300.0;
   // The other constants of the two bodies: aluminium on steel of the DLP paper, in SI units.
@@ -27,8 +27,8 @@ struct HalfSpaces {
     const double g = std::max(0.0, bracket) * std::exp(-0.001 * temperature / (melting_temperature - temperature));
     return std::min(friction_coefficient * pressure, yield_strength * g / std::sqrt(3.0));
   }
-  // Returns the velocity jump under a shear stress s of the interface, V0 - s (1/Z_soft + 1/Z_hard); Z is the shear
-  // impedance of a body.
+  // Returns the velocity jump under a shear stress s of the interface, V0 - s (1/Z_soft + 1/Z_hard), where V0 is the
+  // initial jump and Z the shear impedance of a body.
   double jump(double stress) const {
     return initial_jump -
            stress * (1.0 / std::sqrt(density_soft * modulus_soft) + 1.0 / std::sqrt(density_hard * modulus_hard));
@@ -84,9 +84,9 @@ inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& probl
   return states;
 }
 
-// Solves for an interface between two free plates that friction brakes: d[V]/dt = -mobility * s, where mobility =
-// 1/m_soft + 1/m_hard and m is the mass of a plate per area. The heat integral uses the product integration of
-// solve_two_half_spaces(), the integral of the momentum the trapezoidal rule.
+// Returns the solution for two free plates whose relative motion friction brakes: d[V]/dt = -mobility * s with mobility
+// = 1/m_soft + 1/m_hard, where m is the mass of a plate per area. The heat integral is computed by the product
+// integration of solve_two_half_spaces(), the integral of the momentum by the trapezoidal rule.
 inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem, double mobility, double end,
                                                        int intervals) {
   const double pi = std::acos(-1.0);

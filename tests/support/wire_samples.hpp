@@ -1,4 +1,5 @@
-// One sample message of every kind, with every field set, and the frames of the message as a socket delivers them.
+// At least one sample message of every kind of request and reply, and the frames of a message as a socket delivers
+// them.
 #pragma once
 
 #include <cstddef>

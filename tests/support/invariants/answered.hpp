@@ -22,10 +22,13 @@ struct Answered {
   double jump_length = 0.0;
   double stress_old = 0.0, stress = 0.0;
   double T0 = 0.0, heat = 0.0;
-  double driven = 0.0;       // change of the velocity jump by the far stresses of both bodies, DLP (61)  [m/s]
+  // change of the velocity jump by the stresses of both bodies far from the interface, DLP (61)  [m/s]
+  double driven = 0.0;
   double driven_size = 0.0;  // the same change with absolute values: dt (|s_soft|/m_soft + |s_hard|/m_hard)  [m/s]
   double per_stress = 0.0;   // decrease of the velocity jump per interface stress, dt (1/m_soft + 1/m_hard)  [m/(s Pa)]
-  double plastic_drive = 0.0;  // slip velocity from the plastic strain rate of the host's zone, sqrt(3) h Ep_dot  [m/s]
+  // slip velocity from the plastic strain rate Ep_dot of the host's zone, sqrt(3) h Ep_dot with the layer thickness h
+  // [m/s]
+  double plastic_drive = 0.0;
   double junction_strain = 0.0;
   bool sticks = false;  // the interface sticks at the end of the step; set only for a model with a plastic layer
   Regime regime = Regime::kOpen;

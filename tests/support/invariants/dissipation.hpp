@@ -1,4 +1,4 @@
-// Invariant 3 of MODEL.md, "What always holds": friction dissipates energy.
+// An invariant of server/physics/MODEL.md, "What always holds": friction dissipates energy.
 #pragma once
 
 #include "tests/support/invariants/answered.hpp"

@@ -1,4 +1,4 @@
-// Invariants 2 and 5 of MODEL.md, "What always holds": a layer flows only where its stress equals its flow stress.
+// Invariants of a layer: it flows only where its stress equals its flow stress, and its plastic strain never falls.
 #pragma once
 
 #include <cmath>

@@ -9,10 +9,11 @@
 
 namespace shearbus::testing {
 
-// Requires the slip balance DLP (64) of a flowing layer. If the interface slips, the balance holds at the middle of the
-// step; if it sticks, at the end.
+// Requires the slip balance DLP (64) of a flowing layer: at the middle of the step if the interface slips, at the end
+// of the step if the interface sticks.
 inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Figures& figures) {
-  if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;  // signs refer to the stress
+  // Signs are relative to the stress, so a step without stress is not checked.
+  if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;
   const double d = std::copysign(1.0, a.stress);
   const double jump_old = d * a.jump_old, jump_new = d * a.jump_new;
   const double flow = (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane)) / a.dt;

@@ -1,4 +1,4 @@
-// Invariant 3 of MODEL.md, "What always holds": heat is conserved.
+// An invariant of every step: the stored heat grows by the heat that enters.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Invariant 3 of MODEL.md, "What always holds": all heat comes from friction work.
+// An invariant of server/physics/MODEL.md, "What always holds": all heat comes from friction work.
 #pragma once
 
 #include <algorithm>
@@ -9,15 +9,15 @@
 
 namespace shearbus::testing {
 
-// Returns true for a step of second order. Both its stages contribute to the heat, but the answer contains the stress
-// of the second stage only.
+// Returns true for a step of second order. Both its stages contribute to the heat. The answer holds the stress of the
+// second stage if the step is velocity-driven, the mean stress of the stages if it is force-driven.
 inline bool of_two_stages(const ModelOptions& options, const Answered& a) {
   return options.time_integrator == TimeIntegrator::kSdirk2 && !(a.outcome & kFirstOrder);
 }
 
-// Requires that the heat of a step is the fraction `share` of the work: force-driven the work of the slip,
-// velocity-driven that of the imposed jump. Plastic-work heating with the Taylor-Quinney factor X gives between X times
-// this heat and all of it.
+// Requires that the heat of a step is the fraction `share` of the work: of the work of the slip in a force-driven step,
+// of the work of the imposed velocity jump in a velocity-driven step. Plastic-work heating with the Taylor-Quinney
+// factor X gives between X times this heat and all of it.
 inline void require_heat_of_work(const ModelOptions& options, double share, const Answered& a) {
   if (options.strategy == Strategy::kVelocityDriven) {
     if (a.in_parts() || of_two_stages(options, a)) return;

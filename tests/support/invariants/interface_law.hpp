@@ -1,5 +1,5 @@
-// Invariant 2 of MODEL.md, "What always holds": the interface slips only at its stress limit. Also the momentum balance
-// of the bodies, DLP (61).
+// An invariant of server/physics/MODEL.md, "What always holds": the interface slips only at its stress limit. This file
+// also checks the momentum balance of the bodies, DLP (61).
 #pragma once
 
 #include <algorithm>

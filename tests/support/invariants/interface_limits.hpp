@@ -41,7 +41,7 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
 }
 
 // Returns the change of the interface temperature T0 [K] by the friction heat of a rounding error of the velocity jump.
-// It is negligible except for bodies of almost no mass, which have enormous velocity jumps.
+// This change is negligible except for bodies of almost no mass, which have enormous velocity jumps.
 inline double heat_grain(const ModelOptions& options, const Answered& a, double size) {
   const double flux = std::numeric_limits<double>::epsilon() * size * std::abs(a.stress);
   return flux * std::sqrt(options.soft.diffusivity * a.dt) / options.soft.conductivity;

@@ -8,8 +8,9 @@
 
 namespace shearbus::testing {
 
-// Requires the slip balance of a layer that carries all the slip: the plastic slip, sqrt(3) integral(dep), is the
-// imposed slip minus the elastic part, h ds / G0.
+// Requires the slip balance of a layer that carries all the slip: the plastic slip of the step, sqrt(3) times the
+// integral of the plastic strain increment over the layer, is the imposed slip minus the elastic part h ds / G0. Here h
+// is the thickness, ds the change of the stress and G0 the shear modulus of the layer.
 inline void require_slip_balance(const Rig& rig, const Answered& a, int lane) {
   const ModelOptions& options = rig.model.options();
   if (options.drive != Drive::kLayerShear || a.pressure <= 0.0 || a.regime == Regime::kCoulomb) return;

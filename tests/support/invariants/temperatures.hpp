@@ -1,5 +1,5 @@
-// Invariants 1 and 5 of MODEL.md, "What always holds": temperatures stay below melting and in their range, and fall
-// with the distance from the interface where only the interface is heated.
+// An invariant of server/physics/MODEL.md, "What always holds": temperatures stay below melting and in their range.
+// This file also checks that they fall with the distance from the interface where only the interface is heated.
 #pragma once
 
 #include <algorithm>
@@ -33,7 +33,8 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
   require(std::abs(a.T0 - after[interface]) <= grain, "T0 {:.17g} is not that of the state, {:.17g}", a.T0,
           after[interface]);
   double coldest = *std::min_element(before.begin(), before.end());
-  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);  // the initial temperature
+  // without a temperature profile this value of a state is the initial temperature
+  if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);
   const double hottest = *std::max_element(before.begin(), before.end());
   const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
   for (std::size_t i = 0; i < after.size(); ++i) {
