@@ -13,8 +13,8 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 
 namespace {
 
-// Rows with at least this many steps check one lane per step, in rotation; checking all lanes would cost more than the
-// steps themselves.
+// In rows with at least this many steps the invariants of only one lane are checked in each step, in rotation: checks
+// of all lanes would cost more than the steps.
 constexpr int kManySteps = 2000;
 
 // Returns the largest possible heat of a first step that melts the interface, relative to the heat of one step of
@@ -36,14 +36,14 @@ class Judge {
     rig.inputs.effort = &effort_;
   }
 
-  // Checks all lanes after a step. If a check throws, lane() is the lane that failed.
+  // Checks the lanes after a step. If a check throws, lane() is the lane that failed.
   void step(const Course& course) {
     const ModelOptions& options = rig_.model.options();
     take_most(outcome_.most, effort_);
     require_effort(effort_, rig_);
     effort_ = {};
-    // With a Taylor-Quinney factor a part of the work heats the inside of the layer instead of the interface, so the
-    // bound does not apply.
+    // MoltenLayer bounds the heat that enters at the interface. With a Taylor-Quinney factor a part of the work heats
+    // the inside of the layer instead, so the bound does not apply.
     const bool bounded = !options.taylor_quinney_factor;
     if (bounded) molten_.step(rig_);
     for (int l = 0; l < kLanes; ++l) {
@@ -72,8 +72,9 @@ class Judge {
     const Answered a = answered(rig_, l, rig_.operators->dt());
     // A layer with inertia may oscillate; property tests check its waves.
     if (rig_.model.options().inertia) return;
-    // Under a tolerance the error of a velocity jump may be the tolerance times 1 m/s. Smaller changes are not ringing.
-    const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // scale of [V]  [m/s]
+    // Scale of the velocity jump [V]: |[V]| plus `least_jump`. Under a tolerance small jumps are less accurate, so the
+    // scale is larger.
+    const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // [m/s]
     stress_[l].see(a.stress, std::abs(a.stress) + 1e6);
     jump_[l].see(a.jump_new, std::abs(a.jump_old) + least_jump);
     require(!stress_[l].rings(), "s rings: {} Pa after {} Pa", a.stress, a.stress_old);

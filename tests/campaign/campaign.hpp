@@ -25,9 +25,9 @@ using testing::SearchEffort;
 // The inputs of the host before a row changes them. The defaults are those of the paper; a user's scene may give
 // others.
 struct Host {
-  double pressure = 11.2e9;        // [Pa]
-  double half_zone_soft = 2.5e-6;  // half the zone width at the interface; times the density, the mass in DLP (61)  [m]
-  double half_zone_hard = 2.5e-6;  // half the zone width in the hard body  [m]
+  double pressure = 11.2e9;        // pressure on the interface  [Pa]
+  double half_zone_soft = 2.5e-6;  // half the width of the soft zone; times the density, m_soft of DLP (61)  [m]
+  double half_zone_hard = 2.5e-6;  // half the width of the hard zone  [m]
   double dt = 1e-9;                // step length  [s]
 };
 
@@ -135,7 +135,7 @@ class MoltenLayer {
   template <class Operator>
   void step_with(const Operator& heat, const Rig& rig);
 
-  std::vector<double> rows_;              // temperatures of the bodies that conduct or, without a profile, modes
+  std::vector<double> rows_;  // temperatures of the bodies that conduct or, without a temperature profile, heat modes
   std::array<double, kLanes> melting_{};  // highest melting temperature since the start  [K]
   std::array<double, kLanes> taken_{};    // friction heat that entered each lane since the start  [J/m2]
 };

@@ -247,8 +247,8 @@ void hover(Course& c) {
   }
 }
 
-// Even lanes start from rest under a far stress that would cause the slip of a step with several solutions. Odd lanes
-// slide at the velocity of this slip.
+// `several->slip` is the slip velocity [v], without friction, of a step with several solutions. Even lanes start from
+// rest under a far stress that causes this slip velocity without friction. Odd lanes slide at this velocity.
 void meet_several_answers(Course& c) {
   c.dt = c.several->dt;
   for (int l = 0; l < kLanes; ++l) {
