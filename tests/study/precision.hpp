@@ -20,7 +20,7 @@ struct Setting {
   bool sdirk2 = false;
   double accuracy = 0.0;  // accuracy of the modes, used only if cells is 0
   int steps = 0;
-  // if positive, a tolerance with which the server chooses all settings except the number of steps
+  // If positive, the tolerance of the scene: the server then chooses all settings except the number of steps.
   double tolerance = 0.0;
 
   std::string text() const;
