@@ -69,11 +69,10 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver alone to the
       // first-order scheme. The error estimates are then not comparable.
       if (twin.first_order != ((rig.outputs.outcome[l] & kFirstOrder) != 0)) continue;
-      // The error estimates are not comparable either if the new jump is mere rounding, because its sign is then
-      // arbitrary.
+      // If the new jump is mere rounding, its sign is arbitrary, and the error estimates are not comparable.
       if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
-      // The jump is a difference of velocities. Its rounding error enters the error estimate, and enters it
-      // tenfold if the answer has a kink within the step, as at a stop of the slip.
+      // `grain` is a tolerance for the rounding error of the new jump, a difference of velocities. This error enters
+      // the error estimate, even tenfold if the answer has a kink within the step, as where the slip stops.
       const double response =
           options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
       const double grain =
