@@ -48,7 +48,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     junctions.junctions->metal.yield_strength = options.interface.yield_strength;
     junctions.junctions->metal.yield_strength_max = std::numeric_limits<double>::infinity();
     junctions.junctions->metal.hardening_coefficient = 0.0;
-    // a valid exponent: that of the soft metal may be invalid for this flow law
+    // the exponent of the soft metal may be invalid for the flow law of the junctions
     junctions.junctions->metal.hardening_exponent = 0.1;
     if (!refusals(junctions).empty()) continue;  // friction that depends on slip excludes junctions
     ++compared;
@@ -98,8 +98,8 @@ TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
 }
 
 // Heavy bodies keep their jump V, so the plastic strain of junctions of height d is ep_a = V t / (sqrt(3) d). Without
-// thermal softening the stress is s = f Y_a(ep_a) g / sqrt(3) for every step length, where f is the contact fraction,
-// Y_a the strength of the junctions and g its pressure factor.
+// thermal softening the stress is s = f Y_a(ep_a) g / sqrt(3), whatever the step length, where f is the contact
+// fraction, Y_a the strength of the junctions and g the pressure factor of Y_a.
 TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   ModelOptions options = with_junctions(0.4, 1e-6);
   options.soft.temperature_coefficient = 0.0;

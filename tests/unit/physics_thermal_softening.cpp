@@ -103,7 +103,7 @@ TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
   }
 }
 
-// The stress limit of the interface is the smaller of friction and yield stress, and the function must report which of
+// The stress limit of the interface is the smaller of friction and yield stress, and `is_coulomb` must report which of
 // the two it is.
 TEST(PhysicsThermalSoftening, StrengthIsTheLesserOfBothBranchesAndSaysWhich) {
   const Material soft = paper_options().soft;

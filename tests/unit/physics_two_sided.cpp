@@ -12,7 +12,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kDt = 1e-9;  // step [s]
+constexpr double kDt = 1e-9;  // step length [s]
 
 ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary far = FarBoundary::kHalfSpace) {
   ModelOptions options = graded(paper_options(strategy));
@@ -24,7 +24,7 @@ ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary fa
 template <typename Look>
 void run_beside(Rig& one, Rig& two, int steps, double dt, double jump, const Look& look) {
   double jump_one = jump, jump_two = jump;
-  // far stresses that keep the bodies of both rigs sliding
+  // far stresses that keep the bodies of both rigs sliding in force-driven steps
   for (Rig* rig : {&one, &two}) rig->inputs.stress_soft[0] = rig->inputs.stress_hard[0] = 170e6;
   for (int n = 1; n <= steps; ++n) {
     one.set_all(jump_one, 11.2e9);
@@ -102,7 +102,7 @@ TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
         worst = std::max(worst, std::abs(two.outputs.interface_temperature[0] - 300.0 - rise) / rise);
       });
       EXPECT_LT(worst, 2e-3) << hard.cells;
-      EXPECT_GT(worst, 1e-12) << hard.cells;  // more than rounding: the two models do use different grids
+      EXPECT_GT(worst, 1e-12) << hard.cells;  // above rounding: on these grids the two models do differ
     }
   }
 }
