@@ -311,8 +311,8 @@ TEST(OutOfMemory, AtAnyAllocationOfACheckpointLosesNothing) {
   EXPECT_GT(pair.tally().failures, 50);
 }
 
-// Headers for which a careless parser would allocate much memory. No header may cost more memory than the size limit of
-// a header, and a header above this limit must be refused with at most 4 KiB of memory.
+// The test sends headers for which a careless parser would allocate much memory. No header may cost more memory than
+// the largest header has bytes, and a header above the size limit may cost at most 4 KiB.
 TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
   constexpr std::size_t kMost = wire::kMaxHeaderBytes;
   constexpr std::size_t kMostAboveTheLimit = 4096;

@@ -17,11 +17,11 @@ namespace {
 // of all lanes would cost more than the steps.
 constexpr int kManySteps = 2000;
 
-// Returns the largest possible heat of a first step that melts the interface, relative to the heat of one step of
-// MoltenLayer. MoltenLayer with a temperature profile makes a step of backward Euler. The exact heat is 2/sqrt(pi) =
-// 1.128 times as large, and a step in substeps may approach it. A second-order step has 8.23 % more than the exact
-// heat. MoltenLayer with modes has sqrt(pi)/2 times the heat of backward Euler, because the modes respond exactly to a
-// constant flux.
+// Returns the largest possible heat of a first step that melts the interface, relative to the heat of the same step of
+// MoltenLayer. With a temperature profile MoltenLayer makes a step of backward Euler. The exact heat is larger by the
+// factor 2/sqrt(pi) = 1.128, and a step in substeps may approach the exact heat. A second-order step has 8.23 % more
+// than the exact heat. With modes MoltenLayer has sqrt(pi)/2 times the heat of backward Euler, because modes respond
+// exactly to a constant flux.
 double share_of_first_step(const ModelOptions& options, bool divided) {
   constexpr double kExact = 1.12838, kSecondOrder = 1.0823;
   const double of_one_step = options.modes ? kExact : 1.0;

@@ -1,6 +1,6 @@
-// Runs with a tolerance: the error found is below the requested tolerance and falls with it, when slip starts, reverses
-// or stops and when the layer melts, for any length of the host's step. Where the tolerance cannot be met, the error
-// estimate reports this. Errors are relative to T_melt - T_ref.
+// Runs with a tolerance: the error is below the requested tolerance and falls with the tolerance, when slip starts,
+// reverses or stops and when the layer melts, for long and short steps of the host. Where the tolerance cannot be met,
+// the error estimate reports this. Errors are relative to the melting temperature minus the initial temperature.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -221,8 +221,8 @@ TEST(DeliveredTolerance, FrictionThatStartsSuddenlyIsResolvedInItsFirstStep) {
   }
 }
 
-// A step that needs shorter substeps than the modes can represent: the division ends at the shortest possible substep,
-// and the error estimate must exceed the limit that the tolerance sets.
+// This step needs shorter substeps than the modes can represent. The division then ends at the shortest possible
+// substep, and the error estimate must exceed the limit that the tolerance sets.
 TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   Rig rig(discretised(half_space(), 1e-6), 1);
   rig.inputs.pressure[0] = 11.2e9;

@@ -294,14 +294,14 @@ struct ForgetfulLaw {
 };
 static_assert(!FrictionLawClass<ForgetfulLaw>);
 
-// An incomplete friction law: it depends on the temperature and gives no bound of its slope. Without this bound no
+// An incomplete friction law: it depends on the temperature, but gives no bound of its slope. Without this bound no
 // search can know whether an answer is the only one.
 struct UnboundedLaw : CompleteLaw {
   static constexpr bool kDependsOnTemperature = true;
 };
 static_assert(!FrictionLawClass<UnboundedLaw>);
 
-// An incomplete friction law: it depends on slip and has no solution of a step.
+// An incomplete friction law: it depends on slip, but has no function that solves a step.
 struct UnsolvedLaw : CompleteLaw {
   static constexpr bool kDependsOnSlip = true;
 };

@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr int kMostEffort = 3000;  // most evaluations in a fast step that is compared with the slow model
+constexpr int kMostEffort = 3000;  // fast steps with more evaluations than this are not compared with the slow model
 
 ModelOptions controlled(Draw& draw, Strategy strategy) {
   ModelOptions options = random_options(draw, strategy, false);

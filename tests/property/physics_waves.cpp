@@ -78,7 +78,7 @@ class Step {
     return step_.dt * (largest_stress() + kLeastStress + 1e10 * ulp_stress) + mass(c) * largest_velocity();
   }
 
-  // Residual of DLP (37), by which shear loads the stress and plastic flow relaxes it: the largest of all vertices.
+  // Residual of DLP (37), the balance of stress growth, shear and plastic flow at a vertex: largest of all vertices.
   double kinematic_fault() const {
     double worst = 0.0;
     for (int i = 0; i <= cells(); ++i) {

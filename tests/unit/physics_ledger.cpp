@@ -133,8 +133,8 @@ TEST(PhysicsLedgerOfJumps, ElasticWorkTakenForHeatIsTheWholeResidual) {
 }
 
 // With plastic-work heating (Taylor-Quinney factor 0.9) a tenth of the plastic work stays in the metal as cold work.
-// The residual stays below twice the largest elastic energy: the spatial distribution of the heat lags the flow by one
-// step, and elastic work heats too.
+// The energy residual has two causes: the spatial distribution of the heat lags the flow by one step, and elastic work
+// heats too. The residual stays below twice the largest elastic energy.
 TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
   ModelOptions options = two_sided(graded(paper_options()));
   options.taylor_quinney_factor = 0.9;

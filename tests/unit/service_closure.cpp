@@ -225,8 +225,8 @@ TEST(Closure, TheHostsTimeMustGrowByTheStep) {
   ServiceHarness harness;
   for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}})
     ASSERT_TRUE(harness.ask(opening(scene_of(1), true, session)).reply.status.ok());
-  // Session 1 sends correct times, from a large start time. Session 2 sends half the growth of its time as dt_s, as a
-  // Newmark host that sends gamma dt. Session 3 sends no times.
+  // Session 1 sends correct times, from a large start time. Session 2 sends half the growth of its time as dt_s, like a
+  // Newmark host that wrongly sends gamma dt, with gamma = 1/2. Session 3 sends no times.
   for (std::uint64_t sequence = 1; sequence <= 103; ++sequence) {
     const double steps = static_cast<double>(sequence);
     const double time[] = {1e-3 + steps * kDt, 2.0 * steps * kDt, 0.0};
