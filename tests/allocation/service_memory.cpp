@@ -1,8 +1,8 @@
-// Memory of the service: how much a request may cost, and how the service behaves when memory runs out. Each allocation
-// of a request is made to fail once. The request is then either refused with nothing changed, or it was executed and
-// only its reply is lost. In both cases the same request, sent again, must get the reply of a service that always had
-// enough memory (promises P2 and P3 of tests/README.md). A server with a journal on disk may fail after it has written
-// the journal and before it has updated its states: it then ends, and the next server recovers (promise P1).
+// Tests the memory of the service: the cost of a request, and the behaviour when memory runs out. Each allocation of a
+// request is made to fail once. The request is then either refused with nothing changed, or it was executed and only
+// its reply is lost. In both cases the same request, sent again, must get the reply of a service that always had enough
+// memory (promises P2 and P3 of tests/README.md). A server with a journal on disk may fail after it has written the
+// journal and before it has updated its states: it then ends, and the next server recovers (promise P1).
 #include <gtest/gtest.h>
 
 #include <algorithm>

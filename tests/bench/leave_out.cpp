@@ -63,7 +63,7 @@ struct Replayed {
   double layers_s = 0.0, step_lengths_s = 0.0;
   // shares of the node-steps: `asleep`: the node sleeps; `stuck`: the node sleeps and its closed contact sticks
   double asleep = 0.0, stuck = 0.0;
-  std::vector<double> temperature, stress;  // T0 [K] and s [Pa], one value per node-step
+  std::vector<double> temperature, stress;  // interface temperature T0 [K] and stress s [Pa], one value per node-step
 };
 
 double since(Clock::time_point start) {

@@ -26,7 +26,7 @@ struct HostGiven {
 struct UserScene {
   stability::Physics physics;  // model options and host; its name is that of the scene
   std::string text;            // description of the physics, for the report
-  std::string host;            // description of the host and where its values come from, for the report
+  std::string host;            // description of the host and of the source of its values, for the report
 };
 UserScene user_scene(const hydro::SceneFile& file, const HostGiven& given);
 

@@ -50,7 +50,7 @@ void convert(const Rig& far_field, double dt, Rig& stick) {
   for (const shard::InputColumn& column : columns.inputs) std::ranges::copy(column.values, stick.inputs.*column.member);
 }
 
-// Number of tangential components, and whether the scenes have a tolerance.
+// The number of tangential components, and `true` for scenes with a tolerance.
 using Case = std::pair<int, bool>;
 class PhysicsStickForm : public ::testing::TestWithParam<Case> {};
 

@@ -19,8 +19,8 @@ ModelOptions controlled(Draw& draw, Strategy strategy) {
   options.grid.cells = draw.integer(1, 16);
   options.grid.matched = draw.chance(0.5);
   if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // DLP (48) divides by it
-  // A step of a plastic layer to a tolerance takes up to a second if its flow law couples rate and temperature.
-  // PhysicsCombinations has this combination in shorter histories.
+  // Under a tolerance a step of a plastic layer takes up to a second if its flow law couples rate and temperature.
+  // PhysicsCombinations tests this combination in shorter histories.
   if (!properties_of(options.soft.flow_law).separable) options.plastic_layer = false;
   return options;
 }

@@ -112,7 +112,7 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
     ModelOptions plane = random_two_component_options(draw, GetParam(), extreme);
     if (scene % 4 == 2) {
       plane.taylor_quinney_factor.reset();
-      // A step to a tolerance takes up to a second with a law that couples rate and temperature.
+      // With a flow law that couples rate and temperature a step under a tolerance would take up to a second.
       if (properties_of(plane.soft.flow_law).separable) plane.tolerance = 1e-3;
     }
     ModelOptions line = plane;

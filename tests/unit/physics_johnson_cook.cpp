@@ -80,8 +80,8 @@ TEST(PhysicsJohnsonCook, NoSlopeIsSteeperThanItsBound) {
   }
 }
 
-// A layer of one cell at a uniform temperature. The tests compute its plastic strain increment under a stress and
-// insert this increment into the flow law.
+// A layer of one cell at a uniform temperature. The tests compute the plastic strain increment of the layer under a
+// stress and insert this increment into the flow law.
 struct OneVertex {
   explicit OneVertex(const Material& material) : soft(material) {
     std::fill_n(T_ad, 2 * kLanes, 500.0);

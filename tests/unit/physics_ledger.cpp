@@ -1,5 +1,5 @@
-// The energy ledger (METHODS.md, "Energy ledger"): which balances close to rounding, and how large the residuals of the
-// other balances may be.
+// Tests the energy ledger (METHODS.md, "Energy ledger"): some balances must close to rounding, the residuals of the
+// others must stay below known bounds.
 #include <gtest/gtest.h>
 
 #include <cmath>

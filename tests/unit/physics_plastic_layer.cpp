@@ -285,8 +285,8 @@ TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   EXPECT_EQ(rig.committed[rig.model.layout().sticking], 1.0);
 }
 
-// Two half-spaces share the heat of their contact as the partition coefficient beta_T says (Vernotte). Grids that are
-// scaled with the diffusion lengths of the bodies must give the same share, to rounding.
+// Two half-spaces share the heat of their contact by the partition coefficient beta_T (Vernotte). Grids that are scaled
+// with the diffusion lengths of the bodies must give the same share, to rounding.
 TEST(PhysicsPlasticLayer, TwoSidedHeatOnScaledGridsGivesThePartitionsAnswer) {
   ModelOptions options = plastic_options();
   options.interface.yield_strength = 230e6;

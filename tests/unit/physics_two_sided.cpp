@@ -64,9 +64,9 @@ TEST(PhysicsTwoSided, UniformTemperatureStaysToTheLastBit) {
   for (std::size_t i = 0; i < rig.model.layout().shear_stress; ++i) ASSERT_EQ(rig.committed[i], before[i]) << i;
 }
 
-// Vernotte's solution: two half-spaces heated at their contact share the heat as the partition coefficient beta_T says,
-// at all times. On grids scaled with the diffusion lengths of the bodies the discrete scheme does so too, so a model
-// with the partition coefficient gives the same answer.
+// Vernotte's solution: two half-spaces heated at their contact share the heat by the partition coefficient beta_T, at
+// all times. On grids scaled with the diffusion lengths of the bodies the discrete scheme gives the same share, so a
+// model with the partition coefficient gives the same answer.
 TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Rig one(paper(strategy), 1), two(two_sided(paper(strategy)), 1);
@@ -87,8 +87,8 @@ TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   }
 }
 
-// Any grid may be chosen for the hard body. On a grid that is not scaled with the diffusion length of the body the heat
-// is shared as the partition coefficient beta_T says, to the accuracy of the grids.
+// Any grid may be chosen for the hard body. On a grid that is not scaled with the diffusion length of the body the
+// share of the heat is the partition coefficient beta_T to the accuracy of the grids.
 TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     for (const GridOptions& hard :

@@ -1,4 +1,4 @@
-// How the options of a scene become the options of the model, and which options are refused.
+// Tests the conversion of a scene's options into options of the model, and the refusals of options.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
