@@ -103,8 +103,9 @@ void take_most(SearchEffort& most, const SearchEffort& now) {
 
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   // A step that is divided because it has several solutions is tried in 2, 4, ... and 64 substeps, 126 in all. A step
-  // under a tolerance makes about 1,024 attempts at most; each attempt solves a substep in one piece, which may itself
-  // be divided, and again in two halves. A second-order step has two stages and possibly a first-order step in addition.
+  // under a tolerance makes about 1,024 attempts at most; each attempt solves a substep in one piece and again in two
+  // halves, and each of these may itself be divided. A second-order step has two stages and possibly a first-order step
+  // in addition.
   const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
   // An interface on a flowing layer needs two searches, one for stick and one for slip. Each search evaluates at most

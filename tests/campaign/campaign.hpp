@@ -42,12 +42,12 @@ std::vector<Physics> all_physics();
 // A force-driven step with several solutions: stick, and two different slips (MODEL.md, "Force-driven step").
 struct SeveralAnswers {
   double dt;           // step length  [s]
-  double temperature;  // temperature before the step, close to T_melt  [K]
+  double temperature;  // temperature before the step, below T_melt  [K]
   double below;        // distance of `temperature` from melting, T_melt - temperature  [K]
   double slip;         // slip velocity [v] that the step would have without friction  [m/s]
 };
-// Searches near melting for a force-driven step with several solutions, with step lengths from the host's up to 10 us.
-// Returns nothing if there is none.
+// Searches temperatures below melting for a force-driven step with several solutions. The step length grows from that
+// of the host up to 10 us. Returns nothing if there is no such step.
 std::optional<SeveralAnswers> several_answers(const Physics& physics);
 
 // The run of one scene of a row: the rig with the scene's model, the host and the current step. Before the first step

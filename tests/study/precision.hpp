@@ -40,7 +40,7 @@ struct Outcome {
   std::uint64_t state_bytes = 0;   // bytes per node in a shard: committed and trial state, index and list entries
   double first_order_share = 0.0;  // share of the sdirk2 steps that fell back to backward Euler
   double divided_share = 0.0;      // share of the steps that were divided into substeps
-  double estimate = 0.0;           // largest error estimate that the server reported, for a setting with a tolerance
+  double estimate = 0.0;           // largest error estimate of a step, for a setting with a tolerance
   std::string failure;             // error message of a run that failed; empty: the run succeeded
   bool efficient = false;          // true if no setting of at most the same cost has a smaller error of T0
 };
