@@ -131,7 +131,7 @@ Scenes swapped(const Physics& p) {
   scene.hard.melting_curve = MeltingCurve::kConstant;
   scene.hard.pressure_term = PressureTerm::kLinear;
   if (o.soft.flow_law != o.hard.flow_law) adopt_flow_law(scene.soft, o.soft);
-  if (scene.junctions) {  // the junctions consist of the soft metal, but keep their strength and hardening
+  if (scene.junctions) {  // the junctions now consist of the other metal, but keep their strength and hardening
     const Material& old = o.junctions->metal;
     Material& metal = scene.junctions->metal;
     metal = scene.soft;

@@ -1,4 +1,4 @@
-// Heat conduction against exact solutions: DLP (20-23) with a constant flux at z = 0.
+// Compares heat conduction, DLP (20-23), with exact solutions for a constant flux at z = 0.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// Layers with inertia against exact solutions of DLP (36-37): d'Alembert's elastic waves, plastic fronts, and the limit
-// of a layer without mass.
+// Compares layers with inertia with exact solutions of the wave equations DLP (36-37): d'Alembert's elastic waves,
+// plastic fronts, and the limit of a layer without mass.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -25,7 +25,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
     // law of Preston, Tonks and Wallace by bisection. These scenes are costly, so they have few vertices and steps.
     const bool costly = options.plastic_layer && options.soft.flow_law == FlowLaws::place<PrestonTonksWallace>();
     if (costly) options.grid.cells = std::min(options.grid.cells, 5);
-    // DLP (48) divides by the hardening coefficient.
+    // The strain increment DLP (48) divides by the hardening coefficient, which therefore must not be 0.
     if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;
     Rig rig(options);
     start_hard_elsewhere(draw, rig);

@@ -1,6 +1,6 @@
 // Work-precision study. Every combination of grid, step length, time integrator and heat method solves a problem. The
-// study reports the error of each combination against a reference solution, its cost, and which combinations are
-// efficient.
+// study reports the error of each combination against a reference solution and its cost, and marks the efficient
+// combinations.
 #pragma once
 
 #include <cstdint>
