@@ -129,9 +129,8 @@ class MoltenLayer {
  public:
   explicit MoltenLayer(const Rig& rig);
   void step(const Rig& rig);  // repeats the rig's last step: same operators and pressures, molten interface
-  double heat(int lane) const {
-    return taken_[static_cast<std::size_t>(lane)];
-  }  // heat that entered since the start  [J/m2]
+  // Returns the heat that entered the lane since the start  [J/m2].
+  double heat(int lane) const { return taken_[static_cast<std::size_t>(lane)]; }
 
  private:
   template <class Operator>
