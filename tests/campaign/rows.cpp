@@ -248,7 +248,8 @@ void hover(Course& c) {
 }
 
 // `several->slip` is the slip velocity [v], without friction, of a step with several solutions. Even lanes start from
-// rest under a far stress that causes this slip velocity without friction. Odd lanes slide at this velocity.
+// rest under a far stress that causes this slip velocity without friction. Odd lanes slide at this velocity. Each lane
+// has its own velocity within 5 %.
 void meet_several_answers(Course& c) {
   c.dt = c.several->dt;
   for (int l = 0; l < kLanes; ++l) {
