@@ -1,8 +1,8 @@
-// Memory of the service: how much a request may cost, and how the service behaves when memory runs out. Each allocation
-// of a request is made to fail once. The request is then either refused with nothing changed, or it was executed and
-// only its reply is lost. In both cases the same request, sent again, must get the reply of a service that always had
-// enough memory (promises P2 and P3 of tests/README.md). A server with a journal on disk may fail after it has written
-// the journal and before it has updated its states: it then ends, and the next server recovers (promise P1).
+// Tests the memory of the service: the cost of a request, and the behaviour when memory runs out. Each allocation of a
+// request is made to fail once. The request is then either refused with nothing changed, or it was executed and only
+// its reply is lost. In both cases the same request, sent again, must get the reply of a service that always had enough
+// memory (promises P2 and P3 of tests/README.md). A server with a journal on disk may fail after it has written the
+// journal and before it has updated its states: it then ends, and the next server recovers (promise P1).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ extern "C" const char* __lsan_default_suppressions() {
 
 namespace {
 
-std::atomic<long> allocations_left{-1};       // number of allocations until one fails; negative: none fails
+std::atomic<long> allocations_left{-1};       // allocations until one fails (0: the next one); negative: none fails
 std::atomic<std::size_t> bytes_allocated{0};  // bytes allocated since the last reset
 
 void* allocate(std::size_t size, std::size_t alignment = alignof(std::max_align_t)) {
@@ -108,8 +108,8 @@ class Pair {
     if (durable) start();
   }
 
-  // Sends a request while its n-th allocation fails, for n = 1, 2, 3, ... until no allocation fails. `make()` returns
-  // the next request after a request has been executed.
+  // Sends requests, each made by `make()`. In the n-th request the n-th allocation fails. A request that failed is sent
+  // again, with enough memory. The function ends with the first request in which no allocation failed.
   template <typename Make>
   void fail_every_allocation(const Make& make, const char* what) {
     wire::Request request = make();
@@ -148,7 +148,8 @@ class Pair {
     FAIL() << what << ": it never ends";
   }
 
-  // A checkpoint that runs out of memory must lose nothing: its records are still in the journal.
+  // If memory runs out in a checkpoint, nothing may be lost: the journal keeps its records until a checkpoint is
+  // complete.
   void fail_every_allocation_of_a_checkpoint() {
     for (long n = 1; n < 100'000; ++n) {
       allocations_left = n - 1;
@@ -190,8 +191,8 @@ class Pair {
 
   MemoryStorage disk_;
   std::optional<DurableServer> durable_;
-  // Number of sessions that may be open. The test opens one for each allocation of an opening that it makes fail, and
-  // reading a scene allocates more often than a server usually has sessions.
+  // The limit of open sessions is raised: the test opens one session for every allocation of an opening, which may be
+  // more sessions than the default limit allows.
   ServiceHarness volatile_{1, {.max_sessions = std::size_t{1} << 16}};
   ServiceHarness twin_{1, {.max_sessions = std::size_t{1} << 16}};
   Tally tally_;
@@ -207,7 +208,7 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
   scene.mutable_layer()->set_cells(6);
   scene.mutable_hard_layer();
 
-  unsigned session = 0;  // number of the session id, different in every request
+  unsigned session = 0;  // counts the requests; the session id of a request is made from this number
   const auto next_id = [&] {
     ++session;
     wire::SessionId id{};
@@ -242,7 +243,7 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
   };
   pair.fail_every_allocation([&] { return step(wire::Mode::kAdvance); }, "advance");
   pair.fail_every_allocation([&] { return step(wire::Mode::kTrial); }, "trial");
-  double dt_s = 1e-9;  // different in every step, so that the server builds new operators
+  double dt_s = 1e-9;  // grows in each step of "advance with a new dt", so that the server builds new operators
   pair.fail_every_allocation([&] { return step(wire::Mode::kAdvance, dt_s *= 1.001); }, "advance with a new dt");
   pair.fail_every_allocation([&] { return ServiceHarness::in_session(wire::Rollback{}, ++sequence); }, "rollback");
   pair.fail_every_allocation(
@@ -310,8 +311,8 @@ TEST(OutOfMemory, AtAnyAllocationOfACheckpointLosesNothing) {
   EXPECT_GT(pair.tally().failures, 50);
 }
 
-// Small headers for which a careless parser would allocate much memory. The memory that a header costs must be bounded
-// by the size of the header, which itself has a limit.
+// The test sends headers for which a careless parser would allocate much memory. No header may cost more memory than
+// the largest header has bytes, and a header above the size limit may cost at most 4 KiB.
 TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
   constexpr std::size_t kMost = wire::kMaxHeaderBytes;
   constexpr std::size_t kMostAboveTheLimit = 4096;
@@ -320,7 +321,7 @@ TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
     while (all.size() + part.size() <= bytes) all += part;
     return all;
   };
-  const auto field = [](char tag, const std::string& content) {  // a field with a length prefix of three bytes
+  const auto field = [](char tag, const std::string& content) {  // encodes a field: tag, length in three bytes, content
     const std::size_t n = content.size();
     return std::string{tag, static_cast<char>(0x80 | (n & 0x7f)), static_cast<char>(0x80 | (n >> 7 & 0x7f)),
                        static_cast<char>(n >> 14)} +
@@ -337,7 +338,7 @@ TEST(Amplification, NoHeaderCostsMoreThanItsOwnSize) {
       {"a length beyond the end", sound + "\x42\xff\xff\xff\xff\x07"},
   };
   ServiceHarness server;
-  // the first request creates what the server creates only once
+  // not measured: the first request also allocates what the server creates only once
   server.ask(ServiceHarness::in_session(wire::Hello{}, 0));
   const auto cost_of = [&](const std::string& header) {
     const std::span<const std::byte> frame = std::as_bytes(std::span(header));

@@ -1,8 +1,8 @@
 // Cost of the layer solvers under the paper's conditions (100 m/s, 11.2 GPa, dt 1 ns), averaged over the first 1 us.
-// per_node_step is the CPU time of a tile's step divided by its lanes. grid:0 is the paper's 500 uniform cells, grid:1
-// has 60 cells graded 1.08, grid:2 has the cells of grid:1 with a half-space behind. BM_Conduct measures the conduction
-// of one step alone, per node, in a layer that was heated for `steps` steps before. BM_Operators measures the cost of a
-// new step length; its grid:3 is heat by modes.
+// The counter per_node_step is the CPU time of a tile's step divided by the number of lanes of the tile. grid:0 has the
+// paper's 500 uniform cells, grid:1 has 60 cells graded 1.08, grid:2 has the cells of grid:1 and a half-space behind
+// them. BM_Conduct measures only the heat conduction of one step, per node, in a layer that has been heated for `steps`
+// steps. BM_Operators measures the time to prepare a new step length; there grid:3 means heat in modes.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -59,8 +59,8 @@ void BM_ForceDriven(benchmark::State& state) {
   run(state, grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
 }
 
-// Cost of a step with a plastic layer. With flows:0 the yield strength of the interface equals that of the layer; with
-// flows:1 it is higher, so that the layer flows.
+// Cost of a step with a plastic layer. With flows:0 the interface has the yield strength of the unhardened layer,
+// 200 MPa; with flows:1 it has 400 MPa, so that the layer flows.
 void BM_PlasticLayer(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
   options.plastic_layer = true;

@@ -61,9 +61,9 @@ class Recorder : public hydro::InterfaceLaw {
 struct Replayed {
   std::size_t state_doubles = 0;  // number of doubles in the state of a node
   double layers_s = 0.0, step_lengths_s = 0.0;
-  // shares of node-steps: `asleep` of sleeping nodes, `stuck` of those in a closed contact
+  // shares of the node-steps: `asleep`: the node sleeps; `stuck`: the node sleeps and its closed contact sticks
   double asleep = 0.0, stuck = 0.0;
-  std::vector<double> temperature, stress;  // T0 [K] and s [Pa], one value per node-step
+  std::vector<double> temperature, stress;  // interface temperature T0 [K] and stress s [Pa], one value per node-step
 };
 
 double since(Clock::time_point start) {
@@ -191,7 +191,7 @@ double stuck_tile(const physics::ModelOptions& options) {
       if (n == kSlides + kSettles) started = Clock::now();
       for (int l = 0; l < kLanes; ++l) {
         inputs.velocity_jump[l] = n < kSlides ? 60.0 + l : n < kSlides + kLoads ? 1.0 : 0.0;
-        // After sliding the contact is open for one step, which sets the interface stress to 0.
+        // In the first step after the sliding the contact is open, which sets the interface stress to 0.
         inputs.pressure[l] = n == kSlides ? -1.0 : 5e9;
         inputs.mass_soft[l] = inputs.mass_hard[l] = 1.0;
         inputs.stress_soft[l] = inputs.stress_hard[l] = kPull;

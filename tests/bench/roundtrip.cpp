@@ -72,7 +72,7 @@ void measure(std::size_t nodes) {
   Client client = server.client();
   Session session = client.open(support::text_of(support::force_scene(1)), "scene", ids);
   const auto& first = session.advance(request, {.dt_s = kDt});
-  // sizes of the two frames of a request; the header of a step has about 120 bytes
+  // Sizes of the two frames, header and payload. The header of a step has about 120 bytes, that of its reply about 160.
   const Sizes asked = {120, request.bytes().size()};
   const Sizes answered = {160, first.outcome().size() * 2 + first.shear_stress_pa().size() * 5 * sizeof(double)};
 

@@ -13,15 +13,15 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 
 namespace {
 
-// Rows with at least this many steps check one lane per step, in rotation; checking all lanes would cost more than the
-// steps themselves.
+// In rows with at least this many steps the invariants of only one lane are checked in each step, in rotation: checks
+// of all lanes would cost more than the steps.
 constexpr int kManySteps = 2000;
 
-// Returns the largest possible heat of a first step that melts the interface, relative to the heat of one step of
-// MoltenLayer. MoltenLayer with a temperature profile makes a step of backward Euler. The exact heat is 2/sqrt(pi) =
-// 1.128 times as large, and a step in substeps may approach it. A second-order step has 8.23 % more than the exact
-// heat. MoltenLayer with modes has sqrt(pi)/2 times the heat of backward Euler, because the modes respond exactly to a
-// constant flux.
+// Returns the largest possible heat of a first step that melts the interface, relative to the heat of the same step of
+// MoltenLayer. With a temperature profile MoltenLayer makes a step of backward Euler. The exact heat is larger by the
+// factor 2/sqrt(pi) = 1.128, and a step in substeps may approach the exact heat. A second-order step has 8.23 % more
+// than the exact heat. With modes MoltenLayer has sqrt(pi)/2 times the heat of backward Euler, because modes respond
+// exactly to a constant flux.
 double share_of_first_step(const ModelOptions& options, bool divided) {
   constexpr double kExact = 1.12838, kSecondOrder = 1.0823;
   const double of_one_step = options.modes ? kExact : 1.0;
@@ -36,14 +36,14 @@ class Judge {
     rig.inputs.effort = &effort_;
   }
 
-  // Checks all lanes after a step. If a check throws, lane() is the lane that failed.
+  // Checks the lanes after a step. If a check throws, lane() is the lane that failed.
   void step(const Course& course) {
     const ModelOptions& options = rig_.model.options();
     take_most(outcome_.most, effort_);
     require_effort(effort_, rig_);
     effort_ = {};
-    // With a Taylor-Quinney factor a part of the work heats the inside of the layer instead of the interface, so the
-    // bound does not apply.
+    // MoltenLayer bounds the heat that enters at the interface. With a Taylor-Quinney factor a part of the work heats
+    // the inside of the layer instead, so the bound does not apply.
     const bool bounded = !options.taylor_quinney_factor;
     if (bounded) molten_.step(rig_);
     for (int l = 0; l < kLanes; ++l) {
@@ -72,8 +72,9 @@ class Judge {
     const Answered a = answered(rig_, l, rig_.operators->dt());
     // A layer with inertia may oscillate; property tests check its waves.
     if (rig_.model.options().inertia) return;
-    // Under a tolerance the error of a velocity jump may be the tolerance times 1 m/s. Smaller changes are not ringing.
-    const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // scale of [V]  [m/s]
+    // Scale of the velocity jump [V]: |[V]| plus `least_jump`. Under a tolerance small jumps are less accurate, so the
+    // scale is larger.
+    const double least_jump = std::max(1e-6, rig_.model.options().tolerance.value_or(0.0));  // [m/s]
     stress_[l].see(a.stress, std::abs(a.stress) + 1e6);
     jump_[l].see(a.jump_new, std::abs(a.jump_old) + least_jump);
     require(!stress_[l].rings(), "s rings: {} Pa after {} Pa", a.stress, a.stress_old);
@@ -102,12 +103,13 @@ void take_most(SearchEffort& most, const SearchEffort& now) {
 
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   // A step that is divided because it has several solutions is tried in 2, 4, ... and 64 substeps, 126 in all. A step
-  // under a tolerance makes about 1,024 attempts; each solves a substep in one piece, which may itself be divided, and
-  // again in two halves. A second-order step has two stages and possibly a first-order step in addition.
+  // under a tolerance makes about 1,024 attempts at most; each attempt solves a substep in one piece and again in two
+  // halves, and each of these may itself be divided. A second-order step has two stages and possibly a first-order step
+  // in addition.
   const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
-  // An interface on a flowing layer needs two searches, one for stick and one for slip. Each evaluates at most 300 sums
-  // over the layer; together they seldom evaluate 100.
+  // An interface on a flowing layer needs two searches, one for stick and one for slip. Each search evaluates at most
+  // 300 sums over the layer; both together seldom evaluate more than 100.
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
           .limit_values = 60 * kLanes * solves,
           .newton_steps = 20000,

@@ -25,9 +25,9 @@ using testing::SearchEffort;
 // The inputs of the host before a row changes them. The defaults are those of the paper; a user's scene may give
 // others.
 struct Host {
-  double pressure = 11.2e9;        // [Pa]
-  double half_zone_soft = 2.5e-6;  // half the zone width at the interface; times the density, the mass in DLP (61)  [m]
-  double half_zone_hard = 2.5e-6;  // half the zone width in the hard body  [m]
+  double pressure = 11.2e9;        // pressure on the interface  [Pa]
+  double half_zone_soft = 2.5e-6;  // half the width of the soft zone; times the density, m_soft of DLP (61)  [m]
+  double half_zone_hard = 2.5e-6;  // half the width of the hard zone  [m]
   double dt = 1e-9;                // step length  [s]
 };
 
@@ -42,12 +42,12 @@ std::vector<Physics> all_physics();
 // A force-driven step with several solutions: stick, and two different slips (MODEL.md, "Force-driven step").
 struct SeveralAnswers {
   double dt;           // step length  [s]
-  double temperature;  // temperature before the step, close to T_melt  [K]
+  double temperature;  // temperature before the step, below T_melt  [K]
   double below;        // distance of `temperature` from melting, T_melt - temperature  [K]
   double slip;         // slip velocity [v] that the step would have without friction  [m/s]
 };
-// Searches near melting for a force-driven step with several solutions, with step lengths from the host's up to 10 us.
-// Returns nothing if there is none.
+// Searches temperatures below melting for a force-driven step with several solutions. The step length grows from that
+// of the host up to 10 us. Returns nothing if there is no such step.
 std::optional<SeveralAnswers> several_answers(const Physics& physics);
 
 // The run of one scene of a row: the rig with the scene's model, the host and the current step. Before the first step
@@ -129,13 +129,14 @@ class MoltenLayer {
  public:
   explicit MoltenLayer(const Rig& rig);
   void step(const Rig& rig);  // repeats the rig's last step: same operators and pressures, molten interface
-  double heat(int lane) const { return taken_[static_cast<std::size_t>(lane)]; }  // heat since the start  [J/m2]
+  // Returns the heat that entered the lane since the start  [J/m2].
+  double heat(int lane) const { return taken_[static_cast<std::size_t>(lane)]; }
 
  private:
   template <class Operator>
   void step_with(const Operator& heat, const Rig& rig);
 
-  std::vector<double> rows_;              // temperatures of the bodies that conduct or, without a profile, modes
+  std::vector<double> rows_;  // temperatures of the bodies that conduct or, without a temperature profile, heat modes
   std::array<double, kLanes> melting_{};  // highest melting temperature since the start  [K]
   std::array<double, kLanes> taken_{};    // friction heat that entered each lane since the start  [J/m2]
 };

@@ -25,13 +25,13 @@ struct ControlCase {
   ModelOptions options;
   double dt = 1e-9;  // step length  [s]
   int steps = 0;
-  double jump = 0.0;         // velocity jump before the first step  [m/s]
-  bool pulse = false;        // the velocity jump is 0 from the second step on
-  bool closed_loop = false;  // each step starts with the velocity jump that the step before has answered
-  double stress_soft = 0.0;  // far stress of the soft body  [Pa]; stress_growth is its relative growth per step
-  double stress_growth = 0.0;
-  double mass = 1.0;     // mass of each side  [kg/m2]
-  double start = 300.0;  // initial temperature  [K]
+  double jump = 0.0;           // velocity jump before the first step  [m/s]
+  bool pulse = false;          // true: the velocity jump is 0 from the second step on
+  bool closed_loop = false;    // true: each step starts with the final velocity jump of the step before
+  double stress_soft = 0.0;    // far stress of the soft body in the first step  [Pa]
+  double stress_growth = 0.0;  // growth of the far stress per step, relative to stress_soft
+  double mass = 1.0;           // mass per area of each body's half zone  [kg/m2]
+  double start = 300.0;        // initial temperature  [K]
   bool must_ring = false;
   // Returns the quantity that is watched for ringing. `size` is its scale; changes above 1e-3 of the scale count.
   std::function<double(const Answered&)> ringing_of;
@@ -83,7 +83,7 @@ double limit_at(const Rig& rig, double T0) {
                   o.interface.yield_strength * softening(o.soft, kPressure, T0).g / kSqrt3);
 }
 
-struct Body {  // momentum of lane 0's bodies, DLP (61): [V]new = [V]old + driven - per_stress * s
+struct Body {  // momentum balance of lane 0, DLP (61): [V]new = [V]old + driven - per_stress * s
   double driven, per_stress;
 };
 Body body_of(const Rig& rig, double dt) {
@@ -145,7 +145,7 @@ void plain_secant(Rig& rig, double dt) {
   finish(rig, dt, answer);
 }
 
-// Computes the stress limit of the interface with T0 before the step, where the model uses T0 after the step.
+// Computes the stress limit of the interface with T0 before the step. The correct model uses T0 after the step.
 void explicit_flux(Rig& rig, double dt) {
   const double T_old = rig.T(0);
   const HeatOperator& heat = begin(rig, dt);
@@ -189,8 +189,8 @@ Solver lagged_strain() {
   };
 }
 
-// Tries an elastic step without conduction of heat. Only if a vertex would yield in this step, the correct model makes
-// the step.
+// Tries an elastic step without friction heat. Only if a vertex would yield in this step, the correct model makes the
+// step.
 void elastic_first(Rig& rig, double dt) {
   begin(rig, dt);
   const ModelOptions& o = rig.model.options();

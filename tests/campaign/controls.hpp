@@ -11,7 +11,7 @@ struct ControlOutcome {
   std::string name;
   std::string what;  // the error of the solver
   int steps = 0;
-  int broken = 0;        // steps that broke an invariant
+  int broken = 0;        // number of steps that broke an invariant
   std::string first;     // message of the first step that broke an invariant
   bool rings = false;    // the watched quantity (stress, velocity jump or T0) alternates
   double factor = 0.0;   // if `rings`: ratio of the last change of the watched quantity to the change before

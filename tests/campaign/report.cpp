@@ -29,7 +29,7 @@ struct Campaign {
   bool cut_short = false;          // the option --steps limits the steps of every row
   std::vector<Physics> physics;
   std::vector<Row> rows;
-  std::vector<std::vector<Outcome>> outcomes;  // [row][physics]
+  std::vector<std::vector<Outcome>> outcomes;  // outcome of each row on each physics: [row][physics]
   std::vector<Refusal> refusals;
   std::vector<Control> controls;
   std::vector<RandomOutcome> random;

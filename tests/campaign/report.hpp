@@ -17,7 +17,7 @@ struct StabilityOptions : CommandOptions {
   std::optional<int> steps;  // upper bound of the number of steps of a row
   long random_steps = 200000;
   std::uint64_t seed = 1;
-  bool only_random = false;  // runs random histories only
+  bool only_random = false;  // true: only random histories run
   HostGiven host;            // properties of the host, if a scene is given
 };
 

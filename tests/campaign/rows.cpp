@@ -131,7 +131,7 @@ Scenes swapped(const Physics& p) {
   scene.hard.melting_curve = MeltingCurve::kConstant;
   scene.hard.pressure_term = PressureTerm::kLinear;
   if (o.soft.flow_law != o.hard.flow_law) adopt_flow_law(scene.soft, o.soft);
-  if (scene.junctions) {  // the junctions consist of the soft metal, but keep their strength and hardening
+  if (scene.junctions) {  // the junctions now consist of the other metal, but keep their strength and hardening
     const Material& old = o.junctions->metal;
     Material& metal = scene.junctions->metal;
     metal = scene.soft;
@@ -247,8 +247,9 @@ void hover(Course& c) {
   }
 }
 
-// Even lanes start from rest under a far stress that would cause the slip of a step with several solutions. Odd lanes
-// slide at the velocity of this slip.
+// `several->slip` is the slip velocity [v], without friction, of a step with several solutions. Even lanes start from
+// rest under a far stress that causes this slip velocity without friction. Odd lanes slide at this velocity. Each lane
+// has its own velocity within 5 %.
 void meet_several_answers(Course& c) {
   c.dt = c.several->dt;
   for (int l = 0; l < kLanes; ++l) {

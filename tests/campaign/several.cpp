@@ -12,10 +12,12 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 namespace {
 
 constexpr double kLongestStep = 1e-5;  // longest step of the campaign  [s]
-constexpr double kStickShare = 0.9;    // stress of the sticking solution, relative to the limit at rest
-constexpr double kClearly = 0.8;       // largest accepted limit at the hottest slip, relative to the stress there
+constexpr double kStickShare = 0.9;    // stress of the sticking solution, relative to the stress limit before the step
+// At the slip of largest heat the stress limit must be below this share of the stress of that slip, so that the
+// solutions lie clearly apart.
+constexpr double kClearly = 0.8;
 
-// Returns the stress limit of the interface at rest  [Pa].
+// Returns the stress limit of the interface at the temperature T  [Pa].
 double limit_at(const ModelOptions& o, double pressure, const Material& soft, double T) {
   return std::min(o.interface.friction_coefficient * pressure,
                   o.interface.yield_strength * softening(soft, pressure, T).g / kSqrt3);

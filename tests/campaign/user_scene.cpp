@@ -65,8 +65,8 @@ struct Told {
   std::string by;
 };
 
-// Returns the properties of the host (pressure, zones, step length) for the hydrocode problem in the scene, or the
-// paper's if the scene has no such problem. A shear_column determines zones and step length. The problems in two
+// Returns the properties of the host (pressure, zone widths, step length) for the hydrocode problem in the scene, or
+// those of the paper if the scene has no such problem. A shear_column determines all of them. The problems in two
 // dimensions have one zone width; their step length is the Courant limit of a longitudinal wave in the faster metal.
 Told host_of(const guest::HydroScene& scene) {
   Told told{.host = {}, .by = "not in the scene: the paper's"};
@@ -174,7 +174,7 @@ std::string describe(const v1::Scene& scene, const ModelOptions& o) {
                      body(scene.hard(), o.hard), law(o), layer(o), o.initial_temperature, o.soft.melting_temperature);
 }
 
-// Runs `work` and returns its result. If it throws a fault of the scene, adds the place in the file to the message.
+// Runs `work` and returns its result. If `work` throws a fault of the scene, adds its place in the file to the message.
 template <class Work>
 auto placed(const hydro::SceneFile& file, const Work& work) {
   try {

@@ -11,8 +11,8 @@
 
 namespace shearbus::study {
 
-// Reads a scene. Throws if it has no shear layer or if a server would refuse it. The message contains the expected and
-// the found value, a remedy and the place in the file.
+// Reads a scene. Throws if the scene has no shear layer or if a server would refuse the scene. The message of the
+// exception contains the expected and the found value, a remedy and the place in the file.
 hydro::SceneFile load_scene_with_layer(const std::filesystem::path& path);
 
 // Properties of the host that the command line gives. A property that it does not give comes from the hydrocode problem
@@ -26,7 +26,7 @@ struct HostGiven {
 struct UserScene {
   stability::Physics physics;  // model options and host; its name is that of the scene
   std::string text;            // description of the physics, for the report
-  std::string host;            // description of the host and where its values come from, for the report
+  std::string host;            // description of the host and of the source of its values, for the report
 };
 UserScene user_scene(const hydro::SceneFile& file, const HostGiven& given);
 

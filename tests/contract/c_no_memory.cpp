@@ -1,6 +1,7 @@
-// The C library in a process without memory: c_no_memory SCENE.toml ENDPOINT. Each call of the library is made again
-// and again, with its first, second, third ... allocation failing, until it passes. A call that fails says so, and the
-// same call then gives what it would have given: nothing is lost, and nothing runs twice.
+// Tests the C library when memory runs out. Usage: c_no_memory SCENE.toml ENDPOINT. Each call of the library is made
+// with its first allocation failing, then with its second, and so on, until no allocation fails. A call that fails must
+// return SHEARBUS_NO_MEMORY. The same call, repeated with enough memory, must then succeed: nothing is lost, and no
+// request runs twice.
 #include <dlfcn.h>
 #include <shearbus/shearbus.h>
 #include <unwind.h>
@@ -16,7 +17,7 @@
 
 namespace {
 
-long allocations_left = -1;  // -1: memory without end
+long allocations_left = -1;  // number of allocations of the library that still succeed before one fails; -1: none fails
 bool looking = false;
 
 void* base_of(void* address) {
@@ -26,8 +27,8 @@ void* base_of(void* address) {
 void* const library = base_of(reinterpret_cast<void*>(&shearbus_open));
 void* const program = base_of(reinterpret_cast<void*>(&base_of));
 
-// Whether the library asks for memory, itself or through the C++ library. libzmq, which ends a process without memory,
-// is left alone.
+// Returns true if the shearbus library makes the present allocation, directly or through libstdc++. Allocations of
+// other libraries never fail here: libzmq, for instance, ends the process when it finds no memory.
 bool asked_by_library() {
   bool ours = false;
   const auto look = [](_Unwind_Context* frame, void* found) {
@@ -43,7 +44,7 @@ bool asked_by_library() {
 
 }  // namespace
 
-// Not inlined: GCC 12 would see free() on what new returned.
+// noinline: if GCC 12 inlined `new` and `delete`, it would warn that free() gets the memory of a `new`.
 [[gnu::noinline]] void* operator new(std::size_t size) {
   if (allocations_left >= 0 && !looking) {
     looking = true;
@@ -73,8 +74,8 @@ void check(bool is_so, const char* what, long allocation = -1) {
                status.text);
 }
 
-// Makes the call with each of its allocations failing, and after each failure again with memory. Returns how often it
-// failed.
+// Makes the call with its first allocation failing, then its second, and so on, until no allocation fails. After each
+// failure the call must succeed with enough memory. `passed()` runs after each success. Returns the number of failures.
 long try_all(const char* what, const std::function<int()>& call, const std::function<void()>& passed) {
   for (long allocation = 0; allocation < 2000; ++allocation) {
     allocations_left = allocation;
@@ -110,7 +111,8 @@ int main(int, char** argv) {
   shearbus_options options = SHEARBUS_OPTIONS_INIT;
   options.scene_file = argv[1];
   options.endpoint = argv[2];
-  options.domain = "c_no_memory";  // a session that were opened twice would own its nodes twice
+  // In a domain every node has one owner. If a failed opening had opened a session, the next opening would be refused.
+  options.domain = "c_no_memory";
 
   shearbus_session* session = nullptr;
   long failures = try_all(

@@ -58,7 +58,7 @@ TEST(Hydro2dGas, Sedov) {
       EXPECT_LT(std::abs(residual), 1e-12);
       if (zones == 48) {
         EXPECT_NEAR(shock, 1.0, 0.015);
-        EXPECT_LT(spread, 0.025);  // `spread` is in units of the radius: about one zone (1/48)
+        EXPECT_LT(spread, 0.025);  // spread of the shock radius, relative to the exact radius; a zone is 1/48
         EXPECT_GT(peak, 5.0);
         EXPECT_LT(peak, 6.3);
       }

@@ -47,7 +47,7 @@ std::vector<test::HalfSpaceState> sample(const std::vector<test::HalfSpaceState>
   return samples;
 }
 
-// A law of the host on an embedded server, with requests in stick form.
+// An interface law that asks an embedded server, with requests in stick form (stick stress and impedance).
 class StickLaw : public hydro::InterfaceLaw {
  public:
   StickLaw(const std::string& scene, const std::vector<std::uint64_t>& nodes)
@@ -76,8 +76,8 @@ class StickLaw : public hydro::InterfaceLaw {
   }
   hydro::LawTime time_spent() const override { return {}; }
 
-  double closure = 0.0;     // largest of all steps  [m/s]
-  double layer_time = 0.0;  // [s]
+  double closure = 0.0;     // largest closure (jump of a request less the jump answered before) of all steps  [m/s]
+  double layer_time = 0.0;  // time of the layer after the last step  [s]
 
  private:
   server::Embedded server_;
@@ -86,7 +86,7 @@ class StickLaw : public hydro::InterfaceLaw {
   Batch request_;
 };
 
-// Runs the scene on an embedded server. Soft zones are `zone_ns` of wave transit time wide, steps are `dt_ns` long.
+// Runs the scene on an embedded server. A wave crosses a soft zone in `zone_ns` [ns]; a step lasts `dt_ns` [ns].
 std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns, Form form = Form::kFarField) {
   guest::HydroScene scene = shipped_scene();
   guest::ShearColumn& column = *scene.mutable_hydro()->mutable_shear_column();
@@ -136,7 +136,8 @@ TEST(TwoHalfSpaces, ReferenceGivesTheTableAndHasConverged) {
   }
 }
 
-// The host needs no stresses of half zones: stick stress and impedance give the same answer.
+// A request with stick stress and impedance has the same answer as a request with far stresses and masses of half
+// zones.
 TEST(TwoHalfSpaces, StickFormHasTheAnswerOfTheFarFieldForm) {
   const auto far_field = run(1.0, 1.0), stick = run(1.0, 1.0, Form::kStick);
   for (std::size_t k = 0; k < kTimes.size(); ++k) {

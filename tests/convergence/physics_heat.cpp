@@ -1,4 +1,4 @@
-// Heat conduction against exact solutions: DLP (20-23) with a constant flux at z = 0.
+// Compares heat conduction, DLP (20-23), with exact solutions for a constant flux at z = 0.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -22,7 +22,7 @@ double half_space_rise(const Material& m, double t) {
   return 2.0 * kFlux / m.conductivity * std::sqrt(m.diffusivity * t / M_PI);
 }
 
-// Temperature rise at z = 0 of a slab with an insulated far face: that of a half-space and of its image sources.
+// Temperature rise at z = 0 of a slab with an insulated far face: the rise of a half-space plus that of image sources.
 double slab_rise(const Material& m, double h, double t) {
   const double depth = std::sqrt(m.diffusivity * t);
   double sum = ierfc(0.0);
@@ -138,7 +138,7 @@ TEST(PhysicsHeatConvergence, InsulatedSlabMatchesTheImageSeries) {
     before = error;
   }
   EXPECT_LT(std::abs(before), 1e-3);
-  // When the whole slab heats evenly, the error of the first steps has decayed.
+  // At 12 us the whole slab heats evenly, and the error of the first steps has decayed.
   EXPECT_NEAR(computed_rise(m, {20e-6, 500, 1.0, FarBoundary::kInsulated}, 12e-9, 1000) / slab_rise(m, 20e-6, 12e-6),
               1.0, 1e-6);
 }

@@ -26,7 +26,7 @@ ModelOptions cold_copper() {
 }
 
 // Returns ep(t_end) of d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C) by the Runge-Kutta method of order 4. Its
-// steps are far below the relaxation time C A / (3 G0 rate) of 5 ps.
+// steps are far below the relaxation time C A / (3 G0 d ep/dt) of 5 ps.
 double strain_of_shear(const ModelOptions& options, double v, double t_end, int steps) {
   const Material& m = options.soft;
   const double h = options.grid.thickness;
@@ -93,8 +93,8 @@ double rate_under(const Material& m, double stress, double ep, double pressure) 
   return std::exp(lo);
 }
 
-// Returns ep(t_end) of d ep/dt = r, where Y(ep, r) = sqrt(3) G0 (v t / h - sqrt(3) ep), by the Runge-Kutta method of
-// order 4. Its steps are below the relaxation time dY/dln(r) / (3 G0 r) of 0.1 ns.
+// Returns the plastic strain ep(t_end) of d ep/dt = r, where Y(ep, r) = sqrt(3) G0 (v t / h - sqrt(3) ep), by the
+// Runge-Kutta method of order 4. Its steps are below the relaxation time dY/dln(r) / (3 G0 r) of 0.1 ns.
 double strain_of_preston_shear(const ModelOptions& options, double v, double pressure, double t_end, int steps) {
   const Material& m = options.soft;
   const auto rate = [&](double t, double ep) {
@@ -213,7 +213,7 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
       rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
     }
     const double V = rig.inputs.velocity_jump[0];
-    // loss of kinetic energy; the reduced mass is m/2
+    // The heat is the loss of kinetic energy of the relative motion, in which two bodies of mass m have the mass m/2.
     EXPECT_NEAR(dissipated, 0.25 * m * (V0 * V0 - V * V), 1e-9 * dissipated);
     const double error = std::abs(V - exact(t_end));
     const double order = before > 0.0 ? std::log2(before / error) : NAN;
@@ -251,9 +251,9 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
 
 // A body slides at constant V, and its friction falls in proportion to the rise of T0: the softening exponent is 1, and
 // the reference temperature is the initial temperature. The initial heat flux is q0, and friction vanishes at the rise
-// R. The heat flux q0 (1 - rise/R) equals that of a convective surface of temperature R and coefficient q0/R, for which
-// Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) / (k R). The flux begins as q0 (1 - c
-// sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
+// R. The heat flux q0 (1 - rise/R) is that of a surface heated by convection from a fluid that is hotter by R, with the
+// coefficient q0/R. For this surface Carslaw and Jaeger give rise = R (1 - exp(x^2) erfc(x)), x = q0 sqrt(alpha t) /
+// (k R). The flux begins as q0 (1 - c sqrt(t)), which no uniform step resolves, so the order of SDIRK2 is 3/2.
 TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.soft.temperature_coefficient = 0.0;

@@ -52,7 +52,7 @@ TEST(PhysicsPlasticHeatingConvergence, FirstOrderInTimeBeforeTheLayerLocalises) 
     const double order = difference_before != 0.0 ? std::log2(difference_before / difference) : NAN;
     std::printf("  %8.3g s  %9.4f K  %9.4f MPa  %6.3f\n", dt, found.T0, found.s / 1e6, order);
     if (difference_before != 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.2);  // first order: the result depends on when within a step yield begins
+      EXPECT_NEAR(order, 1.0, 0.2);  // first order: the instant of yield within a step is not resolved
     }
     difference_before = before != 0.0 ? difference : 0.0;
     before = found.T0;
@@ -68,10 +68,10 @@ TEST(PhysicsPlasticHeatingConvergence, GridsAgreeBeforeTheLayerLocalises) {
   }
 }
 
-// A rate-independent layer that its own heat softens forms a shear band, and nothing in the model determines where. The
-// place of the band depends on the grid, the step and, on the finest grid, the last bit of an input. In every case no
-// vertex melts, T0 stays far below melting, and the stress stays below the peak stress of a layer that is heated at z =
-// 0 only.
+// A rate-independent layer that is softened by its own heat forms a shear band, and nothing in the model determines the
+// place of the band: it depends on the grid, the step and, on the finest grid, the last bit of an input. In every case
+// no vertex melts, T0 stays far below melting, and the stress stays below the peak stress of a layer that is heated at
+// z = 0 only.
 TEST(PhysicsPlasticHeatingConvergence, TheBandsStressIsReportedWithItsSpread) {
   std::printf("plastic-work heating after 1 us: cells, grading, dt, T0, hottest, s of eight lanes a few bits apart\n");
   for (auto [cells, grading] : {std::pair{60, 1.08}, std::pair{120, 1.04}, std::pair{250, 1.0}}) {

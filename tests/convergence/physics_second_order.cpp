@@ -59,7 +59,8 @@ TEST(PhysicsSecondOrder, ConstantFluxIsOffByItsConstantOverStepsSquared) {
   }
 }
 
-// If the heat is kept in modes, backward Euler and SDIRK2 both integrate a constant flux exactly, for any step length.
+// If the heat is kept in modes, backward Euler and SDIRK2 both integrate a constant flux exactly, whatever the step
+// length: the only error is that of the modes.
 TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
   for (FarBoundary far_boundary : {FarBoundary::kHalfSpace, FarBoundary::kInsulated}) {
     for (double accuracy : {1e-3, 1e-6, 1e-9}) {
@@ -98,7 +99,7 @@ TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
     double sum = ierfc(0.0);
     for (int i = 1; i < 2000; ++i) sum += 2.0 * ierfc(i * h / depth);
     EXPECT_NEAR(slab.integral(t) / (2.0 * depth / options.soft.conductivity * sum), 1.0, 1e-13) << t;
-    // d(integral)/dt must be the kernel K(t), and d(moment)/dt must be t K(t).
+    // The derivative of integral(t) must be the kernel K(t), and that of moment(t) must be t K(t).
     const double e = 1e-4 * t;
     EXPECT_NEAR((slab.integral(t + e) - slab.integral(t - e)) / (2 * e * slab.at(t)), 1.0, 1e-7) << t;
     EXPECT_NEAR((slab.moment(t + e) - slab.moment(t - e)) / (2 * e * t * slab.at(t)), 1.0, 1e-7) << t;

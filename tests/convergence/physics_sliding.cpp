@@ -61,8 +61,8 @@ TEST(PhysicsPaperCase, SixtyGradedCells) {
   expect_paper_values(graded(paper_options()));
 }
 
-// With the heat of DLP (18), in which all the work of the imposed jump heats, stress and T0 do not oscillate as dt
-// shrinks.
+// With the heat of DLP (18), by which all the work of the imposed jump becomes heat, stress and T0 hardly depend on the
+// step length.
 TEST(PhysicsPaperCase, OneAndAQuarterNanosecondAgreeEverywhere) {
   const History coarse = imposed_jump(graded(paper_options()), 100.0, 1e-9, 2e-6);
   const History fine = imposed_jump(graded(paper_options()), 100.0, 0.25e-9, 2e-6);
@@ -96,7 +96,7 @@ TEST(PhysicsInterfaceSlip, ConvergesInTimeToFirstOrder) {
   }
 }
 
-// The plastic strain at z = 0 grows as the cells shrink. Stress, temperature and total slip do not depend on the grid.
+// The plastic strain at z = 0 grows as the cells shrink. Stress and total slip hardly depend on the grid.
 TEST(PhysicsPaperCase, InterfaceStrainIsAGridScaleValue) {
   std::printf("paper case at 1 us, uniform cells: cells, s, T0, slip, ep(0)\n");
   std::vector<double> ep, s, slip;

@@ -1,6 +1,6 @@
-// Runs with a tolerance: the error found is below the requested tolerance and falls with it, when slip starts, reverses
-// or stops and when the layer melts, for any length of the host's step. Where the tolerance cannot be met, the error
-// estimate reports this. Errors are relative to T_melt - T_ref.
+// Runs with a tolerance: the error is below the requested tolerance and falls with the tolerance, when slip starts,
+// reverses or stops and when the layer melts, for long and short steps of the host. Where the tolerance cannot be met,
+// the error estimate reports this. Errors are relative to the melting temperature minus the initial temperature.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kEnd = 1e-6;
 constexpr double kToMelting = 1220.0 - 300.0;
-constexpr double kStepShare = 0.25;  // largest error estimate of one step, as a share of the tolerance
+constexpr double kStepShare = 0.25;  // largest accepted error estimate of a step, as a share of the tolerance
 
 ModelOptions half_space(Strategy strategy = Strategy::kForceDriven) {
   ModelOptions options = paper_options(strategy);
@@ -33,7 +33,7 @@ ModelOptions with_cells(ModelOptions options, int cells, double first) {
 }
 
 struct History {
-  // T0 [K] at every tenth of the run, or after every step of a run with fewer than ten
+  // T0 [K] after every tenth of the run, or after every step of a run with fewer than ten steps
   std::vector<double> temperature;
   double estimate = 0.0;  // largest error estimate of a step in the run
 };
@@ -144,7 +144,7 @@ TEST(DeliveredTolerance, TheGridIsFineEnoughWhereverHeatGoes) {
 // Two plates under constant far stresses, in a single step of the host.
 struct Plates {
   const char* what;
-  double velocity_jump;  // before the step [m/s]
+  double velocity_jump;  // velocity jump before the step [m/s]
   double pull;           // far stress on both bodies [Pa]
   double dt;             // length of the host's step [s]
 };
@@ -176,8 +176,9 @@ TEST_P(DeliveredInOneStep, TemperatureAndJumpAreKept) {
     load(rig.inputs);
     rig.step(plates.dt);
     const double T0 = std::abs(rig.T(0) - exact.interface_temperature[0]) / kToMelting;
-    // Temperature rise at z = 0 per unit flux, 2 sqrt(alpha t / pi) / k, after at least 1 us (k = 117 W/m/K, alpha =
-    // 48.9e-6 m2/s). Times beta_T = 0.6772 and the stress it turns an error of the jump into an error of T0.
+    // Temperature rise at z = 0 per unit flux, 2 sqrt(alpha t / pi) / k, after a time t of at least 1 us (k = 117
+    // W/m/K, alpha = 48.9e-6 m2/s). An error of the jump, times the stress, beta_T = 0.6772 and this rise, is an error
+    // of T0.
     const double response = 2.0 / 117.0 * std::sqrt(48.9e-6 * std::max(kEnd, plates.dt) / std::acos(-1.0));
     const double jump = 0.6772 * response * std::abs(exact.shear_stress[0]) *
                         std::abs(rig.outputs.velocity_jump_new[0] - exact.velocity_jump_new[0]) / kToMelting;
@@ -220,8 +221,8 @@ TEST(DeliveredTolerance, FrictionThatStartsSuddenlyIsResolvedInItsFirstStep) {
   }
 }
 
-// A step that needs shorter substeps than the modes can represent: the division ends at the shortest possible substep,
-// and the error estimate must exceed the limit that the tolerance sets.
+// This step needs shorter substeps than the modes can represent. The division then ends at the shortest possible
+// substep, and the error estimate must exceed the limit that the tolerance sets.
 TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   Rig rig(discretised(half_space(), 1e-6), 1);
   rig.inputs.pressure[0] = 11.2e9;

@@ -1,5 +1,5 @@
-// Layers with inertia against exact solutions of DLP (36-37): d'Alembert's elastic waves, plastic fronts, and the limit
-// of a layer without mass.
+// Compares layers with inertia with exact solutions of the wave equations DLP (36-37): d'Alembert's elastic waves,
+// plastic fronts, and the limit of a layer without mass.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -175,8 +175,9 @@ TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
   }
 }
 
-// Largest difference of s(0) [Pa] between a layer with inertia and one without: the paper's layer at 11.2 GPa, while
-// the jump rises to V_end [m/s] in the time `rise` [s].
+// Largest difference of s(0) [Pa] between a layer with inertia, with `density_factor` times aluminium's density, and
+// the uniform layer without inertia: the paper's layer at 11.2 GPa, while the jump rises to V_end [m/s] in the time
+// `rise` [s].
 double difference_to_uniform(double density_factor, double V_end, double rise, double t_end) {
   ModelOptions options = graded(paper_options());
   options.soft.density *= density_factor;

@@ -146,7 +146,7 @@ void overwrite(hid_t file, const Target& target, const Edit& edit) {
         store::checked(H5Aopen_by_name(file, target.object.c_str(), target.attribute.c_str(), H5P_DEFAULT, H5P_DEFAULT),
                        "open an attribute"));
     const std::uint64_t value = random.number();
-    // HDF5 refuses to write a number to a text, which then stays as it is
+    // HDF5 refuses to write a number to an attribute that is a text; the text then stays as it is.
     H5Awrite(attribute, H5T_NATIVE_UINT64, &value);
     return;
   }
@@ -205,7 +205,7 @@ std::vector<std::byte> edited(const std::uint8_t* data, std::size_t size) {
       try {
         carry_out(edit, file);
       } catch (const store::Hdf5Error&) {
-        // An edit that HDF5 refuses has no effect: an earlier edit removed the object, or HDF5 does not know the type.
+        // HDF5 refused a call of this edit, for instance because an earlier edit removed the object. The loop goes on.
       }
     }
     bytes = store::bytes_of_image(file);

@@ -1,5 +1,5 @@
-// Fuzzes the text of a scene. For each scene that the loader accepts, a session is opened, and the service must be able
-// to step it.
+// Fuzzes the text of a scene. For each accepted scene with few cells a session is opened; if the service opens the
+// session, it must be able to step the nodes.
 #include <google/protobuf/descriptor.h>
 
 #include <cmath>

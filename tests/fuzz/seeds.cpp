@@ -15,8 +15,8 @@
 #include "tests/fuzz/target.hpp"
 #include "tests/support/wire_samples.hpp"
 
-// The mutators of the fuzz targets, which are linked to this program, refer to this function. The program calls none of
-// them, so the function does nothing.
+// The linker needs this function, because the mutators of the fuzz targets, which are linked to this program, refer to
+// it. The program calls no mutator, so the function does nothing.
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t*, std::size_t size, std::size_t) {
   return size;
 }
@@ -50,8 +50,8 @@ Parts parts_of(const Message& message) {
   return parts;
 }
 
-// Builds a sequence of requests for the fuzz target `service`. Fields that the target fills in as a client would stay
-// empty, so that the requests remain valid if a mutation reorders them.
+// Builds a sequence of requests for the fuzz target `service`. The requests lack the fields that the target fills in
+// itself (magic, version, session, sequence, checksum), so that they remain valid if a mutation reorders them.
 class Script {
  public:
   void ask(const wire::Request& request) {

@@ -4,10 +4,10 @@
 //   P2  a repeated request gets the same answer and does not run again
 //   P3  a refused request changes nothing: the twin service never receives it, and still gives the same answers
 //
-// The input consists of parts, in turn the header and the payload of a request. Fields that a header leaves at 0 or
-// empty - magic, version, session, sequence, size and sum of the payload - are filled in as a client would, so that an
-// early mutation does not turn all later requests into refusals. A header of one byte is an event instead: a checkpoint
-// or a restart.
+// The input consists of parts, in turn the header and the payload of a request. As a client would do, the target fills
+// in fields that a header leaves at 0 or empty (magic, version, session, sequence, size and checksum of the payload).
+// So an early mutation does not turn all later requests into refusals. A header of one byte is no request but an event:
+// a checkpoint or a restart.
 #include <google/protobuf/stubs/logging.h>
 
 #include <cmath>

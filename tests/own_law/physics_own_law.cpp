@@ -1,5 +1,5 @@
-// A flow law that the server lacks is added by one file and one line in the list of laws, and then takes part in
-// complete velocity-driven steps.
+// A flow law that the server lacks is added by one file and one line in the list of laws. The complete velocity-driven
+// step then works with this law.
 #include <gtest/gtest.h>
 
 #include <cmath>

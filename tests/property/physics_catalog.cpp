@@ -1,4 +1,5 @@
-// Every pair of materials in the catalog, soft on hard and hard on soft, steps in both strategies.
+// Steps layers of every pair of materials in the catalog, each material as the soft and as the hard body, in both
+// strategies.
 #include <gtest/gtest.h>
 
 #include <algorithm>

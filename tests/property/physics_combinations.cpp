@@ -44,18 +44,18 @@ int scenes() {
 
 constexpr int kHistorySteps = 10;
 constexpr int kTwinSteps = 3;
-// largest number of evaluations in a compared step; beyond it the reference solver takes minutes
+// Steps under a tolerance that need more evaluations than this are not compared: the reference solver takes minutes.
 constexpr int kMostEffort = 3000;
 constexpr double kStep = 1e-9;  // step length [s]
 
-// Sets inputs under which the bodies slide, at a pressure at which the interface law acts by its friction or by its
-// yield limit.
+// Sets inputs under which the bodies slide, at 2 GPa. At this pressure friction limits the stress if the friction
+// coefficient is small, otherwise the yield strength does.
 void slide(Rig& rig) {
   rig.set_all(100.0, 2e9);
   for (int l = 0; l < kLanes; ++l) rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = 1.0 + l;
 }
 
-// Keeps the bodies at rest until sleeping nodes are possible, and checks the invariants in every step.
+// Keeps the bodies at rest for so many steps that nodes may fall asleep, and checks the invariants in every step.
 void rest(Rig& rig, Figures& figures) {
   rig.set_all(0.0, 2e9);
   for (int l = 0; l < kLanes; ++l) rig.inputs.stress_soft[l] = rig.inputs.stress_hard[l] = 0.0;
@@ -106,7 +106,7 @@ void require_twin(Rig& rig, int l, double dt, long& compared) {
   const std::optional<TwinStep> twin = step_both(rig, options, l, dt);
   if (!twin) return;
   ++compared;
-  if (options.tolerance) {  // with a tolerance both solvers promise that their errors of T0 are below their estimates
+  if (options.tolerance) {  // with a tolerance the error of T0 of either solver may be as large as its error estimate
     const double range = options.soft.melting_temperature - options.initial_temperature;
     require_near(rig.outputs.interface_temperature[l], twin->outputs.interface_temperature,
                  range * (rig.outputs.error_estimate[l] + twin->outputs.error_estimate) + 1e-8, "T0 under a tolerance");
@@ -294,14 +294,14 @@ struct ForgetfulLaw {
 };
 static_assert(!FrictionLawClass<ForgetfulLaw>);
 
-// An incomplete friction law: it depends on the temperature and gives no bound of its slope. Without this bound no
+// An incomplete friction law: it depends on the temperature, but gives no bound of its slope. Without this bound no
 // search can know whether an answer is the only one.
 struct UnboundedLaw : CompleteLaw {
   static constexpr bool kDependsOnTemperature = true;
 };
 static_assert(!FrictionLawClass<UnboundedLaw>);
 
-// An incomplete friction law: it depends on slip and has no solution of a step.
+// An incomplete friction law: it depends on slip, but has no function that solves a step.
 struct UnsolvedLaw : CompleteLaw {
   static constexpr bool kDependsOnSlip = true;
 };

@@ -34,7 +34,7 @@ TEST_P(PhysicsInvariants, HoldForRandomScenesStatesAndInputs) {
       figures.regime(Regime::kTresca), figures.regime(Regime::kMelting), figures.divided, figures.flowing_resolved,
       figures.flowing, figures.heat_residual);
   EXPECT_GE(10 * figures.flowing_resolved, 6 * figures.flowing);
-  // The random steps must reach every regime, or the invariants of a regime would not be tested.
+  // The random steps must reach every regime of a closed contact, or the invariants of a regime would not be tested.
   for (const Regime regime : {Regime::kStick, Regime::kCoulomb, Regime::kTresca, Regime::kMelting})
     EXPECT_GT(figures.regime(regime), 100);
 }

@@ -21,11 +21,11 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   for (int scene = 0; scene < 80; ++scene) {
     ModelOptions options = random_options(draw, GetParam(), false);
     options.grid.cells = draw.integer(1, 16);
-    // The reference solver scans for slips of a flowing layer and inverts this law by bisection at every vertex of
-    // every scan point, so such scenes have few vertices and steps.
+    // With a flowing layer the reference solver scans for slips, and at every vertex of every scan point it inverts the
+    // law of Preston, Tonks and Wallace by bisection. These scenes are costly, so they have few vertices and steps.
     const bool costly = options.plastic_layer && options.soft.flow_law == FlowLaws::place<PrestonTonksWallace>();
     if (costly) options.grid.cells = std::min(options.grid.cells, 5);
-    // DLP (48) divides by the hardening coefficient.
+    // The strain increment DLP (48) divides by the hardening coefficient, which therefore must not be 0.
     if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;
     Rig rig(options);
     start_hard_elsewhere(draw, rig);
@@ -34,7 +34,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
     for (int step = 0; step < 12; ++step) {
       random_inputs(draw, rig, false);
       const double dt = random_dt(draw, false);
-      if (costly && step >= 6) continue;  // the draws go on, so that other scenes do not depend on it
+      if (costly && step >= 6) continue;  // the random draws go on, so that other scenes do not depend on this cut
       std::vector<reference::NodeState> twin_states;
       std::vector<reference::NodeOutputs> twins;
       std::vector<std::vector<double>> strains;
@@ -140,7 +140,7 @@ TEST(PhysicsWorkBound, NoHistoryDoesMoreWorkThanAMoltenInterface) {
         fullest = std::max(fullest, work[l] / bound);
       }
     }
-    EXPECT_GT(fullest, 0.5);  // the work comes near its bound, so the test of the bound has a meaning
+    EXPECT_GT(fullest, 0.5);  // the work exceeds half its bound, so the test of the bound has a meaning
   }
 }
 

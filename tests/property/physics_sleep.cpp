@@ -1,6 +1,6 @@
-// Sleep of nodes at rest (server/physics/METHODS.md, "Sleep"), with everything that can be combined with it: in each
-// single step a sleeping node must answer as if it were awake. tests/unit/physics_sleep.cpp compares models over many
-// steps.
+// Sleep of nodes at rest (server/physics/METHODS.md, "Sleep"), with all options that can be combined with sleep: in
+// each single step a sleeping node must answer as if it were awake. tests/unit/physics_sleep.cpp compares models over
+// many steps.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,8 +24,8 @@ ModelOptions random_sleeping_options(Draw& draw, Strategy strategy, bool extreme
   return options;
 }
 
-// What the host does to each lane during a number of steps: whether the contact is open, whether the host leaves the
-// bodies nearly at rest, and whether it unloads the layer.
+// The acts of the host on each lane during a number of steps. `open`: the contact is open. `quiet`: the velocity jump
+// starts at 0, and the far stresses are reduced. `lets_go`: the host slowly unloads the layer of a quiet lane.
 struct Phase {
   bool open[kLanes], quiet[kLanes], lets_go[kLanes];
 };
@@ -40,7 +40,7 @@ Phase begin_phase(Draw& draw, Rig& rig, bool extreme) {
     if (!phase.open[l] && rig.inputs.pressure[l] <= 0.0) rig.inputs.pressure[l] = draw.log_uniform(1e6, 30e9);
     if (phase.open[l]) rig.inputs.pressure[l] = -1.0;
     if (!phase.quiet[l]) continue;
-    // The inputs of a quiet lane: its far stresses are a small share of those drawn, and the velocity jump is 0.
+    // The inputs of a quiet lane: the far stresses are 0.001 to 1 times those drawn, and the velocity jump starts at 0.
     const double share = draw.log_uniform(1e-3, 1.0);
     TileInputs& in = rig.inputs;
     in.velocity_jump[l] = in.second_velocity_jump[l] = in.soft_plastic_strain_rate[l] = 0.0;

@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr int kMostEffort = 3000;  // most evaluations in a fast step that is compared with the slow model
+constexpr int kMostEffort = 3000;  // fast steps with more evaluations than this are not compared with the slow model
 
 ModelOptions controlled(Draw& draw, Strategy strategy) {
   ModelOptions options = random_options(draw, strategy, false);
@@ -18,9 +18,10 @@ ModelOptions controlled(Draw& draw, Strategy strategy) {
   options.tolerance = draw.log_uniform(1e-5, 1e-2);
   options.grid.cells = draw.integer(1, 16);
   options.grid.matched = draw.chance(0.5);
-  if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;  // DLP (48) divides by it
-  // A step of a plastic layer to a tolerance takes up to a second if its flow law couples rate and temperature.
-  // PhysicsCombinations has this combination in shorter histories.
+  // The strain increment DLP (48) divides by the hardening coefficient, which therefore must not be 0.
+  if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;
+  // Under a tolerance a step of a plastic layer takes up to a second if its flow law couples rate and temperature.
+  // PhysicsCombinations tests this combination in shorter histories.
   if (!properties_of(options.soft.flow_law).separable) options.plastic_layer = false;
   return options;
 }
@@ -69,11 +70,10 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver alone to the
       // first-order scheme. The error estimates are then not comparable.
       if (twin.first_order != ((rig.outputs.outcome[l] & kFirstOrder) != 0)) continue;
-      // The error estimates are not comparable either if the new jump is mere rounding, because its sign is then
-      // arbitrary.
+      // If the new jump is mere rounding, its sign is arbitrary, and the error estimates are not comparable.
       if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
-      // The jump is a difference of velocities. Its rounding error enters the error estimate, and enters it
-      // tenfold if the answer has a kink within the step, as at a stop of the slip.
+      // `grain` is a tolerance for the rounding error of the new jump, a difference of velocities. This error enters
+      // the error estimate, even tenfold if the answer has a kink within the step, as where the slip stops.
       const double response =
           options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
       const double grain =

@@ -60,7 +60,7 @@ TEST_P(PhysicsTwoComponents, ATurnedProblemHasTheTurnedAnswer) {
       for (int l = 0; l < kLanes; ++l) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         if ((rig.outputs.outcome[l] | turned.outputs.outcome[l]) & kSubstepped)
-          continue;  // a divided step has several answers, and rounding chooses one
+          continue;  // a divided step may have several answers, of which rounding chooses one
         const double T0 = rig.outputs.interface_temperature[l];
         const double to_melting =
             std::max(1e-6, std::abs(at_pressure(options.soft, rig.inputs.pressure[l]).melting_temperature - T0));
@@ -112,7 +112,7 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
     ModelOptions plane = random_two_component_options(draw, GetParam(), extreme);
     if (scene % 4 == 2) {
       plane.taylor_quinney_factor.reset();
-      // A step to a tolerance takes up to a second with a law that couples rate and temperature.
+      // With a flow law that couples rate and temperature a step under a tolerance would take up to a second.
       if (properties_of(plane.soft.flow_law).separable) plane.tolerance = 1e-3;
     }
     ModelOptions line = plane;
@@ -295,7 +295,7 @@ TEST(PhysicsLedgerOfTwoComponents, KnowsNoDirection) {
                                 plane.committed.data(), two);
       for (int l = 0; l < kLanes; ++l) {
         // Rounding errors of the rotation grow near melting and from step to step, so the test skips lanes whose
-        // stresses differ by more than 1e-9.
+        // stresses differ by more than 1e-9 of the stress.
         const double apart = std::abs(std::hypot(plane.outputs.shear_stress[l], plane.outputs.second_shear_stress[l]) -
                                       std::abs(scalar.outputs.shear_stress[l]));
         if (!(apart <= 1e-9 * std::abs(scalar.outputs.shear_stress[l]))) continue;

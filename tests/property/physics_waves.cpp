@@ -1,4 +1,4 @@
-// A layer with inertia in random scenes, states and inputs: every equation of the step holds to rounding.
+// Steps layers with inertia in random scenes, states and inputs: every equation of a step must hold to rounding.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -69,15 +69,16 @@ class Step {
 
   double mass(int cell) const { return soft_.density * step_.grid->width[cell]; }
 
-  // Scale of the momentum balance of cell c: its momentum plus the impulse of the stresses on it. A velocity is known
-  // to an ulp only; the impulse of the stress that this ulp makes in the two vertices is added with a large factor.
+  // Scale of the momentum balance of cell c: momentum of the cell plus impulse of the stresses on the cell. A velocity
+  // is known to an ulp only, and an ulp of velocity changes the stress of the two vertices of the cell; the impulse of
+  // this change is added with a large factor.
   double momentum_size(int c) const {
     const double ulp_stress = soft_.shear_modulus * step_.dt * 2.2e-16 * largest_velocity() *
                               (1 / step_.grid->weight[c] + 1 / step_.grid->weight[c + 1]);
     return step_.dt * (largest_stress() + kLeastStress + 1e10 * ulp_stress) + mass(c) * largest_velocity();
   }
 
-  // Residual of DLP (37), stress over shear: the largest of all vertices.
+  // Residual of DLP (37), the balance of stress growth, shear and plastic flow at a vertex: largest of all vertices.
   double kinematic_fault() const {
     double worst = 0.0;
     for (int i = 0; i <= cells(); ++i) {
@@ -170,7 +171,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         Step& step = solved[static_cast<std::size_t>(l)];
         step.solve();
-        if (!step.answer().found) {  // far outside physics: reported, and the state is kept
+        if (!step.answer().found) {  // inputs far outside physics: the outcome is "failed", and the state is kept
           ASSERT_TRUE(rig.outputs.outcome[l] & kFailed);
           for (int i = 0; i <= step.cells(); ++i) ASSERT_EQ(stress_at(rig, i, l), step.stress_before(i));
           ++failed;

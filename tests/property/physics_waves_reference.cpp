@@ -21,8 +21,8 @@ void expect_agreement(const Rig& rig, int l, const reference::NodeOutputs& twin,
                       double dt, Worst& worst) {
   const TileOutputs& out = rig.outputs;
   const double V = std::abs(rig.inputs.velocity_jump[l]);
-  // Scales s [Pa] and v [m/s] of stress and velocity, to which differences are relative. s is at least 1 MPa, because a
-  // layer close to melting carries almost no stress.
+  // Differences of stress and velocity are relative to the scales s [Pa] and v [m/s], the largest in the layer. s is at
+  // least 1 MPa, because a layer close to melting carries almost no stress; v is at least the velocity jump.
   double s = 1e6, v = V;
   for (double stress : state.stress_field) s = std::max(s, std::abs(stress));
   for (double velocity : state.layer_velocity) v = std::max(v, std::abs(velocity));

@@ -56,10 +56,10 @@ class Mutator {
       }
       case 5:
         insert(bytes, at, piece(donor, below(donor.size() + 1)));
-        break;  // end of case 5: a piece of another message has been inserted
+        break;  // case 5 inserts a piece of another message
       case 6:
         insert(bytes, at, piece(bytes, at));
-        break;  // end of case 6: a piece of the message has been repeated
+        break;  // case 6 repeats a piece of the message
       default:  // writes a random 8-byte number over a size, an offset or a double
         if (bytes.size() >= 8) {
           const std::uint64_t number = below(2) == 0 ? random_() : ~std::uint64_t{0} >> below(64);

@@ -1,5 +1,5 @@
-// The headers that the codec writes are the bytes that protobuf writes. Random messages of the schema are written by
-// protobuf, read by the codec and written again: the bytes must be the same.
+// The codec must write the same bytes of a header as protobuf. The test writes random messages of the schema by
+// protobuf, reads them by the codec, writes them by the codec and compares the bytes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -23,7 +23,7 @@ class RandomMessages {
  public:
   explicit RandomMessages(unsigned seed) : random_(seed) {}
 
-  // A header that the codec accepts: every field is set or not, with values of every length.
+  // Returns a header that the codec accepts. Optional fields are set or not at random, with values of various lengths.
   template <typename Header>
   Header header(std::set<std::string>& bodies) {
     Header made;
@@ -71,7 +71,7 @@ class RandomMessages {
     return std::ldexp(static_cast<double>(below(1U << 20)) - (1U << 19), static_cast<int>(below(80)) - 40);
   }
 
-  // Numbers of columns that both sides know, and of enums without 0 where the codec requires a value.
+  // Returns a random number of an enum, but not that of its first value (0, unspecified), which the codec may refuse.
   int enum_number(const FieldDescriptor* field) {
     const auto* type = field->enum_type();
     return type->value(1 + static_cast<int>(below(static_cast<std::uint64_t>(type->value_count() - 1))))->number();
@@ -116,7 +116,7 @@ class RandomMessages {
   void add(Message& message, const FieldDescriptor* field, const Reflection& at) {
     const auto columns = column_rows();
     switch (field->cpp_type()) {
-      case FieldDescriptor::CPPTYPE_UINT32:  // all such lists are of columns
+      case FieldDescriptor::CPPTYPE_UINT32:  // every list of uint32 in the schema is a list of columns
         return at.AddUInt32(&message, field, static_cast<std::uint32_t>(columns[below(columns.size())].field));
       case FieldDescriptor::CPPTYPE_UINT64:
         return at.AddUInt64(&message, field, number());

@@ -15,9 +15,10 @@ void PrintTo(const Row& row, std::ostream* os) {
 namespace {
 
 // "shearbus-study stability" runs all steps of every row on every physics. A step with a flow law that couples rate and
-// temperature costs 2 to 3 times as much as with another law. With a tolerance it is divided into thousands of substeps
-// where the row takes the tolerance or the step length to extremes. This test therefore runs such laws for fewer steps,
-// and runs rows of several scenes on only one such physics of each strategy.
+// temperature costs 2 to 3 times as much as with another law. Under a tolerance a step is divided into thousands of
+// substeps where the row takes the tolerance or the step length to extremes. This test therefore runs laws that couple
+// rate and temperature for fewer steps. It runs rows of several scenes with such a law only on physics without
+// tolerance, sleep, conducting hard body and second component.
 constexpr int kMostSteps = 10000;
 constexpr int kMostStepsCoupled = 200;
 
@@ -45,8 +46,9 @@ TEST_P(Campaign, HoldsOnEveryPhysics) {
 
 INSTANTIATE_TEST_SUITE_P(, Campaign, ::testing::ValuesIn(all_rows()), [](const auto& row) { return row.param.name; });
 
-// The campaign bounds the work of a row by the heat that a half-space takes in while its interface is at melting.
-// MoltenLayer computes this bound. It must agree with the exact heat per area, where T_ref is the initial temperature:
+// The campaign bounds the friction heat of a row by the heat that a layer takes in while its interface is at melting.
+// MoltenLayer computes this bound. For a half-space it must agree with the exact heat per area, where T_ref is the
+// initial temperature:
 //   2 k/sqrt(alpha) (T_melt - T_ref) sqrt(t/pi)
 TEST(MoltenLayer, TakesInWhatAMoltenHalfSpaceTakes) {
   testing::ModelOptions options = testing::graded(testing::paper_options());
@@ -61,8 +63,8 @@ TEST(MoltenLayer, TakesInWhatAMoltenHalfSpaceTakes) {
     rig.step(dt);
     molten.step(rig);
     const double bound = 2.0 * effusivity * (1220.0 - 300.0) * std::sqrt(n * dt / M_PI);
-    // Backward Euler takes in sqrt(pi)/2 of the exact heat in its first step. Later it exceeds the exact heat by a
-    // share of at most 1/(8n) after n steps, plus a little for the grid.
+    // Backward Euler takes in sqrt(pi)/2 of the exact heat in its first step. After n steps it exceeds the exact heat
+    // by a share of about 1/(8n), plus a little for the grid.
     ASSERT_LE(molten.heat(0), bound * (1.002 + 0.25 / n)) << n;
     nearest = std::min(nearest, std::abs(molten.heat(0) / bound - 1.0));
   }

@@ -1,5 +1,5 @@
-// A short run of the stability campaign with random scenes. "shearbus-study stability --random" runs as long as its
-// user asks.
+// Runs random scenes of the stability campaign for a short time. "shearbus-study stability --random" runs as many
+// node-steps as requested.
 #include <gtest/gtest.h>
 
 #include <cstdio>

@@ -21,8 +21,8 @@ struct CommandOptions {
 CLI::App* add_command(CLI::App& program, const std::string& name, const std::string& what, const std::string& scene,
                       CommandOptions& options);
 
-// Writes the study as NAME.json, after the name, the version, the commit, the date and the processor, and draws it with
-// plot_NAME.py. Throws std::runtime_error if the file cannot be written or the script fails.
+// Writes the study as NAME.json and, if options.plot, draws it with plot_NAME.py. The file begins with name, version,
+// commit, date and processor. Throws std::runtime_error if the file cannot be written or the script fails.
 void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study);
 
 }  // namespace shearbus::study

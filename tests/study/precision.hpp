@@ -1,6 +1,6 @@
 // Work-precision study. Every combination of grid, step length, time integrator and heat method solves a problem. The
-// study reports the error of each combination against a reference solution, its cost, and which combinations are
-// efficient.
+// study reports the error of each combination against a reference solution and its cost, and marks the efficient
+// combinations.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct Setting {
   bool sdirk2 = false;
   double accuracy = 0.0;  // accuracy of the modes, used only if cells is 0
   int steps = 0;
-  // if positive, a tolerance with which the server chooses all settings except the number of steps
+  // If positive, the tolerance of the scene: the server then chooses all settings except the number of steps.
   double tolerance = 0.0;
 
   std::string text() const;
@@ -40,7 +40,7 @@ struct Outcome {
   std::uint64_t state_bytes = 0;   // bytes per node in a shard: committed and trial state, index and list entries
   double first_order_share = 0.0;  // share of the sdirk2 steps that fell back to backward Euler
   double divided_share = 0.0;      // share of the steps that were divided into substeps
-  double estimate = 0.0;           // largest error estimate that the server reported, for a setting with a tolerance
+  double estimate = 0.0;           // largest error estimate of a step, for a setting with a tolerance
   std::string failure;             // error message of a run that failed; empty: the run succeeded
   bool efficient = false;          // true if no setting of at most the same cost has a smaller error of T0
 };

@@ -93,8 +93,8 @@ TEST(Hydro2dSlideLine, PatchOfUniformPressureStaysAtRest) {
   }
 }
 
-// Impact, sliding and separation with each interface law: the sums of momentum and of energy (with friction heat) do
-// not change.
+// Impact, sliding and separation with free slip, with constant friction and with bonded bodies: the sums of momentum
+// and of energy (with friction heat) do not change.
 TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
   for (const Symmetry symmetry : kBoth) {
     for (const double limit : {kFreeSlip, 100e6, kBonded}) {
@@ -162,8 +162,8 @@ TEST(Hydro2dSlideLine, ACycleThatIsGivenTheMemoryOfAnotherGoesOnToTheBit) {
   EXPECT_GT(straight.ledger().friction_heat, 0.0);
 }
 
-// A host may ask for a state at an exact time. To reach it, the time step must not become much shorter than usual: the
-// slide line closes a gap within one step, at a velocity of gap/dt.
+// A host may ask for a state at an exact time. The last steps before this time must not become much shorter than usual:
+// the slide line closes a gap within one step, at the velocity gap/dt, which would then be too high.
 TEST(Hydro2dSlideLine, TimesThatMustBeMetCostNoSliverOfAStep) {
   Bodies bodies = two_blocks(Symmetry::kPlane, 7, 5, 0.0);
   fill(bodies, 0, 2703.0, 0.0, {30.0, -100.0});

@@ -143,8 +143,8 @@ TEST(PhysicsHeatReach, TheBitsAreThoseOfSweepsFromEndToEnd) {
   EXPECT_GT(tails, cases / 10);
 }
 
-// The outermost vertex of each body that heat has reached: its temperature differs, in any lane, from that at the far
-// end of the body.
+// The outermost vertex of each body that heat has reached: in at least one lane its temperature differs from that at
+// the far end of the body.
 struct Reach {
   int hard, soft;
 };
@@ -160,9 +160,10 @@ Reach reach_of(const std::vector<double>& tile, int interface) {
   return reach;
 }
 
-// Sets to NaN those factors of an operator that `conduct` must not read: the elimination factors outside the heated
-// vertices, and the substitution factors outside the vertices that change. The `spare_` arguments extend the range of
-// NaN by that many vertices, to show that `conduct` does read the factors next to that range.
+// Sets to NaN those factors of an operator that `conduct` must not read: the elimination factors outside the vertices
+// that heat has reached before the step (`heated`), and the substitution factors more than one vertex outside those
+// that heat reaches in the step (`felt`). The `spare_` arguments set the factors of that many further vertices of the
+// soft body to NaN, to show that `conduct` does read these.
 void forget(HeatOperator& heat, const Reach& heated, const Reach& felt, int spare_eliminated, int spare_substituted) {
   const int n = static_cast<int>(heat.outward.size());
   for (int i = 0; i < n; ++i) {

@@ -1,5 +1,5 @@
-// Steps of a layer with inertia, as a host sees them. Its equations are tested in tests/property, its exact solutions
-// in tests/convergence.
+// Steps of a layer with inertia, as a host sees them. tests/property tests the equations of these steps,
+// tests/convergence compares them with exact solutions.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,7 +10,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kPressure = 1e9;  // [Pa]
+constexpr double kPressure = 1e9;  // compression of the contact [Pa]
 constexpr double kElastic = 3.0;   // velocity jump for which the layer stays elastic [m/s]
 
 TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
@@ -29,7 +29,7 @@ TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
   for (int n = 1; n * dt < 2.9 * cross; ++n) {
     rig.step(dt);
     const double t = n * dt;
-    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // when s(0) passes half of its final value, 2 Z V
+    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // s(0) exceeds half of 2 Z V, its final value
     if (t < 0.85 * cross) {
       ASSERT_LT(std::abs(rig.stress()), 1e-3 * Z * kElastic) << t;
     }

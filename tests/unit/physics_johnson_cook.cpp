@@ -55,7 +55,7 @@ TEST(PhysicsJohnsonCook, SlopesAreItsDerivatives) {
     const double dt = 1e-9;
     for (double ep : {0.0, 1e-3, 2.0}) {
       for (double dep : {1e-12, 1e-6, 1e-2}) {
-        // finite differences of the strength cannot resolve such a small strain increment
+        // next to the strain ep such a small increment is lost in the rounding of the finite differences
         if (dep < 1e-6 * ep) continue;
         const auto H = [&](double x) { return hardened_strength(m, ep + x, x / dt, 0.0, 300.0); };
         const double slope = (H(dep * 1.00001) - H(dep * 0.99999)) / (2e-5 * dep);
@@ -80,8 +80,8 @@ TEST(PhysicsJohnsonCook, NoSlopeIsSteeperThanItsBound) {
   }
 }
 
-// A layer of one cell at a uniform temperature. The tests compute its plastic strain increment under a stress and
-// insert this increment into the flow law.
+// A layer of one cell at a uniform temperature. The tests compute the plastic strain increment of the layer under a
+// stress and insert this increment into the flow law.
 struct OneVertex {
   explicit OneVertex(const Material& material) : soft(material) {
     std::fill_n(T_ad, 2 * kLanes, 500.0);
@@ -166,7 +166,8 @@ TEST(PhysicsJohnsonCook, TheFlowPutBackGivesTheStress) {
   EXPECT_LT(worst_slope, 1e-3);
 }
 
-// The heat of the step softens the metal that flows. The slope of the plastic slip over the stress must include this.
+// The heat of the step softens the metal that flows. The slope of the plastic slip over the stress must include this
+// softening.
 TEST(PhysicsJohnsonCook, HeatingEntersTheSlope) {
   OneVertex vertex(copper());
   const double a0 = 150e6, heating = 2e-6;  // the stress a heats the metal by heating * a: 300 K at a0

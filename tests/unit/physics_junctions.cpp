@@ -1,5 +1,5 @@
-// Junctions (MODEL.md, "Junctions"): DLP (49-54) in limiting cases, the search for the answer of a step, and the size
-// of a node's state without junctions.
+// Tests junctions (MODEL.md, "Junctions"): the equations DLP (49-54) in limiting cases, the search for the answer of a
+// step, and the size of a node's state without junctions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,8 +30,8 @@ void expect_same_bits(const Rig& with, const Rig& without, int lane) {
   ASSERT_EQ(with.outputs.outcome[lane], without.outputs.outcome[lane]);
 }
 
-// With full contact (f = 1) and no hardening the step with junctions is exactly that of DLP (65), bit for bit and for
-// any inputs.
+// With full contact (f = 1) and no hardening the step with junctions must be that of an interface without junctions,
+// DLP (65), bit for bit and for any inputs.
 TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
   Draw draw(31);
   int compared = 0;
@@ -48,7 +48,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
     junctions.junctions->metal.yield_strength = options.interface.yield_strength;
     junctions.junctions->metal.yield_strength_max = std::numeric_limits<double>::infinity();
     junctions.junctions->metal.hardening_coefficient = 0.0;
-    // a valid exponent: that of the soft metal may be invalid for this flow law
+    // the exponent of the soft metal may be invalid for the flow law of the junctions
     junctions.junctions->metal.hardening_exponent = 0.1;
     if (!refusals(junctions).empty()) continue;  // friction that depends on slip excludes junctions
     ++compared;
@@ -66,7 +66,7 @@ TEST(PhysicsJunctions, FullContactWithoutHardeningIsTheSimplifiedLawBitForBit) {
 }
 
 // Junctions of almost zero height reach their saturation strength within the first slip. With full contact (f = 1) the
-// answer then equals that of DLP (65) with the saturation strength, to the last bit.
+// answer must then equal that of an interface without junctions, DLP (65), of this strength, to the last bit.
 TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
   ModelOptions options = with_junctions(1.0, 1e-12);
   options.junctions->metal.yield_strength_max = 350e6;
@@ -98,8 +98,8 @@ TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
 }
 
 // Heavy bodies keep their jump V, so the plastic strain of junctions of height d is ep_a = V t / (sqrt(3) d). Without
-// thermal softening the stress is s = f Y_a(ep_a) g / sqrt(3) for every step length, where f is the contact fraction,
-// Y_a the strength of the junctions and g its pressure factor.
+// thermal softening the stress is s = f Y_a(ep_a) g / sqrt(3), whatever the step length, where f is the contact
+// fraction, Y_a the strength of the junctions and g the pressure factor of Y_a.
 TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   ModelOptions options = with_junctions(0.4, 1e-6);
   options.soft.temperature_coefficient = 0.0;

@@ -1,5 +1,5 @@
-// The energy ledger (METHODS.md, "Energy ledger"): which balances close to rounding, and how large the residuals of the
-// other balances may be.
+// Tests the energy ledger (METHODS.md, "Energy ledger"): some balances must close to rounding, the residuals of the
+// others must stay below known bounds.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -67,7 +67,8 @@ constexpr double kNothing = 1e-200;
 
 // Force-driven step: the work of the interface becomes friction heat and, in a flowing layer, plastic work. If slip
 // stops or starts within the step, the scheme cuts off the slip velocity [v] at 0, which leaves a residual of at most
-// |s| |[V]new - [V]old| dt / 2. A slip that lasts the whole step leaves none.
+// |s| |[V]new - [V]old| dt / 2. A slip that lasts the whole step, next to a layer that does not flow, leaves no
+// residual.
 TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
   Draw draw(42);
   int exact = 0, clipped = 0;
@@ -107,7 +108,7 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
 }
 
 // Velocity-driven step: the scheme turns all work of the jump into heat, elastic work too. The residual is therefore
-// exactly the elastic energy h s^2 / (2 G0) of the layer, 0.03 % of the work in the first microsecond of the paper's
+// minus the elastic energy h s^2 / (2 G0) of the layer, 0.03 % of the work in the first microsecond of the paper's
 // case. The work is the sum of plastic work, elastic energy and the loss h (ds)^2 / (2 G0) per step of backward Euler.
 TEST(PhysicsLedgerOfJumps, ElasticWorkTakenForHeatIsTheWholeResidual) {
   Rig rig(graded(paper_options()), 1);
@@ -132,8 +133,8 @@ TEST(PhysicsLedgerOfJumps, ElasticWorkTakenForHeatIsTheWholeResidual) {
 }
 
 // With plastic-work heating (Taylor-Quinney factor 0.9) a tenth of the plastic work stays in the metal as cold work.
-// The residual stays below twice the largest elastic energy: the spatial distribution of the heat lags the flow by one
-// step, and elastic work heats too.
+// The energy residual has two causes: the spatial distribution of the heat lags the flow by one step, and elastic work
+// heats too. The residual stays below twice the largest elastic energy.
 TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
   ModelOptions options = two_sided(graded(paper_options()));
   options.taylor_quinney_factor = 0.9;
@@ -154,7 +155,8 @@ TEST(PhysicsLedgerOfJumps, PlasticHeatingKeepsTheColdShare) {
 }
 
 // The second-order scheme (SDIRK2) heats with the work of the stresses of its two stages, but the ledger computes the
-// work with the stress at the end of the step. The energy residual is at most |change of s| times the slip of the step.
+// work with the stress at the end of the step. Apart from the elastic energy, the energy residual is at most
+// |change of s| times the imposed slip of the step.
 TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
   ModelOptions options = graded(paper_options());
   options.time_integrator = TimeIntegrator::kSdirk2;
@@ -178,8 +180,8 @@ TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
   EXPECT_LT(std::abs(residual), 1e-2 * work);
 }
 
-// In a model without a temperature profile the stored heat of an insulated slab is that of its slowest mode, and that
-// of a half-space is the heat that has entered it.
+// Without a temperature profile the ledger takes the stored heat of an insulated slab from the mode of rate 0, and that
+// of a half-space from the heat that has entered.
 TEST(PhysicsLedgerOfForces, WithoutAProfileTheHeatIsStillStored) {
   for (const FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
     ModelOptions options = paper_options(Strategy::kForceDriven);

@@ -95,8 +95,8 @@ TEST(PhysicsMaterial, CatalogEntriesAreCompleteAndSourced) {
   }
 }
 
-// Published tables differ from each other. These are the values of the sources that the catalog names, in SI units
-// times the powers of ten of the printed units (GPa, MPa, 1/TPa, 1/kK).
+// Published tables differ from each other. The test has the values of the sources that the catalog names, converted
+// from the printed units (GPa, MPa, 1/TPa, 1/kK) to SI units.
 TEST(PhysicsMaterial, CatalogHoldsThePublishedConstants) {
   const Material copper = make_material("copper_ofhc", {}).material;
   EXPECT_DOUBLE_EQ(copper.shear_modulus, 47.7e9);

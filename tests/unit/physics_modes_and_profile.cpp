@@ -25,7 +25,7 @@ ModelOptions with_profile(ModelOptions options) {
   return options;
 }
 
-// Inputs of step n: the bodies slide, stop and reverse, and every third lane opens for a while.
+// Sets the inputs of step n: the bodies slide, stop and reverse, and the contact of every third lane opens for a while.
 void fill(TileInputs& in, const TileOutputs& last, int n) {
   for (int l = 0; l < kLanes; ++l) {
     in.velocity_jump[l] = n % 90 == 0 ? (l % 2 == 0 ? 40.0 : -25.0) + 7.0 * l : last.velocity_jump_new[l];
@@ -95,8 +95,8 @@ TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
   EXPECT_GT(apart[1], 20.0 * apart[0]);
 }
 
-// For a scene with a tolerance the server keeps the heat in modes. A model that keeps a temperature profile must give
-// the same answers, within that tolerance.
+// For this force-driven scene with a tolerance the server keeps the heat in modes. A model that keeps a temperature
+// profile may differ by at most the errors that the tolerance allows each of the two.
 TEST(PhysicsModesAndProfile, UnderAToleranceBothAreWithinIt) {
   constexpr double kTolerance = 1e-3;
   ModelOptions options = paper_options(Strategy::kForceDriven);

@@ -1,4 +1,6 @@
-// Plastic work heats the layer where it flows: T = T_ad + s w B_phi (server/physics/MODEL.md).
+// Plastic work heats the layer where it flows (server/physics/MODEL.md, "Plastic-work heating"): T = T_ad + s w B_phi,
+// with the temperature T_ad without this heat, the stress s, the imposed jump w, and the temperature rise B_phi by a
+// unit flux that is distributed like the flow.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,7 +12,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kDt = 1e-9;  // step [s]
+constexpr double kDt = 1e-9;  // step length [s]
 
 ModelOptions heated(ModelOptions options, double factor = 1.0) {
   options = two_sided(std::move(options));
@@ -30,9 +32,9 @@ double shape_sum(const Rig& rig) {
   return sum;
 }
 
-// B_phi, the temperature rise in one step with a heat flux of 1 W/m2, for heat distributed over the vertices as phi. If
-// all heat enters at z = 0, B_phi equals the response of the heat operator. For any phi it contains exactly the heat of
-// one step, summed over both bodies.
+// B_phi is the temperature rise in one step by a heat flux of 1 W/m2 that is distributed over the vertices in the
+// shares phi. If all heat enters at z = 0, B_phi equals the response of the heat operator. For any phi, B_phi contains
+// exactly the heat of one step, summed over both bodies.
 TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
   const ModelOptions o = paper_options();
   for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {

@@ -25,8 +25,8 @@ void set_masses(Rig& rig, double zone = 5e-6) {
   }
 }
 
-// A layer of unlimited strength never flows, so the step equals that of the model without a plastic layer, to the last
-// bit and for any inputs.
+// A layer of unlimited strength never flows. If the host's plastic strain rate is 0, the step must therefore equal that
+// of the model without a plastic layer, to the last bit.
 TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
   Draw draw(21);
   for (int scene = 0; scene < 60; ++scene) {
@@ -102,17 +102,17 @@ TEST(PhysicsPlasticLayer, StuckInterfaceFlowsAsTheVelocityDrivenLayer) {
     other.step(1e-7);
     ASSERT_NEAR(rig.outputs.velocity_jump_new[0], jump, 1e-4);
   }
-  // The velocity-driven balance includes the elastic shear of the layer, DLP (64) does not: the plastic slips of the
-  // two steps differ by h s / G0.
+  // The velocity-driven balance includes the elastic shear of the layer, the force-driven balance DLP (64) does not:
+  // the plastic slips of the two models differ by h s / G0.
   const double elastic = options.grid.thickness * other.stress() / options.soft.shear_modulus;
   EXPECT_NEAR(rig.plastic_slip(), other.plastic_slip() + elastic, 1e-3 * rig.plastic_slip());
   EXPECT_EQ(rig.outputs.regime[0], Regime::kTresca);
   EXPECT_NEAR(rig.stress() / other.stress(), 1.0, 0.02);
 }
 
-// Two bodies with a relative velocity of 60 m/s and a weak layer between them. Depending on the interface's yield
-// strength, either the interface sticks and the flow of the layer alone brakes the bodies, or the interface slips and
-// the layer flows at the same time.
+// Two bodies with a relative velocity of 60 m/s and a weak layer between them. If the interface is stronger than the
+// layer, it sticks, and the flow of the layer alone brakes the bodies. If friction limits the stress to the strength of
+// the layer, the interface slips and the layer flows at the same time.
 struct Stop {
   double stress, T0, jump, plastic_slip, interface_slip;
 };
@@ -285,8 +285,8 @@ TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   EXPECT_EQ(rig.committed[rig.model.layout().sticking], 1.0);
 }
 
-// Two half-spaces share the heat of their contact as the partition coefficient beta_T says (Vernotte). Grids that are
-// scaled with the diffusion lengths of the bodies must do so exactly.
+// Two half-spaces share the heat of their contact by the partition coefficient beta_T (Vernotte). Grids that are scaled
+// with the diffusion lengths of the bodies must give the same share, to rounding.
 TEST(PhysicsPlasticLayer, TwoSidedHeatOnScaledGridsGivesThePartitionsAnswer) {
   ModelOptions options = plastic_options();
   options.interface.yield_strength = 230e6;

@@ -150,7 +150,7 @@ TEST(PhysicsPrestonTonksWallace, IsTheTwinsFormula) {
   }
 }
 
-// A search for the answer of a step brackets the answer. It needs a flow stress that never falls as the strain or the
+// A search brackets the answer of a step. The bracket is valid only if the flow stress never falls as the strain or the
 // rate grows, and never rises with the temperature.
 TEST(PhysicsPrestonTonksWallace, RisesWithStrainAndRateAndFallsWithTemperature) {
   Draw draw(32);
@@ -250,7 +250,7 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
     const double back = flow_stress(m, ep + dep, P, T, dep / dt);
     const double ulp =
         4e-16 * (ep + dep) * hardening_slope(m, ep, dep, dt, P, T) / hardened_strength(m, ep + dep, dep / dt, P, T);
-    // erf is exact to 1e-15 of the cold stresses, which exceed the hot stresses by this factor.
+    // Tolerance for the error of erf: about 1e-15 of the cold stresses, here relative to the smaller hot stresses.
     const double erf = 2e-15 * std::max(m.yield_cold / m.yield_hot, m.saturation_cold / m.saturation_hot);
     ASSERT_NEAR(back / (kSqrt3 * a), 1.0, 1e-13 + ulp + erf) << i << ": dep " << dep << ", ep " << ep << ", T " << T;
   }

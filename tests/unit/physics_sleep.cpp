@@ -224,8 +224,8 @@ TEST_P(Sleep, LanesDoNotLookAtEachOther) {
 }
 
 // A sticking layer is loaded slowly up to its yield stress, or the pressure falls and lowers the yield stress to the
-// stress of the layer. The node must wake no later than the step in which the layer flows, and not much earlier. Until
-// then its answers have the bits of the model without sleep.
+// stress of the layer. The node must wake in the step in which the layer first flows. In all steps the answers of the
+// node have the bits of the model without sleep.
 TEST(PhysicsSleep, AStuckLayerWakesBeforeItFlows) {
   for (const bool forced_host : {false, true}) {
     for (const bool released : {false, true}) {
@@ -297,8 +297,8 @@ TEST(PhysicsSleep, HeatThatIsUnderWayInTheHardBodyIsMinded) {
   EXPECT_EQ(sleeper.plastic_slip(0), 0.0);
 }
 
-// With two tangential components slip and stress are vectors for the sleep criterion: two independent histories drive
-// the two components.
+// With two tangential components the sleep criterion must judge slip and stress as vectors. Two independent histories
+// give the two components of the jump.
 TEST(PhysicsSleep, TwoComponentsSleepAsOneDoes) {
   for (ModelOptions options : {forced(), graded(paper_options())}) {
     options.tangential_components = 2;

@@ -103,8 +103,8 @@ TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
   }
 }
 
-// The stress limit of the interface is the smaller of friction and yield stress, and the function must report which of
-// the two it is.
+// The stress limit of the interface is the smaller of friction and yield stress; `is_coulomb` must be true if friction
+// is the smaller.
 TEST(PhysicsThermalSoftening, StrengthIsTheLesserOfBothBranchesAndSaysWhich) {
   const Material soft = paper_options().soft;
   InterfaceOptions law = softening_friction(0.3, 1.0);

@@ -12,7 +12,7 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr double kDt = 1e-9;  // step [s]
+constexpr double kDt = 1e-9;  // step length [s]
 
 ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary far = FarBoundary::kHalfSpace) {
   ModelOptions options = graded(paper_options(strategy));
@@ -24,7 +24,7 @@ ModelOptions paper(Strategy strategy = Strategy::kVelocityDriven, FarBoundary fa
 template <typename Look>
 void run_beside(Rig& one, Rig& two, int steps, double dt, double jump, const Look& look) {
   double jump_one = jump, jump_two = jump;
-  // far stresses that keep the bodies of both rigs sliding
+  // far stresses that keep the bodies of both rigs sliding in force-driven steps
   for (Rig* rig : {&one, &two}) rig->inputs.stress_soft[0] = rig->inputs.stress_hard[0] = 170e6;
   for (int n = 1; n <= steps; ++n) {
     one.set_all(jump_one, 11.2e9);
@@ -64,9 +64,9 @@ TEST(PhysicsTwoSided, UniformTemperatureStaysToTheLastBit) {
   for (std::size_t i = 0; i < rig.model.layout().shear_stress; ++i) ASSERT_EQ(rig.committed[i], before[i]) << i;
 }
 
-// Vernotte's solution: two half-spaces heated at their contact share the heat as the partition coefficient beta_T says,
-// at all times. On grids scaled with the diffusion lengths of the bodies the discrete scheme does so too, so a model
-// with the partition coefficient gives the same answer.
+// Vernotte's solution: two half-spaces heated at their contact share the heat by the partition coefficient beta_T, at
+// all times. On grids scaled with the diffusion lengths of the bodies the discrete scheme gives the same share, so a
+// model with the partition coefficient gives the same answer.
 TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Rig one(paper(strategy), 1), two(two_sided(paper(strategy)), 1);
@@ -87,8 +87,8 @@ TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   }
 }
 
-// Any grid may be chosen for the hard body. On a grid that is not scaled with the diffusion length of the body the heat
-// is shared as the partition coefficient beta_T says, to the accuracy of the grids.
+// Any grid may be chosen for the hard body. On a grid that is not scaled with the diffusion length of the body the
+// share of the heat is the partition coefficient beta_T to the accuracy of the grids.
 TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     for (const GridOptions& hard :
@@ -102,7 +102,7 @@ TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
         worst = std::max(worst, std::abs(two.outputs.interface_temperature[0] - 300.0 - rise) / rise);
       });
       EXPECT_LT(worst, 2e-3) << hard.cells;
-      EXPECT_GT(worst, 1e-12) << hard.cells;  // more than rounding: the two models do use different grids
+      EXPECT_GT(worst, 1e-12) << hard.cells;  // above rounding: on these grids the two models do differ
     }
   }
 }

@@ -47,7 +47,7 @@ TEST(PhysicsVelocityDriven, AnElasticStepIsTheTrialStress) {
   EXPECT_DOUBLE_EQ(rig.outputs.shear_stress[0], 27.6e9 * 1e-9 * 10.0 / 20e-6);
   EXPECT_EQ(rig.outputs.sliding_velocity[0], 0.0);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
-  EXPECT_EQ(rig.outputs.outcome[0], kOutsideDomain);  // [v] = 0 differs from the imposed jump
+  EXPECT_EQ(rig.outputs.outcome[0], kOutsideDomain);  // [v] = 0 differs from the imposed jump by more than 10 %
   EXPECT_GT(rig.outputs.friction_heat[0], 0.0);  // DLP (18): the imposed jump heats even while the layer is elastic
 }
 
@@ -99,7 +99,7 @@ TEST(PhysicsVelocityDriven, CoulombLimitHoldsAndItsSlipCounts) {
   for (int n = 0; n < 20; ++n) rig.step(1e-9);
   EXPECT_EQ(rig.outputs.shear_stress[0], 0.3 * 0.2e9);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
-  // at constant stress the layer takes no shear: the whole jump is slip
+  // at the constant stress mu P the shear of the layer does not grow: the whole jump is slip of the interface
   EXPECT_NEAR(rig.outputs.sliding_velocity[0], 100.0, 1e-9);
   EXPECT_EQ(rig.ep(0), 0.0);
   EXPECT_EQ(rig.outputs.outcome[0], 0);
@@ -197,8 +197,8 @@ TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   }
 }
 
-// The stress before the step is up to seven ulps below mu P, as rounding of its direction may leave it. The step must
-// nevertheless slip at mu P.
+// Rounding may leave the stress of a slipping interface a few ulps below mu P. Here the stress before the step is up to
+// seven ulps below mu P; the step must nevertheless slip at mu P.
 TEST(PhysicsVelocityDriven, AStressJustBelowItsBoundDoesNotSwallowTheSlip) {
   ModelOptions options = graded(paper_options());
   options.friction_coefficient = 0.01;

@@ -93,8 +93,8 @@ TEST(PhysicsVelocityWeakening, AStuckInterfaceHoldsUpToTheFrictionOfRest) {
 
 TEST(PhysicsVelocityWeakening, ASlippingInterfaceGoesOnSlippingWhereItCould) {
   TwoAnswers node;
-  // 20 m/s under far stresses of 100 MPa: friction at rest (300 MPa) could hold the bodies, but friction at this speed
-  // carries 20 MPa only.
+  // The bodies slide at 20 m/s under far stresses of 100 MPa. Friction at rest (300 MPa) could hold them, but at this
+  // speed friction carries only 20 MPa.
   double jump = 20.0;
   for (int n = 0; n < 20; ++n) {
     node.step(jump, 100e6, 1e-9);

@@ -10,8 +10,8 @@ namespace shearbus::testing {
 namespace {
 
 // Cells of 0.25 nm and steps of 10 us give alpha dt/dz^2 = 1e10. If the heat flux brings the interface to just below
-// melting, the search for the flux then takes hundreds of Newton steps at each trial flux, and thousands of evaluations
-// at some.
+// melting, the search for the flux then takes hundreds of Newton steps at each trial flux, at some even thousands of
+// evaluations.
 Rig thin_layer() {
   ModelOptions options = paper_options(Strategy::kVelocityDriven);
   options.grid.thickness = 25e-9;

@@ -343,8 +343,8 @@ TEST(RecordingDamage, FlippedBitOfTimesIsCaughtByItsChecksum) {
   EXPECT_THAT(error_of_reading(path), HasSubstr("/time cannot be read"));
 }
 
-// A single flipped bit anywhere in a small file either causes an error or is in a byte that no reader uses. No flipped
-// bit may change a number that is read.
+// The test flips one bit at a time, in every seventh byte of a small file. A flipped bit either causes an error or is
+// in a byte that the reader does not use: no flip may change a number that is read.
 TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
   const Scratch scratch;
   const fs::path path = written(scratch, 3);

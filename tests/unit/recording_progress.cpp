@@ -17,7 +17,7 @@ TEST(Progress, NothingDoneYetHasNoTimeLeft) {
             "replay  [....................]   0 %  0/1000 steps  0/s  time left unknown");
 }
 
-// Under ctest standard error is not a terminal, so progress must print nothing.
+// While the test captures standard error, it is no terminal, so progress must print nothing.
 TEST(Progress, IsSilentWithoutATerminal) {
   testing::internal::CaptureStderr();
   {

@@ -85,7 +85,7 @@ INSTANTIATE_TEST_SUITE_P(AroundChunkEdges, RecordingSizes,
 
 TEST(Recording, MetaKeepsShortAndLongTexts) {
   const Scratch scratch;
-  const std::string scene = "name = \"long\"\n" + std::string(100'000, '#') + "\n";  // beyond an attribute's 64 KiB
+  const std::string scene = "name = \"long\"\n" + std::string(100'000, '#') + "\n";  // over the 64 KiB of an attribute
   {
     HistoryWriter writer(scratch / "history.h5", some_ids(1), kQuantities,
                          {{"producer", "test"}, {"scene", scene}, {"greek", "\xce\xb8"}, {"empty", ""}}, -2e-9);
@@ -123,7 +123,7 @@ TEST(Recording, StepLengthsAreTheHostsOwn) {
   }
   const HistoryReader reader(scratch / "history.h5");
   EXPECT_THAT(reader.dt_s(), testing::Each(dt));
-  // differences of the rounded times are not dt, so the file also stores /dt
+  // The differences of the rounded times are not exactly dt, so the file also stores the step lengths, in /dt.
   EXPECT_NE(reader.times_s()[500] - reader.times_s()[499], dt);
 }
 

@@ -380,7 +380,7 @@ TEST(SceneText, WrittenAndReadBackIsTheSameToTheBit) {
     const std::string toml = to_toml(scene);
     v1::Scene again;
     ASSERT_NO_THROW(read(toml, "again.toml", again)) << toml;
-    const std::vector<Fault> faults = faults_of(scene);  // called for the defaults that it fills in
+    const std::vector<Fault> faults = faults_of(scene);  // faults_of() also fills in the defaults
     ASSERT_TRUE(faults.empty()) << faults.front().text << "\n" << toml;
     ASSERT_EQ(again.SerializeAsString(), scene.SerializeAsString()) << toml;
     ASSERT_EQ(parse(to_toml(again), "filled.toml").scene.SerializeAsString(), scene.SerializeAsString());

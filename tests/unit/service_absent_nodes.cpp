@@ -24,7 +24,7 @@ std::vector<std::uint64_t> named_in(int step) {
   return ids;
 }
 
-// Columns of the named nodes, then of all others with P = 0, jump 0 and no forces.
+// Returns the columns of the nodes that the step names, followed by all other nodes with P = 0, jump 0 and no stress.
 wire::Batch with_open_nodes(Strategy strategy, std::span<const std::uint64_t> nodes, int step) {
   std::vector<std::uint64_t> ids = named_in(step);
   const std::size_t named = ids.size();
@@ -53,7 +53,7 @@ class AbsentNodes : public testing::TestWithParam<Strategy> {
     scene.mutable_layer()->set_initial_temperature_k(400.0);
     return scene;
   }
-  // The answer of all nodes to one more step, which shows their states.
+  // Returns the answer of all nodes to one more step. Sessions with equal states have equal answers.
   std::vector<std::byte> probe(ServiceHarness& harness, std::uint64_t sequence, std::uint8_t session,
                                std::span<const std::uint64_t> nodes) const {
     const Answer answer = harness.ask(
@@ -73,7 +73,7 @@ TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
       ServiceHarness harness(threads, {.nodes_per_task = 4});
       for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
         ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
-      // Retire nodes, so that slots are not rows.
+      // Two nodes retire, so that the slot of a node in the shard differs from its row.
       std::vector<std::uint64_t> nodes = kNodes;
       for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
         wire::Request retire = ServiceHarness::in_session(wire::RetireNodes{}, 1, session);
@@ -85,7 +85,7 @@ TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
       nodes.erase(nodes.begin() + 4);
       nodes.erase(nodes.begin() + 1);
       for (std::uint64_t sequence = 2; sequence <= 12; ++sequence) {
-        const int step = 2 + 3 * static_cast<int>(sequence);  // names none of the retired nodes
+        const int step = 2 + 3 * static_cast<int>(sequence);  // a step that names none of the retired nodes
         const std::vector<std::uint64_t> ids = named_in(step);
         ASSERT_EQ(std::ranges::count(ids, kNodes[1]) + std::ranges::count(ids, kNodes[4]), 0);
         const Answer open = harness.ask(step_of(sequence, support::step_columns(GetParam(), ids, step, true), 1,

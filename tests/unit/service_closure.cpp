@@ -1,4 +1,5 @@
-// The closure check of the service: states of the exchange with the host, column 61, warnings of the first steps.
+// The closure check of the service: the closure is the jump of a request less the jump answered before (column 61,
+// closure_m_per_s). Trials, marks and moves of nodes must not disturb the closure. The first steps may bring warnings.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -36,7 +37,8 @@ wire::Request opening(const v1::Scene& scene, bool check_closure, std::uint8_t s
   return request;
 }
 
-// A host that applies the answers: its next jumps are those answered, plus an error of its own.
+// A host that applies the answers: the jumps of its next request are those of the last answer. Tests add errors to
+// `jump`.
 struct Host {
   std::span<const std::uint64_t> nodes = kNodes;
   std::uint32_t components = 1;
@@ -124,13 +126,13 @@ TEST(Closure, ComparesWithTheCommittedStep) {
   Answer first = harness.ask(step_of(1, host.request(1)));
   host.apply(first);
   ASSERT_TRUE(harness.ask(ServiceHarness::in_session(wire::Mark{.name = "here"}, 2)).reply.status.ok());
-  // A trial that is rolled back is not compared with.
+  // After a trial that was rolled back, the closure refers to the answer of the last committed step.
   harness.ask(step_of(3, host.request(5), 0.0, wire::Mode::kTrial));
   harness.ask(ServiceHarness::in_session(wire::Rollback{}, 4));
   Answer answer = harness.ask(step_of(5, host.request(2), 0.0, wire::Mode::kTrial));
   EXPECT_EQ(upscale(answer).largest_closure_m_per_s, 0.0);
   EXPECT_DOUBLE_EQ(upscale(answer).layer_time_s, 2 * kDt);
-  // A step that commits the trial continues from it.
+  // The closure of a step that commits the previous trial refers to the answer of this trial.
   Host later = host;
   later.apply(answer);
   wire::Request next = step_of(6, later.request(3), 0.0, wire::Mode::kTrial);
@@ -138,7 +140,7 @@ TEST(Closure, ComparesWithTheCommittedStep) {
   answer = harness.ask(next);
   EXPECT_EQ(upscale(answer).largest_closure_m_per_s, 0.0);
   EXPECT_DOUBLE_EQ(upscale(answer).layer_time_s, 3 * kDt);
-  // The mark has the answered jump of its time.
+  // A rollback to a mark restores the answered jump that the node had at the mark.
   ASSERT_TRUE(harness.ask(ServiceHarness::in_session(wire::Rollback{.to_mark = "here"}, 7)).reply.status.ok());
   answer = harness.ask(step_of(8, host.request(2)));
   EXPECT_EQ(upscale(answer).largest_closure_m_per_s, 0.0);
@@ -204,7 +206,7 @@ TEST(Closure, CostsNothingWhereItIsNotChecked) {
   const Answer refused = harness.ask(step_of(1, host.request(1)));
   EXPECT_EQ(refused.code(), Code::kUnsupported);
   EXPECT_THAT(refused.reply.status.remedy, HasSubstr("open_session.check_closure"));
-  // The answers are the same, to the bit.
+  // A session with the check and a session without give the same bits.
   for (std::uint64_t sequence = 1; sequence <= 4; ++sequence) {
     std::vector<std::vector<std::byte>> payloads;
     for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
@@ -223,7 +225,8 @@ TEST(Closure, TheHostsTimeMustGrowByTheStep) {
   ServiceHarness harness;
   for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}})
     ASSERT_TRUE(harness.ask(opening(scene_of(1), true, session)).reply.status.ok());
-  // 1: right, at a large start time; 2: a Newmark host that sends gamma dt; 3: no times.
+  // Session 1 sends correct times, from a large start time. Session 2 sends half the growth of its time as dt_s, like a
+  // Newmark host that wrongly sends gamma dt, with gamma = 1/2. Session 3 sends no times.
   for (std::uint64_t sequence = 1; sequence <= 103; ++sequence) {
     const double steps = static_cast<double>(sequence);
     const double time[] = {1e-3 + steps * kDt, 2.0 * steps * kDt, 0.0};

@@ -11,7 +11,7 @@
 #include "tests/support/service_harness.hpp"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kHasItsOwnMemory = true;  // a sanitizer adds shadow memory and a quarantine
+constexpr bool kHasItsOwnMemory = true;  // true under a sanitizer, which adds shadow memory and a quarantine
 #else
 constexpr bool kHasItsOwnMemory = false;
 #endif
@@ -46,7 +46,7 @@ TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   const auto ids = support::node_ids(kNodes);
   const v1::Scene scene = support::scene_of(GetParam());
   ServiceHarness harness;
-  // a first session, so that the second is not charged for what a server creates once
+  // Not measured: a first session, in which the server allocates what it needs only once.
   harness.ask(ServiceHarness::opening(scene, std::span(ids).first(8), 9));
   harness.ask(
       ServiceHarness::step(1, support::step_columns(GetParam(), std::span(ids).first(8), 0), wire::Mode::kAdvance, 9));

@@ -322,8 +322,8 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
   EXPECT_TRUE(harness.ask(ServiceHarness::opening(support::velocity_scene(), kNodes)).reply.status.ok());
 }
 
-// Frames that are no request: no frame, a header without payload, three frames, garbage, two headers in one frame, an
-// empty header, and a good header truncated at every byte.
+// Frames that are no valid request: no frame, a header without its payload, three frames, an empty header, two headers
+// in one frame, text of another protocol, a header or a payload that is cut short, a payload with a flipped bit.
 TEST(Refusals, DamagedFramesAreAnsweredAndRunNothing) {
   ServiceHarness attacked, twin;
   for (ServiceHarness* h : {&attacked, &twin})

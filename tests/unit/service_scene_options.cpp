@@ -1,4 +1,4 @@
-// How the options of a scene become the options of the model, and which options are refused.
+// Tests the conversion of a scene's options into options of the model, and the refusals of options.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -32,7 +32,7 @@ v1::Scene effective_of(const SceneModel& made) {
   return scene::parse(made.effective, "effective").scene;
 }
 
-// The effective scene that a server returns must open a session with the same model again.
+// The effective scene that a server returns must have itself as its effective scene when it is sent back.
 void expect_own(const SceneModel& made) {
   EXPECT_EQ(scene_model(made.effective, "effective").effective, made.effective);
 }
@@ -206,7 +206,7 @@ TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
   scene.set_tolerance(1e-2);
   EXPECT_LT(scene_model(scene).options.grid.cells, made.options.grid.cells);
   EXPECT_THAT(physics::Model(made.options).warnings(), ::testing::Contains(HasSubstr("tolerance 0.001: ")));
-  // The effective scene must give the same model again, both as a message and as a file.
+  // The effective scene must give the same model again.
   const std::string text = made.effective;
   expect_own(made);
   EXPECT_EQ(scene_model(text, "effective").options.grid.cells, made.options.grid.cells);

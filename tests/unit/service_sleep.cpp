@@ -1,4 +1,4 @@
-// Sleeping nodes as a session sees them: their counters, and how trials, marks and moves between sessions treat them.
+// Tests sleeping nodes through the service: counters, trials, marks, and moves of nodes between sessions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -88,7 +88,7 @@ TEST(ServiceSleep, ASecondSessionWithAProfileMeasuresTheModes) {
   EXPECT_EQ(totals.asleep_node_steps, 0U);
 }
 
-// A trial that is rolled back must change neither which nodes sleep nor the step since which they sleep.
+// A trial that is rolled back must change neither the set of sleeping nodes nor the time at which a node falls asleep.
 TEST(ServiceSleep, ATrialThatIsRolledBackNeverHappened) {
   Host plain(sleepy_scene()), tried(sleepy_scene());
   for (int n = 0; n < 70; ++n) {

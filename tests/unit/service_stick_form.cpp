@@ -29,7 +29,8 @@ v1::Scene scene_of(std::uint32_t components, bool plastic_layer) {
   return scene;
 }
 
-// A step in far-field form; the second component of each vector is part of the first one.
+// Returns a step in far-field form. The second component of each vector is -0.3 times the first. If there is a last
+// answer, the jumps are those of the last answer.
 wire::Batch far_field(std::uint32_t components, int step, const wire::Batch* last_answer) {
   const wire::Batch scalar = support::step_columns(Strategy::kForceDriven, kNodes, step);
   wire::Batch batch = wire::Batch::of(wire::columns_of(Strategy::kForceDriven).required, kNodes.size(), components);
@@ -93,8 +94,8 @@ TEST(StickForm, HasTheAnswersOfTheFarFieldForm) {
 }
 
 TEST(StickForm, DtIsTheTimeOfTheLayerOnly) {
-  // The same momentum balance in a step of another length: slip at the yield limit with the same stress in a cold
-  // layer, so the jump changes by the same amount, and the layer is heated for another time.
+  // Two sessions send the same momentum balance with steps of dt and 2 dt. The interface slips at the Coulomb limit
+  // mu P in both, so the jump changes by the same amount, and the heat is proportional to the step length.
   ServiceHarness harness;
   std::vector<double> jump_new, heat;
   for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {

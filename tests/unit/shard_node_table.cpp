@@ -1,4 +1,4 @@
-// Nodes join and leave a shard: rows keep the order of arrival, slots stay dense, and every node keeps its states.
+// Nodes join and leave a shard: rows keep the order of arrival, slots have no gaps, and every node keeps its states.
 #include <gtest/gtest.h>
 
 #include <algorithm>

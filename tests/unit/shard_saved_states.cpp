@@ -66,9 +66,9 @@ Shard make_shard(const ModelOptions& options, TaskPool& pool) {
   return {physics::Model(options), ids, std::vector<double>(kNodes, 300.0), pool, ShardOptions{}};
 }
 
-// Supplies all inputs of both strategies. The far stresses hold the bodies near the flow stress of the layer, so that
-// some interfaces stick while their layer flows. Whether an interface sticks cannot be derived from its stress, so the
-// saved states must contain it.
+// Steps all nodes with inputs for either strategy. The far stresses hold the bodies near the flow stress of the layer,
+// so that some interfaces stick while their layer flows. Whether an interface sticks does not follow from its stress,
+// so it must be a saved state of its own.
 std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
   std::vector<double> jump(kNodes), pressure(kNodes, 11.2e9), stress(kNodes), temperature(kNodes);
   std::vector<double> pull(kNodes), mass(kNodes, 2703 * 2.5e-6);

@@ -1,5 +1,5 @@
-// Access control of the transport: which messages pass if the function that admits users refuses, throws, blocks or
-// ends its thread.
+// Tests the access control of the transport: only messages of admitted users may pass, also if the function that admits
+// users throws, blocks or ends its thread.
 #include "server/transport/access.hpp"
 
 #include <gtest/gtest.h>

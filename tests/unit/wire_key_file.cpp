@@ -15,7 +15,7 @@ namespace {
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-// A valid key that begins with "#": comments of a key file begin with "# ".
+// A valid key that begins with "#". A line of a key file is a comment only if it begins with "# " or is "#" alone.
 const std::string kKey = "#bcdefghijklmnopqrstuvwxyz0123456789.-:+";
 
 class KeyFiles : public testing::Test {

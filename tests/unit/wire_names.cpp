@@ -17,7 +17,7 @@
 namespace shearbus::wire {
 namespace {
 
-using Values = std::map<std::string, std::uint32_t>;  // names without the enum's prefix
+using Values = std::map<std::string, std::uint32_t>;  // number of each value, by its name without the enum's prefix
 using Enums = std::map<std::string, Values>;
 
 std::string upper_case(std::string text) {

@@ -15,7 +15,7 @@ namespace shearbus::map {
 namespace {
 
 constexpr double kMostSteps = 1e9;
-constexpr double kWhole = 1e-6;  // relative tolerance of a time to a whole number of steps
+constexpr double kWhole = 1e-6;  // a time of observation may differ by this share from a whole number of steps
 
 // Returns a message about the first fault in the ranges or in the times of observation, or an empty text if there is
 // none.

@@ -9,8 +9,8 @@
 
 namespace shearbus::map {
 
-// Smallest share of the imposed slip that the layer must carry for the velocity-driven model to be valid. By the same
-// limit a server marks a step as outside the domain.
+// Smallest share of the imposed slip that the layer must carry for the velocity-driven model to be valid. A server
+// marks a step in which the layer carries less as outside the domain.
 inline constexpr double kDomainShare = 0.9;
 
 void write(const Map& map, const std::string& scene_name, const std::string& version, const std::filesystem::path& out);

@@ -37,7 +37,7 @@ struct Map {
   Axes axes;
   double dt_s = 0.0;
   std::vector<Observation> observations;
-  std::vector<double> melting_time_s;  // end of the first step with T0 >= 0.99 T_melt; NaN: the node did not melt  [s]
+  std::vector<double> melting_time_s;  // end of the first step whose regime is melting; NaN: the node did not melt  [s]
   std::string scene_name;
   std::string effective_scene;  // the scene with all defaults filled in, as TOML
   std::string server_version;
