@@ -58,6 +58,8 @@ module shearbus
     real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
     real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
     type(c_ptr), private :: handle = c_null_ptr
+    type(c_ptr), private :: ranks = c_null_ptr         ! of one session on root: the step of all ranks is then
+    type(c_funptr), private :: step_of_all = c_null_funptr
   contains
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
                           offer_32, offer_64, copy
@@ -82,6 +84,75 @@ module shearbus
     final :: finalise
   end type
 
+  ! The ranks of an MPI run. The procedures are in client/mpi/shearbus_ranks.f90, which a host with MPI compiles, too; it says
+  ! what they do.
+  type, public :: shearbus_ranks
+    private
+    type(c_ptr) :: handle = c_null_ptr
+  contains
+    ! Bound here so that the submodule links to them: gfortran gives other private procedures no symbol.
+    procedure, private, nopass :: fresh_status, report, refuse, text_of, give_options, per_node, adopt_nodes, fields_of, &
+                                  make_columns, follow_nodes
+  end type
+  public :: shearbus_mpi_open, shearbus_mpi_restart, shearbus_mpi_redistribute, shearbus_mpi_dump, shearbus_mpi_agree, &
+            shearbus_mpi_close
+  interface
+    module subroutine shearbus_mpi_open(ranks, comm, bus, nodes, scene, scene_text, endpoint, domain, initial_temperature, &
+                                        name, server_key_file, secret_key_file, connect_deadline, reply_deadline, state_dir, &
+                                        threads, check_closure, idle_limit, on_root, stat, msg)
+      type(shearbus_ranks), intent(inout) :: ranks
+      integer, intent(in) :: comm
+      type(shearbus_interface), intent(inout), target :: bus
+      integer(int64), intent(in) :: nodes(:)
+      character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
+                                                state_dir, check_closure
+      real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+      integer, intent(in), optional :: threads, idle_limit
+      logical, intent(in), optional :: on_root
+      integer, intent(out), optional :: stat
+      character(len=*), intent(inout), optional :: msg
+    end subroutine
+    module subroutine shearbus_mpi_restart(ranks, comm, bus, manifest, nodes, endpoint, name, server_key_file, &
+                                           secret_key_file, connect_deadline, reply_deadline, check_closure, idle_limit, &
+                                           stat, msg)
+      type(shearbus_ranks), intent(inout) :: ranks
+      integer, intent(in) :: comm
+      type(shearbus_interface), intent(inout), target :: bus
+      character(len=*), intent(in) :: manifest
+      integer(int64), intent(in) :: nodes(:)
+      character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, check_closure
+      real(real64), intent(in), optional :: connect_deadline, reply_deadline
+      integer, intent(in), optional :: idle_limit
+      integer, intent(out), optional :: stat
+      character(len=*), intent(inout), optional :: msg
+    end subroutine
+    module subroutine shearbus_mpi_redistribute(ranks, bus, new_owner, stat, msg)
+      type(shearbus_ranks), intent(in) :: ranks
+      type(shearbus_interface), intent(inout) :: bus
+      integer, intent(in) :: new_owner(:)
+      integer, intent(out), optional :: stat
+      character(len=*), intent(inout), optional :: msg
+    end subroutine
+    module subroutine shearbus_mpi_dump(ranks, bus, mark, manifest, stat, msg)
+      type(shearbus_ranks), intent(in) :: ranks
+      type(shearbus_interface), intent(inout) :: bus
+      character(len=*), intent(in) :: mark, manifest
+      integer, intent(out), optional :: stat
+      character(len=*), intent(inout), optional :: msg
+    end subroutine
+    module subroutine shearbus_mpi_agree(ranks, stat, msg)
+      type(shearbus_ranks), intent(in) :: ranks
+      integer, intent(inout) :: stat
+      character(len=*), intent(inout) :: msg
+    end subroutine
+    module subroutine shearbus_mpi_close(ranks, bus, stat, msg)
+      type(shearbus_ranks), intent(inout) :: ranks
+      type(shearbus_interface), intent(inout) :: bus
+      integer, intent(out), optional :: stat
+      character(len=*), intent(inout), optional :: msg
+    end subroutine
+  end interface
+
   ! ---- the C interface ----
 
   integer(c_size_t), parameter :: text_bytes = 2048, remedy_bytes = 512, field_bytes = 64
@@ -102,6 +173,9 @@ module shearbus
     integer(c_int32_t) :: threads
     integer(c_int) :: check_closure
     integer(c_int64_t) :: idle_limit_s
+  end type
+  type :: c_text
+    character(kind=c_char, len=:), allocatable :: bytes
   end type
   type, bind(c) :: c_column
     integer(c_int32_t) :: field, component
@@ -136,6 +210,18 @@ module shearbus
     integer(c_int) :: outlives_server
   end type
 
+  abstract interface
+    ! A step of all ranks: `fault` is that of this rank before the step, which all ranks then report.
+    function step_of_all_ranks(ranks, session, fault, request, result, status) bind(c) result(code)
+      import
+      type(c_ptr), value :: ranks, session
+      integer(c_int), value :: fault
+      type(c_request), intent(in) :: request
+      type(c_result), intent(inout) :: result
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+  end interface
   interface
     function c_open(session, options, n, ids, temperatures, status) bind(c, name='shearbus_open') result(code)
       import
@@ -414,45 +500,59 @@ contains
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    character(kind=c_char, len=:), allocatable, target :: texts_1, texts_2, texts_3, texts_4, texts_5, texts_6, texts_7, texts_8
+    type(c_text), target :: texts(8)
     real(c_double), allocatable, target :: temperatures(:)
     type(c_ptr) :: temperatures_at
     type(c_options) :: options
     type(c_status) :: status
     integer(c_int) :: code
     status = fresh_status()
-    options%size = c_sizeof(options)
-    call to_c(endpoint, texts_1, options%endpoint)
-    call to_c(scene, texts_2, options%scene_file)
-    call to_c(scene_text, texts_3, options%scene_text)
-    call to_c(domain, texts_4, options%domain)
-    call to_c(name, texts_5, options%name)
-    call to_c(server_key_file, texts_6, options%server_key_file)
-    call to_c(secret_key_file, texts_7, options%secret_key_file)
-    call to_c(state_dir, texts_8, options%state_dir)
-    options%connect_deadline_s = 0
-    options%reply_deadline_s = 0
-    options%retry_after_s = 0
-    options%log = c_null_funptr
-    options%log_user = c_null_ptr
-    options%threads = 0
-    if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
-    if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
-    options%check_closure = 0
-    options%idle_limit_s = 0
-    if (present(threads)) options%threads = int(threads, c_int32_t)
-    if (present(idle_limit)) options%idle_limit_s = idle_limit
-    if (present(check_closure)) then  ! an unknown word is a number that the library refuses
-      options%check_closure = findloc([character(5) :: 'warn', 'off', 'error'], check_closure, dim=1) - 1
-    end if
+    call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
+                      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
     call per_node(initial_temperature, size(nodes), temperatures, temperatures_at, code, status)
     if (code == 0 .and. len(ticket) > 0) then
       code = c_resume(self%handle, options, ticket, status)
     else if (code == 0) then
       code = c_open(self%handle, options, size(nodes, kind=c_size_t), nodes, temperatures_at, status)
     end if
-    if (code == 0) call make_columns(self)
+    if (code == 0) call adopt_nodes(self)
+    if (code == 0) call make_columns(self, fields_of(self))
     call report(code, status, stat, msg)
+  end subroutine
+
+  ! The options of the C interface, which point into `texts`.
+  subroutine give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
+                          connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
+    type(c_options), intent(out) :: options
+    type(c_text), intent(out), target :: texts(8)
+    character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
+                                              state_dir, check_closure
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline
+    integer, intent(in), optional :: threads, idle_limit
+    options%size = c_sizeof(options)
+    call to_c(endpoint, texts(1)%bytes, options%endpoint)
+    call to_c(scene, texts(2)%bytes, options%scene_file)
+    call to_c(scene_text, texts(3)%bytes, options%scene_text)
+    call to_c(domain, texts(4)%bytes, options%domain)
+    call to_c(name, texts(5)%bytes, options%name)
+    call to_c(server_key_file, texts(6)%bytes, options%server_key_file)
+    call to_c(secret_key_file, texts(7)%bytes, options%secret_key_file)
+    call to_c(state_dir, texts(8)%bytes, options%state_dir)
+    options%connect_deadline_s = 0
+    options%reply_deadline_s = 0
+    options%retry_after_s = 0
+    options%log = c_null_funptr
+    options%log_user = c_null_ptr
+    options%threads = 0
+    options%check_closure = 0
+    options%idle_limit_s = 0
+    if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
+    if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
+    if (present(threads)) options%threads = int(threads, c_int32_t)
+    if (present(idle_limit)) options%idle_limit_s = idle_limit
+    if (present(check_closure)) then  ! an unknown word is a number that the library refuses
+      options%check_closure = findloc([character(5) :: 'warn', 'off', 'error'], check_closure, dim=1) - 1
+    end if
   end subroutine
 
   ! The address of one value per node, or of nothing where they are absent.
@@ -474,39 +574,63 @@ contains
     if (n > 0) address = c_loc(copy)
   end subroutine
 
-  ! Allocates the columns of a session's steps, the inputs as NaN.
-  subroutine make_columns(self)
+  ! The columns of a session's steps: required inputs, optional inputs and default outputs, each after their number; and
+  ! the number of tangential components.
+  function fields_of(self) result(fields)
+    type(shearbus_interface), intent(in) :: self
+    integer(c_int32_t) :: fields(0:columns_at_most, 0:3)
+    type(c_info) :: info
+    type(c_status) :: status
+    integer :: use
+    status = fresh_status()
+    info%size = c_sizeof(info)
+    fields = 0
+    do use = 0, 2
+      fields(0, use) = int(min(c_columns(self%handle, int(use, c_int), int(columns_at_most, c_size_t), fields(1:, use)), &
+                               int(columns_at_most, c_size_t)), c_int32_t)
+    end do
+    fields(0, 3) = 1
+    if (c_inspect(self%handle, info, status) == 0) fields(0, 3) = info%tangential_components
+  end function
+
+  ! Allocates the columns, the inputs as NaN.
+  subroutine make_columns(self, fields)
     type(shearbus_interface), intent(inout), target :: self
+    integer(c_int32_t), intent(in) :: fields(0:columns_at_most, 0:3)
     real(real64) :: unset
     logical :: two
     unset = ieee_value(unset, ieee_quiet_nan)
-    two = components(self) == 2
-    call adopt_nodes(self)
-    call fit(self%jump, has(self, 0, 10))
-    call fit(self%jump2, has(self, 0, 10) .and. two)
-    call fit(self%pressure, has(self, 0, 11))
-    call fit(self%stress_soft, has(self, 0, 12))
-    call fit(self%stress_soft2, has(self, 0, 12) .and. two)
-    call fit(self%stress_hard, has(self, 0, 13))
-    call fit(self%stress_hard2, has(self, 0, 13) .and. two)
-    call fit(self%mass_soft, has(self, 0, 14))
-    call fit(self%mass_hard, has(self, 0, 15))
+    two = fields(0, 3) == 2
+    call fit(self%jump, has(0, 10))
+    call fit(self%jump2, has(0, 10) .and. two)
+    call fit(self%pressure, has(0, 11))
+    call fit(self%stress_soft, has(0, 12))
+    call fit(self%stress_soft2, has(0, 12) .and. two)
+    call fit(self%stress_hard, has(0, 13))
+    call fit(self%stress_hard2, has(0, 13) .and. two)
+    call fit(self%mass_soft, has(0, 14))
+    call fit(self%mass_hard, has(0, 15))
     call fit(self%stick_stress, .false.)
     call fit(self%stick_stress2, .false.)
     call fit(self%impedance, .false.)
     call fit(self%soft_shear_rate, .false.)
     call fit(self%soft_plastic_strain_rate, .false.)
-    call fit(self%stress, has(self, 2, 30))
-    call fit(self%stress2, has(self, 2, 30) .and. two)
-    call fit(self%slip, has(self, 2, 31))
-    call fit(self%slip2, has(self, 2, 31) .and. two)
-    call fit(self%temperature, has(self, 2, 32))
-    call fit(self%jump_new, has(self, 2, 33))
-    call fit(self%jump_new2, has(self, 2, 33) .and. two)
-    call fit(self%heat, has(self, 2, 36))
+    call fit(self%stress, has(2, 30))
+    call fit(self%stress2, has(2, 30) .and. two)
+    call fit(self%slip, has(2, 31))
+    call fit(self%slip2, has(2, 31) .and. two)
+    call fit(self%temperature, has(2, 32))
+    call fit(self%jump_new, has(2, 33))
+    call fit(self%jump_new2, has(2, 33) .and. two)
+    call fit(self%heat, has(2, 36))
     if (allocated(self%regime)) deallocate (self%regime, self%outcome)
     allocate (self%regime(self%n), self%outcome(self%n), source=0)
   contains
+    function has(use, field) result(yes)
+      integer, intent(in) :: use, field
+      logical :: yes
+      yes = any(fields(1:fields(0, use), use) == field)
+    end function
     subroutine fit(column, wanted)
       real(real64), allocatable, intent(inout) :: column(:)
       logical, intent(in) :: wanted
@@ -525,29 +649,6 @@ contains
     call c_f_pointer(c_node_ids(self%handle), ids, [self%n])
     self%nodes = ids
   end subroutine
-
-  ! Whether the steps of the session have a column. use: 0 required input, 1 optional input, 2 default output.
-  function has(self, use, field) result(yes)
-    type(shearbus_interface), intent(in) :: self
-    integer, intent(in) :: use, field
-    logical :: yes
-    integer(c_int32_t) :: fields(columns_at_most)
-    integer(c_size_t) :: count
-    count = min(c_columns(self%handle, int(use, c_int), int(columns_at_most, c_size_t), fields), &
-                int(columns_at_most, c_size_t))
-    yes = any(fields(:count) == field)
-  end function
-
-  function components(self) result(count)
-    type(shearbus_interface), intent(in) :: self
-    integer :: count
-    type(c_info) :: info
-    type(c_status) :: status
-    status = fresh_status()
-    info%size = c_sizeof(info)
-    count = 1
-    if (c_inspect(self%handle, info, status) == 0) count = info%tangential_components
-  end function
 
   function is_open(self) result(yes)
     class(shearbus_interface), intent(in) :: self
@@ -692,6 +793,7 @@ contains
     type(c_request) :: request
     type(c_result) :: answer
     type(c_status) :: status
+    procedure(step_of_all_ranks), pointer :: step_all
     integer(c_int) :: code
     logical :: masked
     integer :: i, count, n_in, n_out
@@ -756,7 +858,12 @@ contains
     request%outputs = c_loc(outputs)
     request%n_outputs = int(n_out + 2, c_size_t)
     answer%size = c_sizeof(answer)
-    if (code == 0) code = c_step(self%handle, request, answer, status)
+    if (c_associated(self%step_of_all)) then
+      call c_f_procpointer(self%step_of_all, step_all)
+      code = step_all(self%ranks, self%handle, code, request, answer, status)
+    else if (code == 0) then
+      code = c_step(self%handle, request, answer, status)
+    end if
     if (code == 0) call adopt()
     call report(code, status, stat, msg)
   contains

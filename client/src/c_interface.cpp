@@ -294,6 +294,13 @@ struct shearbus_session {
     else if (options.state_dir != nullptr && environment("SHEARBUS_ENDPOINT").empty())
       refuse(Code::kUnsupported, fmt::format("state_dir is set, and the server at {} is another process", endpoint),
              "Leave state_dir NULL, or give the directory to shearbus-server --state-dir.", "state_dir");
+    if (embedded && !text_or(options.domain).empty())
+      refuse(
+          Code::kUnsupported,
+          fmt::format("the domain \"{}\" is set, and the server runs in this process, where no other process can have "
+                      "a session: nodes cannot move to it",
+                      options.domain),
+          "Give the endpoint of a shearbus-server that all processes reach, or no domain.", "domain");
     const ClientOptions defaults;
     ClientOptions to;
     to.endpoint = embedded ? embedded->endpoint() : endpoint;

@@ -10,14 +10,24 @@ add_library(shearbus_fortran INTERFACE)
 target_link_libraries(shearbus_fortran INTERFACE shearbus_c)
 target_sources(shearbus_fortran INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/client/fortran/shearbus.f90>
                                           $<INSTALL_INTERFACE:${CMAKE_INSTALL_DATADIR}/shearbus/shearbus.f90>)
+# The MPI helpers are compiled with the MPI of each target that links them, since MPI has no common binary interface.
+add_library(shearbus_mpi INTERFACE)
+target_link_libraries(shearbus_mpi INTERFACE shearbus_c $<INSTALL_INTERFACE:MPI::MPI_C>)
+target_sources(shearbus_mpi INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/client/mpi/shearbus_mpi.c>
+                                      $<INSTALL_INTERFACE:${CMAKE_INSTALL_DATADIR}/shearbus/shearbus_mpi.c>)
+add_library(shearbus_mpi_fortran INTERFACE)
+target_link_libraries(shearbus_mpi_fortran INTERFACE shearbus_mpi shearbus_fortran)
+target_sources(shearbus_mpi_fortran INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/client/mpi/shearbus_ranks.f90>
+                                              $<INSTALL_INTERFACE:${CMAKE_INSTALL_DATADIR}/shearbus/shearbus_ranks.f90>)
 
-set(libraries c cxx fortran)
+set(interfaces c cxx fortran mpi mpi_fortran)
+set(libraries ${interfaces})
 if(TARGET shearbus_embedded_library)
   list(APPEND libraries embedded)
   set_target_properties(shearbus_embedded_library PROPERTIES EXPORT_NAME embedded)
   add_library(shearbus::embedded ALIAS shearbus_embedded_library)
 endif()
-foreach(library c cxx fortran)
+foreach(library ${interfaces})
   set_target_properties(shearbus_${library} PROPERTIES EXPORT_NAME ${library})
   add_library(shearbus::${library} ALIAS shearbus_${library})
 endforeach()
@@ -37,8 +47,9 @@ file(RELATIVE_PATH shearbus_prefix_from_pc /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
 configure_file(deploy/packaging/shearbus.pc.in shearbus.pc @ONLY)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/shearbus.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 install(DIRECTORY client/include/shearbus DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development)
-install(FILES client/fortran/shearbus.f90 DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT development)
+install(FILES client/fortran/shearbus.f90 client/mpi/shearbus_mpi.c client/mpi/shearbus_ranks.f90 DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT development)
 install(FILES client/examples/constant_friction.toml client/examples/host.c client/examples/host.cpp client/examples/host.f90
+              client/examples/host_mpi.cpp client/examples/host_mpi.f90
         DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/examples COMPONENT development)
 
 foreach(program shearbus-server shearbus-ctl shearbus-replay)

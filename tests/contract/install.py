@@ -12,6 +12,8 @@ import sys
 import tempfile
 import time
 
+import mpi
+
 CONSUMER = """cmake_minimum_required(VERSION 3.20)
 project(consumer LANGUAGES C CXX Fortran)
 set(CMAKE_EXPORT_NO_PACKAGE_REGISTRY ON)
@@ -26,6 +28,16 @@ target_compile_features(cxx20 PRIVATE cxx_std_20)
 add_executable(fortran host.f90)
 target_link_libraries(fortran PRIVATE shearbus::fortran)
 """
+MPI_CONSUMER = """
+set(MPI_CXX_SKIP_MPICXX ON)
+find_package(shearbus REQUIRED COMPONENTS mpi)
+find_package(MPI REQUIRED)
+add_executable(mpi_cxx host_mpi.cpp)
+target_link_libraries(mpi_cxx PRIVATE shearbus::cxx shearbus::mpi MPI::MPI_CXX)
+add_executable(mpi_fortran host_mpi.f90)
+target_link_libraries(mpi_fortran PRIVATE shearbus::mpi_fortran MPI::MPI_Fortran)
+set_target_properties(mpi_fortran PROPERTIES Fortran_MODULE_DIRECTORY mpi_modules)
+"""
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 
@@ -36,13 +48,23 @@ def run(*command, **options):
     return done.stdout
 
 
-def build_by_cmake(work, prefix, examples):
+def build_by_cmake(work, prefix, examples, with_mpi):
     source = work / "consumer"
     shutil.copytree(examples, source)
-    (source / "CMakeLists.txt").write_text(CONSUMER)
+    (source / "CMakeLists.txt").write_text(CONSUMER + (MPI_CONSUMER if with_mpi else ""))
     run("cmake", "-S", source, "-B", source / "build", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}")
     run("ninja", "-C", source / "build", "-j2")
     return [source / "build" / name for name in ("c", "cxx17", "cxx20", "fortran")]
+
+
+def run_on_ranks(mpiexec, build, scene, endpoint, work, environment):
+    """The MPI hosts print the same on any number of ranks, with a session each or one on root, and after a restart."""
+    dump = [work / "dump"]
+    for program, runs in (("mpi_cxx", [(1,), (3,), (3, *dump, 35), (2, *dump)]), ("mpi_fortran", [(1,), (3,), (2, "root")])):
+        texts = [run(*mpi.mpiexec(mpiexec, ranks), build / program, scene, endpoint, *words, env=environment) for ranks, *words in runs]
+        different = set(texts) - {""}  # the run up to the dump prints nothing
+        if len(different) != 1 or "[V]  92.183880" not in texts[0].replace("[V] 92", "[V]  92"):
+            sys.exit(f"{program} does not print the same on any number of ranks: {different}")
 
 
 def build_by_pkg_config(work, prefix, examples):
@@ -63,6 +85,7 @@ def build_by_pkg_config(work, prefix, examples):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True)
+    parser.add_argument("--mpiexec", help="also build the MPI hosts, and run them with this command")
     parser.add_argument("--two-copies", type=pathlib.Path, required=True, help="source of the program with two copies")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="shearbus-") as scratch:
@@ -77,7 +100,7 @@ def main():
         scene = examples / "constant_friction.toml"
         (library,) = prefix.rglob("libshearbus.so.1")
         environment = {**os.environ, "LD_LIBRARY_PATH": str(library.parent)}
-        programs = build_by_cmake(work, prefix, examples) + build_by_pkg_config(work, prefix, examples)
+        programs = build_by_cmake(work, prefix, examples, options.mpiexec) + build_by_pkg_config(work, prefix, examples)
 
         endpoint = f"ipc://{work}/bus"
         server = subprocess.Popen([prefix / "bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])
@@ -91,6 +114,8 @@ def main():
                     answers.add(text.split("[V]")[5].split()[0] + " m/s, exact " + text.split("exact")[5].split()[0])
             if answers != {"92.183880 m/s, exact 92.183880"}:
                 sys.exit(f"the hosts do not agree on node 5: {answers}")
+            if options.mpiexec:
+                run_on_ranks(options.mpiexec, work / "consumer/build", scene, endpoint, work, environment)
             copy = work / "copy"
             shutil.copytree(library.parent, copy, symlinks=False, ignore=shutil.ignore_patterns("cmake", "pkgconfig"))
             (include,) = run("pkg-config", "--cflags", "shearbus", env={**os.environ, "PKG_CONFIG_PATH": str(library.parent / "pkgconfig")}).split()

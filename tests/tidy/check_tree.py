@@ -27,6 +27,7 @@ LIBRARIES = {  # library of the table -> pattern of its headers
     "fmt": r"fmt/.*",
     "spdlog": r"spdlog/.*",
     "CLI11": r"CLI/.*",
+    "MPI": r"mpi\.h",
 }
 STANDARD = re.compile(r"[a-z0-9_]+(\.h)?|experimental/simd|(sys|netinet|arpa|linux)/[a-z0-9_]+\.h")
 MACHINE = re.compile(r"/(?:home|root|wor[k]|far[m]|Users)/|[.]pyen[v]|\bTOD[O]\b|\bFIXM[E]\b")

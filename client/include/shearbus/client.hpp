@@ -38,6 +38,17 @@ class Error : public std::runtime_error {
                            (status.remedy[0] == '\0' ? "" : std::string(" (") + status.remedy + ")")),
         status_(std::make_shared<const shearbus_status>(status)) {}
 
+  // A fault that a header finds by itself.
+  static Error of(int code, const std::string& field, const std::string& text) {
+    shearbus_status status = SHEARBUS_STATUS_INIT;
+    const auto put = [](const std::string& from, char* to, std::size_t size) { to[from.copy(to, size - 1)] = '\0'; };
+    status.code = code;
+    put(text, status.text, sizeof status.text);
+    put(field, status.field, sizeof status.field);
+    return Error(status);
+  }
+
+  const shearbus_status& status() const noexcept { return *status_; }
   int code() const noexcept { return status_->code; }
   std::string text() const { return status_->text; }
   std::string remedy() const { return status_->remedy; }
@@ -119,25 +130,7 @@ class Step {
   Step& open_absent(bool yes) { return request_.open_absent = yes, *this; }
   Step& all_or_nothing(bool yes) { return request_.all_or_nothing = yes, *this; }
 
- private:
-  friend class Session;
-
-  [[noreturn]] static void refuse(int code, std::uint32_t field, const std::string& text) {
-    shearbus_status status = SHEARBUS_STATUS_INIT;
-    const char* name = shearbus_field_name(field);
-    status.code = code;
-    const auto put = [](const std::string& from, char* to, std::size_t size) { to[from.copy(to, size - 1)] = '\0'; };
-    put((name == nullptr ? "column " + std::to_string(field) : name) + std::string(": ") + text, status.text,
-        sizeof status.text);
-    put(name == nullptr ? "" : name, status.field, sizeof status.field);
-    throw Error(status);
-  }
-  template <typename Value>
-  Value* checked(std::uint32_t field, Value* values, std::size_t size) const {
-    if (size != request_.n)
-      refuse(SHEARBUS_SHAPE, field, std::to_string(size) + " values, expected " + std::to_string(request_.n));
-    return values;
-  }
+  // The step as a struct of the C interface, which points into this object.
   shearbus_request request(int mode) const {
     shearbus_request request = request_;
     request.mode = mode;
@@ -148,6 +141,18 @@ class Step {
     return request;
   }
 
+ private:
+  [[noreturn]] static void refuse(int code, std::uint32_t field, const std::string& text) {
+    const char* name = shearbus_field_name(field);
+    throw Error::of(code, name == nullptr ? "" : name,
+                    (name == nullptr ? "column " + std::to_string(field) : name) + std::string(": ") + text);
+  }
+  template <typename Value>
+  Value* checked(std::uint32_t field, Value* values, std::size_t size) const {
+    if (size != request_.n)
+      refuse(SHEARBUS_SHAPE, field, std::to_string(size) + " values, expected " + std::to_string(request_.n));
+    return values;
+  }
   shearbus_request request_ = SHEARBUS_REQUEST_INIT;
   std::vector<shearbus_input> inputs_;
   std::vector<shearbus_output> outputs_;
@@ -170,12 +175,17 @@ class Session {
         },
         options);
   }
-  static Session resume(const Options& options, const std::string& ticket) {
+  // A session that opening(&handle, &c_options, &status), a call of the C interface, opens.
+  template <typename Opening>
+  static Session open_by(const Options& options, const Opening& opening) {
     Session session(make_log(options));
-    session.open([&](shearbus_session** handle, const shearbus_options* given,
-                     shearbus_status* status) { return shearbus_resume(handle, given, ticket.c_str(), status); },
-                 options);
+    session.open(opening, options);
     return session;
+  }
+  static Session resume(const Options& options, const std::string& ticket) {
+    return open_by(options, [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
+      return shearbus_resume(handle, given, ticket.c_str(), status);
+    });
   }
   Session(Session&& other) noexcept : log_(std::move(other.log_)), handle_(std::exchange(other.handle_, nullptr)) {}
   Session& operator=(Session&& other) noexcept {
