@@ -4,18 +4,21 @@
 #include <CLI/CLI.hpp>
 #include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "client/ctl/operations.hpp"
+#include "client/ctl/rehearse.hpp"
 #include "client/src/client.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/key_file.hpp"
@@ -141,13 +144,14 @@ void options_page() {
 // The commands of the program. Parsing the command line chooses the command that run() runs.
 class Commands {
  public:
-  explicit Commands(CLI::App& app) : app_(app) {
+  Commands(CLI::App& app, std::span<char* const> words) : app_(app) {
     add_ping();
     add_questions();
     add_inspections();
     add_operations();
     add_files();
     add_catalogs();
+    add_rehearsal(words);
   }
 
   int run() const { return run_(); }  // runs the chosen command and returns the exit code
@@ -280,6 +284,14 @@ class Commands {
     });
   }
 
+  // The words behind the command are the kit's own.
+  void add_rehearsal(std::span<char* const> words) {
+    CLI::App* rehearsal = add("rehearse", "Holds a host to problems with exact answers, by a mock server (see --help)",
+                              [words]() -> int { ctl::rehearse(words.subspan(2)); });
+    rehearsal->set_help_flag();
+    rehearsal->allow_extras();
+  }
+
   CLI::App& app_;
   Options options_;
   std::function<int()> run_;
@@ -293,7 +305,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Questions to a running shearbus server, and about scenes."};
   app.require_subcommand(1);
   app.set_version_flag("--version", std::string("shearbus-ctl ") + SHEARBUS_VERSION);
-  Commands commands(app);
+  Commands commands(app, std::span(argv, static_cast<std::size_t>(argc)));
   try {
     app.parse(argc, argv);
     if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
