@@ -14,6 +14,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -144,14 +145,15 @@ void options_page() {
 // The commands of the program. Parsing the command line chooses the command that run() runs.
 class Commands {
  public:
-  Commands(CLI::App& app, std::span<char* const> words) : app_(app) {
+  explicit Commands(CLI::App& app) : app_(app) {
     add_ping();
     add_questions();
     add_inspections();
     add_operations();
     add_files();
     add_catalogs();
-    add_rehearsal(words);
+    add("rehearse", "Holds a host to problems with exact answers, by a mock server (rehearse --help)",
+        [] { return 0; });
   }
 
   int run() const { return run_(); }  // runs the chosen command and returns the exit code
@@ -284,14 +286,6 @@ class Commands {
     });
   }
 
-  // The words behind the command are the kit's own.
-  void add_rehearsal(std::span<char* const> words) {
-    CLI::App* rehearsal = add("rehearse", "Holds a host to problems with exact answers, by a mock server (see --help)",
-                              [words]() -> int { ctl::rehearse(words.subspan(2)); });
-    rehearsal->set_help_flag();
-    rehearsal->allow_extras();
-  }
-
   CLI::App& app_;
   Options options_;
   std::function<int()> run_;
@@ -305,14 +299,17 @@ int main(int argc, char** argv) {
   CLI::App app{"Questions to a running shearbus server, and about scenes."};
   app.require_subcommand(1);
   app.set_version_flag("--version", std::string("shearbus-ctl ") + SHEARBUS_VERSION);
-  Commands commands(app, std::span(argv, static_cast<std::size_t>(argc)));
+  Commands commands(app);
+  const std::span words(argv, static_cast<std::size_t>(argc));
+  const bool rehearses = argc > 1 && std::string_view(argv[1]) == "rehearse";  // the words behind it are the kit's
   try {
-    app.parse(argc, argv);
+    if (!rehearses) app.parse(argc, argv);
     if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
   } catch (const CLI::ParseError& fault) {
     return app.exit(fault) == 0 ? 0 : kExitUsage;
   }
   try {
+    if (rehearses) ctl::rehearse(words.subspan(2));
     return shearbus::wire::end_program("shearbus-ctl", commands.run());
   } catch (const shearbus::Error& fault) {
     // For a scene at fault the text is a list of lines "file:line:column: ...", which is printed without a prefix.
