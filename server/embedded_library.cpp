@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "server/embedded.hpp"
+#include "server/store/checkpoint_library.hpp"
 
 using shearbus::server::Embedded;
 
@@ -13,6 +14,7 @@ bool shearbus_embedded_start_1(const char* state_dir, unsigned threads, shearbus
   shearbus::server::ServerOptions options;
   options.state_dir = state_dir;
   options.threads = threads;
+  if (!options.state_dir.empty()) shearbus::store::checkpoint_library();  // a missing library is told at the start
   auto server = std::make_unique<Embedded>(options);
   *started = {.server = server.get(), .context = server->context(), .endpoint = server->endpoint().c_str()};
   static_cast<void>(server.release());

@@ -33,6 +33,9 @@ foreach(library ${interfaces})
 endforeach()
 list(TRANSFORM libraries PREPEND shearbus_)
 list(TRANSFORM libraries REPLACE "embedded$" embedded_library)
+if(TARGET shearbus_checkpoint_library)  # no host links it
+  install(TARGETS shearbus_checkpoint_library LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime NAMELINK_SKIP)
+endif()
 install(TARGETS ${libraries} EXPORT shearbusTargets
         LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime NAMELINK_COMPONENT development)
 

@@ -1,107 +1,25 @@
 #!/usr/bin/python3
-"""The conformity kit: runs a client's host against a mock server that holds it to the protocol and to closure,
-directly, through a proxy that loses, doubles and delays messages, and across a restart; and, if one is given, against a
-real server. Prints what failed and, last, "your client: 41 of 43".
+"""Tests of the conformity kit, client/python/shearbus/conformity.
 
-conformity.py [--server ENDPOINT] [--scenario NAME]... [--timeout SECONDS] [--delay SECONDS] -- COMMAND ARGS...
-
-The command is a host for the problems of mock_server.py, "two_half_spaces" and "finite_plate", with any mesh: @endpoint
-and @problem stand for the endpoint and the problem's name. Its exit code says whether it got to its end. --delay is
-longer than the client waits before it sends a request again.
-
-conformity.py --self-test [FAULT...]      holds the kit itself to hosts made wrong on purpose (kit_host.py)
-conformity.py --vectors ENDPOINT          plays the frames of vectors.txt to a server and compares the status of each
-reply conformity.py --write-vectors             makes vectors.txt of the exchange on the page proto/WIRE.md"""
+conformity.py --self-test [FAULT...]   holds the kit to hosts made wrong on purpose (kit_host.py)
+conformity.py --vectors ENDPOINT       plays the frames of vectors.txt to a server and compares the status of each reply
+conformity.py --write-vectors          makes vectors.txt of the exchange on the page proto/WIRE.md"""
 import argparse
 import pathlib
 import re
-import subprocess
 import sys
-import tempfile
-import threading
 
 import zmq
 
-import lossy_proxy
-import mock_server
+import kit_host  # finds the package in the source tree
+from shearbus.conformity import SCENARIOS, judge, mock_server, play
 
 HERE = pathlib.Path(__file__).resolve().parent
 PAGE, VECTORS = HERE.parents[1] / "proto/WIRE.md", HERE / "vectors.txt"
-PROBLEM_CHECKS = ["pressure", "first_jump", "half_zones", "closure", "jump", "long_enough", "closed"]
-RESTART_AFTER = 10
-# Scenario -> problem, checks of the report.
-SCENARIOS = {
-    "two_half_spaces": ("two_half_spaces", mock_server.PROTOCOL),
-    "finite_plate": ("finite_plate", PROBLEM_CHECKS),
-    "losses": ("two_half_spaces", mock_server.REPEATED + ["sequence", "closure", "jump", "closed"]),
-    "restart": ("two_half_spaces", mock_server.RESTARTED + ["sequence", "closure", "jump", "closed"]),
-}
-
-
-def play(scenario, client, delay):
-    """Runs a client, a function of (endpoint, problem) that returns None or why it failed, through a scenario. Returns
-    {check: None, or why it failed}."""
-    problem, checks = SCENARIOS[scenario]
-    server = mock_server.MockServer(problem,
-                                    RESTART_AFTER if scenario == "restart" else None,
-                                    varying=scenario == "losses")
-    over = threading.Event()
-    with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
-        endpoint = back = f"ipc://{directory}/mock"
-        threads = [threading.Thread(target=server.serve, args=(back, over.is_set, False))]
-        proxy = lossy_proxy.LossyProxy(delay=delay)
-        if scenario == "losses":
-            endpoint = f"ipc://{directory}/proxy"
-            threads.append(threading.Thread(target=proxy.serve, args=(endpoint, back, over.is_set)))
-        for thread in threads:
-            thread.start()
-        try:
-            failure = client(endpoint, problem)
-        finally:
-            over.set()
-            for thread in threads:
-                thread.join()
-    results = {**server.report.results(checks), "exit": failure}
-    if scenario == "losses" and set(proxy.done) != set(lossy_proxy.FAULTS):
-        results["survival"] = f"of the faults of the proxy only {sorted(set(proxy.done))} came up"
-    elif scenario == "losses":
-        results["survival"] = failure
-    return results
-
-
-def command_client(command, timeout):
-    def client(endpoint, problem):
-        words = [word.replace("@endpoint", endpoint).replace("@problem", problem) for word in command]
-        try:
-            code = subprocess.run(words, timeout=timeout, stdin=subprocess.DEVNULL).returncode
-        except subprocess.TimeoutExpired:
-            return f"not at its end after {timeout:g} s"
-        return None if code == 0 else f"exit code {code}"
-    return client
-
-
-def judge(client, delay, server=None, scenarios=tuple(SCENARIOS)):
-    """Plays the scenarios. Returns (checks that hold, checks)."""
-    good = total = 0
-    for scenario in scenarios:
-        for check, why in play(scenario, client, delay).items():
-            good, total = good + (why is None), total + 1
-            if why is not None:
-                print(f"{scenario}, {check}: {mock_server.CHECKS.get(check, 'the host gets to its end')}; {why}")
-    if server:
-        for problem in dict.fromkeys(SCENARIOS[scenario][0] for scenario in scenarios):
-            why = client(server, problem)
-            good, total = good + (why is None), total + 1
-            if why is not None:
-                print(f"real server, {problem}: the host gets to its end; {why}")
-    print(f"your client: {good} of {total}")
-    return good, total
 
 
 def self_test(chosen):
     """Checks that the kit passes a right client and notices every wrong one by the check that is meant for it."""
-    import kit_host
-
     def client(fault):
         def run(endpoint, problem):
             try:
@@ -111,8 +29,10 @@ def self_test(chosen):
         return run
 
     delay = 2.5 * kit_host.RETRY_S
-    good, total = judge(client(None), delay)
-    missed = [] if good == total else ["the right client did not pass"]
+    missed = []
+    for right, scenarios in ((None, tuple(SCENARIOS)), ("stick_form", kit_host.STEPS)):
+        good, total = judge(client(right), delay, scenarios=scenarios)
+        missed += [] if good == total else ["a right client did not pass"]
     for fault in chosen or kit_host.FAULTS:
         check, scenario = kit_host.FAULTS[fault]
         why = play(scenario, client(fault), delay).get(check)
@@ -258,28 +178,14 @@ def play_vectors(endpoint):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--server", help="endpoint of a real server")
-    parser.add_argument("--scenario", action="append", choices=list(SCENARIOS), help="only this one, repeatable")
-    parser.add_argument("--timeout", type=float, default=120.0)
-    parser.add_argument("--delay", type=float, default=8.0)
-    parser.add_argument("--self-test", action="store_true")
+    parser.add_argument("--self-test", nargs="*", metavar="FAULT", choices=[*kit_host.FAULTS, []])
     parser.add_argument("--vectors", metavar="ENDPOINT")
     parser.add_argument("--write-vectors", action="store_true")
-    parser.add_argument("command", nargs=argparse.REMAINDER)
     options = parser.parse_args()
-    command = options.command[1:] if options.command[:1] == ["--"] else options.command
     if options.write_vectors:
         VECTORS.write_text(vectors_text())
         return 0
-    if options.vectors:
-        return play_vectors(options.vectors)
-    if options.self_test:
-        return self_test(command)
-    if not command:
-        parser.error("expected -- and the command of a host")
-    good, total = judge(command_client(command, options.timeout), options.delay, options.server,
-                        options.scenario or tuple(SCENARIOS))
-    return good < total
+    return play_vectors(options.vectors) if options.vectors else self_test(options.self_test)
 
 
 if __name__ == "__main__":

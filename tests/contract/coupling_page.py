@@ -232,7 +232,7 @@ def filled(template, **values):
 
 class Page:
     def __init__(self, text, prefix, work):
-        self.blocks = {(m[1], m[2] or ""): m[3] for m in BLOCK.finditer(text)}
+        self.text, self.blocks = text, {(m[1], m[2] or ""): m[3] for m in BLOCK.finditer(text)}
         self.prefix, self.work, self.used = prefix, work, set()
         (config,) = prefix.rglob("shearbus.pc")
         words = lambda *flags: run("pkg-config", *flags, "shearbus", env={**os.environ, "PKG_CONFIG_PATH": str(config.parent)}).stdout.split()
@@ -273,7 +273,7 @@ class Page:
         listing = parts(self.listing("python"))
         yield "python", "python", filled(PYTHON, start=listing["at the start"], step=listing["every step"], end=listing["at the end"]), False
 
-    def command(self, language, source):
+    def command(self, language, source, optimise="-O0"):
         """Compiles a source. Returns the command that runs it."""
         file = self.work / f"host.{ {'cpp': 'cpp', 'c': 'c', 'fortran': 'f90', 'python': 'py'}[language]}"
         file.write_text(source)
@@ -282,7 +282,7 @@ class Page:
         compiler, module = {"cpp": (["g++", "-std=c++17"], []), "c": (["gcc", "-std=c99"], []),
                             "fortran": (["gfortran", "-std=f2008", "-Wno-unused-dummy-argument"], [self.module])}[language]
         warnings = ["-Wall", "-Wextra", "-Werror"] if language != "fortran" else [f"-J{self.work}"]
-        run(*compiler, *warnings, *self.flags, *module, file, *self.libraries, "-lm", "-o", self.work / "host")
+        run(*compiler, optimise, *warnings, *self.flags, *module, file, *self.libraries, "-lm", "-o", self.work / "host")
         return [self.work / "host"]
 
     def play(self, language, source, examples, endpoint=None, **options):
@@ -312,6 +312,13 @@ def faults(page, examples, endpoint):
         yield f"{language} {name}: no test runs this listing"
 
 
+def installed_page(build, page, work):
+    """Installs the build into a directory below `work`. Returns the Page that is tested with it."""
+    for component in ("server", "runtime", "development", "python"):
+        run("cmake", "--install", build, "--prefix", work / "prefix", "--component", component)
+    return Page(page.read_text(), work / "prefix", work)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     for name in ("build", "page", "examples"):
@@ -319,9 +326,7 @@ def main():
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="shearbus-") as scratch:
         work = pathlib.Path(scratch)
-        for component in ("server", "runtime", "development", "python"):
-            run("cmake", "--install", options.build, "--prefix", work / "prefix", "--component", component)
-        page = Page(options.page.read_text(), work / "prefix", work)
+        page = installed_page(options.build, options.page, work)
         endpoint = f"ipc://{work}/bus"
         server = subprocess.Popen([work / "prefix/bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])
         try:

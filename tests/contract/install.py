@@ -1,10 +1,11 @@
 #!/usr/bin/python3
 """Installs the build into a scratch prefix, builds the example hosts from there as a user would, by CMake and by pkg-config, in C, C++17,
 C++20 and Fortran, and runs each against the installed server and with the server in its own process. Then two copies of the library live
-in one process, and a process without a state directory loads no HDF5."""
+in one process, and a process with the server in it loads no HDF5 without a state directory."""
 import argparse
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -82,6 +83,30 @@ def build_by_pkg_config(work, prefix, examples):
     return programs
 
 
+def check_hdf5(work, prefix, source, scene):
+    """A process with the server in it loads HDF5 for a state directory only, and withstands a host with an HDF5 of its own."""
+    (config,), (library,) = prefix.rglob("shearbus.pc"), prefix.rglob("libshearbus.so.1")
+    flags = run("pkg-config", "--cflags", "--libs", "shearbus", env={**os.environ, "PKG_CONFIG_PATH": str(config.parent)}).split()
+    names = run("nm", "-D", "--undefined-only", library.with_name("libshearbus-checkpoint.so.1"))
+    called = sorted(set(re.findall(r" U (H5\w+)@", names)) - {"H5get_libversion"})
+    if len(called) < 10:
+        sys.exit(f"expected libshearbus-checkpoint.so.1 to need functions of HDF5, found {called}")
+    other = "\n".join(["#include <stdlib.h>", "int H5get_libversion(unsigned* a, unsigned* b, unsigned* c) { return *a = 2, *b = 3, *c = 4, 0; }",
+                       *(f"void {name}(void) {{ abort(); }}" for name in called)])
+    run("gcc", "-shared", "-fPIC", "-x", "c", "-", "-o", work / "libhdf5_other.so", input=other)
+    host = ["gcc", "-std=c99", *WARNINGS, source, *flags]
+    run(*host, "-o", work / "plain")
+    run(*host, "-Wl,--no-as-needed", work / "libhdf5_other.so", f"-Wl,-rpath,{work}", "-o", work / "other")
+    loaded = lambda program, *words: sorted(run(work / program, scene, *words, env={**os.environ, "LD_LIBRARY_PATH": str(library.parent)}).split())
+    found = loaded("plain"), loaded("other"), [name for name in loaded("plain", work / "states") if name.startswith("libhdf5_serial.so")]
+    if found[:2] != ([], ["libhdf5_other.so"]) or len(found[2]) != 1:
+        sys.exit(f"HDF5 libraries of a plain host, of one with another HDF5, and with a state directory: {found}")
+    refused = subprocess.run([work / "other", scene, work / "more_states"], capture_output=True, text=True,
+                             env={**os.environ, "LD_LIBRARY_PATH": str(library.parent)})
+    if refused.returncode != 1 or "the host has loaded HDF5 2.3.4" not in refused.stderr:
+        sys.exit(f"a state directory with another HDF5: exit code {refused.returncode}, {refused.stderr}")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True)
@@ -102,6 +127,7 @@ def main():
         environment = {**os.environ, "LD_LIBRARY_PATH": str(library.parent)}
         programs = build_by_cmake(work, prefix, examples, options.mpiexec) + build_by_pkg_config(work, prefix, examples)
 
+        check_hdf5(work, prefix, options.two_copies.with_name("embedded_hdf5.c"), scene)
         endpoint = f"ipc://{work}/bus"
         server = subprocess.Popen([prefix / "bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])
         try:

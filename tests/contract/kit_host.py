@@ -2,7 +2,9 @@
 """The host of client/examples/host.py on both problems of the conformity kit, and hosts and clients made
 wrong on purpose.
 
-kit_host.py ENDPOINT PROBLEM [FAULT]"""
+kit_host.py ENDPOINT PROBLEM [FAULT]
+
+The fault "stick_form" is none: the same host in stick form."""
 import importlib.util
 import pathlib
 import sys
@@ -30,6 +32,8 @@ FAULTS = {
     "pressure_in_gpa": ("pressure", "two_half_spaces"),
     "stress_of_the_first_step_for_ever": ("closure", "finite_plate"),
     "plate_without_a_back": ("jump", "finite_plate"),
+    "impedance_of_one_side": ("closure", "two_half_spaces"),
+    "stick_stress_without_jump": ("far_stresses", "two_half_spaces"),
     "sequence_skips": ("sequence", "two_half_spaces"),
     "no_epoch": ("epoch", "two_half_spaces"),
     "wrong_sum": ("payload_sum", "two_half_spaces"),
@@ -64,10 +68,15 @@ def run(endpoint, problem, fault=None):
     for step in range(steps):
         length = dt if step > 0 or fault == "whole_first_step" else dt / 2
         jump = (soft.velocity[:, 0] - hard.velocity[:, 0])[nodes]
+        inputs = {"stress_soft": soft.stress[nodes, 0] * (-1 if fault == "sign_of_a_stress" else 1),
+                  "stress_hard": hard.stress[nodes, 0], "mass_soft": masses[0], "mass_hard": masses[1]}
+        if fault in ("stick_form", "impedance_of_one_side", "stick_stress_without_jump"):
+            z = 1 / (length * (1 / masses[0] + 1 / masses[1]))
+            free = length * (inputs["stress_soft"] / masses[0] + inputs["stress_hard"] / masses[1])
+            inputs = {"stick_stress": z * (free + (0 if fault == "stick_stress_without_jump" else jump)),
+                      "impedance": masses[0] / length if fault == "impedance_of_one_side" else z}
         answer = bus.step(length, jump=-jump if fault == "sign_of_the_jump" else jump,
-                          pressure=1.0 if fault == "pressure_in_gpa" else 1e9,
-                          stress_soft=soft.stress[nodes, 0] * (-1 if fault == "sign_of_a_stress" else 1),
-                          stress_hard=hard.stress[nodes, 0], mass_soft=masses[0], mass_hard=masses[1], step=step)
+                          pressure=1.0 if fault == "pressure_in_gpa" else 1e9, step=step, **inputs)
         first = answer.stress[0] if first is None else first
         stress = answer.stress[0] if fault != "stress_of_the_first_step_for_ever" else first * 1.01
         soft.accelerate(length, stress)

@@ -20,5 +20,7 @@ except ImportError:
     _sum.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
 
     def xxh3(buffer):
+        if type(buffer) is bytes:
+            return _sum(buffer, len(buffer))
         view = numpy.frombuffer(buffer, numpy.uint8) if len(buffer) else numpy.empty(0, numpy.uint8)
         return _sum(view.ctypes.data, view.size)

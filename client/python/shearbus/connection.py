@@ -1,5 +1,6 @@
 """One DEALER socket with deadlines and retries (proto/WIRE.md, "Deadlines and repeats"): sends the frames of a request
 and returns the reply to it."""
+import contextlib
 import logging
 import os
 import pathlib
@@ -16,6 +17,8 @@ from .errors import AuthError, Code, Error, UnexpectedReply, UnknownOutcome, Unr
 HANDSHAKES = (zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
               | zmq.EVENT_HANDSHAKE_FAILED_AUTH)
 SILENT_FAILURES = 3  # handshakes failed in a row after which a wrong key is reported
+SMALL_BYTES = 1 << 16  # frames up to this size are copied, which is quicker than views of them
+RECEIVE_MS = 100  # a receive waits so long before handshakes and deadlines are looked at
 REPORT_AFTER_S = 2.0  # time after which a waiting call says whom it waits for
 MAX_PAYLOAD_BYTES = 32 * 1024 * 1024
 Z85 = frozenset(b"0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#")
@@ -27,7 +30,7 @@ log = logging.getLogger("shearbus")
 
 class Reply(NamedTuple):
     header: Any  # decoded ReplyHeader
-    payload: Any  # memoryview of the payload frame, or None
+    payload: Any  # bytes or memoryview of the payload frame, or None
     round_trip_s: float
 
 
@@ -137,7 +140,7 @@ class Connection:
             for option, value in ((zmq.IMMEDIATE, 1), (zmq.LINGER, 0), (zmq.MAXMSGSIZE, MAX_PAYLOAD_BYTES),
                                   (zmq.RECONNECT_IVL, 100), (zmq.RECONNECT_IVL_MAX, 5000), (zmq.HANDSHAKE_IVL, 5000),
                                   (zmq.HEARTBEAT_IVL, 2000), (zmq.HEARTBEAT_TIMEOUT, 6000), (zmq.TCP_KEEPALIVE, 1),
-                                  (zmq.IPV6, int(self.endpoint.startswith("tcp://[")))):
+                                  (zmq.IPV6, int(self.endpoint.startswith("tcp://["))), (zmq.RCVTIMEO, RECEIVE_MS)):
                 socket.setsockopt(option, value)
             if self.secret_key:
                 socket.curve_serverkey, socket.curve_publickey = self.server_key, self.public_key
@@ -180,19 +183,27 @@ class Connection:
             if self._refusal or time.monotonic() >= until:
                 return False
 
+    def _first_frame(self, until):
+        """Waits for a message and returns its first frame. Returns None if `until` passed first, or if the server
+        refused the connection."""
+        if time.monotonic() + RECEIVE_MS / 1000 < min(until, self._report_at):
+            with contextlib.suppress(zmq.Again):
+                return self._socket.recv()  # without a poll, which costs as much as the rest of a small request
+        return self._socket.recv(NOW) if self._wait(self._incoming, until) else None
+
     def _receive(self, request_id, until, started):
         """Waits for the reply to `request_id` and skips replies to earlier requests. Returns None if `until` passed
         first."""
-        while self._wait(self._incoming, until):
-            frames = [self._socket.recv(NOW, copy=False)]
-            while frames[-1].more:
+        while (first := self._first_frame(until)) is not None:
+            frames = []
+            while self._socket.rcvmore:
                 frames.append(self._socket.recv(NOW, copy=False))
             received = time.monotonic()
             try:
-                answer = header.REPLY_HEADER.decode(frames[0].bytes)
+                answer = header.REPLY_HEADER.decode(first)
                 if answer.magic != header.MAGIC:
                     raise ValueError("it does not begin with the magic number of shearbus")
-                payload = _checked_payload(answer.payload, frames[1:])
+                payload = _checked_payload(answer.payload, frames)
             except (ValueError, IndexError) as fault:
                 raise UnexpectedReply(Code.UNEXPECTED_REPLY, f"{self.endpoint} sent what is no reply: {fault}",
                                       "Is it a shearbus server of this version?")
@@ -265,10 +276,10 @@ def _checked_payload(declared, frames):
         raise ValueError(f"{len(frames)} payload frames, the header declares {int(declared is not None)}")
     if declared is None:
         return None
-    view = frames[0].buffer
-    if view.nbytes != declared.size_bytes or xxh3(view) != declared.xxh3:
+    view = frames[0].buffer if len(frames[0]) > SMALL_BYTES else frames[0].bytes
+    if len(view) != declared.size_bytes or xxh3(view) != declared.xxh3:
         raise ValueError("the payload has another size or checksum than its header says")
-    if declared.columns.end > view.nbytes:
+    if declared.columns.end > len(view):
         raise ValueError("a column does not lie in the payload")
     return view
 

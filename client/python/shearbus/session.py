@@ -12,7 +12,7 @@ from .checksum import xxh3
 from .closure import ClosureCheck
 from .columns import (BY_NAME, BY_NUMBER, DTYPE, FAR_FIELD_FORM, INITIAL_TEMPERATURE, LEDGER, NODE_ID, STICK_FORM,
                       UINT64)
-from .connection import Connection
+from .connection import SMALL_BYTES, Connection
 from .errors import Code, ContentError, Error, MessageError, SessionError, UnexpectedReply, UnknownOutcome, Unreachable
 from .history import History
 
@@ -119,7 +119,8 @@ _layouts = {}  # (number, component) of the columns and rows -> the encoded colu
 
 
 def payload_of(columns, frame):
-    """Returns the encoded Payload of columns (number, component) whose values are the rows of `frame`, 8 bytes each."""
+    """Returns the encoded Payload of columns (number, component) whose values are the rows of `frame`, 8 bytes each,
+    and the bytes of the payload frame."""
     count = frame.shape[1]
     layout = _layouts.get((columns, count))
     if layout is None:
@@ -130,8 +131,8 @@ def payload_of(columns, frame):
                 8 * count * i, "count": count
             } for i, (number, component) in enumerate(columns)]
         })
-    return header.PAYLOAD.encode(
-        {"size_bytes": frame.nbytes, "xxh3": xxh3(memoryview(frame).cast("B")) if count else xxh3(b"")}) + layout
+    data = frame.tobytes() if frame.nbytes <= SMALL_BYTES else memoryview(frame).cast("B")
+    return header.PAYLOAD.encode({"size_bytes": frame.nbytes, "xxh3": xxh3(data)}) + layout, data
 
 
 def named_nodes(nodes, temperature=None):
@@ -170,7 +171,7 @@ class Answer:
         self.layer_time = upscale.layer_time_s
         self.round_trip_s, self.replayed = reply.round_trip_s, reply.header.replayed
         self._columns = reply.header.payload.columns.parts
-        if view.nbytes and numpy.frombuffer(view, numpy.uint8, 1).ctypes.data % 8:
+        if type(view) is not bytes and numpy.frombuffer(view, numpy.uint8, 1).ctypes.data % 8:
             view = bytes(view)  # libzmq delivers small frames at any address
         self._view = view
 
@@ -278,8 +279,8 @@ class Session:
         }
         if columns is None:
             return [header.REQUEST_HEADER.encode(envelope)]
-        return [header.REQUEST_HEADER.encode({**envelope, "payload": payload_of(columns, frame)}),
-                memoryview(frame).cast("B") if frame.size else b""]
+        payload, data = payload_of(columns, frame)
+        return [header.REQUEST_HEADER.encode({**envelope, "payload": payload}), data]
 
     def _send(self, envelope, verb, body, answer, columns=None, frame=None, deadline=None):
         reply = self._connection.call(self._frames({**envelope, verb: body}, columns, frame), envelope["request_id"],

@@ -25,7 +25,9 @@ HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME = 16, 17, 18, 19, 20, 21, 23 
 FLOAT64, UINT64, UINT8 = 1, 2, 3
 CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
 NODE_ID, TEMPERATURE, JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD = 1, 2, 10, 11, 12, 13, 14, 15
+STICK_STRESS, IMPEDANCE = 18, 19
 REQUIRED = (JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD)
+STICK_FORM = (JUMP, PRESSURE, STICK_STRESS, IMPEDANCE)
 REPLY_COLUMNS = (30, 31, 32, 33, 36, 34, 35)
 STICK, SLIDING = 1, 2  # Regime
 WIRE_TYPES = {  # field of a request's envelope -> wire type
@@ -40,11 +42,12 @@ class Problem:
     half-space pair is V0 - s (1/Z_soft + 1/Z_hard) from the first step on; that of a plate with a free back falls by 2
     s / Z_soft at every return of its wave."""
 
+    NAMES = ("two_half_spaces", "finite_plate")
     jump, pressure, friction, depth = 100.0, 1e9, 50e6, 0.5e-3  # m/s, Pa, Pa, m
     density, modulus = (2703.0, 7900.0), (27.6e9, 77e9)
 
     def __init__(self, name):
-        self.finite = {"two_half_spaces": False, "finite_plate": True}[name]
+        self.finite = bool(self.NAMES.index(name))
         self.impedance = [math.sqrt(d * m) for d, m in zip(self.density, self.modulus)]
         self.round_trip = 2 * self.depth * math.sqrt(self.density[0] / self.modulus[0])
 
@@ -80,17 +83,20 @@ CHECKS = {
     "payload_sum": "the payload frame has the XXH3-64 of its header",
     "columns": "columns lie in the frame at multiples of 8, do not overlap, and come once",
     "elements": "each column has its own element type, and one element per row",
-    "required": "a step has the columns 10 to 15",
+    "required": "a step has the columns 10 to 15, or in stick form 10, 11, 18 and 19",
     "finite": "all values are finite",
     "step": "dt is from 1e-18 to 1 s, and the mode is ADVANCE or TRIAL",
-    "masses": "masses are positive",
+    "masses": "masses, or impedances, are positive",
     "closed": "the session is closed at the end",
     "pressure": "the pressure is the problem's: Pa, compression positive",
     "first_jump": "the first jump is V_soft - V_hard, in m/s, with its sign",
-    "first_step": "the first step is half as long as the second: velocities live half a step before stresses",
-    "half_zones": "the masses are those of half zones of about the same transit time, the soft one's in column 14",
+    "first_step": "the first step is half as long as the second: velocities live half a step before stresses. In stick form "
+                  "velocities may live at whole steps",
+    "half_zones": "the masses are those of half zones of about the same transit time, the soft one's in column 14; an "
+                  "impedance is that of such masses",
     "closure": "the jump of a request is the jump that was answered: the host has applied the stress to both bodies",
-    "far_stresses": "the stresses of the first step are 0, and later have the sign of the friction",
+    "far_stresses": "the stresses of the first step are 0, and later have the sign of the friction; the first stick "
+                    "stress is that of the jump",
     "jump": "the jump is the exact one within 1 %",
     "long_enough": "the host has made 20 steps at least",
     "restart": "after an EPOCH the session is claimed with its token, and the same request comes with the new epoch",
@@ -333,8 +339,8 @@ class MockServer:
             self.new_id(header)
             durability = "process" if self.restart_after is not None else "none"
             limits = [(1, 524288), (2, 33554432), (3, 200000), (4, 1024), (5, 2), (20, 2), (21, 1 << 30)]
-            return [(1, 1), (3, "mock"), (4, limits), (5, "force_driven"), (5, "trial"), (5, "resume"), (6, durability),
-                    (20, "uid")], None
+            return [(1, 1), (3, "mock"), (4, limits), (5, "force_driven"), (5, "trial"), (5, "resume"),
+                    (5, "stick_form"), (6, durability), (20, "uid")], None
         check("hello_first", self.greeted, "no hello")
         if body == OPEN:
             return self.open(fields, columns, header, frames, peer)
@@ -457,25 +463,26 @@ class MockServer:
             self.accept(session)
         if not check("step", 1e-18 <= dt <= 1 and mode in (1, 2), f"dt {dt}, mode {mode}"):
             raise Refusal(INVALID_VALUE, "expected dt from 1e-18 to 1 s, and mode 1 or 2")
-        missing = [field for field in REQUIRED if (field, 0) not in columns]
-        surplus = [key for key in columns if key[0] not in (*REQUIRED, NODE_ID) or key[1]]
+        form = STICK_FORM if (STICK_STRESS, 0) in columns or (IMPEDANCE, 0) in columns else REQUIRED
+        missing = [field for field in form if (field, 0) not in columns]
+        surplus = [key for key in columns if key[0] not in (*form, NODE_ID) or key[1]]
         if not check("required", not missing and not surplus, f"missing {missing}, surplus {surplus}"):
             raise Refusal(SHAPE, f"columns are missing {missing} or surplus {surplus}")
         nodes = columns.get((NODE_ID, 0), session.nodes)
-        rows = [dict(zip(REQUIRED, row)) for row in zip(*(columns[field, 0] for field in REQUIRED))]
+        rows = [dict(zip(form, row)) for row in zip(*(columns[field, 0] for field in form))]
         if not check("elements", len(rows) == len(nodes), f"{len(rows)} rows for {len(nodes)} nodes"):
             raise Refusal(SHAPE, f"expected {len(nodes)} rows, found {len(rows)}")
         if not set(nodes) <= set(session.nodes):
             raise Refusal(UNKNOWN_NODE, "a node is not of this session")
         if not check("finite", all(math.isfinite(value) for row in rows for value in row.values()), "not finite"):
             raise Refusal(INVALID_VALUE, "a value is not finite")
-        if not check("masses", all(row[MASS_SOFT] > 0 and row[MASS_HARD] > 0 for row in rows), "not positive"):
-            raise Refusal(INVALID_VALUE, "a mass is not positive")
+        positive = set(form) & {MASS_SOFT, MASS_HARD, IMPEDANCE}
+        if not check("masses", all(row[field] > 0 for row in rows for field in positive), "not positive"):
+            raise Refusal(INVALID_VALUE, "a mass or impedance is not positive")
         self.judge(session, dt, nodes, rows)
         answers, friction = {field: [] for field in REPLY_COLUMNS}, self.friction(session.steps)
         for row in rows:
-            a = dt * (1 / row[MASS_SOFT] + 1 / row[MASS_HARD])
-            free = row[JUMP] + dt * (row[STRESS_SOFT] / row[MASS_SOFT] + row[STRESS_HARD] / row[MASS_HARD])
+            a, free = self.balance(row, dt)
             limit = friction if row[PRESSURE] > 0 else 0.0
             stress = max(-limit, min(limit, free / a))
             new = free - a * stress
@@ -497,6 +504,13 @@ class MockServer:
         return [f for f in body
                 if f[1]], {field: answers[field] for field in REPLY_COLUMNS if field in wanted or not wanted}
 
+    def balance(self, row, dt):
+        """Returns what a stress of 1 Pa takes from the new jump (m/s), and the new jump without friction (m/s)."""
+        if IMPEDANCE in row:
+            return 1 / row[IMPEDANCE], row[STICK_STRESS] / row[IMPEDANCE]
+        return (dt * (1 / row[MASS_SOFT] + 1 / row[MASS_HARD]),
+                row[JUMP] + dt * (row[STRESS_SOFT] / row[MASS_SOFT] + row[STRESS_HARD] / row[MASS_HARD]))
+
     def friction(self, step):
         return self.problem.friction / (1 + 1e-3 * step * self.varying)
 
@@ -514,17 +528,25 @@ class MockServer:
             check("pressure",
                   abs(row[PRESSURE] / problem.pressure - 1) < 1e-6,
                   f"{row[PRESSURE]:g} Pa, expected {problem.pressure:g}")
-            transit = [2 * row[mass] / impedance for mass, impedance in zip((MASS_SOFT, MASS_HARD), problem.impedance)]
+            sticks = IMPEDANCE in row
+            if sticks:
+                transit = [2 * row[IMPEDANCE] * dt * sum(1 / impedance for impedance in problem.impedance)]
+            else:
+                transit = [2 * row[mass] / z for mass, z in zip((MASS_SOFT, MASS_HARD), problem.impedance)]
             check(
-                "half_zones", 0.4 < transit[0] / transit[1] < 2.5
+                "half_zones", 0.4 < transit[0] / transit[-1] < 2.5
                 and all(0.9 * dt < t < 20 * max(dt, *session.dts, 0.0) for t in transit),
-                f"zones with transit times of {transit[0]:g} and {transit[1]:g} s for dt {dt:g} s: "
+                f"zones with transit times of {' and '.join(f'{t:g}' for t in transit)} s for dt {dt:g} s: "
                 "the masses are not those of half zones, "
                 "or their sides are swapped")
             if session.steps == 0:
                 check("first_jump",
                       abs(row[JUMP] - problem.jump) < CLOSURE, f"{row[JUMP]:g} m/s, expected {problem.jump:g}")
-                check("far_stresses", row[STRESS_SOFT] == 0 == row[STRESS_HARD], "not 0 at the start")
+                if sticks:
+                    check("far_stresses", abs(row[STICK_STRESS] / row[IMPEDANCE] - row[JUMP]) < CLOSURE,
+                          f"the stick stress is {row[STICK_STRESS]:g} Pa, expected {row[IMPEDANCE] * row[JUMP]:g}")
+                else:
+                    check("far_stresses", row[STRESS_SOFT] == 0 == row[STRESS_HARD], "not 0 at the start")
                 continue
             answered = session.jumps[node]
             check(
@@ -533,7 +555,7 @@ class MockServer:
                 f"node {node}, step {session.steps}: the host has a jump of {row[JUMP]:.9g} m/s, "
                 f"{answered:.9g} was answered"
             )
-            if not problem.finite:
+            if not problem.finite and not sticks:
                 # Behind the front the stress is the friction; a coarse host rings around it.
                 check(
                     "far_stresses",
@@ -542,7 +564,9 @@ class MockServer:
                     f"expected about {problem.friction:g}: the sign of a stress is wrong"
                 )
         if session.steps == 1:
-            check("first_step", abs(session.dts[0] / dt - 0.5) < 1e-6, f"{session.dts[0]:g} s, then {dt:g} s")
+            parts = (0.5, 1.0) if sticks else (0.5,)
+            check("first_step", any(abs(session.dts[0] / dt - part) < 1e-6 for part in parts),
+                  f"{session.dts[0]:g} s, then {dt:g} s")
 
     def end(self, session):
         """Judges a run when its session is closed."""
@@ -563,6 +587,7 @@ class MockServer:
         """Answers requests until a session was closed, or `stop` says so."""
         socket = zmq.Context.instance().socket(zmq.ROUTER)
         socket.setsockopt(zmq.LINGER, 200)
+        monitor = socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
         socket.bind(endpoint)
         try:
             while not stop() and not (until_closed and self.closed):
@@ -576,14 +601,18 @@ class MockServer:
                     if other == peer and more != frames:
                         self.report.check("one_in_flight", False, "a request came before the answer to the one before")
                     socket.send_multipart([other, *self.answer(more, other)])
+            if until_closed and self.closed:
+                monitor.poll(5000)  # ms; the reply may still be on its way
         finally:
+            socket.disable_monitor()
+            monitor.close()
             socket.close()
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bind", required=True)
-    parser.add_argument("--problem", choices=("two_half_spaces", "finite_plate"), default="two_half_spaces")
+    parser.add_argument("--problem", choices=Problem.NAMES, default=Problem.NAMES[0])
     parser.add_argument("--friction-pa", type=float, default=Problem.friction)
     parser.add_argument("--restart-after", type=int)
     options = parser.parse_args()

@@ -1,0 +1,44 @@
+#include "client/ctl/rehearse.hpp"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <vector>
+
+namespace shearbus::ctl {
+namespace {
+
+constexpr const char* kKit =
+    "import sys\n"
+    "try:\n"
+    "    from shearbus.conformity.__main__ import main\n"
+    "except ImportError as fault:\n"
+    "    sys.exit(f'shearbus-ctl: the rehearsal is part of the Python client, which cannot be loaded: {fault}. '\n"
+    "             'Install the component python, with numpy, pyzmq and xxhash, or name its place in PYTHONPATH.')\n"
+    "sys.exit(main(sys.argv[1:]))\n";
+
+}  // namespace
+
+void rehearse(std::span<char* const> arguments) {
+  namespace fs = std::filesystem;
+  // An installed program finds the package of its own tree.
+  const fs::path packages = fs::read_symlink("/proc/self/exe").parent_path() / "../lib/python3/dist-packages";
+  if (fs::exists(packages / "shearbus")) {
+    const char* given = std::getenv("PYTHONPATH");  // NOLINT(concurrency-mt-unsafe)
+    const std::string path = packages.lexically_normal().string() + (given == nullptr ? "" : std::string(":") + given);
+    ::setenv("PYTHONPATH", path.c_str(), 1);  // NOLINT(concurrency-mt-unsafe)
+  }
+  std::vector<std::string> words = {SHEARBUS_PYTHON, "-P", "-c", kKit};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> pointers;
+  for (std::string& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  ::execv(SHEARBUS_PYTHON, pointers.data());
+  throw std::system_error(errno, std::generic_category(), SHEARBUS_PYTHON);
+}
+
+}  // namespace shearbus::ctl

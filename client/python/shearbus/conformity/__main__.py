@@ -1,0 +1,45 @@
+"""Plays problems with exact answers into the coupling routine of a host, by a mock server that holds the host to the
+protocol and to closure. Prints what failed and, last, "your client: 41 of 43".
+
+shearbus-ctl rehearse [--problem NAME] ENDPOINT
+    waits for one run of a host that was started by hand
+shearbus-ctl rehearse [--server ENDPOINT] [--scenario NAME]... [--timeout S] [--delay S] -- COMMAND...
+    starts the host for each scenario: both problems, messages that are lost, doubled and delayed, a restart of the
+    server. In the command @endpoint and @problem stand for both; a host of the client libraries needs no @endpoint,
+    because the environment has SHEARBUS_ENDPOINT. Its exit code says whether it got to its end.
+
+Problems, with any mesh and at least 20 steps: aluminium (2703 kg/m3, 27.6 GPa), z > 0, slides at 100 m/s on steel
+(7900 kg/m3, 77 GPa), both elastic, under 1 GPa. The mock server answers a friction stress of 50 MPa, whatever the scene.
+    two_half_spaces   the jump is 92.184 m/s from the first step on
+    finite_plate      0.5 mm of aluminium with a free back: the jump falls by 11.58 m/s every 312.9 ns"""
+import argparse
+import sys
+
+from . import SCENARIOS, await_host, command_client, judge
+from .mock_server import Problem
+
+
+def main(words):
+    parser = argparse.ArgumentParser(prog="shearbus-ctl rehearse", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter, usage=argparse.SUPPRESS)
+    parser.add_argument("endpoint", nargs="?", help="tcp://host:port or ipc://path, for a host started by hand")
+    parser.add_argument("--problem", choices=Problem.NAMES, default=Problem.NAMES[0])
+    parser.add_argument("--server", help="endpoint of a real server, against which the host is run at the end")
+    parser.add_argument("--scenario", action="append", choices=list(SCENARIOS), help="only this one, repeatable")
+    parser.add_argument("--timeout", type=float, default=120.0, help="of one run of the host, in s (120)")
+    parser.add_argument("--delay", type=float, default=8.0,
+                        help="of a delayed reply, in s (8): longer than the client waits before it repeats a request")
+    at = words.index("--") if "--" in words else len(words)
+    options, command = parser.parse_args(words[:at]), words[at + 1:]
+    if bool(options.endpoint) == bool(command):
+        parser.error("expected either an ENDPOINT or -- and the command of a host")
+    if options.endpoint:
+        good, total = await_host(options.endpoint, options.problem)
+    else:
+        good, total = judge(command_client(command, options.timeout), options.delay, options.server,
+                            options.scenario or tuple(SCENARIOS))
+    return good < total
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
