@@ -19,7 +19,8 @@ class HistoryInput {
   HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop);
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
-  Form form() const { return form_; }  // form of the requests: stick form if the history has only its quantities
+  // form of the requests: stick form if the history has stick columns but no far-field columns
+  Form form() const { return form_; }
   bool force_driven() const { return force_driven_; }
   std::uint32_t components() const { return components_; }  // number of components of slip and stress
   bool closed_loop() const { return closed_loop_; }

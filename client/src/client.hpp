@@ -43,10 +43,11 @@ using wire::Policy;
 using wire::Status;
 using wire::TransferId;
 
-// The closure check of force-driven sessions: a host that applies the answered stress has, but for rounding, the jump
-// that its last step answered. kWarn compares the first 100 steps and warns once, with the mistake of the host that
-// explains the difference; the server also warns of doubtful times and units. kError compares every step and throws
-// kNotClosed before it is sent. kOff is for hosts whose jump has other changes, too, as where an interface turns.
+// The closure check of force-driven sessions: a host that applies the answered stress has, except for rounding, the
+// velocity jump that its last step answered. kWarn compares the two in the first 100 steps and warns once of a
+// difference, with the mistake of the host that explains it; the server also warns of doubtful times and units. kError
+// compares every step and throws kNotClosed before it is sent. kOff is for hosts whose jump also changes for other
+// reasons, for instance where an interface turns.
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {
@@ -60,7 +61,7 @@ struct ClientOptions {
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
   CheckClosure check_closure = CheckClosure::kWarn;
   // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for; and with
-  // "warning: " and a warning of a step. Without it warnings are lines of standard error.
+  // "warning: " followed by a warning about a step. Without a log function the warnings go to standard error.
   std::function<void(const std::string& line)> log;
 };
 
@@ -84,7 +85,7 @@ struct StepOptions {
   double time_s = 0.0;     // end of the step, for records only
   std::uint64_t step = 0;  // the host's step number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false;  // for trial(): first commits the present trial
+  bool commit_previous = false;  // first commits the standing trial
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
   // call throws kStepFailed with the ids of such nodes, and no state changes.
   Policy policy = Policy::kAccept;
@@ -183,7 +184,7 @@ class Session {
     wire::ResumeToken resume_token{};
   };
   Ticket ticket() const;
-  // Offers of this session that no session had accepted when it was resumed.
+  // Offers of a resumed session that no session had accepted when this client resumed it.
   const std::vector<TransferId>& offers() const;
   std::uint64_t last_sequence() const;  // number of the last answered request; 0 is the opening
   void leave();                         // leaves the session open on the server, to be resumed

@@ -93,7 +93,7 @@ class SocketConnection final : public Connection {
     void operator()(void* context) const;
   };
 
-  // Repeated notices to ClientOptions::log while a call waits.
+  // Times of the notices that ClientOptions::log gets while a call waits.
   struct Waiting {
     Clock::time_point since;
     Clock::time_point next_notice;
@@ -116,7 +116,7 @@ class SocketConnection final : public Connection {
   std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
   std::optional<Posted> posted_;
   Waiting waiting_{};
-  bool answered_ = false;                       // the server has answered before
+  bool answered_ = false;                       // true once the server has answered
   std::unique_ptr<void, CloseSocket> monitor_;  // events of the handshakes of socket_
   std::unique_ptr<void, CloseSocket>
       socket_;               // null after a timeout, so that a late reply cannot be mistaken for another
