@@ -140,7 +140,7 @@ class Service : private store::Recovery {
   void offer_nodes(Member& member, const wire::OfferNodes& offer, const Arrival& arrival, wire::Reply& reply);
   void accept_nodes(Member& member, const wire::AcceptNodes& accept, const Arrival& arrival, wire::Reply& reply);
   void apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply);
-  std::vector<wire::TransferId> offers_of(const Member& member) const;  // oldest first
+  std::vector<wire::TransferId> offers_of(const Member& member) const;  // waiting offers of the session, oldest first
   void forget_transfers_of(const Domain& domain);
   void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);
   void rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply);

@@ -24,14 +24,14 @@ struct StepCount {
   std::uint64_t flagged = 0;  // nodes with an outcome bit other than kAsleep
   std::uint64_t failed = 0;   // flagged nodes without an answer
   std::uint64_t asleep = 0;   // nodes at rest, which were not solved
-  Closure closure;            // of a shard that checks closure
+  Closure closure;            // set by a shard that checks closure
 
   StepCount& operator+=(const StepCount& other);
 };
 
 struct ShardOptions {
   std::size_t nodes_per_task = 512;  // smallest number of nodes per thread if several threads share a step
-  bool check_closure = false;        // force-driven: the states of closure.hpp; else without effect
+  bool check_closure = false;        // force-driven nodes have the states of closure.hpp; without effect on others
 };
 
 // The part of a node's committed state that an operator of the server can inspect.
@@ -49,7 +49,7 @@ class Shard {
 
   // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
   // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
-  // in whole tiles. Without a shard: those of a model.
+  // in whole tiles. The static functions give the numbers of a model for which there is no shard yet.
   static std::uint64_t bytes_per_node(const physics::Model& model, bool check_closure = false);
   static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure = false);
   std::uint64_t bytes_of_state() const { return sizeof(double) * layout_.doubles / physics::kLanes; }
@@ -63,7 +63,7 @@ class Shard {
   std::uint64_t state_version() const { return state_version_; }  // number of commits
 
   // The operators of a step length [s]. They are factorised at the first use of the length, and the shard keeps the
-  // operators of the last kOperatorsKept lengths.
+  // operators of the kOperatorsKept lengths that were used last.
   std::shared_ptr<const physics::StepOperators> operators(double dt);
 
   // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier
@@ -161,7 +161,8 @@ class Shard {
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 
-  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // newest first
+  // (step length [s], operators), last used first
+  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;
 };
 
 class Shard::Attempt {
