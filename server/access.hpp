@@ -1,5 +1,5 @@
 // Decides which clients may use the server: users of this machine by their uid, clients from other machines by their
-// key. The transport asks it about connections, the service about the sender of a message.
+// key. The transport asks it about connections, the server about the sender of a message.
 #pragma once
 
 #include <sys/stat.h>

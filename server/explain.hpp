@@ -37,10 +37,10 @@ struct Explanation {
   SceneCost everything;               // cost of the scene with all compatible parts switched on
   std::vector<std::string> together;  // names of the parts that `everything` has in addition
 
-  std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of such a step
+  std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of a step of this number of nodes
 };
 
-// Measures every part on this machine, for at most a second. Throws wire::Error if the scene is not valid.
+// Measures every part on this machine, in runs of at most 40 ms. Throws wire::Error if the scene is not valid.
 Explanation explain(std::string_view scene, const std::string& file);
 
 // Optional physics that a run left out, and the memory that it would have needed. Nothing is measured.

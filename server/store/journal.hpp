@@ -64,7 +64,7 @@ struct Segment {
   std::uint64_t epoch = 0;
   std::uint64_t first_index = 0;
   StoreId store{};            // id of the directory that the segment belongs to
-  std::uint64_t settled = 0;  // index behind the last record that was settled; such records may have been answered
+  std::uint64_t settled = 0;  // index after the last settled record; settled records may have been answered
   std::vector<Record> records;
   std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete
   bool torn = false;              // the last record is incomplete, so its request was never answered
