@@ -25,8 +25,8 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-// Returns the duration below which the fraction `share` of the counts lies, as text: the upper bound of the bucket in
-// which it lies.
+// Returns, as text, a duration below which at least the fraction `share` of the counts lies: the upper bound of a
+// bucket of the histogram.
 std::string quantile(const wire::Histogram& histogram, double share) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : histogram.counts) all += count;

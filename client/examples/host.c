@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
   step.n_outputs = 2;
 
   for (int t = 0; t < STEPS; ++t) {
-    step.dt_s = t == 0 ? 0.5 * kDt : kDt; /* the first velocities are those of half a step after the start */
+    step.dt_s = t == 0 ? 0.5 * kDt : kDt; /* velocities live at half steps: the first step is half as long */
     step.time_s += step.dt_s;
     step.step = (uint64_t)t + 1;
     for (int n = 0; n < NODES; ++n) jump[n] = soft[n].velocity[0] - hard[n].velocity[0];

@@ -60,7 +60,7 @@ double run(const shearbus::Options& options) {
       .out(SHEARBUS_INTERFACE_TEMPERATURE, temperature);
 
   for (int t = 0; t < kSteps; ++t) {
-    const double dt = t == 0 ? 0.5 * kDt : kDt;  // the first velocities are those of half a step after the start
+    const double dt = t == 0 ? 0.5 * kDt : kDt;  // velocities live at half steps: the first step is half as long
     for (std::size_t n = 0; n < kNodes; ++n) jump[n] = soft[n].velocity[0] - hard[n].velocity[0];
     bus.step(step.dt(dt));
     for (std::size_t n = 0; n < kNodes; ++n) {

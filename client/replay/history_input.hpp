@@ -22,7 +22,7 @@ class HistoryInput {
   // form of the requests: stick form if the history has stick columns but no far-field columns
   Form form() const { return form_; }
   bool force_driven() const { return force_driven_; }
-  std::uint32_t components() const { return components_; }  // number of components of slip and stress
+  std::uint32_t components() const { return components_; }  // number of tangential components of slip and stress
   bool closed_loop() const { return closed_loop_; }
   const std::string& jump_origin() const { return jump_origin_; }  // source of the velocity jump, for the summary
   const std::vector<std::string>& notes() const { return notes_; }

@@ -343,8 +343,8 @@ struct shearbus_session {
 
 namespace {
 
-// The session of a handle; refuses a handle without one. The second overload also refuses a call out of turn: `started`
-// says whether the call needs a step that was started and not finished.
+// The session of a handle; refuses a handle without one. The second overload also refuses a call while a step is
+// started or, if `started`, a call while no step is started.
 const Session& session_of(const shearbus_session* handle) {
   if (handle == nullptr || !handle->session)
     refuse(Code::kInvalidValue, "there is no session: the handle is NULL, or its opening failed",

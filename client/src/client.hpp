@@ -74,10 +74,10 @@ KeyPair make_key_pair();
 
 struct OpenOptions {
   std::span<const double> initial_temperature_k;  // one value per node; empty: the value of the scene
-  // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between its
-  // sessions. A session outside of any domain (empty) must be opened with at least one node.
+  // Node ids are unique among the sessions of a domain, such as the ranks of one run, and nodes can move between these
+  // sessions. Empty: the session is in no domain, and must be opened with at least one node.
   std::string domain;
-  std::uint64_t idle_limit_s = 0;  // the server closes the session after so long without a request; 0: never
+  std::uint64_t idle_limit_s = 0;  // the server closes the session after this time without a request; 0: never
 };
 
 struct StepOptions {
@@ -135,7 +135,7 @@ class Session {
   // columns. A force-driven request has one of two forms: stresses and masses of both half zones (kFarField), or stick
   // stress and impedance (kStick).
   Batch request(std::span<const Field> optional_columns = {}, Form form = Form::kFarField) const;
-  // The same for a step of some nodes, with rows in the order of `node_ids`.
+  // Like request(), for a step of some nodes, with rows in the order of `node_ids`.
   Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {},
                     Form form = Form::kFarField) const;
 
@@ -156,8 +156,8 @@ class Session {
   // a trial.
   wire::Marked mark(const std::string& name);
   std::uint64_t rollback_to(const std::string& mark);
-  // These calls change the set of nodes and are refused while the session has a trial. New nodes are added after the
-  // present nodes, which keep their order.
+  // The calls from register_nodes() to accept_nodes() change the set of nodes and are refused while the session has a
+  // trial. New nodes are added after the present nodes, which keep their order.
   void register_nodes(std::span<const std::uint64_t> node_ids,
                       std::span<const double> initial_temperature_k = {});  // one per node; empty: scene's value
   void retire_nodes(std::span<const std::uint64_t> node_ids);               // removes the nodes with their states

@@ -23,8 +23,8 @@ class ClosureCheck {
   // Compares the jumps of a request with the answers to the step that it continues. Called before the request is sent;
   // throws Error{kNotClosed} in mode kError.
   void compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step);
-  // Keeps a request and its answer, and passes on the server's warnings, one for each field that they are about. Throws
-  // nothing, because the step has run: if memory runs out, the check skips the next step.
+  // Keeps a request and its answer, and passes on the server's warnings, the first one for each field. Throws nothing,
+  // because the step has run: if memory runs out, the check skips the next step.
   void answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale, const StepOptions& step,
                 wire::Mode mode) noexcept;
   void committed();    // the trial becomes the last step

@@ -62,7 +62,7 @@ class Connection {
   // session owns the nodes.
   std::optional<wire::Request> opening_in_doubt;
 
-  bool durable() const { return durable_; }  // whether sessions outlive the server, as its welcome says
+  bool durable() const { return durable_; }  // true if the server's welcome says that sessions outlive the server
   void set_durable(bool durable) { durable_ = durable; }
 
  private:

@@ -15,14 +15,14 @@ namespace shearbus::closure {
 //   [V] + dt (stress_soft/mass_soft + stress_hard/mass_hard) - dt s (1/mass_soft + 1/mass_hard),
 // in stick form (stick_stress - s) / impedance.
 struct Row {
-  double jump = 0.0;      // jump [V] that the last step was sent with        [m/s]
-  double stress = 0.0;    // stress s that the last step answered             [Pa]
-  double answered = 0.0;  // new jump that the last step answered         [m/s]
-  double now = 0.0;       // jump that the host brings with this step     [m/s]
+  double jump = 0.0;      // jump [V] that the last step was sent with  [m/s]
+  double stress = 0.0;    // stress s that the last step answered       [Pa]
+  double answered = 0.0;  // new jump that the last step answered       [m/s]
+  double now = 0.0;       // jump that the host sends with this step    [m/s]
   // Of the last step, in far-field form:
   double stress_soft = 0.0, stress_hard = 0.0;  // [Pa]
   double mass_soft = 1.0, mass_hard = 1.0;      // [kg/m2]
-  // and in stick form:
+  // Of the last step, in stick form:
   double stick_stress = 0.0;  // [Pa]
   double impedance = 1.0;     // [Pa s/m]
 

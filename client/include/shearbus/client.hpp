@@ -67,7 +67,7 @@ struct Options {
   double connect_deadline_s = 0.0;  // for each of these three times 0 means the default of shearbus.h
   double reply_deadline_s = 0.0;
   double retry_after_s = 0.0;
-  std::function<void(const std::string& line)> log;  // gets what a call waits for after 2, 4, 8, ... s, and warnings
+  std::function<void(const std::string& line)> log;  // gets the opened session, warnings, and what a call waits for
   std::string state_dir;                             // embedded: directory of a durable server's states
   std::uint32_t threads = 0;                         // embedded: number of threads that solve layers; 0: one
   int check_closure = SHEARBUS_CHECK_WARN;

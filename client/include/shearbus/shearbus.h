@@ -145,8 +145,8 @@ typedef struct shearbus_output {
   ptrdiff_t stride_bytes;
 } shearbus_output;
 
-/* The name of a column on the wire, with its unit, such as "pressure_pa"; NULL for a number that no column has. And
- * the number of the column with a name; 0 for a name that no column has. */
+/* shearbus_field_name(): the name of a column on the wire with its unit, such as "pressure_pa", or NULL for an
+ * unknown number. shearbus_field_number(): the number of the column that has this name, or 0 for an unknown name. */
 SHEARBUS_API const char* shearbus_field_name(uint32_t field);
 SHEARBUS_API uint32_t shearbus_field_number(const char* name);
 
@@ -162,7 +162,7 @@ typedef void (*shearbus_log_fn)(void* user, const char* line);
  * the mistake of the host that explains it. */
 enum {
   SHEARBUS_CHECK_WARN = 0,
-  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also changes otherwise, as where an interface turns */
+  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface */
   SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED */
 };
 
@@ -175,13 +175,13 @@ typedef struct shearbus_options {
   const char* name;            /* name of this host, for the server's log */
   const char* server_key_file; /* tcp: file of the server's public CURVE key; set both key files or none */
   const char* secret_key_file; /* tcp: file of this client's secret CURVE key */
-  double connect_deadline_s;   /* default 5 */
+  double connect_deadline_s;   /* deadline of connecting and the first exchange; default 5 */
   double reply_deadline_s;     /* deadline of any call, repeats included; default 60 */
   double retry_after_s;        /* time after which an unanswered request is repeated on a fresh connection; default 5 */
   shearbus_log_fn log;
   void* log_user;
   const char* state_dir; /* embedded: directory of a durable server's states; NULL: states end with the session */
-  uint32_t threads;      /* embedded: threads that solve layers; default 1 */
+  uint32_t threads;      /* embedded: number of threads that solve layers; default 1 */
   int check_closure;     /* SHEARBUS_CHECK_WARN, _OFF or _ERROR */
   uint64_t idle_limit_s; /* the server closes the session after this time without a request; 0: never */
 } shearbus_options;
@@ -235,12 +235,12 @@ typedef struct shearbus_request {
 
 typedef struct shearbus_result {
   size_t size;
-  uint64_t nodes;         /* rows answered */
-  uint64_t flagged_nodes; /* rows whose outcome is not 0 */
+  uint64_t nodes;         /* number of rows answered */
+  uint64_t flagged_nodes; /* number of nodes with an outcome bit other than SHEARBUS_OUTCOME_ASLEEP */
   uint64_t state_version;
-  uint64_t solver_ns;     /* time of the solvers */
-  uint64_t service_ns;    /* time in the server, the solvers included */
-  uint64_t round_trip_ns; /* time from the request to its answer, as this side saw it */
+  uint64_t solver_ns;     /* time that the solver took */
+  uint64_t service_ns;    /* time that the request took in the server, the solver included */
+  uint64_t round_trip_ns; /* time from the request to its answer, as the client saw it */
   /* Of force-driven sessions, unless check_closure is off: */
   double largest_closure_m_per_s; /* largest |jump of the host - jump answered before| of the rows */
   uint64_t closure_node;
@@ -313,7 +313,8 @@ typedef struct shearbus_info {
   { sizeof(shearbus_info), 0, 0, 0, 0, 0 }
 SHEARBUS_API int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shearbus_status* status);
 
-/* The columns of this session's steps: fills at most `capacity` numbers and returns how many there are. */
+/* The columns of this session's steps: writes at most `capacity` of their numbers to `fields` and returns how many
+ * columns there are. */
 enum {
   SHEARBUS_REQUIRED_INPUT = 0,
   SHEARBUS_OPTIONAL_INPUT = 1,
