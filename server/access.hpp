@@ -42,7 +42,7 @@ class Access {
   std::string secret_key_;
   std::string keys_file_;
   struct stat keys_stat_ {};
-  std::map<std::string, bool> keys_;  // public key of a client -> whether it is an operator
+  std::map<std::string, bool> keys_;  // public key of a client -> true for an operator
 };
 
 }  // namespace shearbus::server

@@ -16,7 +16,7 @@ namespace shearbus::server {
 
 struct ScenePart {
   std::string name;                 // key of the part, for example "hard_layer"
-  bool on = false;                  // whether the scene has the part
+  bool on = false;                  // true if the scene has the part
   std::string meaning;              // the physics that the part adds
   std::string excluded;             // reason why this scene cannot switch the part on or off; empty: it can
   std::int64_t bytes_per_node = 0;  // memory that the part adds, or would add
@@ -24,7 +24,7 @@ struct ScenePart {
 };
 
 struct SceneCost {
-  std::uint64_t bytes_per_node = 0;  // committed and trial state, entry in the index, row of the kept reply
+  std::uint64_t bytes_per_node = 0;  // memory of the states, of the entry in the index, and of the kept reply's row
   double slipping_s = 0.0;           // time of a node-step in which the interface slips
   double resting_s = 0.0;            // time of a node-step in which the contact is open and the layer still holds heat
   double step_length_s = 0.0;        // time to make the operators of a new step length

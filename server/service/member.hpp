@@ -23,7 +23,7 @@ struct Service::Member {
   std::string scene;            // effective scene, as canonical text
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
-  std::uint64_t idle_limit_s = 0;       // 0: no limit
+  std::uint64_t idle_limit_s = 0;       // the session is closed after this time without a request; 0: never
   std::string closed_because;           // why the session was closed; empty: no reason given
   std::vector<store::MarkImage> marks;  // marks of the session, oldest first
   wire::SessionClosed totals;

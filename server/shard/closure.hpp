@@ -15,7 +15,7 @@ namespace shearbus::shard {
 
 // The states of the model, followed by the states of the exchange. An unknown jump or time of the host is infinite.
 class TileStates : public physics::TileLayout {
-  std::size_t components_;  // tangential components of the answered jump; 0: closure is not checked
+  std::size_t components_;  // number of tangential components of the answered jump; 0: closure is not checked
 
  public:
   TileStates(const physics::Model& model, bool check_closure)
@@ -28,19 +28,20 @@ class TileStates : public physics::TileLayout {
   std::size_t answered_jump = add(kAnsweredJump, "m s-1", components_);
   // sum of the lengths of all steps that the node took
   std::size_t layer_time = add("layer_time_s", "s", components_ > 0);
-  // time_s of the last step; infinite if it was 0 or did not step the node by a row
+  // time_s of the last step; infinite if time_s was 0, or if the node had no row or no answer in that step
   std::size_t host_time = add("host_time_s", "s", components_ > 0);
 
   bool check_closure() const { return components_ > 0; }
 
-  // The initial states of the exchange, all lanes.
+  // Writes the initial states of the exchange into all lanes of a tile.
   void begin_exchange(double* tile) const;
 };
 
 // True if the states come from a shard that checks closure.
 bool checks_closure(const States& states);
 
-// Compares the jumps and times that the host sent with a step with those that its nodes had after the step before.
+// The result of comparing the jumps and times that the host sends with a step with those that its nodes kept from the
+// step before.
 struct Closure {
   double largest = -1.0;    // largest |jump of the host - answered jump|; below 0: no node had an answered jump  [m/s]
   std::uint32_t row = 0;    // row of the largest difference; of equal differences the first one

@@ -28,7 +28,8 @@ inline constexpr std::array<char, 8> kCheckpointMagic = {'S', 'H', 'B', 'C', 'K'
 inline constexpr std::array<char, 8> kIdentityMagic = {'S', 'H', 'B', 'S', 'T', 'O', 'R', '\n'};
 
 using SessionKey = std::array<std::uint8_t, 16>;
-using StoreId = std::array<std::uint8_t, 16>;  // random number of a state directory; stands in each of its files
+// random number of a state directory, in its file `store`, checkpoints and segments
+using StoreId = std::array<std::uint8_t, 16>;
 
 // The file `store`: the directory's id, and the newest files that the directory has held. The file is written and
 // synced before the first record of a segment and after every checkpoint, so that a lost file is noticed.

@@ -67,7 +67,7 @@ struct Segment {
   std::uint64_t settled = 0;  // index after the last settled record; settled records may have been answered
   std::vector<Record> records;
   std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete
-  bool torn = false;              // the last record is incomplete, so its request was never answered
+  bool torn = false;              // true if the last record is incomplete; its request was then never answered
 
   std::uint64_t next_index() const { return first_index + records.size(); }
 };

@@ -20,7 +20,7 @@ class StorageError : public std::runtime_error {
  public:
   StorageError(const std::string& doing, int code);
   int code() const { return code_; }  // errno
-  // No room on the disk, in the quota, or below the largest size that a file may have.
+  // True if there is no room on the disk, in the quota, or below the largest size that a file may have.
   bool no_space() const { return code_ == ENOSPC || code_ == EDQUOT || code_ == EFBIG; }
 
  private:

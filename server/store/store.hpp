@@ -31,7 +31,7 @@ const char* name(Durability durability);
 struct StoreOptions {
   Durability durability = Durability::kProcess;
   std::uint64_t epoch = 1;  // random number of this start of the server
-  // journal bytes after a checkpoint at which the next is due
+  // a checkpoint is due when the journal has grown by this size since the last one  [bytes]
   std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;
   std::size_t max_capsules = 16;  // largest number of failure capsules in the directory; later ones are not written
   StoreId fresh_id{};             // random id that a new directory gets
@@ -97,7 +97,7 @@ class Store {
   struct Restored {
     std::uint64_t next_index = 0;  // index of the first record that the restored checkpoint does not include
     std::string faults;            // faults of the checkpoints that were not loaded
-    std::exception_ptr unread;     // the first StorageError among them
+    std::exception_ptr unread;     // the first StorageError among these faults
   };
 
   Found find();

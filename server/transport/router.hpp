@@ -38,11 +38,11 @@ struct Pulse {
 
 struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
-  int queued_messages_per_peer = 4;  // longest queue of a peer, which sends one request at a time and repeats it
+  int queued_messages_per_peer = 4;  // longest queue of a peer, whose further messages repeat one request
   Authorise authorise;               // decides who may connect by ipc and tcp
   bool ipc_for_others = false;       // other users may reach an ipc socket; `authorise` selects them
-  std::string curve_secret_key;      // the server's key in Z85: tcp peers then need keys; empty: they have none
-  bool insecure_plaintext = false;   // allows tcp without keys, which is refused otherwise
+  std::string curve_secret_key;  // the server's secret key in Z85, with which tcp peers must have keys; empty: no keys
+  bool insecure_plaintext = false;                     // allows tcp without keys, which is refused otherwise
   std::function<void(const std::string&)> log;         // gets a line per undeliverable answer; may be empty
   std::function<void(const std::string&)> log_access;  // gets a line per refused connection, on another thread
 };
