@@ -1,5 +1,5 @@
 // The example host of host.c in C++: two elastic half-spaces slide on each other at ten interface nodes, with a
-// different pressure at each node. The velocity jump has an exact value, which run() compares with.
+// different pressure at each node. The velocity jump has an exact solution, with which run() compares it.
 //
 //   host SCENE.toml [ENDPOINT]      without an endpoint the server runs in this process
 #include <array>

@@ -1,4 +1,4 @@
-// The datasets of a history that a scene needs, and the requests that they become.
+// Finds the datasets of a history that a scene needs, and fills the requests of the replay from them.
 #pragma once
 
 #include <span>

@@ -1,5 +1,5 @@
 // The C interface (client/include/shearbus/shearbus.h): the sessions of the C++ core behind functions that return
-// codes. Nothing leaves a function but its code: see guarded().
+// codes. No exception leaves a function: see guarded().
 #include <fmt/format.h>
 #include <pthread.h>
 
