@@ -1,5 +1,5 @@
-// Checks of a request before physics uses its numbers. Every check throws wire::Error, whose text names column, nodes
-// and value.
+// Checks of a request before physics uses its numbers. A check that fails throws wire::Error, whose text says what was
+// expected and what was found.
 #pragma once
 
 #include <cstdint>

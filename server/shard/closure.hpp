@@ -43,7 +43,7 @@ bool checks_closure(const States& states);
 // The result of comparing the jumps and times that the host sends with a step with those that its nodes kept from the
 // step before.
 struct Closure {
-  double largest = -1.0;    // largest |jump of the host - answered jump|; below 0: no node had an answered jump  [m/s]
+  double largest = -1.0;    // largest |jump of the host - answered jump|; negative: no node had an answered jump  [m/s]
   std::uint32_t row = 0;    // row of the largest difference; of equal differences the first one
   std::uint64_t timed = 0;  // number of rows for which the host gave a time for this step and the one before
   std::uint64_t agree = 0;  // number of those rows in which the host's time grew by the length of the step

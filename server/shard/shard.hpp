@@ -31,7 +31,8 @@ struct StepCount {
 
 struct ShardOptions {
   std::size_t nodes_per_task = 512;  // smallest number of nodes per thread if several threads share a step
-  bool check_closure = false;        // force-driven nodes have the states of closure.hpp; without effect on others
+  // true: force-driven nodes have the states of closure.hpp; velocity-driven nodes never have them
+  bool check_closure = false;
 };
 
 // The part of a node's committed state that an operator of the server can inspect.

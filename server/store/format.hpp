@@ -1,5 +1,5 @@
-// Structures of the store's files, as FORMAT.md describes them. Little-endian. A sum is a hash that detects damage.
-// Every length and every sum is checked before it is used.
+// Structures of the store's files, as FORMAT.md describes them. Little-endian. A sum is a hash that detects damage. No
+// length is used before the sum that covers it has been compared.
 #pragma once
 
 #include <array>

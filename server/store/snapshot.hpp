@@ -47,7 +47,7 @@ struct SessionImage {
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
 
-  // The members below are set for open sessions only.
+  // The members from `scene` on are set for open sessions only.
   std::string scene;  // effective scene, as TOML
   std::vector<std::uint64_t> node_ids;
   std::uint64_t state_version = 0;

@@ -242,8 +242,8 @@ Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
   return restored;
 }
 
-// Reads a segment of this directory. Returns nothing for a file that cannot hold a record of this directory, and for a
-// file that may have held some, whose fault is put into `missed`.
+// Reads a segment of this directory. Returns nothing for a file that cannot hold a record of this directory. Returns
+// nothing, and the fault in `missed`, for a file that may have held records.
 std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t number, std::vector<std::byte>& bytes,
                                          Missed& missed) {
   // A segment is named as the newest one in the file `store` before its first record is written, so no segment with a

@@ -38,7 +38,7 @@ struct Pulse {
 
 struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
-  int queued_messages_per_peer = 4;  // longest queue of a peer, whose further messages repeat one request
+  int queued_messages_per_peer = 4;  // longest queue per peer; it holds one request and repeats of it
   Authorise authorise;               // decides who may connect by ipc and tcp
   bool ipc_for_others = false;       // other users may reach an ipc socket; `authorise` selects them
   std::string curve_secret_key;  // the server's secret key in Z85, with which tcp peers must have keys; empty: no keys

@@ -58,7 +58,7 @@ void check_directory(const std::string& path, bool private_to_owner) {
 bool is_served(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
-  if (path.size() >= sizeof address.sun_path) return false;  // too long for a socket: the bind will say so
+  if (path.size() >= sizeof address.sun_path) return false;  // too long for a socket: the bind will fail and say so
   std::memcpy(address.sun_path, path.data(), path.size());
   const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const bool served =
