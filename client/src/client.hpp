@@ -85,7 +85,7 @@ struct StepOptions {
   double time_s = 0.0;     // end of the step, for records only
   std::uint64_t step = 0;  // the host's step number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false;  // first commits the standing trial
+  bool commit_previous = false;  // true: first commits the standing trial
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
   // call throws kStepFailed with the ids of such nodes, and no state changes.
   Policy policy = Policy::kAccept;
@@ -139,8 +139,9 @@ class Session {
   Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {},
                     Form form = Form::kFarField) const;
 
-  const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the result
-  const StepResult& trial(const Batch& request, const StepOptions& step);    // steps; commit() or rollback() follows
+  const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the new states
+  // steps without commit; commit() or rollback() follows
+  const StepResult& trial(const Batch& request, const StepOptions& step);
   // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
   // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
   // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with

@@ -39,7 +39,7 @@ class ClosureCheck {
     bool sticks = false;
     bool has_stress = false;
     double dt_before = 0.0, dt = 0.0;
-    std::vector<closure::Row> rows;       // [component][row]
+    std::vector<closure::Row> rows;       // a Row per component and row: [component][row]
     std::vector<std::uint64_t> node_ids;  // node of each row; empty: all nodes of the session
     std::vector<bool> failed;             // true for rows without an answer
   };

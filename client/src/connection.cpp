@@ -28,7 +28,7 @@ constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
-constexpr int kSilentFailures = 3;               // handshakes failed in a row after which a wrong key is reported
+constexpr int kSilentFailures = 3;               // failed handshakes in a row after which a wrong key is reported
 constexpr std::chrono::seconds kFirstNotice{2};  // waiting time before the log says what a call waits for
 constexpr int kGoodbyeLingerMs = 100;            // longest time that an unsent closing request delays the program's end
 

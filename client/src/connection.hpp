@@ -117,7 +117,7 @@ class SocketConnection final : public Connection {
   std::optional<Posted> posted_;
   Waiting waiting_{};
   bool answered_ = false;                       // true once the server has answered
-  std::unique_ptr<void, CloseSocket> monitor_;  // events of the handshakes of socket_
+  std::unique_ptr<void, CloseSocket> monitor_;  // receives the handshake events of socket_
   std::unique_ptr<void, CloseSocket>
       socket_;               // null after a timeout, so that a late reply cannot be mistaken for another
   wire::Status refusal_;     // why the server refused the connection; OK if it did not

@@ -19,10 +19,10 @@ struct Row {
   double stress = 0.0;    // stress s that the last step answered       [Pa]
   double answered = 0.0;  // new jump that the last step answered       [m/s]
   double now = 0.0;       // jump that the host sends with this step    [m/s]
-  // Of the last step, in far-field form:
+  // Inputs of the last step, if it was in far-field form:
   double stress_soft = 0.0, stress_hard = 0.0;  // [Pa]
   double mass_soft = 1.0, mass_hard = 1.0;      // [kg/m2]
-  // Of the last step, in stick form:
+  // Inputs of the last step, if it was in stick form:
   double stick_stress = 0.0;  // [Pa]
   double impedance = 1.0;     // [Pa s/m]
 
