@@ -21,7 +21,7 @@ bool files_run_out();
 // nothing.
 class ServiceManager {
  public:
-  ServiceManager();  // reads the environment
+  ServiceManager();  // reads NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID from the environment
   ServiceManager(const ServiceManager&) = delete;
   ServiceManager& operator=(const ServiceManager&) = delete;
   ~ServiceManager();

@@ -61,7 +61,7 @@ class Shard {
   const NodeTable& nodes() const { return nodes_; }
   bool check_closure() const { return layout_.check_closure(); }
   std::uint64_t state_bytes() const { return bytes_for(nodes_.size()); }
-  std::uint64_t state_version() const { return state_version_; }  // number of commits
+  std::uint64_t state_version() const { return state_version_; }  // number of commits that led to the committed states
 
   // The operators of a step length [s]. They are factorised at the first use of the length, and the shard keeps the
   // operators of the kOperatorsKept lengths that were used last.
@@ -107,7 +107,7 @@ class Shard {
   NodeChange removing(std::span<const std::uint32_t> slots) const;
   void apply(NodeChange&& change);
 
-  States committed_states() const;  // states of every node
+  States committed_states() const;  // committed states of every node
   // States of the nodes in these slots, as rows 0, 1, ...; if `of_trial`, the trial states of nodes that have one.
   States states_of(std::span<const std::uint32_t> slots, bool of_trial) const;
   States trial_states() const;  // trial states of the nodes in tiles that the trial changed; empty without a trial

@@ -20,7 +20,7 @@ struct Record {
   std::uint64_t sequence = 0;
   std::uint64_t previous_reply = 0;
   Bytes header_frame;
-  Bytes payload_frame;        // empty: the request has none
+  Bytes payload_frame;        // empty: the request has no payload frame
   std::string_view identity;  // open_session only: the owner of the session
   std::uint64_t index = 0;    // number of the record, assigned by the journal
 };
