@@ -40,8 +40,7 @@ class TileStates : public physics::TileLayout {
 // True if the states come from a shard that checks closure.
 bool checks_closure(const States& states);
 
-// The result of comparing the jumps and times that the host sends with a step with those that its nodes kept from the
-// step before.
+// The differences between the jumps and the time that the host sends with a step and those kept from the step before.
 struct Closure {
   double largest = -1.0;    // largest |jump of the host - answered jump|; negative: no node had an answered jump  [m/s]
   std::uint32_t row = 0;    // row of the largest difference; of equal differences the first one
