@@ -1,5 +1,5 @@
 // Decides which clients may use the server: users of this machine by their uid, clients from other machines by their
-// key. The transport asks it about connections, the service about the sender of a message.
+// key. The transport asks it about connections, the server about the sender of a message.
 #pragma once
 
 #include <sys/stat.h>
@@ -42,7 +42,7 @@ class Access {
   std::string secret_key_;
   std::string keys_file_;
   struct stat keys_stat_ {};
-  std::map<std::string, bool> keys_;  // public key of a client -> whether it is an operator
+  std::map<std::string, bool> keys_;  // public key of a client -> true for an operator
 };
 
 }  // namespace shearbus::server

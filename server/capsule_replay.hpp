@@ -20,7 +20,7 @@ struct CapsuleReplay {
     std::string name;
     double recorded = 0.0;
     double found = 0.0;
-    bool same = false;  // whether `recorded` and `found` agree to the last bit
+    bool same = false;  // true if `recorded` and `found` agree to the last bit
   };
   std::string server_version;
   std::uint64_t node_id = 0, sequence = 0, step = 0, attempt = 0;

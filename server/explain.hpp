@@ -16,7 +16,7 @@ namespace shearbus::server {
 
 struct ScenePart {
   std::string name;                 // key of the part, for example "hard_layer"
-  bool on = false;                  // whether the scene has the part
+  bool on = false;                  // true if the scene has the part
   std::string meaning;              // the physics that the part adds
   std::string excluded;             // reason why this scene cannot switch the part on or off; empty: it can
   std::int64_t bytes_per_node = 0;  // memory that the part adds, or would add
@@ -24,7 +24,7 @@ struct ScenePart {
 };
 
 struct SceneCost {
-  std::uint64_t bytes_per_node = 0;  // committed and trial state, entry in the index, row of the kept reply
+  std::uint64_t bytes_per_node = 0;  // memory of the states, of the entry in the index, and of the kept reply's row
   double slipping_s = 0.0;           // time of a node-step in which the interface slips
   double resting_s = 0.0;            // time of a node-step in which the contact is open and the layer still holds heat
   double step_length_s = 0.0;        // time to make the operators of a new step length
@@ -37,10 +37,10 @@ struct Explanation {
   SceneCost everything;               // cost of the scene with all compatible parts switched on
   std::vector<std::string> together;  // names of the parts that `everything` has in addition
 
-  std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of such a step
+  std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of a step of this number of nodes
 };
 
-// Measures every part on this machine, for at most a second. Throws wire::Error if the scene is not valid.
+// Measures every part on this machine, in runs of at most 40 ms. Throws wire::Error if the scene is not valid.
 Explanation explain(std::string_view scene, const std::string& file);
 
 // Optional physics that a run left out, and the memory that it would have needed. Nothing is measured.

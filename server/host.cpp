@@ -44,7 +44,7 @@ ProcessUse process_use() {
   if (DIR* files = ::opendir("/proc/self/fd")) {
     while (::readdir(files) != nullptr) ++use.open_files;
     ::closedir(files);
-    use.open_files -= 3;  // entries of no open file: ".", "..", and the descriptor of the directory that is read here
+    use.open_files -= 3;  // leaves out ".", "..", and the descriptor of the directory that is read here
   }
   return use;
 }

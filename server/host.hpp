@@ -14,14 +14,14 @@ struct ProcessUse {
 };
 ProcessUse process_use();
 
-// Whether this process has used four fifths of its file descriptors. Without free descriptors no client can connect.
+// True if this process has used four fifths of its file descriptors. Without free descriptors no client can connect.
 bool files_run_out();
 
 // The protocol of sd_notify(3): datagrams to the socket named in NOTIFY_SOCKET. Without that variable all calls do
 // nothing.
 class ServiceManager {
  public:
-  ServiceManager();  // reads the environment
+  ServiceManager();  // reads NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID from the environment
   ServiceManager(const ServiceManager&) = delete;
   ServiceManager& operator=(const ServiceManager&) = delete;
   ~ServiceManager();

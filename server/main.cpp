@@ -1,5 +1,5 @@
 // shearbus-server: reads the options, constructs the parts of the server in the order of their dependencies, runs until
-// SIGTERM or SIGINT and destroys the parts in reverse order.
+// a stop signal, or until its last session is closed after a drain, and destroys the parts in reverse order.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>

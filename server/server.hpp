@@ -61,7 +61,7 @@ class Server {
   std::function<void(const std::string&)> log_;
   ServiceManager* manager_ = nullptr;
   std::uint64_t looked_after_ns_ = 0;
-  bool files_run_out_ = false;  // whether the last report said that files run out
+  bool files_run_out_ = false;  // true if the last report said that files run out
 };
 
 }  // namespace shearbus::server

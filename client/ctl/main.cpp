@@ -109,7 +109,7 @@ void keygen(const Options& options) {
     shearbus::wire::write_public_key(
         public_file, {.key = pair.public_key, .words = (options.key_of_operator ? "operator " : "") + name});
   } catch (const std::exception&) {
-    std::filesystem::remove(secret_file);  // of no use without its other half
+    std::filesystem::remove(secret_file);  // useless without its public key
     throw;
   }
   fmt::print("{}: keep it where only its user can read it\n{}: {}\n", secret_file.string(), public_file.string(),

@@ -25,7 +25,8 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-// Returns the duration below which the fraction `share` of the counts lies: the upper bound of its bucket, as text.
+// Returns, as text, a duration below which at least the fraction `share` of the counts lies: the upper bound of a
+// bucket of the histogram.
 std::string quantile(const wire::Histogram& histogram, double share) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : histogram.counts) all += count;

@@ -15,7 +15,7 @@ void show_sessions(Client& client, bool json);
 void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count);
 // Closes a session that has been idle for at least `idle_s`; `session` as for show_top().
 void close(Client& client, const std::string& session, double idle_s);
-// Closes all sessions of a domain; none of them if one has not been idle for `idle_s`.
+// Closes all sessions of a domain, or none of them if one of them has not been idle for `idle_s`.
 void close_domain(Client& client, const std::string& domain, double idle_s);
 void checkpoint(Client& client);
 void drain(Client& client, bool exit);

@@ -1,7 +1,8 @@
-/* A host of shearbus in C: two elastic half-spaces slide on each other at ten interface nodes, with another pressure at
- * each. Velocities live at grid points and at half steps, stresses in zones and at full steps; dt is the time that a
- * shear wave takes across a zone, for which this scheme is exact. So is the answer:
- * [V] = V0 - mu P (1/Z_soft + 1/Z_hard), 92.184 m/s at 500 MPa.
+/* A host of shearbus in C: two elastic half-spaces slide on each other at ten interface nodes, with a different
+ * pressure at each node. Velocities live at grid points and at half steps, stresses in zones and at full steps. dt
+ * is the time that a shear wave takes across a zone, for which this scheme is exact. The host therefore finds the
+ * exact velocity jump [V] = V0 - mu P (1/Z_soft + 1/Z_hard), with the initial jump V0, the friction coefficient mu,
+ * the pressure P and the impedances Z = sqrt(density * modulus): 92.184 m/s at 500 MPa.
  *
  *   host SCENE.toml [ENDPOINT]      without an endpoint the server runs in this process */
 #include <math.h>
@@ -11,7 +12,7 @@
 
 enum { NODES = 10, ZONES = 80, STEPS = 60 };
 
-typedef struct body { /* of one node: [0] is at the interface */
+typedef struct body { /* the half-space of one node; index 0 is at the interface */
   double velocity[ZONES + 1];
   double stress[ZONES];
 } body;
@@ -48,7 +49,7 @@ int main(int argc, char** argv) {
   for (int n = 0; n < NODES; ++n) {
     ids[n] = 1 + n;
     pressure[n] = 100e6 * (1 + n);
-    mass_soft[n] = 0.5 * kDt * impedance(0); /* half a zone: density dz / 2 */
+    mass_soft[n] = 0.5 * kDt * impedance(0); /* mass of half a zone per area: density * dz / 2  [kg/m2] */
     mass_hard[n] = 0.5 * kDt * impedance(1);
     for (int i = 0; i <= ZONES; ++i) soft[n].velocity[i] = kJump;
   }
@@ -62,7 +63,8 @@ int main(int argc, char** argv) {
 
   const shearbus_input inputs[] = {{SHEARBUS_VELOCITY_JUMP, 0, jump, 0},
                                    {SHEARBUS_PRESSURE, 0, pressure, 0},
-                                   {SHEARBUS_STRESS_SOFT, 0, soft[0].stress, sizeof(body)}, /* of zone 0 of each node */
+                                   /* stress of zone 0 of each node, read where it lies */
+                                   {SHEARBUS_STRESS_SOFT, 0, soft[0].stress, sizeof(body)},
                                    {SHEARBUS_STRESS_HARD, 0, hard[0].stress, sizeof(body)},
                                    {SHEARBUS_MASS_SOFT, 0, mass_soft, 0},
                                    {SHEARBUS_MASS_HARD, 0, mass_hard, 0}};
@@ -76,7 +78,7 @@ int main(int argc, char** argv) {
   step.n_outputs = 2;
 
   for (int t = 0; t < STEPS; ++t) {
-    step.dt_s = t == 0 ? 0.5 * kDt : kDt; /* the first velocities are half a step after the start */
+    step.dt_s = t == 0 ? 0.5 * kDt : kDt; /* velocities live at half steps: the first step is half as long */
     step.time_s += step.dt_s;
     step.step = (uint64_t)t + 1;
     for (int n = 0; n < NODES; ++n) jump[n] = soft[n].velocity[0] - hard[n].velocity[0];

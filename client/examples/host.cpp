@@ -1,5 +1,5 @@
-// The example host of host.c in C++: two elastic half-spaces slide on each other at ten interface nodes, with another
-// pressure at each, and the velocity jump has an exact value.
+// The example host of host.c in C++: two elastic half-spaces slide on each other at ten interface nodes, with a
+// different pressure at each node. The velocity jump has an exact solution, with which run() compares it.
 //
 //   host SCENE.toml [ENDPOINT]      without an endpoint the server runs in this process
 #include <array>
@@ -15,10 +15,10 @@ constexpr std::size_t kNodes = 10, kZones = 80;
 constexpr int kSteps = 60;
 constexpr double kDt = 1e-9, kJump = 100.0, kFriction = 0.1;
 
-// A half-space of one node: velocities at grid points and half steps, stresses in zones and at full steps; [0] is at
-// the interface. The time step is the time that a shear wave takes across a zone.
+// The half-space of one node: velocities at grid points and at half steps, stresses in zones and at full steps; index 0
+// is at the interface. The time step kDt is the time that a shear wave takes across a zone.
 struct HalfSpace {
-  double density, modulus, sign;  // sign: +1 for the soft body, at z > 0; -1 for the hard one, at z < 0
+  double density, modulus, sign;  // sign: +1 for the soft body, at z > 0; -1 for the hard body, at z < 0
   std::array<double, kZones + 1> velocity{};
   std::array<double, kZones> stress{};
 
@@ -51,7 +51,8 @@ double run(const shearbus::Options& options) {
   shearbus::Step step(kNodes);
   step.in(SHEARBUS_VELOCITY_JUMP, jump)
       .in(SHEARBUS_PRESSURE, pressure)
-      .in_strided(SHEARBUS_STRESS_SOFT, soft[0].stress.data(), sizeof(HalfSpace))  // zone 0 of each node, where it lies
+      // stress of zone 0, read where it lies
+      .in_strided(SHEARBUS_STRESS_SOFT, soft[0].stress.data(), sizeof(HalfSpace))
       .in_strided(SHEARBUS_STRESS_HARD, hard[0].stress.data(), sizeof(HalfSpace))
       .in(SHEARBUS_MASS_SOFT, mass_soft)
       .in(SHEARBUS_MASS_HARD, mass_hard)
@@ -59,7 +60,7 @@ double run(const shearbus::Options& options) {
       .out(SHEARBUS_INTERFACE_TEMPERATURE, temperature);
 
   for (int t = 0; t < kSteps; ++t) {
-    const double dt = t == 0 ? 0.5 * kDt : kDt;  // the first velocities are half a step after the start
+    const double dt = t == 0 ? 0.5 * kDt : kDt;  // velocities live at half steps: the first step is half as long
     for (std::size_t n = 0; n < kNodes; ++n) jump[n] = soft[n].velocity[0] - hard[n].velocity[0];
     bus.step(step.dt(dt));
     for (std::size_t n = 0; n < kNodes; ++n) {

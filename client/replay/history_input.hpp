@@ -1,4 +1,4 @@
-// The datasets of a history that a scene needs, and the requests that they become.
+// Finds the datasets of a history that a scene needs, and fills the requests of the replay from them.
 #pragma once
 
 #include <span>
@@ -19,9 +19,10 @@ class HistoryInput {
   HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop);
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
-  Form form() const { return form_; }  // form of the requests: stick form if the history has only its quantities
+  // form of the requests: stick form if the history has stick columns but no far-field columns
+  Form form() const { return form_; }
   bool force_driven() const { return force_driven_; }
-  std::uint32_t components() const { return components_; }  // number of components of slip and stress
+  std::uint32_t components() const { return components_; }  // number of tangential components of slip and stress
   bool closed_loop() const { return closed_loop_; }
   const std::string& jump_origin() const { return jump_origin_; }  // source of the velocity jump, for the summary
   const std::vector<std::string>& notes() const { return notes_; }

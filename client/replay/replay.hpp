@@ -19,7 +19,7 @@ struct Options {
   std::string version;  // version of this program, for /meta of the result
 };
 
-// Prints the cost of the parts of the scene without replaying.
+// Prints what each part of the scene costs, without replaying a history.
 void explain(const std::filesystem::path& scene);
 
 // Replays the history and prints the summary. Throws shearbus::Error, in which case it leaves no result file.

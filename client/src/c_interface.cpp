@@ -1,5 +1,5 @@
 // The C interface (client/include/shearbus/shearbus.h): the sessions of the C++ core behind functions that return
-// codes. Nothing leaves a function but its code: see guarded().
+// codes. No exception leaves a function: see guarded().
 #include <fmt/format.h>
 #include <pthread.h>
 
@@ -26,7 +26,7 @@ using namespace shearbus;
 
 namespace {
 
-constexpr std::size_t kLargestStruct = 4096;  // of a caller; more is memory that was never set
+constexpr std::size_t kLargestStruct = 4096;  // of a caller's struct; a larger `size` is memory that was never set
 
 [[noreturn]] void refuse(Code code, std::string text, std::string remedy, std::string field = {}) {
   throw Error({.code = code, .text = std::move(text), .remedy = std::move(remedy), .field = std::move(field)});
@@ -40,7 +40,7 @@ bool has_sound_size(const Struct& given) {
 }
 
 // The members of a caller's struct that this library knows. A caller that was compiled with a later header may have
-// more of them; if it uses these, it is refused.
+// more members; it is refused if one of those is not zero.
 template <typename Struct>
 Struct known(const Struct* given, const char* type) {
   if (given == nullptr)
@@ -57,7 +57,7 @@ Struct known(const Struct* given, const char* type) {
   return *given;
 }
 
-// Copies what the caller's struct has room for, which is checked with has_sound_size().
+// Copies the values to the caller's struct, whose size has_sound_size() has checked, and keeps its `size`.
 template <typename Struct>
 void give(Struct values, Struct* to) {
   values.size = to->size;
@@ -70,7 +70,8 @@ std::string_view text_or(const char* text, std::string_view otherwise = {}) {
 
 // ---- status ----
 
-// Copies a text that fits, or its beginning with "...", cut between two characters. Allocates nothing.
+// Copies a text that fits; of a longer text its beginning and "...", cut between two UTF-8 characters. Allocates
+// nothing.
 template <std::size_t kSize>
 void put(std::string_view text, char (&to)[kSize]) noexcept {
   constexpr std::string_view kCut = "...";
@@ -100,7 +101,8 @@ int report(shearbus_status* to, int code, std::string_view text = {}, std::strin
   return code;
 }
 
-// A thread that is cancelled inside a call would end the process, since the unwinding cannot pass the border.
+// Delays the cancellation of this thread. A thread cancelled inside a call would end the process, because the unwinding
+// of its stack cannot pass a noexcept function.
 class NotCancelled {
  public:
   NotCancelled() { pthread_setcancelstate(PTHREAD_CANCEL_DISABLE, &before_); }
@@ -140,7 +142,7 @@ std::string environment(const char* name) {
   return std::string(text_or(::secure_getenv(name)));  // NOLINT(concurrency-mt-unsafe)
 }
 
-// The lines of a session for people: to the callback of the host, and to the file that the user names.
+// Writes log lines of a session to the host's callback and to the file that SHEARBUS_LOG names.
 class LineLog {
  public:
   LineLog() = default;
@@ -152,7 +154,7 @@ class LineLog {
     try {
       if (function_ != nullptr) function_(user_, line.c_str());
     } catch (...) {
-      // A callback of a C++ host that throws does not end the call that it was told of.
+      // If the callback of a C++ host throws, the call that wrote the line goes on.
     }
     if (file_ == "stderr") {
       fmt::print(stderr, "shearbus: {}\n", line);
@@ -198,7 +200,7 @@ CheckClosure check_of(int option) {
 
 struct Scene {
   std::string text;
-  std::string name;  // by which messages cite the scene
+  std::string name;  // name of the scene in messages
 };
 
 std::string text_of_file(const std::string& path) {
@@ -283,7 +285,7 @@ std::span<const T> values_of(const T* values, std::size_t n, const char* name) {
 
 }  // namespace
 
-// The members end in reverse order: the session before its client, the client before its server.
+// The members are destroyed in reverse order: the session before its client, the client before its server.
 struct shearbus_session {
   explicit shearbus_session(const shearbus_options& options)
       : log(options.log, options.log_user, environment("SHEARBUS_LOG")) {
@@ -333,22 +335,23 @@ struct shearbus_session {
   LineLog log;
   std::optional<EmbeddedServer> embedded;
   std::optional<Client> client;
-  std::optional<Session> session;  // none: the opening has an unknown outcome
+  std::optional<Session> session;  // empty while the opening has an unknown outcome
   std::string where;
   std::string warnings;
   CheckClosure check = CheckClosure::kWarn;
-  std::uint64_t steps = 0;  // answered so far
+  std::uint64_t steps = 0;  // number of steps answered so far
   // The present step.
   Batch batch;
   std::vector<Field> batch_fields;  // columns that `batch` was made with
   std::size_t batch_rows = 0;
   std::vector<shearbus_output> outputs;
-  bool started = false;  // between start and finish
+  bool started = false;  // true between shearbus_start() and shearbus_finish()
 };
 
 namespace {
 
-// The session that a call is about.
+// The session of a handle; refuses a handle without one. The second overload also refuses a call while a step is
+// started or, if `started`, a call while no step is started.
 const Session& session_of(const shearbus_session* handle) {
   if (handle == nullptr || !handle->session)
     refuse(Code::kInvalidValue, "there is no session: the handle is NULL, or its opening failed",
@@ -380,7 +383,7 @@ bool contains(std::span<const Field> fields, Field field) {
   return std::ranges::find(fields, field) != fields.end();
 }
 
-// Refuses a column that is not among those of the session, has no values or a component that the scene has not.
+// Refuses a column that the session does not have, a component that the scene does not have, or values that are NULL.
 void check_column(const Session& session, std::uint32_t number, std::uint32_t component, const void* values,
                   const char* kind, std::span<const Field> first, std::span<const Field> second) {
   const auto field = static_cast<Field>(number);
@@ -397,7 +400,7 @@ void check_column(const Session& session, std::uint32_t number, std::uint32_t co
     refuse(Code::kInvalidValue, fmt::format("{}: values is NULL", name), "Give one value per row.", name);
 }
 
-// The fields of the inputs, each once. Every input must have all its components, and none twice.
+// The fields of the inputs, each once. Refuses an input field of which a component is missing or given twice.
 std::vector<Field> fields_of(const Session& session, std::span<const shearbus_input> inputs, bool with_node_ids) {
   const wire::SessionOpened& opened = session.opened();
   std::vector<Field> others = opened.optional_columns;
@@ -426,9 +429,9 @@ std::vector<Field> fields_of(const Session& session, std::span<const shearbus_in
   return fields;
 }
 
-// Whether the core compares the next step with the answer of this one. It needs the columns of that answer.
+// True if the core may compare the next step with the answer to this one, for which it needs the columns of the answer.
 bool watches_closure(const shearbus_session& handle) {
-  // Counts answers, so that a repeated call wants the same columns. The check compares one answer more than it watches.
+  // Counts answers, so that a repeated call wants the same columns; asks for one answer more than the check keeps.
   constexpr std::uint64_t kStepsWatched = ClosureCheck::kStepsWatched + 1;
   return handle.check != CheckClosure::kOff && handle.session->opened().strategy == wire::Strategy::kForceDriven &&
          (handle.check == CheckClosure::kError || handle.steps < kStepsWatched);
@@ -543,7 +546,7 @@ TransferId transfer_of(const std::uint8_t* bytes) {
   return id;
 }
 
-// Makes the handle of a session, or takes up the one whose opening has an unknown outcome.
+// Makes the handle of a session, or reuses the handle whose opening has an unknown outcome.
 shearbus_session& handle_for(shearbus_session** at, const shearbus_options& options) {
   if (at == nullptr) refuse(Code::kInvalidValue, "the address of the session is NULL", "Give &session.");
   if (*at != nullptr && (*at)->session)
@@ -557,7 +560,8 @@ void drop_unopened(shearbus_session** session) {
   if (session != nullptr && *session != nullptr && !(*session)->session) delete std::exchange(*session, nullptr);
 }
 
-// Whether an opening may have happened: then its handle is kept, to make the same request again.
+// True if the server may have opened the session although the call failed. The handle is then kept, so that the same
+// call makes the same request.
 bool is_in_doubt(int code) {
   return code == SHEARBUS_UNKNOWN_OUTCOME || code == SHEARBUS_NO_MEMORY;
 }
@@ -629,7 +633,7 @@ int shearbus_close(shearbus_session** session, shearbus_status* status) {
       try {
         handle.session->finish_trial();
       } catch (const Error&) {
-        // The step may be refused; the session is closed all the same.
+        // If the step was refused, the session is closed all the same.
       }
     }
     handle.session->close();

@@ -43,10 +43,11 @@ using wire::Policy;
 using wire::Status;
 using wire::TransferId;
 
-// The closure check of force-driven sessions: a host that applies the answered stress has, but for rounding, the jump
-// that its last step answered. kWarn compares the first 100 steps and warns once, with the mistake of the host that
-// explains the difference; the server also warns of doubtful times and units. kError compares every step and throws
-// kNotClosed before it is sent. kOff is for hosts whose jump has other changes, too, as where an interface turns.
+// The closure check of force-driven sessions: a host that applies the answered stress has, except for rounding, the
+// velocity jump that its last step answered. kWarn compares the two in the first 100 steps and warns once of a
+// difference, with the mistake of the host that explains it; the server also warns of doubtful times and units. kError
+// compares every step and throws kNotClosed before it is sent. kOff is for hosts whose jump also changes for other
+// reasons, for instance where an interface turns.
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {
@@ -60,7 +61,7 @@ struct ClientOptions {
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
   CheckClosure check_closure = CheckClosure::kWarn;
   // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for; and with
-  // "warning: " and a warning of a step. Without it warnings are lines of standard error.
+  // "warning: " followed by a warning about a step. Without a log function the warnings go to standard error.
   std::function<void(const std::string& line)> log;
 };
 
@@ -73,10 +74,10 @@ KeyPair make_key_pair();
 
 struct OpenOptions {
   std::span<const double> initial_temperature_k;  // one value per node; empty: the value of the scene
-  // Node ids are unique over the sessions of a domain, such as the ranks of one run, and nodes can move between its
-  // sessions. A session outside of any domain (empty) must be opened with at least one node.
+  // Node ids are unique among the sessions of a domain, such as the ranks of one run, and nodes can move between these
+  // sessions. Empty: the session is in no domain, and must be opened with at least one node.
   std::string domain;
-  std::uint64_t idle_limit_s = 0;  // the server closes the session after so long without a request; 0: never
+  std::uint64_t idle_limit_s = 0;  // the server closes the session after this time without a request; 0: never
 };
 
 struct StepOptions {
@@ -84,7 +85,7 @@ struct StepOptions {
   double time_s = 0.0;     // end of the step, for records only
   std::uint64_t step = 0;  // the host's step number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false;  // for trial(): first commits the present trial
+  bool commit_previous = false;  // true: first commits the standing trial
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
   // call throws kStepFailed with the ids of such nodes, and no state changes.
   Policy policy = Policy::kAccept;
@@ -134,12 +135,13 @@ class Session {
   // columns. A force-driven request has one of two forms: stresses and masses of both half zones (kFarField), or stick
   // stress and impedance (kStick).
   Batch request(std::span<const Field> optional_columns = {}, Form form = Form::kFarField) const;
-  // The same for a step of some nodes, with rows in the order of `node_ids`.
+  // Like request(), for a step of some nodes, with rows in the order of `node_ids`.
   Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {},
                     Form form = Form::kFarField) const;
 
-  const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the result
-  const StepResult& trial(const Batch& request, const StepOptions& step);    // steps; commit() or rollback() follows
+  const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the new states
+  // steps without commit; commit() or rollback() follows
+  const StepResult& trial(const Batch& request, const StepOptions& step);
   // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
   // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
   // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with
@@ -155,8 +157,8 @@ class Session {
   // a trial.
   wire::Marked mark(const std::string& name);
   std::uint64_t rollback_to(const std::string& mark);
-  // These calls change the set of nodes and are refused while the session has a trial. New nodes are added after the
-  // present nodes, which keep their order.
+  // The calls from register_nodes() to accept_nodes() change the set of nodes and are refused while the session has a
+  // trial. New nodes are added after the present nodes, which keep their order.
   void register_nodes(std::span<const std::uint64_t> node_ids,
                       std::span<const double> initial_temperature_k = {});  // one per node; empty: scene's value
   void retire_nodes(std::span<const std::uint64_t> node_ids);               // removes the nodes with their states
@@ -183,7 +185,7 @@ class Session {
     wire::ResumeToken resume_token{};
   };
   Ticket ticket() const;
-  // Offers of this session that no session had accepted when it was resumed.
+  // Offers of a resumed session that no session had accepted when this client resumed it.
   const std::vector<TransferId>& offers() const;
   std::uint64_t last_sequence() const;  // number of the last answered request; 0 is the opening
   void leave();                         // leaves the session open on the server, to be resumed

@@ -11,7 +11,8 @@
 namespace shearbus {
 namespace {
 
-constexpr std::size_t kRowsDiagnosed = 256;  // rows that a mistake must explain; more would not distinguish better
+// nodes for which a mistake must explain the jumps; more nodes would not tell mistakes apart better
+constexpr std::size_t kRowsDiagnosed = 256;
 
 std::span<const double> column(const Batch& batch, Field field, std::size_t component = 0) {
   return batch.f64(field, static_cast<std::uint32_t>(component));
@@ -130,13 +131,13 @@ void ClosureCheck::match(const Kept& last, std::span<const std::uint64_t> now) {
   }
 }
 
-// The largest difference of the jumps as a text with the mistakes that explain it; empty if there is none above its
-// tolerance.
+// Describes the largest difference between the host's jumps and the answered ones, with the mistakes that explain it.
+// Empty if no difference exceeds its tolerance.
 std::string ClosureCheck::difference(const Kept& last, const Batch& request, std::span<const std::uint64_t> node_ids,
                                      double dt) {
   const auto jump = column(request, Field::kVelocityJump);
   const auto ids = request.has(Field::kNodeId) ? request.u64(Field::kNodeId) : node_ids;
-  if (last.node_ids.empty() != !request.has(Field::kNodeId)) return {};  // all nodes after some, or some after all
+  if (last.node_ids.empty() != !request.has(Field::kNodeId)) return {};  // only one of the two steps names its nodes
   match(last, request.u64(Field::kNodeId));
   const std::size_t rows_before = last.failed.size();
   const std::size_t components =

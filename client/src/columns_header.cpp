@@ -10,7 +10,7 @@ namespace {
 
 void print(std::FILE* file, std::string_view kind, int number, std::string quantity, const char* unit,
            std::string_view element, std::string_view direction, const char* meaning) {
-  if (kind == "Node") return;  // given by arguments of the functions
+  if (kind == "Node") return;  // node columns are arguments of the functions
   for (char& letter : quantity) letter = static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
   std::fprintf(file, "  SHEARBUS_%s = %d, /* %s%s%s%s%s%s */\n", quantity.c_str(), number,
                element == "Uint8" ? "uint8_t: " : "", meaning, *unit ? "  [" : "", unit, *unit ? "]" : "",

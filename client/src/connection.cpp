@@ -28,11 +28,11 @@ constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
-constexpr int kSilentFailures = 3;               // handshakes failed in a row after which a wrong key is reported
-constexpr std::chrono::seconds kFirstNotice{2};  // waiting time after which the log is told what is waited for
+constexpr int kSilentFailures = 3;               // failed handshakes in a row after which a wrong key is reported
+constexpr std::chrono::seconds kFirstNotice{2};  // waiting time before the log says what a call waits for
 constexpr int kGoodbyeLingerMs = 100;            // longest time that an unsent closing request delays the program's end
 
-// The name of what a request asks for: "downscale".
+// The verb of a request, for instance "downscale".
 const char* verb_of(const wire::Request& request) {
   return std::visit(
       []<typename Body>(const Body&) {
@@ -225,7 +225,8 @@ void SocketConnection::refused(bool sent) const {
                .remedy = refusal_.remedy});
 }
 
-// Waits for the connection. Returns false if `until` passed first, or if the server refused the connection.
+// Waits until the socket is ready for `events`. Returns false if `until` passed first, or if the server refused the
+// connection.
 bool SocketConnection::wait(short events, Clock::time_point until) {
   std::array<zmq_pollitem_t, 2> items = {{{socket_.get(), 0, events, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}}};
   for (;;) {
@@ -314,7 +315,7 @@ void SocketConnection::post(const wire::Request& request) {
     const auto now = Clock::now();
     if (send(wire::encode_header(request), request.batch)) posted_ = Posted{request.request_id, now};
   } catch (...) {
-    socket_.reset();  // it may hold a part of the request
+    socket_.reset();  // the socket may hold a part of the request
     throw;
   }
 }
@@ -325,7 +326,7 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
   try {
     received = exchange(request, deadline);
   } catch (...) {
-    socket_.reset();  // it may hold a part of the request or of the reply
+    socket_.reset();  // the socket may hold a part of the request or of the reply
     throw;
   }
   if (!received.reply.status.ok()) throw Error(received.reply.status);

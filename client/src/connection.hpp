@@ -62,7 +62,7 @@ class Connection {
   // session owns the nodes.
   std::optional<wire::Request> opening_in_doubt;
 
-  bool durable() const { return durable_; }  // whether sessions outlive the server, as its welcome says
+  bool durable() const { return durable_; }  // true if the server's welcome says that sessions outlive the server
   void set_durable(bool durable) { durable_ = durable; }
 
  private:
@@ -93,7 +93,7 @@ class SocketConnection final : public Connection {
     void operator()(void* context) const;
   };
 
-  // Repeated notices to ClientOptions::log while a call waits.
+  // Times of the notices that ClientOptions::log gets while a call waits.
   struct Waiting {
     Clock::time_point since;
     Clock::time_point next_notice;
@@ -116,8 +116,8 @@ class SocketConnection final : public Connection {
   std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
   std::optional<Posted> posted_;
   Waiting waiting_{};
-  bool answered_ = false;                       // the server has answered before
-  std::unique_ptr<void, CloseSocket> monitor_;  // events of the handshakes of socket_
+  bool answered_ = false;                       // true once the server has answered
+  std::unique_ptr<void, CloseSocket> monitor_;  // receives the handshake events of socket_
   std::unique_ptr<void, CloseSocket>
       socket_;               // null after a timeout, so that a late reply cannot be mistaken for another
   wire::Status refusal_;     // why the server refused the connection; OK if it did not

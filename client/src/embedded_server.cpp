@@ -18,8 +18,9 @@ constexpr int kMode = RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE;
   throw wire::Error({.code = wire::Code::kUnreachable, .text = std::move(text), .remedy = std::move(remedy)});
 }
 
-// Loads the library that is installed with this one. A library of this name that the process has loaded already is used
-// as it is: libprotobuf ends a process in which two copies register the same messages.
+// Loads the embedded server from the directory of this library, else from the loader's path. Uses a library of this
+// name that the process has loaded already, because libprotobuf ends a process in which two copies register the same
+// messages.
 void* load() {
   if (void* loaded = ::dlopen(kLibrary, kMode | RTLD_NOLOAD)) return loaded;
   Dl_info self{};

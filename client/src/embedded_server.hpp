@@ -1,4 +1,4 @@
-// A server in this process, from libshearbus-embedded.so, which is loaded when the first one is started.
+// A server in this process, from libshearbus-embedded.so, which is loaded when the first server starts.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ class EmbeddedServer {
   EmbeddedServer(const std::string& state_dir, unsigned threads);
   EmbeddedServer(const EmbeddedServer&) = delete;
   EmbeddedServer& operator=(const EmbeddedServer&) = delete;
-  ~EmbeddedServer();  // after its clients
+  ~EmbeddedServer();  // runs after the clients of this server are destroyed
 
   const char* endpoint() const { return server_.endpoint; }
   void* context() const { return server_.context; }

@@ -223,12 +223,12 @@ Session& Session::operator=(Session&& other) noexcept {
 Session::~Session() try {
   if (!impl_ || impl_->closed) return;
   wire::Request request = impl_->next_request();
-  if (impl_->posted) ++request.sequence;  // the trial runs before the closing request
+  if (impl_->posted) ++request.sequence;  // the posted step runs before the closing request
   if (request.request_id == 0) request.request_id = impl_->connection->next_request_id();
   request.body = wire::CloseSession{.reason = "the client has gone"};
   impl_->connection->say(request);
 } catch (const std::exception&) {
-  // Without memory for the closing request the session stays open on the server.
+  // If there is no memory for the closing request, the session stays open on the server.
 }
 
 Batch Session::request(std::span<const Field> optional_columns, Form form) const {

@@ -61,15 +61,15 @@ struct Session::Impl {
   std::optional<wire::Request> posted;  // the request of start_trial(), until finish_trial()
   bool closed = false;
   StepResult result;
-  std::optional<ClosureCheck> closure;  // of force-driven sessions
-  StepOptions step_options;             // of the present step
+  std::optional<ClosureCheck> closure;  // set in force-driven sessions whose options ask for it
+  StepOptions step_options;             // options of the present step
 
-  void check_closure();  // begins to, if the options of the connection and the session ask for it
+  void check_closure();  // starts the closure check if the options of the connection and the strategy ask for it
   wire::Request next_request() const;
 
   // Sends the session's next request. The sequence number advances only when the reply has arrived and accept() has
   // adopted it. A request without a reply keeps its id, so that a repeated call has the same bytes and the server
-  // recognises it; so does a request for whose reply accept() finds no memory.
+  // recognises it; the same holds if accept() has no memory to adopt the reply.
   template <typename Accept>
   Received exchange(wire::Request&& request, const Accept& accept);
   template <typename Answer, typename Question, typename Accept>
@@ -88,7 +88,7 @@ struct Session::Impl {
     return exchange<Answer>(std::move(question), {}, [](Received&) {});
   }
 
-  // Adopts sequence number, nodes and offers from a `session_resumed`.
+  // Adopts sequence number, nodes and offers from the reply `session_resumed`.
   void adopt_position(Received& where);
   void remove_nodes(std::span<const std::uint64_t> nodes);
 

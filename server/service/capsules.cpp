@@ -11,7 +11,7 @@ namespace shearbus::service {
 
 namespace {
 
-// The values of one row of the batch. Numbers of every element type become doubles.
+// The values of one row of the batch. Numbers of type uint8 become doubles; node ids are left out.
 std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t row) {
   std::vector<store::CapsuleValue> values;
   for (const wire::Column& column : batch.columns()) {

@@ -13,8 +13,9 @@ using physics::TileInputs;
 using physics::TileOutputs;
 using wire::Field;
 
-// The numbers of the solver's regimes and outcome bits are sent unchanged, as bytes of a reply. The switch below has no
-// default, so that a new regime of the physics does not compile until the wire protocol has it too.
+// The numbers of the solver's regimes and outcome bits are sent unchanged, as bytes of a reply. The switch in
+// on_the_wire() has no default, so that a new regime of the physics does not compile until the wire protocol has it
+// too.
 namespace {
 
 constexpr wire::Regime on_the_wire(physics::Regime regime) {
@@ -82,10 +83,11 @@ void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply
     columns.emplace_back(shard::AnswerColumn<Lane, std::uint8_t>{member, reply.u8(field, component)});
 }
 
-// Adds far-field columns with the momentum balance of a request in stick form, DLP (61). That balance depends on the
-// forces of the host only by Z = 1 / (dt (1/m_soft + 1/m_hard)) and by the stick stress,
-// Z [V]free = Z [V]old + (s_soft/m_soft + s_hard/m_hard) / (1/m_soft + 1/m_hard). Equal masses m = 2 dt Z and equal
-// stresses s = stick stress - Z [V]old have the same Z and the same stick stress.
+// Adds far-field columns that give the momentum balance of a request in stick form, DLP (61). That balance depends on
+// the masses m and the stresses s of the host only by the impedance Z = 1 / (dt (1/m_soft + 1/m_hard)) and by the stick
+// stress Z [V]free = Z [V]old + (s_soft/m_soft + s_hard/m_hard) / (1/m_soft + 1/m_hard), with the jump [V]old before
+// the step and the jump [V]free after a step without friction. Equal masses m = 2 dt Z and equal stresses s = stick
+// stress - Z [V]old have the same Z and the same stick stress.
 void add_stick_form(const wire::Batch& request, double dt, shard::StepColumns& columns) {
   const std::span<const double> impedance = request.f64(Field::kImpedance);
   const std::size_t rows = impedance.size();

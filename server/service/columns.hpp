@@ -21,7 +21,7 @@ wire::Strategy strategy_of(const physics::ModelOptions& options);
 struct ColumnCondition {
   wire::Field field;  // the column that the condition is about; kUnspecified: all columns of `kind`
   wire::Kind kind;
-  bool (*holds)(const physics::ModelOptions&);  // whether a model of these options has the column
+  bool (*holds)(const physics::ModelOptions&);  // true if a model of these options has the column
   wire::Code code;
   const char* fault;  // fault text that follows the column's name
   const char* remedy;

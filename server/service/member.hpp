@@ -11,7 +11,7 @@ namespace shearbus::service {
 
 struct Service::Member {
   wire::SessionId id{};
-  std::string identity;              // identity that opened the session; only it and operators may use it
+  std::string identity;  // identity that opened the session; only this identity and operators may use the session
   wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
   std::uint64_t claim = 0;           // number of the last granted claim of a client (resume_session); 0: none yet
   std::uint64_t claimant = 0;        // random number of the client to which the last claim was granted
@@ -23,9 +23,9 @@ struct Service::Member {
   std::string scene;            // effective scene, as canonical text
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
-  std::uint64_t idle_limit_s = 0;       // 0: none
-  std::string closed_because;           // reason of a closed session; empty: none given
-  std::vector<store::MarkImage> marks;  // oldest first
+  std::uint64_t idle_limit_s = 0;       // the session is closed after this time without a request; 0: never
+  std::string closed_because;           // why the session was closed; empty: no reason given
+  std::vector<store::MarkImage> marks;  // marks of the session, oldest first
   wire::SessionClosed totals;
 
   std::uint64_t held_bytes() const;  // memory of states and marks  [bytes]

@@ -37,7 +37,7 @@ class Histogram {
 
 struct Metrics {
   static constexpr std::size_t kVerbs = std::variant_size_v<decltype(wire::Request::body)>;
-  static constexpr std::size_t kCodes = 500;  // codes 1xx to 4xx
+  static constexpr std::size_t kCodes = 500;  // number of counters, for the codes 0 to 499
 
   std::array<Histogram, kVerbs> requests;  // time from arrival to answer, by index of the body in wire::Request
   Histogram solver;

@@ -61,7 +61,7 @@ void check_in_domain(const std::string& domain) {
                  .field = "open_session.domain"});
 }
 
-// A text as one word of a shell.
+// Quotes printable(text) as one word of a shell command.
 std::string quoted(const std::string& text) {
   std::string word = "'";
   for (const char c : printable(text)) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
@@ -311,8 +311,8 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
 }
 
 // Restores the nodes of the mark with their states. Nodes registered after the mark leave the session. Nodes retired
-// after the mark return to it. So do nodes offered after the mark whose offer still waits. Throws NODE_OWNED if
-// another session has one of the nodes.
+// after the mark return to the session, and so do nodes offered after the mark whose offer is not accepted yet. Throws
+// NODE_OWNED if another session has one of the nodes.
 void Service::rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival) {
   const shard::Shard& before = *member.shard;
   std::unique_ptr<shard::Shard> other_nodes;

@@ -21,7 +21,8 @@
 namespace shearbus::service {
 namespace {
 
-// Thrown by the conversion: faults with the keys of the scene at fault. The caller finds the line of each key.
+// Thrown by convert(): the faults with the keys of the scene that they are about. scene_model() finds the line of each
+// key.
 struct Refused {
   std::vector<scene::Fault> faults;
   std::string remedy;
@@ -49,7 +50,8 @@ physics::FarBoundary far_boundary_of(v1::FarBoundary boundary) {
 }
 
 // Fills in the absent keys of [hard_layer] from [layer]. `cells` and `grading` stay absent in a scene with a tolerance,
-// for which the server chooses the cells. The thickness is scaled to the depth that heat reaches in the hard body.
+// for which the server chooses the cells. An absent thickness is that of [layer] times the ratio of the depths that
+// heat reaches in the hard and in the soft body, the square root of the ratio of their diffusivities.
 void fill_hard_layer(v1::Scene& scene, const physics::ModelOptions& options) {
   const v1::Layer& layer = scene.layer();
   v1::HardLayer& hard = *scene.mutable_hard_layer();
@@ -79,7 +81,8 @@ void fill_junctions(v1::Junctions& junctions, const physics::Material& soft) {
 
 physics::JunctionOptions junctions_of(const v1::Junctions& junctions, const physics::ModelOptions& options) {
   physics::Material metal = options.soft;
-  metal.flow_law = physics::FlowLaws::place<physics::SteinbergCochranGuinan>();  // hardening law, DLP (52-53)
+  // hardening law of junctions, DLP (52-53)
+  metal.flow_law = physics::FlowLaws::place<physics::SteinbergCochranGuinan>();
   metal.yield_strength = options.interface.yield_strength;
   metal.yield_strength_max = junctions.has_yield_strength_max_pa() ? junctions.yield_strength_max_pa()
                                                                    : std::numeric_limits<double>::infinity();

@@ -22,7 +22,7 @@ struct SceneModel {
 // each fault; the field of the error is the path of the first key at fault ("soft.yield_strength_pa").
 SceneModel scene_model(std::string_view text, const std::string& file);
 
-// Checks and converts a scene that is not from a text: its faults are reported without lines.
+// Checks and converts a scene that is not from a text: its faults are reported without line numbers.
 SceneModel scene_model(const v1::Scene& scene);
 
 // The text of an effective scene without its keys `name` and `source`. Two sessions may exchange states if these texts

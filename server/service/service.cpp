@@ -148,8 +148,8 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   return answer_in_session(arrival, reply);
 }
 
-// Checks the epoch of a request; `member` is null if the session of the request is unknown. Requests that are replayed
-// were checked when they ran first.
+// Checks the epoch of a request; `member` is null if the session of the request is unknown. Accepts a request that is
+// replayed from the journal, because it was checked when it first ran.
 void Service::check_epoch(const wire::Request& request, const Member* member) const {
   const std::uint64_t expected = member != nullptr && member->epoch != 0 ? member->epoch : epoch_;
   if (request.epoch == 0 || request.epoch == expected || replaying_) return;
@@ -430,7 +430,8 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   times_.solver.add(upscale.solver_ns);
 }
 
-// Fails to report, if there is no memory for a warning, rather than to answer: the step has run.
+// Adds the largest closure and warnings of doubtful times to the reply. If there is no memory for a warning, the reply
+// goes without it, because the step has run.
 void Service::report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
                              const shard::Rows& rows, const shard::Closure& closure,
                              wire::Upscale& upscale) const noexcept try {
@@ -455,8 +456,8 @@ void Service::report_closure(const Member& member, const wire::Downscale& step, 
 } catch (const std::exception&) {
 }
 
-// The request that closes a session is an operator's, so it is journaled, and a recovery closes the session again.
-// After a recovery the time without a request counts from the recovery.
+// Closes each idle session by a request that the server makes itself, as an operator. The request is journaled, so a
+// recovery closes the session again. After a recovery the time without a request counts from the recovery.
 void Service::close_idle_sessions() noexcept try {
   std::vector<wire::Request> closings;
   for (const auto& [id, member] : members_) {
@@ -473,7 +474,7 @@ void Service::close_idle_sessions() noexcept try {
     const std::span<const std::byte> frame = std::as_bytes(std::span(header));
     handle(Frames(&frame, 1), {.identity = "the server", .is_operator = true});
   }
-} catch (const std::exception&) {  // no memory: later
+} catch (const std::exception&) {  // no memory: a later call closes the sessions
 }
 
 void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,

@@ -66,14 +66,14 @@ class Service : private store::Recovery {
   // for its answer (the client repeats the request and gets the answer then), and always after failed().
   std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
 
-  // Whether states and journal may differ because of a failure. The service then answers no further request. The server
+  // True if states and journal may differ because of a failure. The service then answers no further request. The server
   // must end; the next server recovers from the journal.
   bool failed() const { return failed_ || (store_ != nullptr && store_->failed()); }
 
   // Writes the states of all sessions to the store. False without a store, or if writing failed.
   bool checkpoint();
 
-  // Whether an operator has asked the server to end with the last session and no session is open any more.
+  // True if an operator has asked the server to end with the last session and no session is open any more.
   bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
   // Closes the sessions that have been idle for as long as their clients allowed. Called between requests.
@@ -126,7 +126,7 @@ class Service : private store::Recovery {
   struct FailedStep {
     const wire::Batch& answer;
     std::span<const std::uint8_t> outcomes;
-    bool from_trial;  // whether the step started from the trial of the step before it
+    bool from_trial;  // true if the step started from the trial of the step before it
   };
   void leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
                       const shard::Rows& rows, const FailedStep& failed) noexcept;
@@ -140,7 +140,7 @@ class Service : private store::Recovery {
   void offer_nodes(Member& member, const wire::OfferNodes& offer, const Arrival& arrival, wire::Reply& reply);
   void accept_nodes(Member& member, const wire::AcceptNodes& accept, const Arrival& arrival, wire::Reply& reply);
   void apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply);
-  std::vector<wire::TransferId> offers_of(const Member& member) const;  // oldest first
+  std::vector<wire::TransferId> offers_of(const Member& member) const;  // waiting offers of the session, oldest first
   void forget_transfers_of(const Domain& domain);
   void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);
   void rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply);
@@ -164,8 +164,8 @@ class Service : private store::Recovery {
   store::Store* store_;
   std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that ran the request first
   std::uint64_t claims_ = 0;  // number of granted claims (resume_session); claim i has the epoch epoch_ + i
-  bool replaying_ = false;    // whether requests of the journal are run again, for recovery
-  bool kept_ = false;         // the present request is in the journal and has not run
+  bool replaying_ = false;    // true while a recovery runs the requests of the journal again
+  bool kept_ = false;         // true while the present request is in the journal and has not run
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;

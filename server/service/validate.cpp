@@ -36,8 +36,8 @@ constexpr double kLongestStep = 1.0;     // longest accepted step  [s]
                      .node_ids = std::move(node_ids)});
 }
 
-// `node_of(row)` names the node of a row; `valid(value)` is whether the value is accepted; it must be false
-// for NaN.
+// Refuses a column unless valid(value) is true for each of its values; valid() must be false for NaN. node_of(row) is
+// the node that the refusal names for a row.
 template <typename Valid, typename NodeOf>
 void check_values(Field field, std::span<const double> column, const std::string& expected, const Valid& valid,
                   const NodeOf& node_of) {
@@ -342,9 +342,9 @@ std::vector<Field> check_wanted(const wire::Downscale& step, const physics::Mode
 }
 
 std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::Batch& batch) {
-  constexpr double kLongStep = 1e-6;    // [s]
-  constexpr double kLowPressure = 1e3;  // [Pa]
-  constexpr double kLargeChange = 1e3;  // change of the jump in one step  [m/s]
+  constexpr double kLongStep = 1e-6;    // a longer first step draws a warning  [s]
+  constexpr double kLowPressure = 1e3;  // a lower pressure in contact draws a warning  [Pa]
+  constexpr double kLargeChange = 1e3;  // a larger change of the jump in the first step draws a warning  [m/s]
   std::vector<std::string> warnings;
   if (step.dt_s > kLongStep)
     warnings.push_back(

@@ -1,5 +1,5 @@
-// Checks of a request before physics uses its numbers. Every check throws wire::Error, whose text names column, nodes
-// and value.
+// Checks of a request before physics uses its numbers. A check that fails throws wire::Error, whose text says what was
+// expected and what was found.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ void check_session_size(std::size_t nodes);
 
 // Refuses a name of a mark or a domain that is empty or too long.
 void check_name(const std::string& name, const std::string& field);
-void check_printable(const std::string& text, const std::string& field);  // no control character
+void check_printable(const std::string& text, const std::string& field);  // refuses control characters
 
 // Refuses a step because some of its nodes have no answer.
 [[noreturn]] void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,

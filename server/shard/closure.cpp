@@ -11,8 +11,10 @@ using physics::kLanes;
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::infinity();
-constexpr double kTimeTolerance = 1e-6;  // accepted difference of a step of the host's time, relative to dt
-constexpr double kTimeDigits = 4.0 * std::numeric_limits<double>::epsilon();  // rounding of a time, relative
+// accepted difference between the growth of the host's time and dt, relative to dt
+constexpr double kTimeTolerance = 1e-6;
+// accepted rounding of the host's time, relative to this time
+constexpr double kTimeDigits = 4.0 * std::numeric_limits<double>::epsilon();
 
 bool grew_by(double dt, double before, double now) {
   return std::abs(now - before - dt) <= kTimeTolerance * dt + kTimeDigits * std::abs(now);

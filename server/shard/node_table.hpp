@@ -15,7 +15,7 @@ namespace shearbus::shard {
 // The slots of the rows of a request, and the faults of its node ids.
 struct Rows {
   bool all = false;                      // the request has every node, in the order of the table; the lists are empty
-  bool others_are_open = false;          // the step includes the nodes that are not rows, with P = 0 and no forces
+  bool others_are_open = false;          // the step also includes the nodes without a row, with P = 0 and no forces
   std::vector<std::uint32_t> slots;      // slot of each row
   std::vector<std::uint64_t> unknown;    // ids that the table does not have, in row order
   std::vector<std::uint64_t> duplicate;  // ids that the request has more than once
@@ -58,7 +58,7 @@ class NodeTable {
       sizeof(std::uint64_t) + sizeof(std::pair<std::uint64_t, std::uint32_t>) + sizeof(std::uint32_t);
 
  private:
-  // A sorted table instead of a hash table: clients choose the ids, and no choice of ids makes a binary search slow.
+  // by_id_ is a sorted table, not a hash table: clients choose the ids, and no choice makes a binary search slow.
   std::vector<std::uint64_t> ids_;
   std::vector<std::pair<std::uint64_t, std::uint32_t>> by_id_;  // id and row of each node, by ascending id
   std::vector<std::uint32_t> slots_;                            // slot of each row; empty: slot = row

@@ -24,7 +24,8 @@ struct LaneRows {
   bool has(int lane) const { return (named >> lane & 1U) != 0; }
 };
 
-// Open contacts without forces: the other inputs are 0. No answer depends on these masses, which must be above 0.
+// Sets the inputs of open contacts without forces: all but the masses stay 0. No answer depends on these masses, which
+// must be above 0.
 void leave_open(std::uint32_t lanes, physics::TileInputs& in) {
   for (const int lane : physics::lanes_of(lanes)) in.mass_soft[lane] = in.mass_hard[lane] = 1.0;
 }

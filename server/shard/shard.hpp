@@ -24,14 +24,15 @@ struct StepCount {
   std::uint64_t flagged = 0;  // nodes with an outcome bit other than kAsleep
   std::uint64_t failed = 0;   // flagged nodes without an answer
   std::uint64_t asleep = 0;   // nodes at rest, which were not solved
-  Closure closure;            // of a shard that checks closure
+  Closure closure;            // set by a shard that checks closure
 
   StepCount& operator+=(const StepCount& other);
 };
 
 struct ShardOptions {
   std::size_t nodes_per_task = 512;  // smallest number of nodes per thread if several threads share a step
-  bool check_closure = false;        // force-driven: the states of closure.hpp; else without effect
+  // true: force-driven nodes have the states of closure.hpp; velocity-driven nodes never have them
+  bool check_closure = false;
 };
 
 // The part of a node's committed state that an operator of the server can inspect.
@@ -49,7 +50,7 @@ class Shard {
 
   // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
   // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
-  // in whole tiles. Without a shard: those of a model.
+  // in whole tiles. The static functions give the numbers of a model for which there is no shard yet.
   static std::uint64_t bytes_per_node(const physics::Model& model, bool check_closure = false);
   static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure = false);
   std::uint64_t bytes_of_state() const { return sizeof(double) * layout_.doubles / physics::kLanes; }
@@ -60,10 +61,10 @@ class Shard {
   const NodeTable& nodes() const { return nodes_; }
   bool check_closure() const { return layout_.check_closure(); }
   std::uint64_t state_bytes() const { return bytes_for(nodes_.size()); }
-  std::uint64_t state_version() const { return state_version_; }  // number of commits
+  std::uint64_t state_version() const { return state_version_; }  // number of commits that led to the committed states
 
   // The operators of a step length [s]. They are factorised at the first use of the length, and the shard keeps the
-  // operators of the last kOperatorsKept lengths.
+  // operators of the kOperatorsKept lengths that were used last.
   std::shared_ptr<const physics::StepOperators> operators(double dt);
 
   // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier
@@ -106,7 +107,7 @@ class Shard {
   NodeChange removing(std::span<const std::uint32_t> slots) const;
   void apply(NodeChange&& change);
 
-  States committed_states() const;  // states of every node
+  States committed_states() const;  // committed states of every node
   // States of the nodes in these slots, as rows 0, 1, ...; if `of_trial`, the trial states of nodes that have one.
   States states_of(std::span<const std::uint32_t> slots, bool of_trial) const;
   States trial_states() const;  // trial states of the nodes in tiles that the trial changed; empty without a trial
@@ -161,7 +162,8 @@ class Shard {
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 
-  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;  // newest first
+  // (step length [s], operators), last used first
+  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;
 };
 
 class Shard::Attempt {

@@ -33,9 +33,9 @@ using OutputColumn = std::variant<AnswerColumn<double, double>, AnswerColumn<phy
 
 struct StepColumns {
   std::vector<InputColumn> inputs;
-  std::vector<double> converted;  // values of input columns that the request has in another form
+  std::vector<double> converted;  // values of input columns that were converted from the request's stick form
   std::vector<OutputColumn> outputs;
-  std::span<double> closure[2];  // difference of the jumps of host and answer, for each component; empty: not wanted
+  std::span<double> closure[2];  // gets the host's jump minus the answered one of each component; empty: not wanted
   double host_time = 0.0;        // host's time at the end of the step, 0: not given  [s]
 
   bool has_ledger() const {

@@ -1,5 +1,5 @@
 // Converts a snapshot to the bytes of a checkpoint file and back: an HDF5 image built in memory, and a footer with its
-// hash. HDF5 never writes to a disk and never reads bytes whose hash is wrong. FORMAT.md describes the layout.
+// hash. HDF5 never writes to a disk and never reads a checkpoint whose hash is wrong. FORMAT.md describes the layout.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Structures of the store's files, as FORMAT.md describes them. Little-endian. A sum is a hash that detects damage.
-// Every length and every sum is checked before it is used.
+// Structures of the store's files, as FORMAT.md describes them. Little-endian. A sum is a hash that detects damage. No
+// length is used before the sum that covers it has been compared.
 #pragma once
 
 #include <array>
@@ -13,8 +13,7 @@ namespace shearbus::store {
 
 static_assert(std::endian::native == std::endian::little, "files are written as they stand in memory");
 
-// Thrown for a file that no server can have written. Its text names the file, the place, the expected and the found
-// value.
+// Thrown for a file that no server can have written, or none of this version. Its text names the file and the fault.
 class DamagedFile : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -29,7 +28,8 @@ inline constexpr std::array<char, 8> kCheckpointMagic = {'S', 'H', 'B', 'C', 'K'
 inline constexpr std::array<char, 8> kIdentityMagic = {'S', 'H', 'B', 'S', 'T', 'O', 'R', '\n'};
 
 using SessionKey = std::array<std::uint8_t, 16>;
-using StoreId = std::array<std::uint8_t, 16>;  // random number of a state directory; stands in each of its files
+// random number of a state directory, in its file `store`, checkpoints and segments
+using StoreId = std::array<std::uint8_t, 16>;
 
 // The file `store`: the directory's id, and the newest files that the directory has held. The file is written and
 // synced before the first record of a segment and after every checkpoint, so that a lost file is noticed.
@@ -39,8 +39,8 @@ struct StoreIdentity {
   std::uint32_t reserved = 0;
   StoreId id{};
   std::uint64_t last_segment = 0;     // number of the newest segment; 0: there has been none
-  std::uint64_t first_index = 0;      // of that segment
-  std::uint64_t last_checkpoint = 0;  // newest generation; 0: there has been none
+  std::uint64_t first_index = 0;      // index of the first record of the newest segment
+  std::uint64_t last_checkpoint = 0;  // generation of the newest checkpoint; 0: there has been none
   std::uint64_t sum = 0;              // XXH3-64 of the fields above
 };
 static_assert(sizeof(StoreIdentity) == 64);
@@ -56,7 +56,7 @@ struct SegmentHeader {
   std::uint64_t first_index = 0;  // index of the first record of the segment
   StoreId store{};                // id of the state directory
   std::uint64_t sum = 0;          // XXH3-64 of the fields above
-  // Written again, in place, whenever records have been settled: index behind the last settled record.
+  // Index of the first record that is not settled. Written again, in place, whenever records have been settled.
   std::uint64_t settled = 0;
   std::uint64_t settled_sum = 0;  // XXH3-64 of `settled`, with `sum` as seed
 };

@@ -167,12 +167,13 @@ void JournalWriter::settle() {
   if (!unsettled_) return;
   broken_ = true;
   if (durable_) file_->sync();
-  // The note follows the sync, so no disk can hold the note without the records. The next sync brings it to the disk.
+  // The index of the first unsettled record is written after the sync, so no disk can hold the index without the
+  // records before it. The next sync brings the index to the disk.
   const std::array<std::uint64_t, 2> note = {next_index_, sum_of_settled(next_index_, header_sum_)};
   try {
     file_->overwrite(offsetof(SegmentHeader, settled), bytes_of(note));
   } catch (const StorageError& fault) {
-    if (!fault.no_space()) throw;  // the older note stays, which is true as well
+    if (!fault.no_space()) throw;  // the older index stays, which is still valid
   }
   broken_ = false;
   unsettled_ = false;

@@ -20,7 +20,7 @@ struct Record {
   std::uint64_t sequence = 0;
   std::uint64_t previous_reply = 0;
   Bytes header_frame;
-  Bytes payload_frame;        // empty: the request has none
+  Bytes payload_frame;        // empty: the request has no payload frame
   std::string_view identity;  // open_session only: the owner of the session
   std::uint64_t index = 0;    // number of the record, assigned by the journal
 };
@@ -64,10 +64,10 @@ struct Segment {
   std::uint64_t epoch = 0;
   std::uint64_t first_index = 0;
   StoreId store{};            // id of the directory that the segment belongs to
-  std::uint64_t settled = 0;  // index behind the last record that was settled; such records may have been answered
+  std::uint64_t settled = 0;  // index after the last settled record; settled records may have been answered
   std::vector<Record> records;
   std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete
-  bool torn = false;              // the last record is incomplete, so its request was never answered
+  bool torn = false;              // true if the last record is incomplete; its request was then never answered
 
   std::uint64_t next_index() const { return first_index + records.size(); }
 };

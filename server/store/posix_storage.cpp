@@ -91,7 +91,8 @@ PosixStorage::PosixStorage(const std::filesystem::path& directory) : path_(direc
         " must belong to the user of the server and be writable by nobody else: chmod go-w, or choose another");
   }
   try {
-    // A file system that locks no directories, such as NFS, fails otherwise: there the lock file has to do.
+    // A file system that locks no directories, such as NFS, gives another error: there only the lock file keeps others
+    // out.
     if (::flock(directory_, LOCK_EX | LOCK_NB) < 0 && errno == EWOULDBLOCK) refuse_held();
     hold_lock();
   } catch (const std::exception&) {
@@ -112,7 +113,7 @@ void PosixStorage::refuse_held() const {
       EBUSY);
 }
 
-// Locks the file of that name in the directory, unless the file locked before has the name still.
+// Locks the file `lock` of the directory, unless the file that is locked already still has this name.
 void PosixStorage::hold_lock() {
   struct stat held {
   }, named{};

@@ -10,9 +10,8 @@ namespace shearbus::store {
 class PosixStorage final : public Storage {
  public:
   // Creates the directory (mode 0700) if it does not exist, and locks it: the directory itself and, for file systems
-  // that lock no directories, the file `lock` in it. Throws std::runtime_error if another process
-  // holds a lock, or if another user owns the directory or can write to it: write access to the directory is control
-  // over the states.
+  // that lock no directories, the file `lock` in it. Throws std::runtime_error if another process holds a lock, or if
+  // another user owns the directory or can write to it: write access to the directory is control over the states.
   explicit PosixStorage(const std::filesystem::path& directory);
   PosixStorage(const PosixStorage&) = delete;
   PosixStorage& operator=(const PosixStorage&) = delete;

@@ -20,7 +20,7 @@ struct MarkImage {
   shard::States states;
 };
 
-// Nodes that one session has offered and no other session has accepted yet.
+// Nodes that one session has offered and no session has accepted yet.
 struct TransferImage {
   SessionKey id{};
   SessionKey giver{};          // session that made the offer
@@ -38,7 +38,7 @@ struct SessionImage {
   std::string identity;            // identity that owns the session
   SessionKey resume_token{};       // all zero: the session cannot be resumed
   std::string domain;              // empty: the session is in no domain
-  std::uint64_t idle_limit_s = 0;  // 0: none
+  std::uint64_t idle_limit_s = 0;  // the session is closed after this time without a request; 0: never
   std::uint64_t last_sequence = 0;
   std::uint64_t last_hash = 0;           // XXH3-64 of the last request's bytes
   std::vector<std::byte> reply_header;   // header frame of the kept reply
@@ -47,16 +47,17 @@ struct SessionImage {
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
 
-  // The members below are set for open sessions only.
+  // The members from `scene` on are set for open sessions only.
   std::string scene;  // effective scene, as TOML
   std::vector<std::uint64_t> node_ids;
   std::uint64_t state_version = 0;
   shard::States committed;
   std::optional<shard::States> trial;
-  std::vector<MarkImage> marks;  // oldest first
+  std::vector<MarkImage> marks;  // marks of the session, oldest first
 };
 
-// A capsule records a failed step of one node, with all inputs needed to repeat the step for this node alone.
+// One column of a capsule. A capsule records a failed step of one node, with all inputs needed to repeat the step for
+// this node alone.
 struct CapsuleValue {
   std::string name;  // name with unit: "pressure_pa"
   double value = 0.0;

@@ -19,8 +19,8 @@ using Bytes = std::span<const std::byte>;
 class StorageError : public std::runtime_error {
  public:
   StorageError(const std::string& doing, int code);
-  int code() const { return code_; }  // errno
-  // No room on the disk, in the quota, or below the largest size that a file may have.
+  int code() const { return code_; }  // errno of the failed call
+  // True if there is no room on the disk, in the quota, or below the largest size that a file may have.
   bool no_space() const { return code_ == ENOSPC || code_ == EDQUOT || code_ == EFBIG; }
 
  private:

@@ -83,7 +83,7 @@ struct Store::Found {
   std::vector<std::uint64_t> segments;
   std::vector<std::uint64_t> capsules;
   std::vector<std::string> unfinished;
-  std::set<std::string> names;  // of every file
+  std::set<std::string> names;  // names of all files
 };
 
 Store::Store(Storage& storage, StoreOptions options) : storage_(storage), options_(std::move(options)) {}
@@ -148,11 +148,11 @@ void Store::recover_from(const Found& found, Recovery& recovery) {
     write_identity(identity_);
     publish_identity(identity_);
   }
-  if (lost && journaling()) start_segment();  // from here on the loss is accepted
+  if (lost && journaling()) start_segment();  // a later start then does not report the loss again
 }
 
-// Reads the directory's id. Returns false if the directory has none: it is new, or the file is lost or damaged. Then
-// the id is the one of the newest sound file.
+// Reads the directory's id. Returns false if no file gives it: the directory is new, or the file is lost or damaged.
+// The id is then that of the newest sound checkpoint or segment, or options_.fresh_id if there is none.
 bool Store::read_identity(const Found& found) {
   const bool there = found.names.contains(kIdentityName);
   std::string fault = "it is missing";
@@ -242,11 +242,12 @@ Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
   return restored;
 }
 
-// Reads a segment of this directory. Returns nothing for a file that cannot hold a record of this directory, and for a
-// file that may have held some, whose fault is put into `missed`.
+// Reads a segment of this directory. Returns nothing for a file that cannot hold a record of this directory. Returns
+// nothing, and the fault in `missed`, for a file that may have held records.
 std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t number, std::vector<std::byte>& bytes,
                                          Missed& missed) {
-  // The newest segment is noted before its first record, so no later file holds a record.
+  // A segment is named as the newest one in the file `store` before its first record is written, so no segment with a
+  // later number holds a record.
   const bool noted = number <= identity_.last_segment;
   try {
     bytes = storage_.read(file);
@@ -274,7 +275,8 @@ std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t 
   }
 }
 
-// Throws if a record is missing between the records read so far, which end before `end`, and the segment.
+// Throws if records are missing between the records read so far and the segment, or if the segment begins with records
+// that were read already. `end` is the index after the last record read.
 void Store::check_order(const Segment& segment, const std::string& file, std::uint64_t end, const Missed& missed,
                         const Restored& restored) const {
   const std::string begins = file + ": it begins with record " + std::to_string(segment.first_index);
@@ -290,13 +292,13 @@ void Store::check_order(const Segment& segment, const std::string& file, std::ui
                       ", since the segments before hold the ones up to there: these are two histories");
 }
 
-// Replays what the restored checkpoint has not seen. Returns true if settled records at the end are lost and the
-// durability allows to go on.
+// Replays the records that the restored checkpoint does not include. Returns true if settled records at the end are
+// lost and the durability allows the server to go on.
 bool Store::replay_segments(const Found& found, const Restored& restored, Recovery& recovery) {
   next_index_ = restored.next_index;
-  Missed missed;          // fault of a segment behind the last usable one
+  Missed missed;          // fault of a segment after the last usable one
   std::string lost;       // settled records that are lost at the end of the last usable segment
-  std::uint64_t end = 0;  // index behind the last record of the segments read so far
+  std::uint64_t end = 0;  // index after the last record of the segments read so far
   for (const std::uint64_t number : found.segments) {
     const std::string file = segment_name(number);
     std::vector<std::byte> bytes;
@@ -379,7 +381,7 @@ void Store::write_new(const std::string& file, Bytes bytes, bool synced) {
     opened->append(parts);
     if (synced) opened->sync();
   } catch (const std::exception& fault) {
-    // Without memory the file may have been made although create() threw.
+    // If memory runs out, create() may throw after it has made the file.
     const bool refused = opened == nullptr && dynamic_cast<const StorageError*>(&fault) != nullptr;
     if (!refused) discard(storage_, file);
     throw;
@@ -403,8 +405,8 @@ void Store::publish_identity(const StoreIdentity& identity) {
   identity_ = identity;
 }
 
-// Begins a segment, which the next record needs, and notes it as the newest one. Numbers of files that exist are left
-// out, whoever made them.
+// Begins a segment for the next record, and names it as the newest one in the file `store`. Leaves out the numbers of
+// existing files, whoever made them.
 void Store::start_segment() {
   const Found found = find();
   while (found.names.contains(segment_name(next_segment_))) ++next_segment_;
@@ -432,7 +434,7 @@ void Store::append(const Record& record) {
   changed_ = true;
   if (!journaling()) {
     bytes_since_checkpoint_ += record.header_frame.size() + record.payload_frame.size();
-    ++next_index_;  // so that a later journal does not seem to begin with this record
+    ++next_index_;  // a later journal must not begin with the index of this record
     return;
   }
   std::uint64_t before = 0;
@@ -534,10 +536,10 @@ std::string Store::leave_capsule(const Capsule& capsule) {
   return file;
 }
 
-// Keeps the newest kGenerationsKept sound checkpoints and every segment with a record later than the oldest of them.
-// Removes only files that this store has read or written: the older checkpoints and those that a failed attempt left.
-// Damaged and foreign files stay. The removal of checkpoints is durable before the first segment is removed, because a
-// checkpoint without the later segments cannot be used.
+// Keeps the newest kGenerationsKept sound checkpoints and every segment with a record that the oldest of them does not
+// include. Removes only files that this store has read or written: the older checkpoints and those that a failed
+// attempt left. Damaged and foreign files stay. The removal of checkpoints is durable before the first segment is
+// removed, because a checkpoint without the later segments cannot be used.
 void Store::prune() {
   for (const std::uint64_t generation : attempts_)
     for (const std::string_view suffix : {std::string_view(), kUnfinished})

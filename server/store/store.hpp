@@ -30,10 +30,11 @@ const char* name(Durability durability);
 
 struct StoreOptions {
   Durability durability = Durability::kProcess;
-  std::uint64_t epoch = 1;                                    // random number of this start of the server
-  std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;  // journal size at which a checkpoint is due
+  std::uint64_t epoch = 1;  // random number of this start of the server
+  // a checkpoint is due when the journal has grown by this size since the last one  [bytes]
+  std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;
   std::size_t max_capsules = 16;  // largest number of failure capsules in the directory; later ones are not written
-  StoreId fresh_id{};             // id that a new directory gets; random
+  StoreId fresh_id{};             // random id that a new directory gets
   bool accept_empty = false;      // rename unusable files and start without states, instead of refusing to start
   std::function<void(const std::string&)> log;  // lines for the operator; may be empty
 };
@@ -89,14 +90,14 @@ class Store {
 
  private:
   struct Found;
-  struct Missed {  // a segment that cannot be used; without `cause` it is empty
+  struct Missed {  // a segment that cannot be used; without `cause` it is empty or of another directory
     std::string text;
     std::exception_ptr cause;
   };
   struct Restored {
-    std::uint64_t next_index = 0;  // index of the first record that the restored checkpoint has not seen
-    std::string faults;            // of the checkpoints that were not loaded
-    std::exception_ptr unread;     // the first StorageError among them
+    std::uint64_t next_index = 0;  // index of the first record that the restored checkpoint does not include
+    std::string faults;            // faults of the checkpoints that were not loaded
+    std::exception_ptr unread;     // the first StorageError among these faults
   };
 
   Found find();
@@ -128,7 +129,7 @@ class Store {
   std::uint64_t next_segment_ = 1;
   std::uint64_t next_generation_ = 1;
   std::uint64_t bytes_since_checkpoint_ = 0;
-  std::uint64_t retry_at_bytes_ = 0;  // journal size at which a failed checkpoint is tried again
+  std::uint64_t retry_at_bytes_ = 0;  // bytes_since_checkpoint_ at which a failed checkpoint is tried again
   bool changed_ = false;
   bool failed_ = false;
   struct Kept {
@@ -136,7 +137,7 @@ class Store {
     std::uint64_t index;   // checkpoint: Snapshot::next_index; segment: first_index
   };
   std::vector<Kept> checkpoints_;        // sound checkpoints, oldest first
-  std::vector<Kept> segments_;           // oldest first
+  std::vector<Kept> segments_;           // segments that were replayed or written, oldest first
   std::vector<std::uint64_t> attempts_;  // generations of checkpoints that were written and not found sound
   StoreCounters counters_;
 };

@@ -1,5 +1,5 @@
-// An address at which a server may listen. Only tcp and ipc are accepted, although libzmq has more transports;
-// endpoints of other transports are refused before libzmq sees them.
+// An address at which a server may listen: tcp, ipc, or inproc for clients inside the server's process. Endpoints of
+// libzmq's other transports are refused before libzmq sees them.
 #pragma once
 
 #include <string>

@@ -56,7 +56,7 @@ zmq::message_t message_of(const OutFrame& frame) {
 
 }  // namespace
 
-// The options below hold for all endpoints. They are set before the first bind, because a change affects later binds
+// The options set here hold for all endpoints. They are set before the first bind, because a change affects later binds
 // only.
 Router::Router(RouterOptions options) : options_(std::move(options)), socket_(context_, zmq::socket_type::router) {
   socket_.set(zmq::sockopt::router_mandatory, true);  // an undeliverable answer is an error instead of being dropped

@@ -30,7 +30,7 @@ using Frames = std::span<const std::span<const std::byte>>;
 // process. A result without frames means no answer.
 using Handler = std::function<std::vector<OutFrame>(Frames, std::string_view user)>;
 
-// Work that the router calls between requests.
+// Work that the router does between requests.
 struct Pulse {
   int every_ms = -1;           // longest wait between two calls of `beat`; -1: called after requests only
   std::function<bool()> beat;  // does the work and returns false to end the run; may be empty
@@ -38,13 +38,13 @@ struct Pulse {
 
 struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
-  int queued_messages_per_peer = 4;                     // a peer sends one request at a time; others are repeats
-  Authorise authorise;                                  // decides who may connect by ipc and tcp
-  bool ipc_for_others = false;                          // other users may reach an ipc socket; `authorise` selects them
-  std::string curve_secret_key;                         // key in Z85, with which tcp peers must have keys; empty: none
-  bool insecure_plaintext = false;                      // allows tcp without keys, which is refused otherwise
-  std::function<void(const std::string&)> log;          // gets a line per undeliverable answer; may be empty
-  std::function<void(const std::string&)> log_access;   // gets a line per refused connection, on another thread
+  int queued_messages_per_peer = 4;  // longest queue per peer; it holds one request and repeats of it
+  Authorise authorise;               // decides who may connect by ipc and tcp
+  bool ipc_for_others = false;       // other users may reach an ipc socket; `authorise` selects them
+  std::string curve_secret_key;  // the server's secret key in Z85, with which tcp peers must have keys; empty: no keys
+  bool insecure_plaintext = false;                     // allows tcp without keys, which is refused otherwise
+  std::function<void(const std::string&)> log;         // gets a line per undeliverable answer; may be empty
+  std::function<void(const std::string&)> log_access;  // gets a line per refused connection, on another thread
 };
 
 struct RouterCounters {

@@ -53,11 +53,12 @@ void check_directory(const std::string& path, bool private_to_owner) {
            directory);
 }
 
-// Whether a process accepts connections there. The lock of a server whose lock file was removed keeps nobody out.
+// True if a process accepts connections at the path. If the lock file of a listening server was removed, its lock keeps
+// nobody out.
 bool is_served(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
-  if (path.size() >= sizeof address.sun_path) return false;  // the bind says so
+  if (path.size() >= sizeof address.sun_path) return false;  // too long for a socket: the bind will fail and say so
   std::memcpy(address.sun_path, path.data(), path.size());
   const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const bool served =

@@ -1,5 +1,5 @@
-// Tests of the comparison of two checkpoints: it gives no lines if the states have the same bits, otherwise lines that
-// name the differences.
+// Tests of the comparison of two checkpoints: it returns an empty text if the states have the same bits, otherwise a
+// text that names the first difference.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -85,7 +85,7 @@ void run(Server& server, Host& host, int steps) {
       ++host.answered;
     }
   } catch (const Error&) {
-    // Host::answered is the number of steps that were answered.
+    // A failed step ends the loop; host.answered counts the steps that were answered.
   }
   server.process().signal(SIGTERM);
   if (server.process().exit_code(10s)) return;
@@ -112,7 +112,7 @@ void expect_nothing_lost(const ScratchDirectory& scratch, Host& host, const std:
 TEST(DiskFaults, EveryFailingOrFatalSystemCallLosesNothingThatWasAnswered) {
   if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
   int faults = 0;
-  // SIGTERM makes the server write a checkpoint; the counts below include the system calls of that checkpoint.
+  // SIGTERM makes the server write a checkpoint; the calls counted by n include those of this checkpoint.
   for (const std::string call : {"writev", "fdatasync", "fsync", "renameat"})
     for (const std::string kind : {"signal=SIGKILL", "error=EIO", "error=ENOSPC"})
       for (int n = 1; n <= (call == "writev" ? 7 : call == "fdatasync" ? 6 : 2); ++n) {
@@ -133,8 +133,8 @@ TEST(DiskFaults, AFailedSyncOfTheJournalEndsTheServerWithoutAnAnswer) {
   if (!can_trace()) GTEST_SKIP() << "strace is not installed or may not trace";
   const ScratchDirectory scratch;
   Host host;
-  // Of the calls of fdatasync, number 1 syncs the directory's id, 2 the new journal segment, 3 the note of its name,
-  // 4 the opening of the session, 5 the first step.
+  // Of the calls of fdatasync, number 1 syncs the first file `store`, 2 the new journal segment, 3 the file `store`
+  // that names this segment, 4 the record of the opening, 5 that of the first step, 6 that of the second step.
   Server server(scratch, "power", "fdatasync:error=EIO:when=6");
   ASSERT_TRUE(server.ready()) << server.log();
   host.client.emplace(server.client(500ms));

@@ -128,7 +128,7 @@ TEST(Surroundings, ANetworkThatIsCutAndComesBackLosesNothingAndRunsNothingTwice)
   Host host({.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 300ms});
   host.steps(20);
 
-  // The network is interrupted many times, each time shortly, while the host continues to make steps.
+  // The network is interrupted many times, each time briefly, while the host continues to make steps.
   std::atomic<bool> over = false;
   int cuts = 0;
   std::thread hand([&] {
@@ -376,7 +376,7 @@ TEST_P(OtherFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
       server.process().signal(checkpoint ? SIGTERM : SIGKILL);
       ASSERT_TRUE(server.process().exit_code(20s).has_value());
     }
-    // A journal that holds everything would replace the checkpoint.
+    // Without this segment the server cannot replace the checkpoint by the journal, which holds every record.
     if (checkpoint) std::filesystem::remove(state / store::segment_name(1));
     const std::uint32_t ours = checkpoint ? store::kCheckpointVersion : store::kJournalVersion;
     const std::uint32_t version = version_of(GetParam(), ours);

@@ -1,5 +1,5 @@
-// The states of the exchange with the host, and the idle limit, outlive the server: by replay of the journal, by a
-// checkpoint, and by both.
+// The states of a node's exchange with its host (server/shard/closure.hpp) and the idle limit outlive the server: by
+// replay of the journal, by a checkpoint, and by both.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -95,7 +95,7 @@ TEST(DurableClosure, ServersThatDieAfterEveryRequestTellTheSame) {
     for (std::uint64_t i = 1; i <= kRequests; ++i) {
       DurableServer server(disk);
       EXPECT_EQ(told(server.ask(request_at(i))), expected[i - 1]) << "request " << i << ", checkpoint every " << every;
-      // A repeat has the same bytes, too.
+      // A repeated request gets the same answer.
       const Answer again = server.ask(request_at(i));
       EXPECT_TRUE(again.reply.replayed);
       EXPECT_EQ(told(again), expected[i - 1]);
@@ -125,7 +125,7 @@ TEST(IdleLimit, ClosesTheSessionAsAnOperatorWould) {
       }
     }
     {
-      // The recovered server keeps the limit and counts from its start.
+      // The recovered server keeps the idle limit and counts from its start.
       DurableServer server(disk);
       server.service.close_idle_sessions();
       ASSERT_TRUE(server.ask(request_at(3)).reply.status.ok());
@@ -138,7 +138,8 @@ TEST(IdleLimit, ClosesTheSessionAsAnOperatorWould) {
       EXPECT_NE(late.reply.status.text.find("idle for 61 s, its client allowed 60 s"), std::string::npos)
           << late.reply.status.text;
     }
-    // The journal has the closing: whatever the clock of the next server, the session is closed.
+    // The journal holds the request that closed the session, so the session stays closed whatever the clock of the next
+    // server.
     DurableServer server(disk);
     EXPECT_EQ(server.service.status().sessions, 0U);
     EXPECT_EQ(server.ask(request_at(4)).code(), Code::kUnknownSession);

@@ -59,7 +59,7 @@ struct Kind {
   Strategy strategy;
   bool modes;
   const char* column;
-  bool controlled = false;  // the scene has a tolerance
+  bool controlled = false;  // true: the scene has a tolerance
 
   operator Strategy() const { return strategy; }  // NOLINT(google-explicit-constructor)
   v1::Scene scene() const {
@@ -249,7 +249,7 @@ TEST_P(Failures, TheFirstCapsulesStayAndNoMoreAreWritten) {
   disk.remove("capsule-000000000007.h5");
   server.ask(step(GetParam(), 40, 40, Policy::kAccept));
   EXPECT_TRUE(disk.exists("capsule-000000000017.h5"));
-  // While a server replays its journal, it neither writes capsules nor reads those on the disk.
+  // A server that replays its journal writes no capsules.
   DurableServer next(disk);
   EXPECT_EQ(capsules(disk).size(), 16u);
 }
@@ -258,7 +258,7 @@ TEST_P(Failures, ADiskThatTakesNoCapsuleTakesNoAnswer) {
   MemoryStorage disk;
   prepare_damaged(disk);
   DurableServer server(disk);
-  // The first two files that are made are the journal segment and the note of its name.
+  // The first two files that are made are the journal segment and the file `store` that names it.
   disk.plan({.at_call = 3, .code = EIO, .for_ever = true, .of = MemoryStorage::Call::kCreate});
   EXPECT_EQ(server.ask(step(GetParam(), 4, 3, Policy::kAccept)).code(), Code::kOk);
   disk.heal();

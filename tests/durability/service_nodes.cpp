@@ -137,8 +137,8 @@ TEST_P(NodesOver, ASuccessorOfTheGiverLearnsOfItsOffers) {
   EXPECT_EQ(std::get<wire::SessionResumed>(where.reply.body).offers, std::vector{first});
 }
 
-// A checkpoint pads texts with zeros. Names that differ in those alone would become one: two domains, a node with two
-// owners.
+// A checkpoint pads texts with zeros. Two names that differ only in zeros at their ends would become one name in a
+// checkpoint, and two domains one domain, in which a node could have two owners.
 TEST(Names, WithControlCharactersAreRefusedWhereverANameComesIn) {
   MemoryStorage disk;
   const Ids ids = {1, 2};

@@ -27,7 +27,8 @@ MemoryStorage disk_of(const Files& files) {
   return disk;
 }
 
-// The files of a directory that has seen the requests up to `last`, with a checkpoint after every `each` of them.
+// The files of a directory that has seen the requests up to `last`, with a checkpoint after every `each` requests; 0:
+// none.
 Files written(std::uint64_t last, std::uint64_t each, std::uint8_t id = 1) {
   MemoryStorage disk;
   Server server(disk, Durability::kPower, false, id);
@@ -56,7 +57,7 @@ void expect_words(const std::string& text, const std::vector<std::string>& words
 TEST(LostFiles, ACheckpointThatCannotBeReadGivesWayToTheOneBeforeAndTheJournal) {
   for (const int code : {EIO, EISDIR, EACCES}) {
     MemoryStorage disk = disk_of(written(20, 6));
-    // The first file read is the directory's id, the second is the newest checkpoint.
+    // The first file read is `store`, the second is the newest checkpoint.
     disk.plan({.at_call = 2, .code = code, .for_ever = false, .of = Call::kRead});
     Server server(disk);
     EXPECT_EQ(server.counter.seen, up_to(20));
@@ -99,7 +100,7 @@ TEST(LostFiles, WithoutAnyCheckpointAJournalThatBeganLaterIsRefused) {
     expect_words(refusal_of(files, durability), {"no checkpoint can be loaded", "--accept-empty"});
 }
 
-// Makes every loss of the end of the last segment, which holds the records 18 and 19, at every byte: cut, and zeroed.
+// Loses the end of the last segment, which holds the records 18 and 19, from every byte on: cut off, or set to zero.
 TEST(LostFiles, SettledRecordsThatAreLostAtTheEndAreNeverPassedOver) {
   const Files whole = written(20, 6);
   const std::string last = segment_name(4);
@@ -111,7 +112,7 @@ TEST(LostFiles, SettledRecordsThatAreLostAtTheEndAreNeverPassedOver) {
       std::vector<std::byte>& bytes = files[last];
       bytes.resize(kept);
       if (zeroed) bytes.resize(size);
-      if (bytes == whole.at(last)) continue;  // the last bytes are zeros
+      if (bytes == whole.at(last)) continue;  // the bytes set to zero were zero before
       const std::string refused = refusal_of(files, Durability::kPower);
       ASSERT_NE(refused, "") << "power: " << kept << " bytes" << zeroed;
       expect_words(refused, {last});
@@ -188,7 +189,8 @@ TEST(LostFiles, ADirectoryWithoutItsIdIsRefusedOrTold) {
 TEST(LostFiles, FilesOfAnotherDirectoryAreNamedAndNeitherUsedNorTouched) {
   const Files foreign = written(40, 6, 2);
   Files files = written(20, 6);
-  // A newer checkpoint and a later segment of the other directory, under their own names and in the way of ours.
+  // Puts a newer checkpoint and a later segment of the other directory into this one, under names that this one will
+  // reach.
   const std::vector<std::string> names = {checkpoint_name(6), segment_name(7)};
   for (const std::string& name : names) files[name] = foreign.at(name);
   for (const auto durability : {Durability::kPower, Durability::kProcess}) {
@@ -239,7 +241,7 @@ TEST(LostFiles, StrayFilesAreLeftAloneAndStopNothing) {
 }
 
 TEST(LostFiles, AFaultBeforeWhatTheCheckpointHoldsStopsNothing) {
-  Files files = written(20, 6);  // segment 3 holds the records 12 to 17, which the newest checkpoint has seen
+  Files files = written(20, 6);  // segment 3 holds the records 12 to 17, which the newest checkpoint includes
   files[segment_name(3)][100] ^= std::byte{1};
   MemoryStorage disk = disk_of(files);
   Server server(disk);
@@ -298,7 +300,7 @@ TEST(LostFiles, SegmentsThatCouldNotBeStartedLeaveNothing) {
   MemoryStorage disk;
   Server server(disk);
   const auto names = disk.names();
-  for (const std::uint64_t n : {1, 2}) {  // the header of the segment, and the note of its name
+  for (const std::uint64_t n : {1, 2}) {  // the header of the segment, and the file `store` that names the segment
     disk.plan({.at_call = n, .code = ENOSPC, .for_ever = true, .of = Call::kAppend});
     EXPECT_THROW(server.run(1), StorageError);
     EXPECT_FALSE(server.store.failed());

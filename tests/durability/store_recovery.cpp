@@ -75,7 +75,7 @@ TEST(Store, RefusesToStartEmptyOverFilesItCannotUse) {
     server.checkpoint();
   }
   disk.bytes(checkpoint_name(1))[1000] ^= std::byte{4};
-  disk.remove(segment_name(1));  // a journal of the whole history would replace the checkpoint
+  disk.remove(segment_name(1));  // this segment holds the whole history and would replace the checkpoint
   try {
     Server refused(disk);
     FAIL() << "it started";

@@ -303,7 +303,7 @@ TEST(Users, OnlyThoseOnTheListAreServedAndToldAtOnce) {
 }
 
 // Runs `act` in a child process as the user `uid`. Returns the exit code of the child: 0 if the server accepted the
-// user, 1 if it refused the user with the code AUTH, 2 otherwise.
+// user, 1 if it refused the user with the code AUTH, another number otherwise.
 int as_user(uid_t uid, const std::function<void()>& act) {
   const pid_t child = ::fork();
   if (child == 0) {

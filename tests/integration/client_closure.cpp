@@ -23,8 +23,8 @@ using testing::StartsWith;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(5);
 
-// Two rows of plates, one pair for each node, that far stresses of their own accelerate. The methods that send and
-// apply are those of a host without a mistake.
+// A pair of plates for each node. Each pair has its own far stresses, which accelerate it. ask() and apply() are those
+// of a host without a mistake.
 struct Host {
   std::vector<double> v_soft = {100.0, 40.0, 0.5, -60.0, 20.0}, v_hard = {0.0, 5.0, 0.0, 10.0, -3.0};
   double dt = 1e-9, time = 0.0;
@@ -53,7 +53,7 @@ struct Host {
       }
     }
   }
-  // `to_soft`, `to_hard`: 1; the share of the stress that acts on either side.
+  // `to_soft`, `to_hard`: share of the stress that acts on the soft and on the hard plate; 1 without a mistake.
   void apply(std::span<const double> stress, double to_soft = 1.0, double to_hard = 1.0) {
     for (std::size_t i = 0; i < kNodes.size(); ++i) {
       v_soft[i] += dt * (stress_soft(i) - to_soft * stress[i]) / mass_soft(i);
@@ -69,17 +69,17 @@ void scale(Batch& request, Field field, double factor) {
 
 struct Mistake {
   const char* name;
-  const char* named;  // part of the warning; null: no warning
+  const char* named;  // text that the warning must contain; null: no warning
   std::function<void(Batch&)> in_request;
   double to_soft = 1.0, to_hard = 1.0;
-  std::function<double(const Host&, int step)> dt_sent;  // absent: the host's
-  std::function<double(int step)> dt;                    // absent: constant
-  bool unique = true;                                    // the warning names one mistake
+  std::function<double(const Host&, int step)> dt_sent;  // dt that the request names; absent: the host's
+  std::function<double(int step)> dt;                    // the host's dt in a step; absent: constant
+  bool unique = true;                                    // true: the warning must name one mistake only
 };
 
 struct Run {
   std::vector<std::string> warnings;
-  double closure = 0.0;  // largest of the first three steps, by the server  [m/s]
+  double closure = 0.0;  // largest closure that the server answered to the first three steps  [m/s]
 };
 
 Run run(RunningServer& server, const Mistake& mistake, Form form) {
@@ -200,7 +200,7 @@ TEST(ClientClosure, NamesTheMistakeOfAFarFieldHost) {
 TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
   RunningServer server;
   const auto times = [](Field field, double factor) { return [=](Batch& b) { scale(b, field, factor); }; };
-  const auto impedance = [](double factor) {  // as a host would make both columns of a wrong impedance
+  const auto impedance = [](double factor) {  // a host with a wrong impedance makes both columns of it
     return [=](Batch& b) {
       scale(b, Field::kImpedance, factor);
       scale(b, Field::kStickStress, factor);
@@ -239,7 +239,7 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
   expect_named(server, mistakes, Form::kStick);
 }
 
-// A host that tries steps, rejects some, and names its nodes in another order each time.
+// A host that tries steps and rejects some, and then names some of its nodes, in another order each time.
 TEST(ClientClosure, FollowsTrialsRollbacksMarksAndSubsets) {
   RunningServer server;
   ClientOptions options = server.client_options("inproc");

@@ -169,8 +169,7 @@ TEST(Operations, ADrainedServerEndsWithItsLastSession) {
   EXPECT_TRUE(std::filesystem::exists(scratch / "state" / "checkpoint-000000000001.h5"));
 }
 
-// A ping must fail after its time limit of 1 s if the server process is stopped by SIGSTOP, as it does if there is no
-// server.
+// A ping must fail within a second if the server process is stopped by SIGSTOP, as it does if there is no server.
 TEST(Operations, APingTellsWithinASecondThatNobodyAnswers) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});

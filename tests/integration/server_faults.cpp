@@ -232,7 +232,7 @@ TEST_F(Faults, UnknownAndDuplicateNodesAreRefused) {
   }
 }
 
-// The answer for a node has 50 bytes, so 20,000 nodes fill the buffers of a connection within a few replies.
+// The answer for a node has 42 bytes, so a few replies for 20,000 nodes fill the buffers of a connection.
 TEST_F(Faults, APeerThatDoesNotReadHoldsNobodyUp) {
   const auto nodes = support::node_ids(20'000);
   RawDealer slow(server_.endpoint("tcp"), 1);

@@ -36,7 +36,9 @@ TEST(ValidityMap, AxesAreAtEqualRatios) {
   EXPECT_NEAR(kAxes.velocity_m_per_s[4] / kAxes.velocity_m_per_s[3], std::pow(10.0, 0.25), 1e-12);
 }
 
-// The part of the imposed displacement V t that is not plastic slip is elastic: sqrt(3) integral(ep) = V t - h s / G0.
+// The part of the imposed displacement V t that is not plastic slip is elastic: sqrt(3) integral(ep) = V t - h s / G0,
+// with the plastic strain ep, integrated over the layer, the layer's thickness h, the shear stress s and the shear
+// modulus G0.
 TEST(ValidityMap, WhatIsNotCarriedIsElastic) {
   const double G0 = physics::make_material("aluminium_dlp", {}).material.shear_modulus;
   for (const map::Observation& seen : small_map().observations) {
@@ -52,8 +54,8 @@ TEST(ValidityMap, WhatIsNotCarriedIsElastic) {
   }
 }
 
-// The layer yields when the elastic stress G0 V t / h reaches Y0 g(P, T_ref) / sqrt(3): a limiting velocity V that
-// falls as 1/t.
+// The layer yields when the elastic stress G0 V t / h, with the shear modulus G0 and the layer's thickness h, reaches
+// the flow stress at the pressure and 300 K, divided by sqrt(3). The limiting velocity V therefore falls as 1/t.
 TEST(ValidityMap, TheStickingLineIsThatOfElasticLoading) {
   const physics::Material soft = physics::make_material("aluminium_dlp", {}).material;
   int drawn = 0;
@@ -80,7 +82,8 @@ TEST(ValidityMap, TheDomainGrowsWithTheTimeOfObservation) {
     const map::Line after = map::velocity_of_share(small_map(), seen[k], 0.9);
     for (std::size_t p = 0; p < before.size(); ++p) {
       ASSERT_TRUE(before[p]);
-      // The limiting velocity falls as s/t, less steeply than 1/t, because the stress s rises as the layer hardens.
+      // The limiting velocity falls as s/t, with the shear stress s: less steeply than 1/t, because s rises as the
+      // layer hardens.
       const double elapsed = seen[k].time_s / seen[k - 1].time_s;
       if (after[p]) {
         EXPECT_GT(*before[p] / *after[p] / elapsed, 0.5) << p;

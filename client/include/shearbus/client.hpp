@@ -30,7 +30,8 @@
 namespace shearbus {
 inline namespace v1 {
 
-// A fault: the code (SHEARBUS_INVALID_VALUE), what was expected and found, what to do, and where the fault is.
+// A fault: its code, such as SHEARBUS_INVALID_VALUE; text(): what was expected and found; remedy(): what to do; field()
+// and nodes(): the column or key and the nodes at fault.
 class Error : public std::runtime_error {
  public:
   explicit Error(const shearbus_status& status)
@@ -59,7 +60,7 @@ class Error : public std::runtime_error {
   std::shared_ptr<const shearbus_status> status_;  // shared, since copying an exception must not throw
 };
 
-// Calls function(arguments..., &status), and throws what it reports.
+// Calls function(arguments..., &status), and throws the fault that it reports as an Error.
 template <typename Function, typename... Arguments>
 void call(Function function, Arguments... arguments) {
   shearbus_status status = SHEARBUS_STATUS_INIT;
@@ -68,28 +69,29 @@ void call(Function function, Arguments... arguments) {
 
 struct Options {
   std::string endpoint;    // tcp://host:port or ipc://path; empty or "embedded": a server in this process
-  std::string scene_file;  // path of a TOML file; either this or scene_text
+  std::string scene_file;  // path of a TOML file; set either scene_file or scene_text
   std::string scene_text;
-  std::string domain;  // node ids are unique over the sessions of a domain; empty: over this session
+  std::string domain;  // node ids are unique among the sessions of a domain; empty: within this session only
   std::string name = "C++ host";
   std::string server_key_file;
   std::string secret_key_file;
-  double connect_deadline_s = 0.0;  // 0: the default, here and below
+  double connect_deadline_s = 0.0;  // for each of these three times 0 means the default of shearbus.h
   double reply_deadline_s = 0.0;
   double retry_after_s = 0.0;
-  std::function<void(const std::string& line)> log;  // what a call waits for, after 2, 4, 8, ... s
+  std::function<void(const std::string& line)> log;  // gets the opened session, warnings, and what a call waits for
   std::string state_dir;                             // embedded: directory of a durable server's states
-  std::uint32_t threads = 0;                         // embedded: threads that solve layers
+  std::uint32_t threads = 0;                         // embedded: number of threads that solve layers; 0: one
   int check_closure = SHEARBUS_CHECK_WARN;
-  std::uint64_t idle_limit_s = 0;  // the server closes the session after so long without a request; 0: never
+  std::uint64_t idle_limit_s = 0;  // the server closes the session after this time without a request; 0: never
 };
 
-// The columns of a step, which point to arrays of the host that stay where they are: one value per row, in a container
-// with data() and size(), or with a distance of stride_bytes between two values.
+// The columns of one step. A Step keeps pointers to arrays of the host, which must stay where they are. in() and out()
+// take containers with data() and size() and one value per row; in_strided() and out_strided() take values that lie
+// stride_bytes apart.
 class Step {
  public:
   explicit Step(std::size_t rows) { request_.n = rows; }
-  // A step of some nodes of the session, which must outlive the step, as the columns must.
+  // A step of some nodes of the session. The vector of their ids, like the columns, must outlive the Step.
   explicit Step(const std::vector<std::uint64_t>& node_ids) : Step(node_ids.size()) {
     request_.node_ids = node_ids.data();
   }
@@ -197,7 +199,7 @@ class Session {
 
   shearbus_result step(const Step& step) { return run(step, SHEARBUS_ADVANCE); }  // commits the new states
   shearbus_result trial(const Step& step) { return run(step, SHEARBUS_TRIAL); }   // commit() or rollback() follows
-  // A step in two halves: the columns of start() must last until finish().
+  // A step in two halves: the arrays of the outputs must last until finish().
   void start(const Step& step, int mode = SHEARBUS_ADVANCE) {
     const shearbus_request request = step.request(mode);
     call(shearbus_start, handle_, &request);

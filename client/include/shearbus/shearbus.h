@@ -14,16 +14,17 @@
  *
  *   shearbus_close(&bus, &status);
  *
- * Every function that may fail returns a code: SHEARBUS_OK (0) or the code of the fault, and fills the caller's status
- * (which may be NULL) with what was expected and found, and with what to do. A call that fails changes no state of the
- * server, with one exception: after SHEARBUS_UNKNOWN_OUTCOME and SHEARBUS_NO_MEMORY the request may or may not have
- * run. The same call with the same values is then the same request: it does not run twice, and its answer is kept.
+ * Every function that may fail returns a code: SHEARBUS_OK (0) or the code of the fault, and fills the caller's
+ * status (which may be NULL) with what was expected and found, and with what to do. A call that fails changes no
+ * state of the server, with one exception: after SHEARBUS_UNKNOWN_OUTCOME and SHEARBUS_NO_MEMORY the request may or
+ * may not have run. If the caller then makes the same call with the same values, the library sends the same request:
+ * the server does not run it twice and returns the answer that it kept.
  *
- * No call throws, aborts or blocks beyond its deadline, or prints anything but warnings of steps (which go to the log
- * if there is one). A session belongs to one thread at a time; sessions
- * are independent of each other. All quantities are in SI units. Pointers that a function returns are valid until the
- * next call on the session. Structs grow only at their end: `size` tells the library which members the caller knows, so
- * each struct starts from its _INIT. Members that are zero have their default.
+ * No call throws, aborts or blocks beyond its deadline. No call prints anything but warnings, and these go to the
+ * log if there is one. A session belongs to one thread at a time; sessions are independent of each other. All
+ * quantities are in SI units. Pointers that a function returns are valid until the next call on the session. Structs
+ * grow only at their end: `size` tells the library which members the caller knows, so each struct starts from its
+ * _INIT. Members that are zero have their default.
  *
  * Environment variables that a user sets, without a change of the host:
  *   SHEARBUS_ENDPOINT  replaces shearbus_options.endpoint
@@ -49,8 +50,8 @@ typedef struct shearbus_session shearbus_session;
 
 /* ---- codes ---- */
 
-/* The hundreds are classes: 1xx the message, 2xx the session, 3xx the content, 4xx the server, 5xx this side. The
- * numbers, 0 and 510 and above excepted, are those of shearbus.v1.Code (proto/WIRE.md). */
+/* The hundreds are classes: 1xx the message, 2xx the session, 3xx the content, 4xx the server, 5xx the client.
+ * Except for 0 and for 510 and above, the numbers are those of shearbus.v1.Code (proto/WIRE.md). */
 enum {
   SHEARBUS_OK = 0,
   SHEARBUS_BAD_FRAMING = 100,
@@ -88,7 +89,7 @@ enum {
   SHEARBUS_UNKNOWN_OUTCOME = 501,  /* no answer before the deadline */
   SHEARBUS_UNEXPECTED_REPLY = 502, /* the peer is no shearbus server of this version */
   SHEARBUS_AUTH = 503,             /* the server does not admit this client */
-  SHEARBUS_NOT_CLOSED = 504,       /* the host's jump is not the jump that its last step was answered with */
+  SHEARBUS_NOT_CLOSED = 504,       /* the host's velocity jump is not the one that its last step answered */
   SHEARBUS_NO_MEMORY = 510,
   SHEARBUS_LIBRARY_FAULT = 511 /* any other fault of this library; its text names it */
 };
@@ -115,8 +116,8 @@ typedef struct shearbus_status {
 
 /* ---- columns ---- */
 
-/* Columns of a step: SHEARBUS_VELOCITY_JUMP and the like. All are double, except for the regime (0 open, 1 stick,
- * 2 Coulomb, 3 Tresca, 4 melting) and the outcome (0, or a sum of the bits below), which are uint8_t. */
+/* Columns of a step: SHEARBUS_VELOCITY_JUMP and the like. All are double, except for the regime (0 open, 1 stick, 2
+ * Coulomb, 3 Tresca, 4 melting) and the outcome (0, or a sum of the bits SHEARBUS_OUTCOME_), which are uint8_t. */
 #include "shearbus/columns.h"
 
 enum {
@@ -144,51 +145,53 @@ typedef struct shearbus_output {
   ptrdiff_t stride_bytes;
 } shearbus_output;
 
-/* The name of a column on the wire, with its unit ("pressure_pa"), NULL if there is none; and the reverse, 0 if there
- * is none. */
+/* shearbus_field_name(): the name of a column on the wire with its unit, such as "pressure_pa", or NULL for an
+ * unknown number. shearbus_field_number(): the number of the column that has this name, or 0 for an unknown name. */
 SHEARBUS_API const char* shearbus_field_name(uint32_t field);
 SHEARBUS_API uint32_t shearbus_field_number(const char* name);
 
 /* ---- sessions ---- */
 
-/* Called with one line of text, without line end: from inside a call that has waited for 2 s, then after 4, 8, ... s,
- * with what it waits for. The callback must not call this library. */
+/* Called from inside a call of this library with one line of text, without line end: about the session that was
+ * opened, a warning, or, after 2, 4, 8, ... s of waiting, what the call waits for. The callback must not call this
+ * library. */
 typedef void (*shearbus_log_fn)(void* user, const char* line);
 
-/* A force-driven host that applies the answered stress has, but for rounding, the jump that its last step answered. By
- * default the first 100 steps are compared, and a difference is one warning that names the host's mistake. */
+/* A force-driven host that applies the answered stress has, except for rounding, the velocity jump that its last
+ * step answered. By default the library compares the two in the first 100 steps and warns once of a difference, with
+ * the mistake of the host that explains it. */
 enum {
   SHEARBUS_CHECK_WARN = 0,
-  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump has other changes, too, as where an interface turns */
-  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent: SHEARBUS_NOT_CLOSED */
+  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface */
+  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED */
 };
 
 typedef struct shearbus_options {
   size_t size;
   const char* endpoint;        /* tcp://host:port or ipc://path; NULL, "" or "embedded": a server in this process */
-  const char* scene_file;      /* path of a TOML file; either this or scene_text */
+  const char* scene_file;      /* path of a TOML file; set either scene_file or scene_text */
   const char* scene_text;      /* TOML text */
-  const char* domain;          /* node ids are unique over the sessions of a domain; NULL: over this session */
-  const char* name;            /* of this host, for the server's log */
-  const char* server_key_file; /* tcp: files of CURVE keys, both or none: the server's public key */
-  const char* secret_key_file; /* and this client's secret key */
-  double connect_deadline_s;   /* default 5 */
-  double reply_deadline_s;     /* of any call, repeats included; default 60 */
-  double retry_after_s;        /* an unanswered request is repeated on a fresh connection; default 5 */
+  const char* domain;          /* node ids are unique among the sessions of a domain; NULL: within this session only */
+  const char* name;            /* name of this host, for the server's log */
+  const char* server_key_file; /* tcp: file of the server's public CURVE key; set both key files or none */
+  const char* secret_key_file; /* tcp: file of this client's secret CURVE key */
+  double connect_deadline_s;   /* deadline of connecting and the first exchange; default 5 */
+  double reply_deadline_s;     /* deadline of any call, repeats included; default 60 */
+  double retry_after_s;        /* time after which an unanswered request is repeated on a fresh connection; default 5 */
   shearbus_log_fn log;
   void* log_user;
-  const char* state_dir; /* embedded: directory of a durable server's states; NULL: they end with the session */
-  uint32_t threads;      /* embedded: threads that solve layers; default 1 */
-  int check_closure;     /* SHEARBUS_CHECK_ */
-  uint64_t idle_limit_s; /* the server closes the session after so long without a request; 0: never */
+  const char* state_dir; /* embedded: directory of a durable server's states; NULL: states end with the session */
+  uint32_t threads;      /* embedded: number of threads that solve layers; default 1 */
+  int check_closure;     /* SHEARBUS_CHECK_WARN, _OFF or _ERROR */
+  uint64_t idle_limit_s; /* the server closes the session after this time without a request; 0: never */
 } shearbus_options;
 #define SHEARBUS_OPTIONS_INIT \
   { sizeof(shearbus_options), 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 
-/* Opens a session with n nodes; *session is NULL before. initial_temperature_k: one value per node, or NULL for the
- * scene's value. After a fault *session is NULL again, with two exceptions: after SHEARBUS_UNKNOWN_OUTCOME and
- * SHEARBUS_NO_MEMORY the session may be open on the server, and *session may hold a handle with which the same call
- * opens the same session. */
+/* Opens a session with n nodes; *session is NULL before the call. initial_temperature_k: one value per node, or NULL
+ * for the scene's value. After a fault *session is NULL again, with two exceptions: after SHEARBUS_UNKNOWN_OUTCOME
+ * and SHEARBUS_NO_MEMORY the session may be open on the server, and *session may hold a handle with which the same
+ * call opens the same session. */
 SHEARBUS_API int shearbus_open(shearbus_session** session, const shearbus_options* options, size_t n,
                                const uint64_t* node_ids, const double* initial_temperature_k, shearbus_status* status);
 
@@ -225,23 +228,23 @@ typedef struct shearbus_request {
   size_t n_inputs;
   const shearbus_output* outputs;
   size_t n_outputs;
-  int open_absent; /* with node_ids. 1: the other nodes are stepped without contact, so that they cool; 0: they stay */
+  int open_absent; /* only with node_ids. 1: nodes not named are stepped without contact and cool; 0: not stepped */
 } shearbus_request;
 #define SHEARBUS_REQUEST_INIT \
   { sizeof(shearbus_request), 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 
 typedef struct shearbus_result {
   size_t size;
-  uint64_t nodes;         /* rows answered */
-  uint64_t flagged_nodes; /* rows whose outcome is not 0 */
+  uint64_t nodes;         /* number of rows answered */
+  uint64_t flagged_nodes; /* number of nodes with an outcome bit other than SHEARBUS_OUTCOME_ASLEEP */
   uint64_t state_version;
-  uint64_t solver_ns;     /* time of the solvers */
-  uint64_t service_ns;    /* time in the server, the solvers included */
-  uint64_t round_trip_ns; /* time from the request to its answer, as this side saw it */
-  /* Force-driven sessions, unless check_closure is off: */
-  double largest_closure_m_per_s; /* largest difference of the jumps from those answered before, and its node */
+  uint64_t solver_ns;     /* time that the solver took */
+  uint64_t service_ns;    /* time that the request took in the server, the solver included */
+  uint64_t round_trip_ns; /* time from the request to its answer, as the client saw it */
+  /* Of force-driven sessions, unless check_closure is off: */
+  double largest_closure_m_per_s; /* largest |jump of the host - jump answered before| of the rows */
   uint64_t closure_node;
-  double layer_time_s; /* of that node: sum of the dt_s of its steps */
+  double layer_time_s; /* sum of the dt_s of the answered steps of closure_node */
 } shearbus_result;
 #define SHEARBUS_RESULT_INIT \
   { sizeof(shearbus_result), 0, 0, 0, 0, 0, 0, 0.0, 0, 0.0 }
@@ -251,17 +254,18 @@ SHEARBUS_API int shearbus_step(shearbus_session* session, const shearbus_request
                                shearbus_status* status);
 
 /* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two
- * the caller makes no other call on the session but close and leave. The inputs are copied by shearbus_start(), the
- * memory of the outputs must last until shearbus_finish(). If that fails, shearbus_step() with the same values is the same
- * request. */
+ * the caller makes no other call on the session but close and leave. shearbus_start() copies the inputs; the memory
+ * of the outputs must last until shearbus_finish(). If shearbus_finish() fails, shearbus_step() with the same values
+ * sends the same request. */
 SHEARBUS_API int shearbus_start(shearbus_session* session, const shearbus_request* request, shearbus_status* status);
 SHEARBUS_API int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus_status* status);
 
 SHEARBUS_API int shearbus_commit(shearbus_session* session, shearbus_status* status);
 SHEARBUS_API int shearbus_rollback(shearbus_session* session, shearbus_status* status);
 
-/* Keeps the committed states on the server under a name, such as that of the host's restart dump (the newest two
- * remain), and restores the nodes of a mark with their states, which drops a trial. */
+/* shearbus_mark() keeps the committed states on the server under a name, such as that of the host's restart dump;
+ * the server keeps the newest two marks. shearbus_rollback_to() restores the nodes of a mark with their states, and
+ * drops a trial. */
 SHEARBUS_API int shearbus_mark(shearbus_session* session, const char* name, shearbus_status* status);
 SHEARBUS_API int shearbus_rollback_to(shearbus_session* session, const char* name, shearbus_status* status);
 
@@ -273,14 +277,16 @@ SHEARBUS_API int shearbus_register(shearbus_session* session, size_t n, const ui
 SHEARBUS_API int shearbus_retire(shearbus_session* session, size_t n, const uint64_t* node_ids,
                                  shearbus_status* status);
 
-/* Moves nodes with their states to another session of the domain, which passes the id to shearbus_accept(). Between the
- * two calls the server keeps the nodes. The accepted nodes are the last ones of shearbus_node_ids(). */
+/* shearbus_offer() moves nodes with their states out of this session and fills `transfer`, an id that another
+ * session of the domain passes to shearbus_accept(). Between the two calls the server keeps the nodes. The accepted
+ * nodes are the last ones of shearbus_node_ids(). */
 #define SHEARBUS_TRANSFER_BYTES 16
 SHEARBUS_API int shearbus_offer(shearbus_session* session, size_t n, const uint64_t* node_ids,
                                 uint8_t transfer[SHEARBUS_TRANSFER_BYTES], shearbus_status* status);
 SHEARBUS_API int shearbus_accept(shearbus_session* session, const uint8_t transfer[SHEARBUS_TRANSFER_BYTES],
                                  shearbus_status* status);
-/* Copies at most `capacity` offers of a resumed session that no session had accepted; returns their number. */
+/* For a resumed session: copies at most `capacity` ids of its offers that no session had accepted by then, and
+ * returns the number of all such offers. */
 SHEARBUS_API size_t shearbus_offers(const shearbus_session* session, size_t capacity,
                                     uint8_t (*transfers)[SHEARBUS_TRANSFER_BYTES]);
 
@@ -290,8 +296,8 @@ SHEARBUS_API const uint64_t* shearbus_node_ids(const shearbus_session* session);
 
 /* ---- what the server has understood ---- */
 
-/* The scene as TOML text with every default and constant; and the server's warnings about it, one a line. "" for a
- * session that is NULL. */
+/* The scene as TOML text with every default and constant; and the server's warnings about the scene, one per line.
+ * "" for a session that is NULL. */
 SHEARBUS_API const char* shearbus_effective_scene(const shearbus_session* session);
 SHEARBUS_API const char* shearbus_warnings(const shearbus_session* session);
 
@@ -299,7 +305,7 @@ typedef struct shearbus_info {
   size_t size;
   int strategy; /* 1 velocity-driven, 2 force-driven */
   uint32_t tangential_components;
-  uint64_t bytes_per_node; /* of the server's memory */
+  uint64_t bytes_per_node; /* memory that a node takes on the server */
   uint64_t last_sequence;  /* number of the last answered request; 0 is the opening */
   int outlives_server;     /* 1: a durable server, which answers again after its restart */
 } shearbus_info;
@@ -307,7 +313,8 @@ typedef struct shearbus_info {
   { sizeof(shearbus_info), 0, 0, 0, 0, 0 }
 SHEARBUS_API int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shearbus_status* status);
 
-/* The columns of this session's steps: fills at most `capacity` numbers and returns how many there are. */
+/* The columns of this session's steps: writes at most `capacity` of their numbers to `fields` and returns how many
+ * columns there are. */
 enum {
   SHEARBUS_REQUIRED_INPUT = 0,
   SHEARBUS_OPTIONAL_INPUT = 1,
