@@ -1,6 +1,6 @@
-// Names the mistake of a force-driven host whose velocity jump is not the one that its last step answered. These are
-// pure functions of what the host sent and received in that step and of its jump now, so that every client library can
-// use them.
+// A force-driven host must arrive at the velocity jump that the server answered to its last step. If it does not, these
+// functions name its mistake. They depend only on what the host sent and received in the last step and on its jump now,
+// so that every client library can use them.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +15,10 @@ namespace shearbus::closure {
 //   [V] + dt (stress_soft/mass_soft + stress_hard/mass_hard) - dt s (1/mass_soft + 1/mass_hard),
 // in stick form (stick_stress - s) / impedance.
 struct Row {
-  double jump = 0.0;      // jump [V] that the last step was sent with  [m/s]
-  double stress = 0.0;    // stress s that the last step answered       [Pa]
-  double answered = 0.0;  // new jump that the last step answered       [m/s]
-  double now = 0.0;       // jump that the host sends with this step    [m/s]
+  double jump = 0.0;      // velocity jump [V] that the host sent with the last step  [m/s]
+  double stress = 0.0;    // shear stress s that the server answered to the last step  [Pa]
+  double answered = 0.0;  // new jump that the server answered to the last step  [m/s]
+  double now = 0.0;       // jump that the host sends with this step  [m/s]
   // Inputs of the last step, if it was in far-field form:
   double stress_soft = 0.0, stress_hard = 0.0;  // [Pa]
   double mass_soft = 1.0, mass_hard = 1.0;      // [kg/m2]
@@ -29,18 +29,18 @@ struct Row {
   double difference() const { return now - answered; }
 };
 
-// Lengths of three steps in a row  [s]; 0: not known.
+// Lengths of three consecutive steps; 0: not known  [s].
 struct Times {
   double before = 0.0;  // length of the step before the last
   double last = 0.0;
   double now = 0.0;
 };
 
-// The largest accepted difference between the host's jump and the answered one  [m/s].
+// The largest accepted difference between the jump that the host sends and the one answered to the last step  [m/s].
 double tolerance(const Row& row);
 
-// The mistakes, each of which alone explains all rows; empty if there is none. Mistakes that have the same effect on
-// the balance are one text.
+// Return a text for each mistake of the host that by itself explains the jumps of all rows. Mistakes that change the
+// momentum balance in the same way share a text.
 std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Times& times);
 std::vector<std::string> stick_mistakes(std::span<const Row> rows);
 

@@ -1,6 +1,6 @@
-// States of a node that describe its exchange with the host, not its layer: the jump that the last committed step
-// answered, and the times of layer and host. They follow the states of the model in a tile. Only a shard that checks
-// closure has them: a force-driven host that applies the answered stress sends the answered jump with its next step.
+// The check of closure: a force-driven host that applies the answered stress must arrive at the velocity jump that the
+// server answered. For this check a node keeps states that describe its exchange with the host, not its layer: the jump
+// that the last committed step answered, and the times of layer and host. A shard without the check has no such states.
 #pragma once
 
 #include <cstddef>
@@ -13,9 +13,9 @@
 
 namespace shearbus::shard {
 
-// The states of the model, followed by the states of the exchange. An unknown jump or time of the host is infinite.
+// Layout of a tile: the states of the model, then those of the exchange with the host (infinite: value not known).
 class TileStates : public physics::TileLayout {
-  std::size_t components_;  // number of tangential components of the answered jump; 0: closure is not checked
+  std::size_t components_;  // number of tangential components of the answered jump; 0: the shard does not check closure
 
  public:
   TileStates(const physics::Model& model, bool check_closure)
@@ -28,41 +28,43 @@ class TileStates : public physics::TileLayout {
   std::size_t answered_jump = add(kAnsweredJump, "m s-1", components_);
   // sum of the lengths of all steps that the node took
   std::size_t layer_time = add("layer_time_s", "s", components_ > 0);
-  // time_s of the last step; infinite if time_s was 0, or if the node had no row or no answer in that step
+  // host's time at the end of the last step; infinite if the host gave no time, or the node no row or got no answer
   std::size_t host_time = add("host_time_s", "s", components_ > 0);
 
   bool check_closure() const { return components_ > 0; }
 
-  // Writes the initial states of the exchange into all lanes of a tile.
+  // Writes the initial states of the exchange with the host for all nodes of a tile.
   void begin_exchange(double* tile) const;
 };
 
-// True if the states come from a shard that checks closure.
+// Whether the states hold answered jumps, hence come from a shard that checks closure.
 bool checks_closure(const States& states);
 
-// The differences between the jumps and the time that the host sends with a step and those kept from the step before.
+// How the jumps and the time that the host sends with a step differ from those that the server expects after the last
+// step. A row is the entry of one node in the host's request.
 struct Closure {
   double largest = -1.0;    // largest |jump of the host - answered jump|; negative: no node had an answered jump  [m/s]
-  std::uint32_t row = 0;    // row of the largest difference; of equal differences the first one
-  std::uint64_t timed = 0;  // number of rows for which the host gave a time for this step and the one before
-  std::uint64_t agree = 0;  // number of those rows in which the host's time grew by the length of the step
-  double host_time_step = 0.0;          // growth of the host's time in the first row where it is not that length  [s]
-  std::uint32_t time_row = 0xffffffff;  // row that host_time_step is taken from
+  std::uint32_t row = 0;    // row of the largest difference of jumps (the first one, if several are equal)
+  std::uint64_t timed = 0;  // number of nodes for which the host gave its time with this step and with the last one
+  std::uint64_t agree = 0;  // number of nodes in `timed` for which the host's time grew by the length of the step
+  // growth of the host's time between the two steps, in the first row where it is not the length of the step  [s]
+  double host_time_step = 0.0;
+  std::uint32_t time_row = 0xffffffff;  // the row of host_time_step; 0xffffffff: none
 
   Closure& operator+=(const Closure& other);
 };
 
-// A step: its length, and the host's time at its end, 0 if not given  [s].
+// Length of a step, and the host's time at the end of the step, 0 if the host gives none  [s].
 struct HostStep {
   double dt;
   double time;
 };
 
-// Writes the states of the exchange of one tile after a step; `from` and `to` are the states of the tile before and
-// after it. `named`: bits of the lanes that have a row, `lane_rows`: their rows; `open`: bits of the lanes that are
-// stepped as open contacts without a row. Open lanes and lanes without an answer have no answered jump after the step.
-// Lanes that are neither named nor open keep their states. `difference`: for each component [kLanes], the jump of the
-// host minus the jump answered before, NaN where no jump was answered.
+// Writes the states of the exchange with the host for the nodes of one tile, after a step from the states `from` to the
+// states `to`. `named`: bits of the lanes (nodes) that have a row in the request; `lane_rows`: their rows. `open`: bits
+// of the lanes without a row that are stepped as open contacts. These, and lanes whose step failed, have no answered
+// jump afterwards. All other lanes keep their states. `difference`: for each component [kLanes], the jump that the host
+// sent minus the jump that the server answered before, NaN where it answered none.
 Closure exchange(const TileStates& states, const HostStep& step, const physics::TileInputs& in,
                  const physics::TileOutputs& out, std::uint32_t named, std::uint32_t open,
                  const std::uint32_t* lane_rows, const double* from, double* to,

@@ -27,8 +27,8 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.widt
     weight.push_back(0.5 * width.back());
   }
   if (!grid.matched) return;
-  // On a graded grid whose vertices hold the arithmetic mean of their two cells the response at z = 0 is stiffer than
-  // the continuum's, by the fraction (ln grading)^2/16 at all times; longer conduction lengths compensate.
+  // Each vertex of this graded grid holds the heat of one half of each of its two cells. T0 would therefore rise less
+  // under a flux than in the continuum, by the fraction (ln grading)^2/16. Longer conduction lengths compensate this.
   const double stretch = 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading);
   for (double& cell : width) cell *= stretch;
 }
@@ -53,7 +53,7 @@ double HeatGrid::capacity(int vertex, const Material& soft, const Material& hard
 namespace {
 
 struct Coupling {
-  double before, after;  // coefficients a and c of the two neighbours (HeatOperator)
+  double before, after;  // coefficients a and c in the equation of a vertex, for its two neighbours (HeatOperator)
 };
 
 Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {
@@ -88,8 +88,8 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
   const std::size_t n = grid.weight.size();
   const std::size_t first = static_cast<std::size_t>(interface);
 
-  // `kept_outside` is 1 - outward at the outer neighbour. With the coefficients `inner` and `outer` of a vertex the
-  // pivot of the elimination, 1 + inner + outer - outer * outward, is computed without the difference.
+  // Eliminates vertex i, whose equation has the coefficients `inner` and `outer`. Its pivot is 1 + inner + outer *
+  // (1 - outward[outer neighbour]). The lambda gets this difference as `kept_outside` and returns that of vertex i.
   const auto eliminate = [&](std::size_t i, double outer, double inner, double kept_outside) {
     const double own = 1.0 + outer * kept_outside;
     const double pivot = own + inner;
@@ -114,7 +114,7 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
   inward_hard = a / pivot;
   outward[first] = 0.0;
 
-  // A unit flux heats the half cells at z = 0: DLP (31), corrected, for a first cell of any width.
+  // Temperature rise of the half cells at z = 0 by a unit flux: DLP (31) as MODEL.md corrects it, for any cell width.
   const double rise = first == 0 ? soft.diffusivity * dt / (grid.weight[0] * soft.conductivity)
                                  : dt / grid.capacity(interface, soft, hard);
   response[first] = rise * inverse_pivot[first];
@@ -180,22 +180,23 @@ namespace {
 
 // The vertices of one body, without z = 0.
 struct Arm {
-  // Outermost vertex at which a lane differs from the temperature of its colder end; z = 0 if none.
+  // Outermost vertex that is not at the far temperature (that of the colder end) in every lane; z = 0 if none.
   std::ptrdiff_t heated;
   std::ptrdiff_t outermost;  // outermost vertex of the body
   std::ptrdiff_t outwards;   // step to the next outer vertex: 1 or -1
 };
 
-// The sweeps of a step without flux, in place. They work on the temperature above `far`, the temperature of the colder
-// end: a uniform layer stays uniform to the last bit, and no vertex falls below the coldest one by rounding.
+// The elimination and substitution of a step without heat flux, in place. They work on the temperature above `far`, the
+// temperature of the colder end, so that a uniform layer stays uniform to the last bit and rounding cools no vertex
+// below the coldest one.
 template <int kWidth>
 class Sweeps {
  public:
   Sweeps(const HeatOperator& heat, const Row<kWidth>& far, double* temperature)
       : far_(far), heat_(heat), T_(temperature) {}
 
-  // Eliminates from the outermost heated vertex inwards to the neighbour of z = 0. Beyond the heated vertices the
-  // temperature above `far` is zero.
+  // Eliminates from the outermost heated vertex inwards to the neighbour of z = 0. Vertices farther out are at the
+  // temperature `far` and contribute nothing.
   Row<kWidth> eliminate(Arm arm) const {
     Row<kWidth> t = 0.0;
     for (std::ptrdiff_t i = arm.heated; i != heat_.interface; i -= arm.outwards) {
@@ -214,8 +215,8 @@ class Sweeps {
     return t;
   }
 
-  // Substitutes from `t`, the value at z = 0, outwards until no lane changes any more: beyond the heated vertices
-  // values decay.
+  // Substitutes outwards from z = 0, where the temperature above `far` is `t`. Beyond the heated vertices this value
+  // decays; the loop ends where it no longer changes the temperature of any lane.
   void substitute(Arm arm, Row<kWidth> t) const {
     std::ptrdiff_t i = heat_.interface;
     while (i != arm.heated) {
@@ -257,7 +258,7 @@ void sweep(const HeatOperator& heat, int num_vertices, const double* before, dou
     soft.heated = std::max(soft.heated, i);
   }
 
-  // 2. The sweeps over the heated vertices give the same bits as sweeps over all vertices.
+  // 2. Sweep over the heated vertices only, which gives the same bits as a sweep over all vertices.
   const Sweeps<kWidth> sweeps(heat, far, after);
   const Row<kWidth> from_soft = sweeps.eliminate(soft);
   const Row<kWidth> from_hard = sweeps.eliminate(hard);
@@ -278,8 +279,9 @@ void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* 
 
 namespace {
 
-// Adds flux * B to T, except at vertices where flux * B is below half an ulp of T. B falls from z = 0 outwards, half an
-// ulp of T is more than 2^-54 T, and no vertex is colder than half the temperature of the colder end.
+// Adds flux * B to the temperature T, but skips the outer vertices, where flux * B is too small to change T (B falls
+// from z = 0 outwards). It is too small below 2^-54 T_end/2, where T_end is the temperature of the colder end: no
+// vertex is colder than T_end/2, and half an ulp of T is more than 2^-54 T.
 template <int kWidth>
 void add(const HeatOperator& heat, int num_vertices, const Row<kWidth>& flux, double* temperature) {
   const double strongest = hmax(abs(flux));

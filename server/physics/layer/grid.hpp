@@ -16,8 +16,8 @@ struct GridOptions {
   int cells = 500;
   double grading = 1.0;  // ratio of the widths of neighbouring cells, which grow from z = 0
   FarBoundary far_boundary = FarBoundary::kInsulated;
-  // Whether the conduction lengths compensate the error that the grading causes in the response at z = 0. A half-space
-  // then continues with the same grading (METHODS.md, "Tolerance").
+  // Whether adapted conduction lengths cancel the error that the grading causes in the rise of T0 by a flux. The cells
+  // that a half-space adds behind the layer then have the same grading (METHODS.md, "Tolerance").
   bool matched = false;
 };
 

@@ -13,20 +13,20 @@
 namespace shearbus::physics {
 
 struct ModesOptions {
-  double accuracy = 1e-6;        // largest relative error of K from shortest_step to longest_time
+  double accuracy = 1e-6;        // largest relative error of the heat kernel K between the two times below
   double shortest_step = 1e-10;  // shortest step of the host  [s]
-  double longest_time = 1e-4;    // the modes represent the kernel K up to this time  [s]
+  double longest_time = 1e-4;    // time up to which the modes represent the kernel K  [s]
 };
 
-// The heat kernel K(t) of the soft body: sqrt(alpha) / (k sqrt(pi t)) of a half-space; an insulated slab adds image
-// sources.
+// The heat kernel K(t) of the soft body: the rise of T0 at the time t after a heat pulse of 1 J/m2 at z = 0. For a
+// half-space K = sqrt(alpha) / (k sqrt(pi t)); the kernel of an insulated slab has additional terms, its image sources.
 struct HeatKernel {
   HeatKernel(const Material& soft, const GridOptions& layer);
 
   double at(double t) const;
-  double integral(double t) const;       // integral of K from 0 to t, which is the exact response B0  [K m2/W]
+  double integral(double t) const;       // integral of K from 0 to t: exact rise B0 of T0 by a unit flux  [K m2/W]
   double moment(double t) const;         // first moment of K, the integral of s K(s) from 0 to t  [K m2 s/W]
-  bool far_face_unfelt(double t) const;  // whether the image sources are below rounding until t
+  bool far_face_unfelt(double t) const;  // whether the image sources of a slab are below rounding until t
 
   double thickness;     // thickness of the slab; infinity: half-space  [m]
   double conductivity;  // conductivity k  [W/(m K)]
@@ -45,18 +45,19 @@ struct HeatModes {
   HeatModes(const HeatKernel& kernel, const ModesOptions& options);
 
   HeatKernel kernel;
-  std::vector<double> rate;    // decay rates of the modes  [1/s], ascending; 0: the mean temperature of a slab
+  std::vector<double> rate;    // decay rate of each mode, ascending; rate 0: mean temperature of a slab  [1/s]
   std::vector<double> weight;  // weight of each mode  [K m2/J]
   double error;                // measured largest relative error of K
 
-  // Number of rows of a tile without a profile: the start temperature, then each mode's share of T0, then T0 itself.
+  // Number of values per node in place of a temperature profile: the start temperature, the part that each mode adds to
+  // T0, and T0.
   int num_rows() const { return static_cast<int>(rate.size()) + 2; }
 };
 
-// The operator of a step of length dt on the modes and on T0. The response to the flux of the step itself uses the
-// exact kernel K, because no sum of exponentials approximates K down to t = 0.
-//   constant flux:             T0 = T_start + sum of decay u + B0 q, u: share of T0 of each mode before the step
-//   flux through two points:   q_early at `early` dt and q at dt, linear in time through both
+// The coefficients of a step of length dt for the modes and for T0. The flux q of the step itself raises T0 by the
+// exact kernel K, because no sum of exponentials approximates K down to t = 0. The flux within the step is
+//   constant:         T0 = T_start + sum of decay u + B0 q, where u is the part of each mode in T0 before the step
+//   linear in time:   q_early at the time `early` dt and q at the end of the step
 struct ModeOperator {
   ModeOperator(const HeatModes& modes, double step);
   ModeOperator(const HeatModes& modes, double step, double early);
@@ -65,17 +66,18 @@ struct ModeOperator {
   void fill(const HeatModes& modes);
 
   double dt;                       // step length  [s]
-  int interface;                   // index of the row of T0
-  double response = 0.0;           // B0: response of T0 to q      [K m2/W]
-  double early_response = 0.0;     // response of T0 to q_early       [K m2/W]
-  std::vector<double> decay;       // factor of a step on each mode, exp(-rate dt)
-  std::vector<double> gain;        // response of each mode to q      [K m2/W]
-  std::vector<double> early_gain;  // response of each mode to q_early  [K m2/W]; empty if the flux is constant
+  int interface;                   // index of T0 among the rows of a tile
+  double response = 0.0;           // rise of T0 per unit of the flux q; B0 if the flux is constant  [K m2/W]
+  double early_response = 0.0;     // rise of T0 per unit of the flux q_early  [K m2/W]
+  std::vector<double> decay;       // factor by which each mode decays in the step, exp(-rate dt)
+  std::vector<double> gain;        // rise of each mode per unit of the flux q  [K m2/W]
+  std::vector<double> early_gain;  // rise of each mode per unit of q_early; empty if the flux is constant  [K m2/W]
 
   const double* layer_response() const { return &response; }
 };
 
-// The same operations as in conduction.hpp, for the rows of HeatModes.
+// Conduction and heating of a step for nodes that keep modes: the namesakes of the functions for profiles in
+// conduction.hpp.
 void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after);
 void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows);
 void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);

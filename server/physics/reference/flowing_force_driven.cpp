@@ -1,4 +1,5 @@
-// The force-driven step with plastic strain: each equation is written once, and all roots are searched for.
+// Slow reference model of the force-driven step of a layer that flows plastically: it searches for all solutions, not
+// only for the one that the fast solver would find.
 #include <algorithm>
 #include <cmath>
 
@@ -66,7 +67,7 @@ struct FlowingStep {
   double jump_free, per_stress, direction, drive, ceiling_strength, T_melt;
 };
 
-// The sticking solution: the stress under which the interface no longer slips at the end of the step.
+// The sticking solution: the stress that stops the slip of the interface by the end of the step.
 Candidate stick_of(const FlowingStep& step, double beta_T) {
   const auto flux = [&](double a) { return beta_T * a * step.stopping_slip(a); };
   const double rigid = (std::abs(step.jump_free) + step.drive) / step.per_stress;
@@ -101,18 +102,19 @@ std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a
   fluxes.erase(std::unique(fluxes.begin(), fluxes.end()), fluxes.end());
   const auto stress = [&](double q) { return std::min(step.limit(q), step.ceiling(q)); };
   const auto balance = [&](double q) { return q - beta_T * stress(q) * step.slip(stress(q), q); };
-  // A layer at its ceiling flows by any amount. The interface therefore slips only where its own limit is not above
-  // that ceiling.
+  // Under a stress equal to its ceiling the layer flows by any amount. The interface therefore slips only where its
+  // stress limit is not above that ceiling.
   const auto at_interface = [&](double q) { return step.limit(q) <= step.ceiling(q); };
   std::vector<Candidate> found;
   const auto add = [&](double q) {
-    if (stress(q) > a_stick) return;  // under a stress above the sticking stress slip would end within the step
+    if (stress(q) > a_stick) return;  // under a stress above a_stick the slip would end within the step
     const double a = stress(q);
     found.push_back({a, q, a > 0.0 ? q / (beta_T * a) : step.slip(a, q), false});
   };
   for (std::size_t i = 0; i + 1 < fluxes.size(); ++i) {
     double lo = fluxes[i], hi = fluxes[i + 1];
-    if (at_interface(lo) != at_interface(hi)) {  // where both limits are equal, the layer takes the rest of the slip
+    // Where limit and ceiling are equal, the interface slips and the layer flows.
+    if (at_interface(lo) != at_interface(hi)) {
       const bool from_interface = at_interface(lo);
       const double both = bisect([&](double x) { return at_interface(x) == from_interface ? -1.0 : 1.0; }, lo, hi);
       if (balance(both) <= 0.0) add(both);
@@ -147,8 +149,8 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
     return out;
   }
 
-  // 1. All solutions. A stuck interface sticks if it can. A slipping interface goes on slipping next to a layer
-  //    that does not flow; without such a solution it sticks if it can.
+  // 1. Find all solutions and choose one. An interface that sticks goes on sticking if it can. One that slips goes on
+  //    slipping if the layer does not flow in that solution; otherwise it sticks if it can.
   const Candidate stick = stick_of(step, beta_T);
   const bool can_stick = stick.stress <= step.limit(stick.flux) * (1.0 + 1e-13);
   const std::vector<Candidate> slips = slips_of(step, beta_T, stick.stress);
@@ -161,7 +163,7 @@ NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const N
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
   if (by_rounding && can_stick && !state.sticking) out.answers = 2;  // rounding decides whether the node sticks
 
-  // 2. Strain by DLP (48); where the ceiling holds the stress, the surplus flows at the hottest vertex.
+  // 2. Strain by DLP (48). If the stress is at the ceiling, the hottest vertex takes the rest of the plastic slip.
   const double a = taken.stress;
   const double wanted = taken.sticks ? step.jump_new(a) + step.drive : step.jump_mid(a) + step.drive - taken.slip;
   const double surplus = std::max(0.0, (wanted - step.flow(a, taken.flux)) * dt / kSqrt3);

@@ -36,14 +36,14 @@ struct ModelOptions {
   // Absent: the temperature is a profile on the grid. Present: a sum of exponentials replaces the profile; only
   // force-driven, with one conducting body.
   std::optional<ModesOptions> modes;
-  Drive drive = Drive::kLayerShear;            // velocity-driven: the velocity that shears the layer
-  std::optional<double> friction_coefficient;  // velocity-driven: adds the limit s <= mu P
+  Drive drive = Drive::kLayerShear;  // velocity-driven: whether the jump [V] or the host's shear rate shears the layer
+  std::optional<double> friction_coefficient;  // velocity-driven: mu, limits the shear stress to mu P; absent: no limit
   InterfaceOptions interface;                  // force-driven: law of the interface
   bool plastic_layer = false;                  // force-driven: in addition to the slip, the layer flows and hardens
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: the bodies touch only at junctions
 
-  // Largest error of T0 relative to T_melt - initial_temperature. Steps are divided until the estimated error is
-  // smaller. discretised() gives the grid and the methods for a tolerance.
+  // Largest error of T0 relative to T_melt - initial_temperature. A step is divided into substeps until its estimated
+  // error is smaller. Absent: steps are not divided for accuracy. discretised() chooses a grid and methods that fit.
   std::optional<double> tolerance;
 
   int tangential_components = 1;  // components of slip and stress: 1 or 2; 2 not with INTERFACE_SLIP or inertia
@@ -55,8 +55,8 @@ struct ModelOptions {
   // Nodes at rest sleep: their temperatures follow from eigenmodes of heat conduction, and no step is solved
   // (METHODS.md). Needs at most kMaxSleepCells cells.
   bool sleep = false;
-  // Fraction of the plastic work that becomes heat, where the layer flows. Only velocity-driven, with LAYER_SHEAR and a
-  // conducting hard body. Absent: the work of the whole jump heats z = 0.
+  // Fraction of the plastic work that becomes heat at the flowing vertices. Only velocity-driven, with LAYER_SHEAR and
+  // a conducting hard body. Absent: the work of the whole jump becomes heat at z = 0.
   std::optional<double> taylor_quinney_factor;
 };
 

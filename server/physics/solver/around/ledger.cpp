@@ -17,7 +17,7 @@ void add_change(LaneValues& sum, double factor, const double* before, const doub
   for (int lane = 0; lane < kLanes; ++lane) sum[lane] += factor * (now[first + lane] - before[first + lane]);
 }
 
-// The plastic slip of the layer in the step, sqrt(3) integral(dep)  [m].
+// The plastic slip of the layer in the step: sqrt(3) times the integral of the strain increment over z  [m].
 LaneValues plastic_slip(const Problem& problem, const double* ep_old, const double* ep_new) {
   LaneValues sum{};
   for (int i = 0; i < problem.grid.num_vertices(); ++i)
@@ -26,13 +26,13 @@ LaneValues plastic_slip(const Problem& problem, const double* ep_old, const doub
   return sum;
 }
 
-// The velocity at which a stress component of the interface does work, without the host's own shear  [m/s].
+// The velocity at which a stress component does work, from the jumps alone (host_shear() gives the rest)  [m/s].
 double working_velocity(const Problem& problem, double jump, double jump_new) {
   return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
 }
 
-// Velocity by which the host's own shear of the soft body adds to the work of the stress  [m/s]. Force-driven this
-// velocity is along the stress, velocity-driven it has the sign of the host's shear rate.
+// Velocity that the shear of the soft body in the host adds to that of the jump in the work of the stress  [m/s]. In a
+// force-driven model it has the sign of the stress, in a velocity-driven one the sign of the host's shear rate.
 double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
   const double h = problem.options.grid.thickness;
   if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_strain_rate[lane], stress);
@@ -41,10 +41,10 @@ double host_shear(const Problem& problem, const TileInputs& inputs, double stres
   return slips ? h * inputs.soft_shear_rate[lane] : 0.0;
 }
 
-// Share of the plastic work that the scheme does not turn into heat.
+// Share of the plastic work that does not become heat.
 double cold_share(const ModelOptions& options) {
   if (options.strategy == Strategy::kForceDriven) return 1.0;
-  if (options.drive == Drive::kInterfaceSlip) return 1.0;  // the work of the jump heats, the flow of the layer does not
+  if (options.drive == Drive::kInterfaceSlip) return 1.0;  // the heat is the work of the jump, not that of the flow
   return 1.0 - options.taylor_quinney_factor.value_or(1.0);
 }
 
@@ -53,8 +53,8 @@ double cold_share(const ModelOptions& options) {
 StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered) {
   StoredHeat stored;
   if (problem.modes) {
-    // Without a temperature profile: a slab holds all heat in its mode of rate 0, whose row follows the start
-    // temperature; from a half-space no heat returns, so the heat that entered is stored.
+    // Modes in place of a temperature profile: a slab holds all its heat in the mode of rate 0, which is the row 1; a
+    // half-space loses no heat, so it stores what entered.
     const HeatModes& modes = *problem.modes;
     if (modes.rate.front() > 0.0) {
       std::copy_n(entered, kLanes, stored.soft.begin());
@@ -89,10 +89,10 @@ void record_energy(const Problem& problem, double dt, const TileInputs& inputs, 
           ? LaneValues{}
           : plastic_slip(problem, committed + layout.plastic_strain, trial + layout.plastic_strain);
   for (const int lane : lanes_of(inputs.active)) {
-    const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // a failed lane keeps its state: no work is done
+    const bool failed = (outputs.outcome[lane] & kFailed) != 0;  // a node whose step failed keeps its state: no work
     const double s_old = committed[layout.shear_stress + lane];
     const double s = trial[layout.shear_stress + lane];
-    double size = s;  // with two tangential components the magnitude of the stress, with one the signed stress
+    double size = s;  // two tangential components: magnitude of the stress; one: the signed stress
     double power = s * working_velocity(problem, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane]);
     double elastic = spring * (s - s_old) * (s + s_old);
     if (options.tangential_components == 2) {

@@ -14,8 +14,8 @@ using LaneValues = std::array<double, kLanes>;
 struct StoredHeat {
   LaneValues soft{}, hard{};
 };
-// Growth of the heat stored in the bodies, from their rows of temperatures or modes before and after a step,
-// [row][lane]. For lanes that are awake. `entered`: friction heat of the step, [lane]  [J/m2].
+// Growth of the heat stored in the bodies, from the temperatures of the vertices (or the modes) before and after a
+// step, [vertex or mode][lane]. Not for sleeping nodes. `entered`: friction heat of the step, [lane]  [J/m2].
 StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered);
 
 // Writes the active lanes of `ledger` and leaves the others alone. Terms in [J/m2].

@@ -96,11 +96,11 @@ void advance_two_components(const Problem& problem, const StepOperators& operato
     Vector stress = outputs.shear_stress[l] * e;
     Vector slip = outputs.sliding_velocity[l] * e;
     Vector jump_new = forced ? outputs.velocity_jump_new[l] * e : lane.jump;
-    if (outputs.outcome[l] == kFailed) {  // a lane without an answer keeps its old stress and jump
+    if (outputs.outcome[l] == kFailed) {  // a node whose step failed keeps its old stress and jump
       stress = lane.stress_old;
       jump_new = lane.jump;
     } else if (outputs.regime[l] == Regime::kOpen) {
-      slip = 0.5 * (lane.jump + jump_new);  // an open contact slips by the mean jump, a vector of any direction
+      slip = 0.5 * (lane.jump + jump_new);  // an open contact slips by the mean jump, which need not lie along e
     } else if (!forced) {
       const double apart = length(slip + -1.0 * lane.jump);
       outputs.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);

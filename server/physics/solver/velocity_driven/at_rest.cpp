@@ -25,7 +25,7 @@ std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, 
   const double friction = interface_strength(problem.interface, soft, pressure, nullptr).friction(T0).stress;
   if (trial.heats() || !velocity_driven_may_rest(problem, inputs, lane) || friction < std::abs(trial.stress))
     return std::nullopt;
-  // The slip is a zero with the sign that solve_balance() would give it, so that the bits of both agree.
+  // The slip is 0 with the sign that solve_balance() gives it, so that both functions give the same bits.
   const double slip = problem.options.drive == Drive::kLayerShear ? std::copysign(0.0, trial.direction) : 0.0;
   return resting(trial.stress, slip, Regime::kStick, true);
 }
