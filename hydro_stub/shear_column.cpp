@@ -52,7 +52,7 @@ void ShearColumn::advance(InterfaceLaw& law) {
 }
 
 void ShearColumn::gather_inputs() {
-  const double level = static_cast<double>(inputs_.step) * dt_;  // time of the stresses, n dt  [s]
+  const double level = static_cast<double>(inputs_.step) * dt_;  // time of the stresses, n dt for step n  [s]
   inputs_.dt = step_length();
   inputs_.time = level + 0.5 * dt_;
   ++inputs_.step;

@@ -15,8 +15,8 @@ struct ServerOptions {
   std::uint64_t max_state_bytes = 0;        // limit of all sessions' states; 0: three quarters of the machine's memory
   std::string state_dir;                    // directory of checkpoints and journal; empty: sessions end with the server
   std::string durability = "process";       // with state_dir: "none", "process" or "power" (server/store/store.hpp)
-  double checkpoint_every_s = 600.0;        // interval between checkpoints, if anything has changed
-  std::uint64_t checkpoint_after_mb = 256;  // journal size that triggers a checkpoint earlier
+  double checkpoint_every_s = 600.0;        // interval between checkpoints, if anything has changed  [s]
+  std::uint64_t checkpoint_after_mb = 256;  // journal size that triggers a checkpoint before the interval ends  [MB]
   std::size_t max_capsules = 16;          // largest number of failure capsules in state_dir; later ones are not written
   bool accept_empty = false;              // rename unusable state files and start empty
   std::vector<std::uint32_t> allow_uids;  // uids that may use ipc endpoints; empty: the server's own

@@ -285,7 +285,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
         unreachable(options(), zmq_strerror(zmq_errno()));
       }
       more = frame->more();
-      if (count == frames.size()) continue;  // surplus frames are dropped; decode() refuses three frames
+      if (count == frames.size()) continue;  // drop frames after the third: decode() refuses even three
       views[count] = {static_cast<const std::byte*>(frame->data()), frame->size()};
       frames[count++] = std::move(frame);
     }

@@ -58,10 +58,10 @@ struct Session::Impl {
   std::optional<InDoubt> in_doubt;
   std::vector<TransferId> offers;
   TransferId offered{};                 // id of the last offer, used again if its outcome is unknown
-  std::optional<wire::Request> posted;  // the request of start_trial(), until finish_trial()
+  std::optional<wire::Request> posted;  // request of start_trial(), whose reply finish_trial() will receive
   bool closed = false;
   StepResult result;
-  std::optional<ClosureCheck> closure;  // set in force-driven sessions whose options ask for it
+  std::optional<ClosureCheck> closure;  // compares jumps of the host with answered ones; absent: not asked for
   StepOptions step_options;             // options of the present step
 
   void check_closure();  // starts the closure check if the options of the connection and the strategy ask for it

@@ -23,7 +23,7 @@
 namespace shearbus::lagrange {
 
 struct ContactOptions {
-  bool overlap = true;      // advance the zones away from the slide lines while the law runs; the results do not change
+  bool overlap = true;      // advance zones off the slide lines while the interface law runs; changes no result
   double soft_share = 0.5;  // share of the friction heat that enters the soft body
   // Bounds on the change of a gap in one step, so that curved surfaces which slide along each other stay together
   // (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).

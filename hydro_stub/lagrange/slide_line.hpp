@@ -45,7 +45,7 @@ struct PushWeight {
   Vec2 weight;  // force on mesh node `node` per unit pressure of the interface node  [m2]
 };
 struct RowWeight {
-  // an interface node on the same slide line as the node i that has this weight; may be node i itself
+  // index of an interface node on the same slide line as the node i that has this weight; may be i itself
   int row;
   // integral of N_i N_row r dl: the shape functions of the two nodes and the radius (1 in plane symmetry)  [m2]
   double weight;
@@ -56,8 +56,8 @@ struct RubWeight {
 };
 struct ZoneShare {
   int zone;
-  // share that this zone gets of the heat that an interface node gives the body of the zone; the shares in a body sum
-  // to 1
+  // An interface node gives heat to zones of both bodies. This is the zone's fraction of the heat for its body; the
+  // fractions of the zones of one body sum to 1.
   double share;
 };
 

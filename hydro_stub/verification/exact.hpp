@@ -22,8 +22,8 @@ struct TwoWaves {
 };
 TwoWaves two_waves(const Metal& metal, double velocity);
 
-// State of the common face after the impact of a flyer on a target, both beyond their elastic limits. The stresses of
-// the two metals agree at its velocity.
+// Velocity and stress of the face at which a flyer and its target touch after the impact, if both metals are beyond
+// their elastic limits. At this velocity both metals have the same stress.
 struct Impact {
   double velocity, stress;
 };

@@ -1,4 +1,4 @@
-// The beginning and the end of a program that writes files or to its standard output.
+// Functions that a program calls first and last if it writes files or prints to its standard output.
 #pragma once
 
 #include <fcntl.h>

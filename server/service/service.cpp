@@ -171,8 +171,8 @@ Service::ReplyPtr Service::repeat(const Member& member) {
   return member.conversation.kept_reply();
 }
 
-// Checks that the caller may act in the session. A session id and a resume token may leak; the identity of the caller
-// (a key or a uid) is authenticated.
+// Checks that the caller opened the session or is an operator, by the authenticated identity (a key or a uid). The
+// session id and the resume token prove nothing, because they may leak.
 void Service::check_identity(const Member& member, const Caller& caller) const {
   if (caller.identity == member.identity || caller.is_operator || replaying_) return;
   log(fmt::format("REFUSED: {} asked for session {} of {}", caller.identity, short_name(member.id), member.identity));
@@ -319,7 +319,7 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   member.last_request_ns = arrival.started_ns;
-  if (verdict.triage == session::Triage::kResend) return repeat(member);  // the kept reply is sent in any epoch
+  if (verdict.triage == session::Triage::kResend) return repeat(member);  // whatever the request's epoch
   check_epoch(request, &member);
   if (!member.shard)
     throw Error({.code = Code::kUnknownSession,
@@ -430,8 +430,8 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   times_.solver.add(upscale.solver_ns);
 }
 
-// Adds the largest closure and warnings of doubtful times to the reply. If there is no memory for a warning, the reply
-// goes without it, because the step has run.
+// Adds to the reply the largest difference between a jump of the host and the answered one, and a warning if the host's
+// times do not fit dt. Without memory for the warning the reply goes without it, because the step has run.
 void Service::report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
                              const shard::Rows& rows, const shard::Closure& closure,
                              wire::Upscale& upscale) const noexcept try {
@@ -444,7 +444,7 @@ void Service::report_closure(const Member& member, const wire::Downscale& step, 
   upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
   upscale.closure_node = node_of(closure.row);
   upscale.layer_time_s = shard.layer_time(rows.all ? shard.nodes().slot_of(closure.row) : rows.slots[closure.row]);
-  constexpr std::uint64_t kWatched = 101;  // commits after which times are not compared any more
+  constexpr std::uint64_t kWatched = 101;  // number of commits after which the host's time is no longer checked
   if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
   upscale.warnings.push_back(fmt::format(
       "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "

@@ -68,7 +68,7 @@ std::string join_names(const std::array<std::span<const Field>, N>& lists) {
   return names;
 }
 
-// Remedy that names the columns of a step in each of its forms.
+// Remedy of a refusal: the columns that a step needs, in the far-field form and, if the scene has it, the stick form.
 std::string needed_columns(const wire::StrategyColumns& columns) {
   std::string text = "A step of this scene needs " + join_names(std::array{columns.required});
   if (columns.stick.empty()) return text + ".";
@@ -92,14 +92,14 @@ void check_components(const wire::Batch& batch, std::uint32_t components) {
                              : "Send it with component 0 only.");
 }
 
-// Refuses a column that the model's strategy has but this model does not; `named_in` is the field of the request that
-// the refusal names as at fault.
+// Refuses a column that belongs to the strategy of the model but needs an option that this model lacks. The refusal
+// names the field `named_in` of the request as the one at fault.
 void check_condition(Field field, const physics::ModelOptions& options, const char* named_in) {
   if (const ColumnCondition* unmet = unmet_condition(field, options))
     refuse(unmet->code, named_in, fmt::format("{} {}", wire::name(field), unmet->fault), unmet->remedy);
 }
 
-// The form of the request. Refuses columns of both forms in one request.
+// Returns the form of the request, far-field or stick. Refuses a request that has columns of both forms.
 wire::Form form_of(const wire::Batch& batch, const wire::StrategyColumns& columns) {
   const auto first_of = [&](std::span<const Field> fields) {
     const auto found = std::ranges::find_if(fields, [&](Field field) { return batch.has(field); });

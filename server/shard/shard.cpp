@@ -16,16 +16,16 @@ namespace {
 // step, and one block is copied quickly.
 constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
-// For each lane of one tile, the row of the request that steps the lane's node. Only the rows of named lanes are valid.
+// For each lane (node) of one tile, its row in the request of the step. Only the rows of the lanes `named` are valid.
 struct LaneRows {
   std::uint32_t row[kLanes] = {};
-  std::uint32_t named = 0;  // bit i: the node of lane i has a row
-  std::uint32_t open = 0;   // bit i: the node of lane i has no row and is stepped as an open contact
+  std::uint32_t named = 0;  // bit i: the node of lane i has a row in the request
+  std::uint32_t open = 0;   // bit i: the node of lane i has no row in the request and is stepped as an open contact
   bool has(int lane) const { return (named >> lane & 1U) != 0; }
 };
 
-// Sets the inputs of open contacts without forces: all but the masses stay 0. No answer depends on these masses, which
-// must be above 0.
+// Makes these lanes open contacts without forces: all inputs stay 0 except the masses, by which the step divides. No
+// answer depends on the values of these masses.
 void leave_open(std::uint32_t lanes, physics::TileInputs& in) {
   for (const int lane : physics::lanes_of(lanes)) in.mass_soft[lane] = in.mass_hard[lane] = 1.0;
 }

@@ -92,7 +92,7 @@ void Shard::restore(const States& committed_states, const States* trial, std::ui
   for (const std::uint32_t row : trial->rows) touched_.push_back(tile_of(nodes_.slot_of(row)));
   std::sort(touched_.begin(), touched_.end());
   touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
-  // Lanes beyond the last node also need a valid state, although no node's answer depends on it.
+  // A tile may have lanes without a row in `trial`, as those beyond the last node. They need valid states, too.
   for (const std::uint32_t tile : touched_)
     std::copy_n(committed(tile), layout_.doubles, buffer(tile, 1U - committed_[tile]));
   put_states(*trial, true);

@@ -1,5 +1,5 @@
-// The functions of checkpoint.hpp for libshearbus-embedded.so: each is that of libshearbus-checkpoint.so, which lies
-// next to it.
+// The functions of checkpoint.hpp in libshearbus-embedded.so. Each calls its namesake in libshearbus-checkpoint.so in
+// the same directory, which the first call loads.
 #include <dlfcn.h>
 
 #include <filesystem>

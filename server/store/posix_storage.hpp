@@ -19,7 +19,7 @@ class PosixStorage final : public Storage {
 
   std::vector<std::string> list() override;
   std::vector<std::byte> read(const std::string& name) override;
-  // Locks the directory again if somebody has removed the lock file, and throws if another process holds it then.
+  // If somebody has removed the lock file, makes and locks a new one; throws if another process has done so already.
   std::unique_ptr<File> create(const std::string& name) override;
   void rename(const std::string& from, const std::string& to) override;
   void remove(const std::string& name) override;

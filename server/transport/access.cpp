@@ -76,8 +76,8 @@ std::optional<Peer> peer_of(const std::vector<zmq::message_t>& request) {
 }  // namespace
 
 void AccessHandler::guard(zmq::socket_t& socket, Peer::Way way) {
-  // Without a domain libzmq does not ask the handler about peers without keys, and accepts peers of ZMTP 1 and 2, which
-  // skip the handshake. Without enforcement it accepts every peer if no handler answers.
+  // Without a ZAP domain libzmq does not ask the handler about peers without keys, and accepts peers of ZMTP 1 and 2,
+  // which skip the handshake. Unless the domain is enforced, it accepts every peer if no handler answers.
   socket.set(zmq::sockopt::zap_domain, domain_of(way));
   const int enforce = 1;
   if (zmq_setsockopt(socket.handle(), kEnforceDomain, &enforce, sizeof enforce) != 0) throw zmq::error_t();

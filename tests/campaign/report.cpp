@@ -26,10 +26,10 @@ namespace {
 
 struct Campaign {
   std::optional<UserScene> scene;  // scene of the user; if given, no other physics runs
-  bool cut_short = false;          // the option --steps limits the steps of every row
+  bool cut_short = false;          // the option --steps limits the length of every load history
   std::vector<Physics> physics;
   std::vector<Row> rows;
-  std::vector<std::vector<Outcome>> outcomes;  // outcome of each row on each physics: [row][physics]
+  std::vector<std::vector<Outcome>> outcomes;  // outcome of each load history (row) with each physics: [row][physics]
   std::vector<Refusal> refusals;
   std::vector<Control> controls;
   std::vector<RandomOutcome> random;

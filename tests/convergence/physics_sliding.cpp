@@ -61,8 +61,8 @@ TEST(PhysicsPaperCase, SixtyGradedCells) {
   expect_paper_values(graded(paper_options()));
 }
 
-// With the heat of DLP (18), by which all the work of the imposed jump becomes heat, stress and T0 hardly depend on the
-// step length.
+// All the work of the imposed jump becomes heat, DLP (18). Stress and T0 must then hardly depend on the length of the
+// steps.
 TEST(PhysicsPaperCase, OneAndAQuarterNanosecondAgreeEverywhere) {
   const History coarse = imposed_jump(graded(paper_options()), 100.0, 1e-9, 2e-6);
   const History fine = imposed_jump(graded(paper_options()), 100.0, 0.25e-9, 2e-6);
@@ -158,7 +158,7 @@ TEST(PhysicsTwoHalfSpaces, ForceDrivenLayerFollowsTheVolterraEquation) {
   std::size_t row = 0;
   for (int n = 1; row < rows.size(); ++n) {
     rig.set_all(jump, 11.2e9);
-    // The far stress of both zones, by the waves that have left them: (V0 - [V]) / (1/Z_soft + 1/Z_hard).
+    // Far stress of both zones, carried by the waves that have left them: (V0 - [V]) / (1/Z_soft + 1/Z_hard).
     rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = (V0 - jump) / inverse_Z;
     rig.step(dt);
     jump = rig.outputs.velocity_jump_new[0];

@@ -15,8 +15,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     const store::Snapshot snapshot =
         store::read_checkpoint(std::as_bytes(std::span(data, size)), "file", fuzz::kSampleGeneration);
-    // Content with a correct checksum was written by checkpoint_bytes(). If checkpoint_bytes() writes the snapshot
-    // again, the file must therefore have the same size.
+    // The checksum is correct, so checkpoint_bytes() must have written this content. If it writes the snapshot again,
+    // the file must therefore have the same size.
     fuzz::require(store::checkpoint_bytes(snapshot, fuzz::kSampleGeneration).size() == size,
                   "what was read is what is written");
   } catch (const store::DamagedFile&) {

@@ -175,7 +175,7 @@ TEST_F(Keys, KeysAndPlaintextDoNotMeet) {
   RunningServer plain({}, {"tcp://127.0.0.1:*"});
   const Status status = prompt_refusal_of(client_options(plain.endpoint("tcp"), alice_));
   EXPECT_EQ(status.code, Code::kAuth) << describe(status);
-  // By chance the client or the server closes the connection first, and the message of the client depends on this.
+  // Client and server both close the connection. The client's message depends on which is first, and that is chance.
   EXPECT_THAT(status.text, AnyOf(HasSubstr("the server has no keys"), HasSubstr("or no keys")));
   EXPECT_EQ(Client({.endpoint = plain.endpoint("tcp")}).welcome().access, "anonymous");
   EXPECT_EQ(refusal_of(client_options("ipc:///tmp/bus", alice_)).code, Code::kAuth);

@@ -10,7 +10,8 @@
 namespace shearbus::testing {
 namespace {
 
-constexpr int kMostEffort = 3000;  // fast steps with more evaluations than this are not compared with the slow model
+// Steps that cost the fast solver more evaluations than this are not compared with the slow reference model.
+constexpr int kMostEffort = 3000;
 
 ModelOptions controlled(Draw& draw, Strategy strategy) {
   ModelOptions options = random_options(draw, strategy, false);
@@ -52,9 +53,9 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step));
       ++compared;
       finer += twin.error_estimate > 0.25 * *options.tolerance;
-      // The fast solver and the reference model may use different substeps if an error equals its limit to rounding, or
-      // if the criterion of a unique answer sent only the fast solver to the first-order scheme. The answers of the
-      // two must then agree within the sum of their error estimates.
+      // The fast solver and the reference model may use different substeps, if an error equals its limit to rounding or
+      // if only the fast solver fell back to the first-order scheme (because it could not show that the answer is
+      // unique). The two answers must then agree within the sum of their error estimates.
       const double difference = std::abs(rig.outputs.interface_temperature[l] - twin.interface_temperature);
       worst = std::max(worst, difference);
       if (difference > 1e-8) {
@@ -67,13 +68,13 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
                                   std::abs(rig.inputs.stress_hard[l]) / rig.inputs.mass_hard[l]);
       EXPECT_NEAR(rig.outputs.velocity_jump_new[l], twin.velocity_jump_new,
                   1e-8 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-10 * driven);
-      // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver alone to the
-      // first-order scheme. The error estimates are then not comparable.
+      // If only the fast solver fell back to the first-order scheme (because it could not show that the answer is
+      // unique), the error estimates are not comparable.
       if (twin.first_order != ((rig.outputs.outcome[l] & kFirstOrder) != 0)) continue;
       // If the new jump is mere rounding, its sign is arbitrary, and the error estimates are not comparable.
       if (std::abs(twin.velocity_jump_new) <= 1e-9 * (driven + std::abs(rig.inputs.velocity_jump[l]))) continue;
-      // `grain` is a tolerance for the rounding error of the new jump, a difference of velocities. This error enters
-      // the error estimate, even tenfold if the answer has a kink within the step, as where the slip stops.
+      // `grain` allows for the rounding error of the new jump, a difference of velocities. The error estimate contains
+      // this rounding error, up to tenfold if the slip stops within the step.
       const double response =
           options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
       const double grain =

@@ -114,8 +114,8 @@ Reference constant_flux_reference(const StudyCase& study_case) {
           "exact: 2 q sqrt(alpha t / pi) / k"};
 }
 
-// Limit of a computed value as the grid spacing h goes to 0, extrapolated from three grids by eliminating errors
-// proportional to h^2 and h^3. `change` is the effect of eliminating h^3.
+// Limit of a computed value as the grid spacing h goes to 0, extrapolated from three grids by eliminating first the
+// error proportional to h^2, then that proportional to h^3. `change`: size of the second correction.
 struct Limit {
   double value, change;
 };

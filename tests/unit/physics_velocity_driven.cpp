@@ -170,9 +170,9 @@ TEST(PhysicsVelocityDriven, WarningsNameWhatIsUnusual) {
   EXPECT_NE(Model(options).warnings()[0].find("weaker body"), std::string::npos);
 }
 
-// The jump is held at 0 and the layer stays under stress; heat that flows inward softens it. The plastic slip of the
-// layer must equal its elastic relaxation h ds / G0, even if a vertex begins to flow within the last digits of the
-// stress.
+// After the layer has been loaded, the jump is held at 0. Heat flows inward and softens the layer, which flows and so
+// loses stress. Its plastic slip must equal the elastic slip h ds / G0 that the loss ds releases, even if the stress at
+// which a vertex begins to flow agrees with the stress after the step in all but the last digits.
 TEST(PhysicsVelocityDriven, AHeldLayerFlowsAsItsStressRelaxes) {
   ModelOptions options = graded(paper_options(), 40, 1.1);
   options.soft.hardening_exponent = 0.05;  // the plastic strain grows with the 20th power of the stress

@@ -16,7 +16,7 @@ using support::ServiceHarness;
 using wire::Field;
 using wire::Mode;
 
-constexpr std::size_t kNodes = 21;  // three tiles, the last one partly filled
+constexpr std::size_t kNodes = 21;  // three tiles of 8 nodes, the last one partly filled
 
 v1::Scene sleepy_scene() {
   v1::Scene scene = support::force_scene();
@@ -24,8 +24,8 @@ v1::Scene sleepy_scene() {
   return scene;
 }
 
-// Input columns of a step: in the first five steps all nodes slide; afterwards every fourth node is closed and the
-// others are open.
+// Input columns of a step: in the first five steps all nodes slide; afterwards every fourth node is a closed contact
+// and the others are open.
 wire::Batch columns(std::span<const std::uint64_t> ids, int step, bool with_ids = false) {
   wire::Batch batch = support::step_columns(wire::Strategy::kForceDriven, ids, 0, with_ids);
   for (std::size_t row = 0; row < ids.size(); ++row)
@@ -67,8 +67,8 @@ TEST(ServiceSleep, SleepersAreCountedAndAreNoRemark) {
   EXPECT_GT(totals.asleep_node_steps, 20U * static_cast<std::uint64_t>(asleep));
 }
 
-// The error of heat in modes is measured by a second session, which has the same inputs and keeps a temperature
-// profile.
+// A session whose nodes store their heat as a sum of modes is compared with a session that has the same inputs and
+// stores temperature profiles: the difference of T0 is the error of the modes.
 TEST(ServiceSleep, ASecondSessionWithAProfileMeasuresTheModes) {
   v1::Scene scene = support::force_scene();
   scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
@@ -103,7 +103,7 @@ TEST(ServiceSleep, ATrialThatIsRolledBackNeverHappened) {
   }
 }
 
-// After a rollback to a mark the nodes that sleep are those of the mark, and the repeated steps have the same bits.
+// After a rollback to a mark the same nodes sleep as when the mark was set, and repeated steps give the same bits.
 TEST(ServiceSleep, AMarkKeepsSleepers) {
   Host host(sleepy_scene());
   for (int n = 0; n < 40; ++n) host.step();

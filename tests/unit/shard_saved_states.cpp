@@ -14,7 +14,7 @@ namespace {
 
 using physics::ModelOptions;
 
-constexpr std::size_t kNodes = 11;  // two tiles, the second partly filled
+constexpr std::size_t kNodes = 11;  // two tiles of 8 nodes, the second partly filled
 
 class SavedStates : public ::testing::TestWithParam<int> {
  protected:
@@ -75,7 +75,7 @@ std::vector<double> advance(Shard& shard, int steps, bool commits = true) {
   for (std::size_t i = 0; i < kNodes; ++i) jump[i] = 40.0 + 30.0 * static_cast<double>(i);
   std::vector<double> across(kNodes);
   for (std::size_t i = 0; i < kNodes; ++i) across[i] = 50.0 - 12.0 * static_cast<double>(i);
-  // Every third node is open in a call of advance() that begins after step 30.
+  // If the call begins after step 30, every third node is an open contact (negative pressure).
   for (std::size_t i = 0; i < kNodes; i += 3) pressure[i] = shard.state_version() < 30 ? 11.2e9 : -1.0;
   for (std::size_t i = 0; i < kNodes; ++i) pull[i] = 150e6 + 10e6 * static_cast<double>(i);
   Rows rows;
@@ -113,8 +113,8 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
     EXPECT_EQ(there.columns[i].values, here.columns[i].values) << here.columns[i].name;
 }
 
-// Four nodes are registered with another shard with copies of all their states in the shard `giver`. A trial that is
-// rolled back changes no state.
+// A shard takes over four nodes of the shard `giver`, with all their states. Afterwards a trial of `giver` is rolled
+// back and must leave no trace.
 TEST(SavedModes, GoWithTheirNodes) {
   TaskPool pool(1);
   ModelOptions options = shearbus::testing::graded(shearbus::testing::paper_options(physics::Strategy::kForceDriven));
@@ -129,7 +129,7 @@ TEST(SavedModes, GoWithTheirNodes) {
       all.insert(all.end(), column.values.begin(), column.values.end());
     return all;
   };
-  // 1. Register four nodes with another shard, with copies of the states that they have in the shard `giver`.
+  // 1. Register four nodes with the shard `taker`, with copies of the states that they have in the shard `giver`.
   const std::vector<std::uint32_t> slots = {2, 5, 7, 10};
   const std::vector<std::uint64_t> ids(slots.begin(), slots.end());
   const States moving = giver.states_of(slots, false);

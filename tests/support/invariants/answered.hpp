@@ -25,7 +25,7 @@ struct Answered {
   // change of the velocity jump by the stresses of both bodies far from the interface, DLP (61)  [m/s]
   double driven = 0.0;
   double driven_size = 0.0;  // the same change with absolute values: dt (|s_soft|/m_soft + |s_hard|/m_hard)  [m/s]
-  double per_stress = 0.0;   // decrease of the velocity jump per interface stress, dt (1/m_soft + 1/m_hard)  [m/(s Pa)]
+  double per_stress = 0.0;   // decrease of the jump per unit interface stress, dt (1/m_soft + 1/m_hard)  [m/(s Pa)]
   // slip velocity from the plastic strain rate Ep_dot of the host's zone, sqrt(3) h Ep_dot with the layer thickness h
   // [m/s]
   double plastic_drive = 0.0;
@@ -43,7 +43,7 @@ struct Answered {
   double size() const { return std::abs(jump_old) + driven_size + std::abs(stress * per_stress); }
 };
 
-// Reads one lane of a rig after a step; rig.trial is then the state before the step. A vector with two components is
+// Reads one lane of a rig after a step, when rig.trial holds the state before the step. A vector with two components is
 // projected on the direction of the answered stress; if the stress is 0, on that of the slip, or else of the new jump.
 inline Answered answered(const Rig& rig, int lane, double dt) {
   const TileInputs& in = rig.inputs;
