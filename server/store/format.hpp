@@ -56,7 +56,8 @@ struct SegmentHeader {
   std::uint64_t first_index = 0;  // index of the first record of the segment
   StoreId store{};                // id of the state directory
   std::uint64_t sum = 0;          // XXH3-64 of the fields above
-  // Index behind the last record that is known to be on the disk (settled). Written again, in place, after every sync.
+  // Index behind the last settled record: it is written whole and, with Durability::kPower, synced. This field is
+  // written again, in place, whenever records have been settled.
   std::uint64_t settled = 0;
   std::uint64_t settled_sum = 0;  // XXH3-64 of `settled`, with `sum` as seed
 };

@@ -45,7 +45,7 @@ struct NodeOutputs {
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
   double error_estimate = 0.0;  // with a tolerance: estimated error of T0, relative to T_melt less the initial T
-  bool first_order = false;     // the options ask for SDIRK2, but backward Euler solved the step
+  bool first_order = false;     // backward Euler solved a step meant for SDIRK2 (force-driven: unless it sticks)
   // Number of stresses that satisfy a force-driven step, found on a fine scan. With a plastic layer: 1 if the rules of
   // MODEL.md, "Plastic layer", determine the answer, otherwise the number of answers that may be meant.
   int answers = 1;
