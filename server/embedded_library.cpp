@@ -14,7 +14,8 @@ bool shearbus_embedded_start_1(const char* state_dir, unsigned threads, shearbus
   shearbus::server::ServerOptions options;
   options.state_dir = state_dir;
   options.threads = threads;
-  if (!options.state_dir.empty()) shearbus::store::checkpoint_library();  // a missing library is told at the start
+  // Loads the library that writes checkpoints, so that a missing library is an error now.
+  if (!options.state_dir.empty()) shearbus::store::checkpoint_library();
   auto server = std::make_unique<Embedded>(options);
   *started = {.server = server.get(), .context = server->context(), .endpoint = server->endpoint().c_str()};
   static_cast<void>(server.release());

@@ -18,7 +18,7 @@
 namespace shearbus::server {
 namespace {
 
-constexpr std::uint64_t kCheckpointUs = 3'600'000'000;  // time that the manager allows for a checkpoint  [µs]
+constexpr std::uint64_t kCheckpointUs = 3'600'000'000;  // time asked of the service manager for a checkpoint  [µs]
 
 std::uint64_t file_limit() {
   rlimit limit{};

@@ -29,7 +29,7 @@ class Server {
   // Recovers the contents of the state directory. Throws if they cannot be used.
   explicit Server(const ServerOptions& options, const Log& log = {});
 
-  // Binds an endpoint; see Router::bind.
+  // Binds an endpoint and returns it as bound, with its port if "*" was given. Throws what Router::bind() throws.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }
 
   // Answers requests until `stop_fd` is readable, or until no session is left after an operator has asked the server to

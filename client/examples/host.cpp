@@ -51,7 +51,7 @@ double run(const shearbus::Options& options) {
   shearbus::Step step(kNodes);
   step.in(SHEARBUS_VELOCITY_JUMP, jump)
       .in(SHEARBUS_PRESSURE, pressure)
-      // stress of zone 0, read where it lies
+      // the stress of zone 0, which the client reads directly from each HalfSpace
       .in_strided(SHEARBUS_STRESS_SOFT, soft[0].stress.data(), sizeof(HalfSpace))
       .in_strided(SHEARBUS_STRESS_HARD, hard[0].stress.data(), sizeof(HalfSpace))
       .in(SHEARBUS_MASS_SOFT, mass_soft)

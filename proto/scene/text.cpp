@@ -69,8 +69,8 @@ std::string comment_of(const FieldDescriptor& field) {
   return text.empty() ? std::string() : "  # " + text;
 }
 
-// Writes the keys of a message. Its tables are written after them, because a key after a [table] would belong to that
-// table. The keys of merged messages are written among the keys of the enclosing table.
+// Writes the keys of a message but not its tables: they come after all keys, because a key after a [table] would belong
+// to that table. The keys of a message that is marked `merged` stand among those of the enclosing table.
 void write_keys(const Message& message, std::string& out) {
   std::vector<const FieldDescriptor*> present;
   message.GetReflection()->ListFields(message, &present);

@@ -8,13 +8,13 @@
 
 namespace shearbus::wire::hdf5 {
 
-// Makes a property list of file access use the driver. Returns a negative value if HDF5 fails.
+// Makes HDF5 use the driver for files opened with the property list `access`. Returns a negative value if HDF5 fails.
 herr_t use_output_driver(hid_t access);
 
 // Returns the errno of the first failed access to an open file; 0 if none has failed.
 int fault_of(hid_t file);
 
-// Returns the errno of the file that this thread last opened or closed with the driver; 0 if none has failed.
+// Returns the errno of the first failed access to the file that this thread last opened or closed; 0 if none failed.
 int fault_of_last_file();
 
 }  // namespace shearbus::wire::hdf5

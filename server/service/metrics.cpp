@@ -3,7 +3,7 @@
 namespace shearbus::service {
 namespace {
 
-// Names of the bodies in the envelope, in the order of the alternatives of wire::Request::body.
+// Names of the kinds of request, in the order of the variant wire::Request::body, which begins with the empty body.
 template <typename... Body>
 constexpr std::array<const char*, Metrics::kVerbs> names_of(const std::variant<std::monostate, Body...>*) {
   return {"unreadable", Body::kBody.name...};

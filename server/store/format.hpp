@@ -13,7 +13,7 @@ namespace shearbus::store {
 
 static_assert(std::endian::native == std::endian::little, "files are written as they stand in memory");
 
-// Thrown for a file that no server can have written, or none of this version. Its text names the file and the fault.
+// Thrown for a damaged file and for a file of another format version. Its text names the file and the fault.
 class DamagedFile : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -56,7 +56,8 @@ struct SegmentHeader {
   std::uint64_t first_index = 0;  // index of the first record of the segment
   StoreId store{};                // id of the state directory
   std::uint64_t sum = 0;          // XXH3-64 of the fields above
-  // Index of the first record that is not settled. Written again, in place, whenever records have been settled.
+  // Index behind the last settled record: it is written whole and, with Durability::kPower, synced. This field is
+  // written again, in place, whenever records have been settled.
   std::uint64_t settled = 0;
   std::uint64_t settled_sum = 0;  // XXH3-64 of `settled`, with `sum` as seed
 };
@@ -83,7 +84,7 @@ struct CheckpointFooter {
   std::uint64_t image_bytes = 0;
   std::uint64_t generation = 0;              // number of the checkpoint, as in its file name
   std::array<std::uint64_t, 2> image_sum{};  // XXH3-128 of the image
-  StoreId store{};                           // id of the directory
+  StoreId store{};                           // id of the state directory
   std::uint32_t version = kCheckpointVersion;
   std::uint32_t reserved = 0;
   std::array<char, 8> magic = kCheckpointMagic;

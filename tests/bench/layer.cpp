@@ -2,7 +2,7 @@
 // The counter per_node_step is the CPU time of a tile's step divided by the number of lanes of the tile. grid:0 has the
 // paper's 500 uniform cells, grid:1 has 60 cells graded 1.08, grid:2 has the cells of grid:1 and a half-space behind
 // them. BM_Conduct measures only the heat conduction of one step, per node, in a layer that has been heated for `steps`
-// steps. BM_Operators measures the time to prepare a new step length; there grid:3 means heat in modes.
+// steps. BM_Operators measures the time to prepare a new step length; there grid:3 means decay modes and no grid.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -114,8 +114,8 @@ void BM_Sdirk2(benchmark::State& state) {
   run(state, options);
 }
 
-// Cost of a step with heat in modes, without a temperature profile, for times from 1 ns to 1 us. The modes approximate
-// the heat kernel with a relative error of 1e-3 (digits:3) or 1e-6 (digits:6).
+// Cost of a step with decay modes of the heat in place of a temperature profile, for times from 1 ns to 1 us. The modes
+// approximate the heat kernel with a relative error of 1e-3 (digits:3) or 1e-6 (digits:6).
 void BM_Modes(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, 2);
   options.modes = {.accuracy = state.range(0) == 3 ? 1e-3 : 1e-6, .shortest_step = 1e-9, .longest_time = 1e-6};

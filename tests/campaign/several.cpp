@@ -13,8 +13,8 @@ namespace {
 
 constexpr double kLongestStep = 1e-5;  // longest step of the campaign  [s]
 constexpr double kStickShare = 0.9;    // stress of the sticking solution, relative to the stress limit before the step
-// At the slip of largest heat the stress limit must be below this share of the stress of that slip, so that the
-// solutions lie clearly apart.
+// Two slipping solutions count as clearly apart if the stress limit, at the slip that heats most, is below this share
+// of the stress that belongs to that slip.
 constexpr double kClearly = 0.8;
 
 // Returns the stress limit of the interface at the temperature T  [Pa].

@@ -94,8 +94,8 @@ class Failures : public testing::TestWithParam<Kind> {
       if (column.name == GetParam().column) column.values[kBadRow * column.width + 2] = kNan;
     disk.put(store::checkpoint_name(1), store::checkpoint_bytes(snapshot, 1));
   }
-  // Returns a copy of a recorded capsule with a number in place of the NaN. The step of the capsule's node then has an
-  // answer and differs from the failure that the capsule has recorded.
+  // Returns a copy of a capsule, the file that records a step without an answer, with a number in place of the NaN. The
+  // step then has an answer, which differs from the recorded failure.
   static std::vector<std::byte> mended(std::span<const std::byte> recorded) {
     store::Capsule capsule = store::read_capsule(recorded, "capsule");
     for (shard::StateColumn& column : capsule.state.columns)

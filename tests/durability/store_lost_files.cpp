@@ -100,7 +100,7 @@ TEST(LostFiles, WithoutAnyCheckpointAJournalThatBeganLaterIsRefused) {
     expect_words(refusal_of(files, durability), {"no checkpoint can be loaded", "--accept-empty"});
 }
 
-// Loses the end of the last segment, which holds the records 18 and 19, from every byte on: cut off, or set to zero.
+// Tries each byte of the last segment (records 18 and 19): the bytes from it to the end are cut off, or set to zero.
 TEST(LostFiles, SettledRecordsThatAreLostAtTheEndAreNeverPassedOver) {
   const Files whole = written(20, 6);
   const std::string last = segment_name(4);
@@ -124,7 +124,7 @@ TEST(LostFiles, SettledRecordsThatAreLostAtTheEndAreNeverPassedOver) {
         ASSERT_GE(server.counter.seen.size(), 18u);
         ++lost;
       } catch (const DamagedFile& fault) {
-        EXPECT_TRUE(zeroed) << fault.what();  // the zeros begin inside a record
+        EXPECT_TRUE(zeroed) << fault.what();  // only zeros that begin inside a record are damage
       }
       if (HasFailure()) return;
     }
@@ -189,8 +189,8 @@ TEST(LostFiles, ADirectoryWithoutItsIdIsRefusedOrTold) {
 TEST(LostFiles, FilesOfAnotherDirectoryAreNamedAndNeitherUsedNorTouched) {
   const Files foreign = written(40, 6, 2);
   Files files = written(20, 6);
-  // Puts a newer checkpoint and a later segment of the other directory into this one, under names that this one will
-  // reach.
+  // Puts a newer checkpoint and a later segment of the other directory into this one. The server will itself want to
+  // write files with these names.
   const std::vector<std::string> names = {checkpoint_name(6), segment_name(7)};
   for (const std::string& name : names) files[name] = foreign.at(name);
   for (const auto durability : {Durability::kPower, Durability::kProcess}) {
@@ -300,7 +300,7 @@ TEST(LostFiles, SegmentsThatCouldNotBeStartedLeaveNothing) {
   MemoryStorage disk;
   Server server(disk);
   const auto names = disk.names();
-  for (const std::uint64_t n : {1, 2}) {  // the header of the segment, and the file `store` that names the segment
+  for (const std::uint64_t n : {1, 2}) {  // append 1: the segment's header; 2: the file `store`, which names it
     disk.plan({.at_call = n, .code = ENOSPC, .for_ever = true, .of = Call::kAppend});
     EXPECT_THROW(server.run(1), StorageError);
     EXPECT_FALSE(server.store.failed());

@@ -162,8 +162,8 @@ INSTANTIATE_TEST_SUITE_P(, PhysicsTwoComponents, ::testing::Values(Strategy::kVe
                            return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
                          });
 
-// With two components a step is the scalar step along the trial stress. The scalar reference model computes this step
-// from inputs that the test projects itself, independently of the solver's vector code.
+// With two components a step is the scalar step along the trial vector: the elastic stress (velocity-driven) or the
+// jump without friction (force-driven). The test itself projects the inputs for the scalar reference on this vector.
 TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
   Draw draw(63);
   int compared = 0;

@@ -160,10 +160,10 @@ Reach reach_of(const std::vector<double>& tile, int interface) {
   return reach;
 }
 
-// Sets to NaN those factors of an operator that `conduct` must not read: the elimination factors outside the vertices
-// that heat has reached before the step (`heated`), and the substitution factors more than one vertex outside those
-// that heat reaches in the step (`felt`). The `spare_` arguments set the factors of that many further vertices of the
-// soft body to NaN, to show that `conduct` does read these.
+// Sets to NaN the factors of an operator that `conduct` must not read. It may read elimination factors only of vertices
+// that heat had reached before the step (`heated`). It may read substitution factors only of vertices that heat reaches
+// in the step (`felt`) and of one more on each side. The `spare_` arguments are the numbers of further vertices of the
+// soft body whose factors also become NaN, to show that `conduct` does read these.
 void forget(HeatOperator& heat, const Reach& heated, const Reach& felt, int spare_eliminated, int spare_substituted) {
   const int n = static_cast<int>(heat.outward.size());
   for (int i = 0; i < n; ++i) {

@@ -146,7 +146,7 @@ TEST(PhysicsPlasticHeating, SlipOfTheInterfaceHeatsTheInterface) {
     surface.step(kDt);
     ASSERT_NEAR(rig.outputs.friction_heat[0] / surface.outputs.friction_heat[0], 1.0, 1e-13);
   }
-  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // the difference of the first five steps decays
+  EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // the difference left by the first five steps has shrunk
 }
 
 TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {

@@ -1,5 +1,5 @@
-// The closure check of the service: the closure is the jump of a request less the jump answered before (column 61,
-// closure_m_per_s). Trials, marks and moves of nodes must not disturb the closure. The first steps may bring warnings.
+// The closure check of the service. The closure is the velocity jump in a request less the jump in the answer before it
+// (column closure_m_per_s). Trials, marks and moves of nodes must not disturb it. First steps may bring warnings.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -33,27 +33,28 @@ struct Material {
   double specific_heat = 0.0;            // c     [J/(kg K)]
   double diffusivity = 0.0;  // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
 
-  // Constants that only Johnson and Cook's law uses.
-  double hardening_modulus = kNotGiven;      // B in johnson_cook.hpp  [Pa]
-  double rate_coefficient = kNotGiven;       // C in johnson_cook.hpp  [1]
-  double reference_strain_rate = kNotGiven;  // r0 in johnson_cook.hpp  [1/s]
-  double thermal_exponent = kNotGiven;       // m in johnson_cook.hpp  [1]
-  double reference_temperature = kNotGiven;  // T_ref in johnson_cook.hpp  [K]
+  // Constants that only Johnson and Cook's law uses (johnson_cook.hpp).
+  double hardening_modulus = kNotGiven;      // B, in the strength A + B ep^n  [Pa]
+  double rate_coefficient = kNotGiven;       // C, factor of ln(strain rate / r0)  [1]
+  double reference_strain_rate = kNotGiven;  // r0, plastic strain rate up to which the rate has no effect  [1/s]
+  double thermal_exponent = kNotGiven;       // m, exponent of T* in the softening 1 - T*^m  [1]
+  double reference_temperature = kNotGiven;  // T_ref, temperature up to which the metal does not soften  [K]
 
-  // Constants that only Preston, Tonks and Wallace's law uses; stresses in units of the shear modulus.
-  double molar_mass = kNotGiven;                // M in preston_tonks_wallace.hpp  [kg/mol]
-  double work_hardening_rate = kNotGiven;       // theta in preston_tonks_wallace.hpp  [1]
-  double work_hardening_curvature = kNotGiven;  // p in preston_tonks_wallace.hpp  [1]; 0: Voce's law
-  double saturation_cold = kNotGiven;           // s0 in preston_tonks_wallace.hpp  [1]
-  double saturation_hot = kNotGiven;            // s_inf in preston_tonks_wallace.hpp  [1]
-  double yield_cold = kNotGiven;                // y0 in preston_tonks_wallace.hpp  [1]
-  double yield_hot = kNotGiven;                 // y_inf in preston_tonks_wallace.hpp  [1]
-  double activation = kNotGiven;                // kappa in preston_tonks_wallace.hpp  [1]
-  double attempt_rate = kNotGiven;              // gamma in preston_tonks_wallace.hpp  [1]
-  double medium_rate_yield = kNotGiven;         // y1 in preston_tonks_wallace.hpp  [1]
-  double medium_rate_exponent = kNotGiven;      // y2 in preston_tonks_wallace.hpp  [1]
-  double overdriven_exponent = kNotGiven;       // beta in preston_tonks_wallace.hpp  [1]
-  double modulus_temperature = kNotGiven;       // alpha in G = G0 (1 - alpha T/T_melt)  [1]
+  // Constants that only Preston, Tonks and Wallace's law uses (preston_tonks_wallace.hpp). Stresses are in units of
+  // twice the shear modulus G; r is the plastic strain rate over the attempt rate.
+  double molar_mass = kNotGiven;                // mass of one mole of atoms  [kg/mol]
+  double work_hardening_rate = kNotGiven;       // theta, slope of stress/(2G) over strain at zero plastic strain  [1]
+  double work_hardening_curvature = kNotGiven;  // p, curvature of the hardening curve; 0: Voce's law  [1]
+  double saturation_cold = kNotGiven;           // s0, saturation stress over twice the shear modulus, at T = 0  [1]
+  double saturation_hot = kNotGiven;            // s_inf, saturation stress over twice the shear modulus, at high T  [1]
+  double yield_cold = kNotGiven;                // y0, yield stress over twice the shear modulus, at T = 0  [1]
+  double yield_hot = kNotGiven;                 // y_inf, yield stress over twice the shear modulus, at high T  [1]
+  double activation = kNotGiven;                // kappa, factor of (T/T_melt) ln(1/strain rate r) in the softening  [1]
+  double attempt_rate = kNotGiven;              // gamma, attempt rate over the rate of a shear wave across an atom  [1]
+  double medium_rate_yield = kNotGiven;         // y1, factor of the yield stress y1 r^y2 at medium strain rates r  [1]
+  double medium_rate_exponent = kNotGiven;  // y2, exponent of the yield stress y1 r^y2 at medium strain rates r  [1]
+  double overdriven_exponent = kNotGiven;   // beta, exponent of the stress s0 r^beta at the highest strain rates r  [1]
+  double modulus_temperature = kNotGiven;   // alpha in G = G0 (1 - alpha T/T_melt)  [1]
 
   // Compression and melting under pressure, as Steinberg tabulates them; needed only by melting_curve and
   // pressure_term.
@@ -62,7 +63,7 @@ struct Material {
   double grueneisen = kNotGiven;         // Grueneisen's gamma0  [1]
   double volume_correction = kNotGiven;  // first-order volume correction a of gamma0  [1]
 
-  FlowLaw flow_law{};  // 0: Steinberg-Cochran-Guinan
+  FlowLaw flow_law{};  // place of the law in flow_laws.hpp; 0: Steinberg-Cochran-Guinan
   MeltingCurve melting_curve = MeltingCurve::kConstant;
   PressureTerm pressure_term = PressureTerm::kLinear;
 

@@ -12,7 +12,8 @@ namespace shearbus::physics::reference {
 
 struct NodeState {
   std::vector<double> temperature;  // temperature at the soft body's heat vertices, z = 0 first [K]
-  // Temperatures in a conducting hard body, outermost first  [K]; with modes instead, the rows of HeatModes before T0.
+  // Temperatures in a conducting hard body, outermost vertex first  [K]. With heat in modes it holds instead the start
+  // temperature and then the share of each mode in T0.
   std::vector<double> hard_temperature;
   std::vector<double> plastic_strain;  // plastic strain at each layer vertex
   std::vector<double> heat_shape;      // share of the work that heats each layer vertex; empty: all work heats z = 0
@@ -44,15 +45,16 @@ struct NodeOutputs {
   double friction_heat = 0.0;
   Regime regime = Regime::kOpen;
   double error_estimate = 0.0;  // with a tolerance: estimated error of T0, relative to T_melt less the initial T
-  bool first_order = false;     // the options ask for SDIRK2, but backward Euler solved the step
-  // Number of stresses that satisfy a force-driven step, found on a fine scan. With a plastic layer: number of answers
-  // among which the rule of MODEL.md, "Plastic layer", leaves a choice; 1 if it leaves none.
+  bool first_order = false;     // backward Euler solved a step meant for SDIRK2 (force-driven: unless it sticks)
+  // Number of stresses that satisfy a force-driven step, found on a fine scan. With a plastic layer: 1 if the rules of
+  // MODEL.md, "Plastic layer", determine the answer, otherwise the number of answers that may be meant.
   int answers = 1;
 };
 
 NodeState initial_state(const ModelOptions& options);
 
-// Advances `state` by dt. Force-driven steps are never divided: where `answers` is above 1 the fast solver may differ.
+// Advances `state` by dt. Where the step has several answers (`answers` above 1) the fast solver may divide it into
+// substeps and return another answer. This function divides a step only to meet the tolerance of the options.
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 
 }  // namespace shearbus::physics::reference

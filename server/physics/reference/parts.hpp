@@ -1,4 +1,4 @@
-// Pieces of the steps of the reference twin (advance_one.hpp).
+// Functions of which the steps of the reference solver (advance_one.hpp) are composed.
 #pragma once
 
 #include <functional>
@@ -14,8 +14,8 @@ inline constexpr int kScan = 4000;  // number of points at which a search for al
 // ends.
 double bisect(const std::function<double(double)>& f, double lo, double hi);
 
-// A value for each row of the heat grid, or for each row of HeatModes. operator[] counts vertices from z = 0 into the
-// soft body.
+// A value for each vertex of the heat grid (with heat in modes: for each row of HeatModes). operator[](i) gives the
+// value at vertex i of the soft body; vertex 0 is at z = 0.
 struct Profile {
   std::vector<double> rows;
   std::size_t interface = 0;
@@ -35,7 +35,7 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
 // The response of the temperatures to 1 W/m2 at z = 0, or distributed over the layer by `shape`.
 Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like);
 
-// The temperatures at the end of a step with the heat flux q are T_ad + q B.
+// A step with the friction heat flux q ends at the temperatures T_ad + q B, where T_ad are those without friction.
 struct Heat {
   Profile T_ad, B;
 };
@@ -45,10 +45,11 @@ inline constexpr double kGamma = 0.29289321881345254;  // coefficient gamma of S
 // flux of the first stage.
 Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,
                           const NodeState& early);
-// Whether the temperatures of a second-order step stay between the coldest old temperature and melting.
+// Whether a second-order step may end at the temperatures T: none is below the coldest old temperature, and all are
+// below melting. With heat in modes: whether T0 is below melting.
 bool in_range(const ModelOptions& options, double pressure, const Profile& old, const Profile& T);
 
-// Sets the temperatures of the state to T_ad + q B.
+// Sets the temperatures of the state to T_ad, those without friction, plus the rise flux * B by the friction heat.
 void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& B);
 
 // The plastic strain increment dep of one vertex under a stress magnitude [Pa], by the flow law as its paper prints it.

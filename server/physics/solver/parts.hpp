@@ -17,8 +17,8 @@
 
 namespace shearbus::physics {
 
-// The properties in the order of their rows in parts.cpp. A new property goes to the end, because its row must say with
-// which of all earlier properties it may be on together.
+// The properties of a model that can exclude each other, in the order of the table in parts.cpp. A new property goes to
+// the end, because its row of the table must say with which of all earlier properties it may be on together.
 enum class Property : std::uint8_t {
   kVelocityDriven,
   kForceDriven,
@@ -64,19 +64,19 @@ class Properties {
   std::uint64_t bits_ = 0;
 };
 
-// The row of one property. For a property of laws `value` is empty, because a scene gives the name of the law there,
-// and the texts are empty, because the law declares them.
+// The row of one property in the table of parts.cpp. A property of flow or friction laws has an empty `value`, because
+// a scene gives the name of the law there, and empty texts, because each law declares its own.
 struct Part {
   Property property{};
   std::string_view key{};    // key of a scene, for example "layer.inertia"
   std::string_view value{};  // value of the key that switches the property on, as in a scene: for example "true"
   bool (*is_on)(const ModelOptions&) = nullptr;
-  // Switches the part on, with typical values if it needs values, or off. Null if the part has no switch, for example a
-  // strategy: every model has one.
+  // Switches the part on (with typical values of its parameters) or off. Null for a part that cannot be switched, such
+  // as a strategy: every model has one.
   void (*set)(ModelOptions&, bool on) = nullptr;
-  Properties goes_with{};       // properties of earlier rows with which this property may be on together
+  Properties goes_with{};       // those of the earlier properties that may be on together with this one
   std::string_view law_with{};  // name of a law with this property, for example "friction law that depends on slip"
-  // Texts of the property's row on the options page (OPTIONS.md); empty if that page has no row of the property.
+  // Texts of OPTIONS.md: the equation, what the property adds, when to use it; empty if that page omits the property.
   std::string_view equation{};
   std::string_view adds{};
   std::string_view when{};
@@ -104,12 +104,12 @@ struct Refusal {
 
 // All reasons why a model with these options cannot be made; empty if it can.
 std::vector<Refusal> refusals(const ModelOptions& options);
-// For tests: all reasons why a model cannot be made, under the given rows and exclusions instead of those of parts.cpp.
+// For tests: all reasons why a model cannot be made if `parts` and `exclusions` were the tables of parts.cpp.
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions);
 
-// Whether two properties may be on together: no exclusion names both, and the later row lists the earlier property in
-// goes_with.
+// Whether the properties of two parts may be on together: no exclusion names both, and the part that comes later in the
+// table of parts.cpp lists the other property in goes_with.
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions);
 
 Properties properties_of(const ModelOptions& options);

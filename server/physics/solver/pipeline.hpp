@@ -15,8 +15,8 @@ namespace shearbus::physics {
 using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                              double* trial, TileOutputs& outputs);
 
-// One step through the chain components > tolerance > sleep > solver. Writes the whole of `trial`; inactive lanes and
-// lanes without an answer (outcome kFailed) keep their state.
+// Takes one step of a tile through the chain: tangential components, tolerance, sleep, solver. Writes the whole of
+// `trial`; inactive lanes and lanes for which no answer was found (outcome kFailed) keep their state.
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs);
 

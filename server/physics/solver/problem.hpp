@@ -33,7 +33,7 @@ struct Problem {
   HeatGrid heat_grid;
   std::optional<HeatModes> modes;  // modes that replace the temperature profile, if the scene has heat = "modes"
   TileLayout layout;
-  std::optional<HeatBasis> basis;  // eigenmodes of heat conduction, if the model has sleep
+  std::optional<HeatBasis> basis;  // eigenmodes of heat conduction; set if nodes may sleep (ModelOptions::sleep)
   int steps_before_sleep = 0;      // number of steps at rest before a node sleeps
   int heat_rows;  // number of rows of temperatures, or of modes, in a tile, from layout.first_temperature() on
   // Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid; 1 if both

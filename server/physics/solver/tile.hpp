@@ -34,9 +34,9 @@ struct TileInputs {
   alignas(64) double mass_hard[kLanes] = {};        // mass per area of the hard half zone at the interface  [kg/m2]
   // Plastic strain rate Ep_dot >= 0 of the host's soft zone  [1/s]
   alignas(64) double soft_plastic_strain_rate[kLanes] = {};
-  alignas(64) double second_velocity_jump[kLanes] = {};  // second component of the jump  [m/s]
-  alignas(64) double second_stress_soft[kLanes] = {};    // second component of stress_soft  [Pa]
-  alignas(64) double second_stress_hard[kLanes] = {};    // second component of stress_hard  [Pa]
+  alignas(64) double second_velocity_jump[kLanes] = {};  // second tangential component of velocity_jump  [m/s]
+  alignas(64) double second_stress_soft[kLanes] = {};    // second tangential component of stress_soft  [Pa]
+  alignas(64) double second_stress_hard[kLanes] = {};    // second tangential component of stress_hard  [Pa]
 };
 
 // Answers of one step of one tile. Members `second_` are written only where a model has two tangential components.
@@ -47,9 +47,9 @@ struct TileOutputs {
   alignas(64) double velocity_jump_new[kLanes];    // jump [V] after the step; velocity-driven: the imposed jump  [m/s]
   alignas(64) double friction_heat[kLanes];        // heat that entered the conducting bodies in the step   [J/m2]
   alignas(64) double error_estimate[kLanes];       // estimated error of T0, relative to T_melt - T_start  [1]
-  alignas(64) double second_shear_stress[kLanes];  // second component of s  [Pa]
-  alignas(64) double second_sliding_velocity[kLanes];   // second component of [v]  [m/s]
-  alignas(64) double second_velocity_jump_new[kLanes];  // second component of the new [V]  [m/s]
+  alignas(64) double second_shear_stress[kLanes];  // second tangential component of shear_stress  [Pa]
+  alignas(64) double second_sliding_velocity[kLanes];   // second tangential component of sliding_velocity  [m/s]
+  alignas(64) double second_velocity_jump_new[kLanes];  // second tangential component of velocity_jump_new  [m/s]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
 };

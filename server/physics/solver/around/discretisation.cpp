@@ -22,8 +22,8 @@ constexpr double kMostGrowth = 1.0;  // largest (ratio of the widths of neighbou
 // The first cells resolve the diffusion length of a short time, and therefore the skin in which the flow localises near
 // melting.
 constexpr double kShortTime = 1e-11;  // time whose diffusion length the first cells resolve, at tolerances >= 1e-3  [s]
-constexpr double kShortestTime = 1e-14;       // lower limit of kShortTime after its reduction  [s]
-constexpr double kShortTimeTolerance = 1e-3;  // tolerance below which kShortTime is reduced, as tolerance^3
+constexpr double kShortestTime = 1e-14;       // least time that replaces kShortTime at small tolerances  [s]
+constexpr double kShortTimeTolerance = 1e-3;  // a smaller tolerance t replaces kShortTime by kShortTime (t/1e-3)^3
 
 constexpr double kKernelShare = 0.1;   // error of the heat kernel in a model with modes, relative to the tolerance
 constexpr double kLongestTime = 1e-3;  // longest time that the modes represent  [s]; a half-space forgets older heat
@@ -36,7 +36,7 @@ GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, b
       1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);
   const double part = std::min(1.0, tolerance / kShortTimeTolerance);
   const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
-  // 1 + h / delta, which is g to the power of the number of cells.
+  // 1 + thickness / delta. This ratio is g to the power of the number of cells.
   const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);
   grid.cells = std::max(2, static_cast<int>(std::ceil(std::log(ratio) / std::log(growth))));
   grid.grading = std::pow(ratio, 1.0 / grid.cells);

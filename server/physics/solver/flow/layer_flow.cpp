@@ -16,9 +16,9 @@ inline bool any_positive(const double (&value)[kLanes]) {
   return largest > 0.0;
 }
 
-// Computes the temperatures of vertex i under the heat of the step, for a flow law that couples rate and temperature.
-// Such a law needs them at every vertex. A separable law needs them only where the heat reaches: the yield thresholds
-// of all other vertices contain their temperatures.
+// Computes the temperature of vertex i in each lane after the heat of the step. A flow law that couples rate and
+// temperature needs it at every vertex. A separable law needs it only where the heat of the step arrives, because the
+// yield threshold of any other vertex already accounts for its temperature.
 template <class Law, bool kSpread>
 [[gnu::always_inline]] inline void load_vertices(const FlowProblem& problem, const FlowLoad& load, std::ptrdiff_t i,
                                                  LoadedVertices<kLanes>& vertices) {
@@ -44,7 +44,7 @@ SHEARBUS_WIDE void flow(const FlowProblem& problem, const FlowLoad& load, std::p
     const double* strain = problem.strain + i * kLanes;
     const double* yield = threshold + i * kLanes;
     alignas(64) double excess[kLanes];
-    alignas(64) double growth[kLanes] = {};  // derivative of the softening excess by ln(a)
+    alignas(64) double growth[kLanes] = {};  // derivative of the softening excess by ln(stress)
     [[maybe_unused]] LoadedVertices<kLanes> vertices{load.load, load.bracket, load.T_melt, {}, {}};
     if constexpr (!Law::kSeparable) {
       load_vertices<Law, kSpread>(problem, load, i, vertices);
@@ -152,7 +152,7 @@ void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* t
 
 namespace {
 
-// The plastic strain increment dep of one vertex at the given temperature T, without its slope.
+// Returns the plastic strain increment dep of one vertex at the temperature T. Its derivative is not computed.
 template <class Law>
 double flow_of_vertex(const Law& law, const FlowLoad& load, int lane, double T, double strain) {
   double dep = 0.0;

@@ -35,7 +35,7 @@ void add_surplus(const Problem& problem, const FlowingSlip::Answer& answer, int 
       answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
 }
 
-// One substep of one lane after conduction; `strain` is updated in place.
+// Solves one substep of one lane. T: temperatures after conduction; `strain`: old plastic strain, replaced by the new.
 LaneStep substep(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
                  const HeatOperator& heat, const LaneStep& before, const double* T, double* strain) {
   if (inputs.pressure[lane] <= 0.0) {
@@ -72,10 +72,10 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   double* T = trial + layout.temperature;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answers are known
 
-  // 1. Conduction without friction: DLP (28-35).
+  // 1. Compute the temperatures T_ad, after conduction without friction heat: DLP (28-35).
   conduct(heat, n, T_old, T_all);
 
-  // 2. Start the search of each lane, with its first load.
+  // 2. Start the search for the stress of each lane, and load the layer with the first guess of this stress.
   FlowingSlip lanes[kLanes];
   LaneStep before[kLanes];
   FlowLoad load;

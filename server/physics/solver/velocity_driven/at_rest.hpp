@@ -9,14 +9,14 @@
 
 namespace shearbus::physics {
 
-// The step of a sleeping lane, whose stress is the elastic trial stress; the caller checks that no vertex yields under
-// this stress. Empty if the lane heats, would exceed its Coulomb limit or may start from the yield stress.
+// Solves the step of a sleeping lane as elastic. The caller checks that no vertex yields under the returned stress.
+// Returns nothing if the lane must wake: if it heats, exceeds its Coulomb limit or fails velocity_driven_may_rest().
 std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                         const TileInputs& inputs, const double* committed,
                                                         const Material& soft, double T0, int lane);
 
-// Whether a lane may rest. With INTERFACE_SLIP a step under a jump never counts as rest, because it may start from the
-// yield stress.
+// Whether a lane may rest. With the drive INTERFACE_SLIP it may not rest under a velocity jump, because such a step can
+// start from the yield stress instead of the old stress.
 bool velocity_driven_may_rest(const Problem& problem, const TileInputs& inputs, int lane);
 
 }  // namespace shearbus::physics
