@@ -287,8 +287,8 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     out.sliding_velocity = 0.5 * (in.velocity_jump + jump_free);
     out.velocity_jump_new = jump_free;
   } else {
-    // Finds all roots: the stresses between 0 and the sticking stress that equal the stress which the interface
-    // carries.
+    // Finds all roots: the stresses a between 0 and the sticking stress at which the interface carries the stress a,
+    // neither more nor less.
     const double a_stick = std::abs(jump_free) / per_stress;
     const double most = yield(T_ad[0], slip(0.0));
     const double end = std::min(a_stick, weakens ? most : std::min(coulomb(0.0), most));

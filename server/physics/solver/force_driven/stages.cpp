@@ -48,8 +48,8 @@ double free_jump(const StagedLane& lane, double dt) {
   return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
-// First stage: stress and flux at gamma dt, with the slip at the end of the stage. Returns false where the jump
-// reverses or stops within the step or the answer is not unique: such steps are left to backward Euler.
+// First stage: stress and heat flux at the time gamma dt, from the velocity jump at that time. Returns false if the
+// jump reverses or stops within the step, or if the answer is not unique: backward Euler then takes the step.
 bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
                  double guess, double& flux) {
   flux = 0.0;

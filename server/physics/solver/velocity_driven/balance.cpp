@@ -24,7 +24,7 @@ constexpr double kFarAbove = 100.0;
 constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
 // After this number of iterations every second one bisects; Newton usually needs fewer.
 constexpr int kNewtonIterations = 16;
-constexpr int kMaxIterations = 300;  // limit of iterations; bisection alone, from 1e300 to rounding, needs fewer
+constexpr int kMaxIterations = 300;  // largest number of iterations of a lane (node); one that needs more has failed
 
 // What sets the upper end of the bracket in which the stress of a step is sought. That stress may equal the bound,
 // unless the bound is of the kind kNotAnAnswer.
@@ -192,8 +192,8 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
     }
-    // Every unfinished lane was evaluated at a stress above its answer: vertices at which no lane yielded under these
-    // stresses are left out from now on.
+    // All unfinished lanes were evaluated at stresses above their answers. A vertex at which no lane yielded does not
+    // yield at the answers either: such vertices are left out from now on.
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
@@ -351,8 +351,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
   }
 
-  // 6. Slip in excess of elastic shear and flow: at the ceiling it is flow of the hottest vertex, at mu P it is slip of
-  // the interface.
+  // 6. The part of the slip that neither elastic shear nor plastic flow has taken: at the ceiling stress the hottest
+  // vertex flows by this part, at the friction limit mu P the interface slips by it.
   for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
     double layer_slip = sum.slip[l];

@@ -235,7 +235,7 @@ class Waves {
 
   struct InterfaceReturn {
     double stress;  // magnitude of the stress at z = 0  [Pa]
-    double slope;   // d stress / d|t|, t the trial stress
+    double slope;   // derivative of the stress by |t|, where t is the trial stress
     bool held;      // the friction limit mu P holds the stress
   };
 
@@ -355,8 +355,9 @@ class Waves {
     return largest;
   }
 
-  // Whether Newton's step is small relative to the sum of two velocities: the largest velocity of the layer, and the
-  // velocity that would cause the largest present stress, by a wave or in one step, whichever velocity is smaller.
+  // Whether Newton's step is small relative to the sum of two velocities. One is the largest velocity of the layer. The
+  // other would cause the largest stress of the layer, by a wave or by shearing the layer for one step, whichever is
+  // smaller.
   bool small_step() const {
     const Material& soft = *step_.soft;
     const auto [v, s] = largest();
@@ -408,7 +409,8 @@ class Waves {
     return false;
   }
 
-  // The guarded search. At a given q the step minimises the convex energy
+  // Solves the step if Newton's method alone has failed: bisects the heat flux q. At a given q the step minimises the
+  // convex energy
   //   E(v) = sum over cells of rho width/2 (v - v_old)^2
   //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
   // whose gradient is -dt residual: descend() lowers this energy from any start. Between q = 0 and the q that melts
@@ -472,7 +474,7 @@ class Waves {
   int evaluations_left_;
   bool held_ = false;             // the friction limit mu P holds the stress at z = 0
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
-  double flux_slope_ = 0.0;       // slope of q over the trial stress at z = 0  [W/(m2 Pa)]
+  double flux_slope_ = 0.0;       // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;
   alignas(64) Row stress_old_;
   alignas(64) Row velocity_old_;
