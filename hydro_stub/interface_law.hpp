@@ -63,8 +63,8 @@ struct InterfaceAnswer {
   std::uint64_t flagged = 0;  // number of nodes whose answer has a flag (substepped, several roots, failed)
 };
 
-// Run time that a law has used so far, by cause. A law that computes in the host's own thread may count its whole time
-// as solver, service, waited and CPU time.
+// Run time that a law has used so far. The times overlap: a law that computes in the host's own thread may give its
+// whole time as solver, as service, as waited and as CPU time.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
   // time in the server, from the arrival of each request to the end of its step; includes the solver
@@ -74,13 +74,13 @@ struct LawTime {
   std::chrono::nanoseconds cpu{0};     // CPU time of the host's thread spent on requests
 };
 
-// Optional physics that the scene left switched off in this run, and the memory that it would have needed. Empty for
-// laws without options.
+// Optional physics that the scene left switched off in this run, and the memory per node without and with all of it.
+// Empty for laws without options.
 struct OmittedCost {
   std::vector<std::pair<std::string, std::string>> lines;  // lines that the summary prints, each with label and text
   std::vector<std::string> parts;
   std::uint64_t bytes_per_node = 0;                  // bytes per node that this run needed
-  std::uint64_t bytes_per_node_with_everything = 0;  // bytes per node with every option that the scene allows
+  std::uint64_t bytes_per_node_with_everything = 0;  // bytes per node if all options that the scene allows were on
   std::optional<double> share_asleep;  // share of the node-steps spent asleep; absent if no node could sleep
 };
 
@@ -108,7 +108,8 @@ class InterfaceLaw {
   virtual std::string cannot_keep() const { return {}; }
   // Ends the run: saved states may be deleted.
   virtual void close() {}
-  // Returns the cost of the options that the run left out. May be called only after close().
+  // Returns the optional physics that the scene left switched off, and the memory per node without and with all of
+  // it. May be called only after close().
   virtual OmittedCost omitted_cost() const { return {}; }
 };
 

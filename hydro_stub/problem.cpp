@@ -73,8 +73,8 @@ BodyMesh mesh_of(const physics::Material& material, std::size_t columns, guest::
   return {.columns = columns, .density = material.density, .shear_modulus = material.shear_modulus, .far_end = far_end};
 }
 
-// The hard body's zones get the wave transit time of the soft zones; their number is chosen so that the two bodies are
-// as nearly as possible of equal length.
+// A shear wave crosses a zone of the hard body in the same time as a zone of the soft body. The number of zones of the
+// hard body is chosen so that the two bodies are as nearly as possible of equal length.
 void mesh_bodies(const guest::ShearColumn& column, ColumnProblem& problem) {
   problem.soft.zones = column.zones();
   problem.soft.zone_width = column.length_m() / column.zones();

@@ -105,8 +105,9 @@ void start_log(const ServerOptions& options) {
 }
 
 // Returns a descriptor from which the stop signals are read. A terminal that hangs up stops the server as well, unless
-// the caller has asked to ignore that (nohup). A reader that leaves the end of a pipe stops nothing. Must be called
-// before any thread exists: all threads then inherit the blocked signals, and no signal interrupts one of them.
+// the caller has asked to ignore that (nohup). If the server's output goes to a pipe, the end of the reader does not
+// stop the server. Must be called before any thread exists: all threads then inherit the blocked signals, and no signal
+// interrupts one of them.
 int block_stop_signals() {
   sigset_t stop;
   sigemptyset(&stop);

@@ -11,7 +11,7 @@
 namespace shearbus {
 namespace {
 
-// nodes for which a mistake must explain the jumps; more nodes would not tell mistakes apart better
+// number of nodes whose velocity jumps are used to find the host's mistake; more nodes would not show it more clearly
 constexpr std::size_t kRowsDiagnosed = 256;
 
 std::span<const double> column(const Batch& batch, Field field, std::size_t component = 0) {
@@ -114,7 +114,8 @@ void ClosureCheck::forget() {
   last_.known = trial_.known = false;
 }
 
-// Fills matched_ with the rows of nodes that both steps have. Without ids the rows are all nodes in the same order.
+// Fills matched_ with the positions of each node in the last step and in this one, if it is in both. Steps without node
+// ids have the same nodes in the same order.
 void ClosureCheck::match(const Kept& last, std::span<const std::uint64_t> now) {
   matched_.clear();
   const std::span<const std::uint64_t> before = last.node_ids;

@@ -20,7 +20,7 @@ constexpr std::array kRows = {
 #include "proto/wire/columns.inc"
 };
 
-// The fields of those column rows for which Test returns true.
+// The fields of all columns whose row of kRows passes the test, that is, Test{}(row) is true.
 template <typename Test>
 struct Selection {
   static constexpr std::size_t kCount = std::count_if(kRows.begin(), kRows.end(), Test{});

@@ -245,8 +245,8 @@ HistoryReader::Impl::Series& HistoryReader::Impl::open_series(const std::string&
   one.rows_per_read = std::max<std::size_t>(kBufferElements / node_ids.size(), 1);
   const Properties creation(check(H5Dget_create_plist(one.dataset), "cannot read a layout"));
   if (H5Pget_layout(creation) == H5D_CHUNKED) {
-    // The cache holds all chunks that a band of rows crosses (up to kMaxChunkCacheBytes), so that each chunk is unpacked
-    // once.
+    // The dataset is read some rows at a time, and a chunk spans several rows. The cache holds the chunks of all nodes
+    // for these rows (up to kMaxChunkCacheBytes), so that each chunk is unpacked once.
     std::array<hsize_t, 2> chunk{};
     check(H5Pget_chunk(creation, 2, chunk.data()), "cannot read a layout");
     const Type type(check(H5Dget_type(one.dataset), "cannot read a type"));

@@ -50,7 +50,7 @@ enum class Code : std::uint16_t {
   kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
   kUnexpectedReply = 502,  // the reply does not answer the request
   kAuth = 503,             // the server refuses this client, or its key is not the expected key
-  kNotClosed = 504,        // the velocity jump of the host is not the one that its last step answered
+  kNotClosed = 504,        // the host's velocity jump differs from the one in the reply to its last step
 };
 
 // Returns the name that users see, e.g. "SEQUENCE_GAP".

@@ -40,7 +40,8 @@ struct ModelColumns {
 ModelColumns columns_of(const physics::ModelOptions& options);
 
 // The columns that the request holds and the columns that the reply has room for. The batches must outlive the result.
-// The columns of a request in stick form are converted to far-field columns of the step length `dt` [s].
+// If the request gives the stick stress and the impedance of each node instead of the stresses and masses of the two
+// bodies, these are converted to stresses and masses with the same momentum balance over the step length `dt` [s].
 shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt);
 
 }  // namespace shearbus::service

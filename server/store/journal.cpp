@@ -173,7 +173,7 @@ void JournalWriter::settle() {
   try {
     file_->overwrite(offsetof(SegmentHeader, settled), bytes_of(note));
   } catch (const StorageError& fault) {
-    if (!fault.no_space()) throw;  // the older index stays, which is still valid
+    if (!fault.no_space()) throw;  // the header keeps its older index of an unsettled record, still valid
   }
   broken_ = false;
   unsettled_ = false;

@@ -36,8 +36,9 @@ class JournalWriter {
   // Throws StorageError. If no_space() is true the file is unchanged and the call may be repeated; after any other
   // failure the journal must not be used.
   void append(const Record& record);
-  // Notes in the segment's header that all appended records are settled, after File::sync if the journal is durable.
-  // Does nothing if no record was appended since the last call. A failure is final.
+  // Must be called before the requests of the appended records are answered. Calls File::sync if the journal is
+  // durable, then notes in the segment's header which records are settled: all appended ones. Does nothing if no record
+  // was appended since the last call. A failure is final.
   void settle();
 
   std::uint64_t number() const { return number_; }
@@ -64,7 +65,7 @@ struct Segment {
   std::uint64_t epoch = 0;
   std::uint64_t first_index = 0;
   StoreId store{};            // id of the directory that the segment belongs to
-  std::uint64_t settled = 0;  // index after the last settled record; settled records may have been answered
+  std::uint64_t settled = 0;  // records before this index are settled: their requests may have been answered
   std::vector<Record> records;
   std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete
   bool torn = false;              // true if the last record is incomplete; its request was then never answered

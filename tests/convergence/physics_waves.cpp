@@ -175,9 +175,9 @@ TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
   }
 }
 
-// Largest difference of s(0) [Pa] between a layer with inertia, with `density_factor` times aluminium's density, and
-// the uniform layer without inertia: the paper's layer at 11.2 GPa, while the jump rises to V_end [m/s] in the time
-// `rise` [s].
+// Returns the largest difference [Pa] between the stress s(0) of a layer with inertia and that of the same layer
+// without inertia. It is the paper's layer at 11.2 GPa, with `density_factor` times the density of aluminium; the
+// velocity jump rises to V_end [m/s] in the time `rise` [s].
 double difference_to_uniform(double density_factor, double V_end, double rise, double t_end) {
   ModelOptions options = graded(paper_options());
   options.soft.density *= density_factor;

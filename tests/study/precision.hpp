@@ -18,7 +18,7 @@ struct Setting {
   std::uint32_t cells = 0;  // number of cells of the layer; 0: modes instead of a temperature profile
   double grading = 1.0;
   bool sdirk2 = false;
-  double accuracy = 0.0;  // accuracy of the modes, used only if cells is 0
+  double accuracy = 0.0;  // if cells is 0: largest accepted relative error of the heat kernel that the modes represent
   int steps = 0;
   // If positive, the tolerance of the scene: the server then chooses all settings except the number of steps.
   double tolerance = 0.0;

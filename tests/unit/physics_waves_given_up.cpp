@@ -9,9 +9,9 @@
 namespace shearbus::testing {
 namespace {
 
-// Cells of 0.25 nm and steps of 10 us give alpha dt/dz^2 = 1e10. If the heat flux brings the interface to just below
-// melting, the search for the flux then takes hundreds of Newton steps at each trial flux, at some even thousands of
-// evaluations.
+// Cells of 0.25 nm and steps of 10 us give alpha dt/dz^2 = 1e10. If the interface comes close to melting, the solver
+// needs hundreds of Newton steps for each heat flux that it tries, and for some of them thousands of evaluations of the
+// stresses.
 Rig thin_layer() {
   ModelOptions options = paper_options(Strategy::kVelocityDriven);
   options.grid.thickness = 25e-9;

@@ -9,7 +9,7 @@
 //   ranks.dump(bus, "dump_0042", "dump_0042.tickets");
 //   ranks.close(bus);
 //
-// Every member function is collective, and throws the same shearbus::Error on all ranks.
+// Every member function except rank() and domain() is collective, and throws the same shearbus::Error on all ranks.
 #pragma once
 
 #include <shearbus/shearbus_mpi.h>
@@ -42,7 +42,7 @@ class Ranks {
                                   status);
     });
   }
-  // One session, on rank 0; that of the other ranks is empty.
+  // Opens one session, on rank 0, with the nodes of all ranks; the other ranks get an empty Session.
   Session open_on_root(const Options& options, const Ids& node_ids,
                        const std::vector<double>& initial_temperature_k = {}) {
     return open_by(shearbus_mpi_open_on_root, options, node_ids, initial_temperature_k);
@@ -94,7 +94,7 @@ class Ranks {
     try {
       return Session::open_by(options, opening);
     } catch (...) {
-      shearbus_mpi_leave(&handle_, nullptr);  // an opening in doubt is not repeated: Session keeps no handle of it
+      shearbus_mpi_leave(&handle_, nullptr);  // Session keeps no handle with which the opening could be repeated
       throw;
     }
   }

@@ -55,14 +55,14 @@ struct HeatOperator {
 
   double dt;                        // step length  [s]
   int interface;                    // index of the vertex at z = 0
-  std::span<double> inverse_pivot;  // 1 / pivot[i]
-  std::span<double> inward;         // elimination factor from the outer neighbour to vertex i, divided by pivot[i]
-  std::span<double> outward;        // ratio t[i] / t[inner neighbour] if the old temperatures are 0; unused at z = 0
-  // Elimination factor at z = 0 from the hard side; inward[interface] is the factor from the soft side.
+  std::span<double> inverse_pivot;  // 1 / pivot[i], where pivot is the diagonal after the elimination
+  std::span<double> inward;   // coefficient of t[outer neighbour] in the equation of vertex i, divided by pivot[i]
+  std::span<double> outward;  // ratio t[i] / t[inner neighbour] if the old temperatures are 0; unused at z = 0
+  // The same coefficient as `inward` for z = 0 and its neighbour in the hard body; inward[interface] is the soft one.
   double inward_hard;
   std::span<double> response;  // response B: temperature after a step with q = 1 W/m2 from 0 K   [K m2/W]
 
-  const double* layer_response() const { return response.data() + interface; }  // response B of the layer's vertices
+  const double* layer_response() const { return response.data() + interface; }  // B at the layer's vertices, from z = 0
 
  private:
   std::unique_ptr<double[]> memory_;  // one block, so that a new step length needs few allocations
@@ -72,7 +72,7 @@ struct HeatOperator {
 struct SpreadHeat {
   SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft, const Material& hard);
 
-  // Temperature rise of each vertex of the layer per heat source at it: dt / capacity  [K m2/W]
+  // Temperature rise of each vertex of the layer in a step, per heat flux into it: dt / capacity  [K m2/W]
   std::vector<double> gain;
 };
 
@@ -85,7 +85,7 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
                 const double* response, double* temperature);
 
 // Conducts for one step without flux, in all lanes, from `before` to `after`, both [vertex][lane], which may be the
-// same array. Vertices at the far temperature whose bits this step does not change are skipped.
+// same array. Vertices as cold as the colder far end are skipped if the step does not change their bits.
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
 
 // Conducts for one step without flux, in one lane of a tile and in place.

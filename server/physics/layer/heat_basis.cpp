@@ -32,7 +32,7 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
   Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
   solver.computeFromTridiagonal(diagonal, off);
   Eigen::MatrixXd mode = solver.eigenvectors();
-  // The exact uniform mode, so that heat is conserved: the mode of the solver has rounding errors.
+  // Replaces the uniform mode of the eigenvalue solver, which has rounding errors, by the exact one, to conserve heat.
   mode.col(0) = root / root.norm();
 
   for (int k = 0; k < n; ++k) {
@@ -64,7 +64,7 @@ std::vector<double> HeatBasis::decay(double dt) const {
 SHEARBUS_WIDE int to_modes(const HeatBasis& basis, int lane, double* rows) {
   const std::ptrdiff_t n = basis.num_modes();
   double temperature[kMaxBasisVertices];
-  // Temperature of the colder end, as in conduct().
+  // Modes represent temperatures above that of the colder end, which mode 0 takes up again below.
   const double far = std::min(rows[lane], rows[(n - 1) * kLanes + lane]);
   for (std::ptrdiff_t i = 0; i < n; ++i) temperature[i] = rows[i * kLanes + lane] - far;
   for (std::ptrdiff_t k = 0; k < n; ++k) {

@@ -62,9 +62,9 @@ Rule gauss_rule(const Eigen::ArrayXd& x, const Eigen::ArrayXd& w, int n) {
   return rule_from_recurrence(centre, off.head(n - 1), mass);
 }
 
-// Appends to `sum` the n lines of the Gauss rule that replaces a panel. In the first panel, which begins at 0, the rule
-// is in the rate mu^2, because exp(-rate t) is nearly linear there. In the other panels the rule is in log(mu), which
-// makes all these panels alike.
+// Appends to `sum` the n lines of the Gauss rule that replaces the lines of a panel (an interval of the spectrum). In
+// the first panel, which begins at 0, the variable of the rule is the rate mu^2, because exp(-rate t) is nearly linear
+// there. In the other panels it is log(mu), which makes these panels alike.
 void add_reduced(const Lines& panel, int n, bool first, Lines& sum) {
   if (static_cast<int>(panel.mu.size()) <= n) {
     sum.mu.insert(sum.mu.end(), panel.mu.begin(), panel.mu.end());

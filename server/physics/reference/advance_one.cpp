@@ -184,7 +184,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     if (jump(kGamma * dt, 0.0) < 0.0 || jump(dt, 0.0) < 0.0) return false;
     const double stick = jump(kGamma * dt, 0.0) / (kGamma * dt * mobility);
     const auto T0 = [&](double s) { return first.T_ad[0] + first.B[0] * beta_T * s * jump(kGamma * dt, s); };
-    if (law.limit(T0(stick)) >= stick) {  // the node sticks: it rests, or it stops, which is left to backward Euler
+    if (law.limit(T0(stick)) >= stick) {  // the node sticks; if it moved before, backward Euler takes the step
       if (V != 0.0) return false;
       rests = true;
       mean = s1 = s2 = stick;
@@ -204,7 +204,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     const auto slip_of = [&](double s) { return 0.5 * (direction * V + jump(dt, mean_of(s))); };
     const auto q2_of = [&](double s) { return (beta_T * mean_of(s) * slip_of(s) - (1.0 - kGamma) * q1) / kGamma; };
     const auto spare = [&](double s) { return law.limit(second.T_ad[0] + second.B[0] * q2_of(s)) - s; };
-    const double end = (stick - (1.0 - kGamma) * s1) / kGamma;  // stress with which slip stops at the end of the step
+    const double end = (stick - (1.0 - kGamma) * s1) / kGamma;  // stress s2 that makes the jump after the step 0
     if (spare(end) >= 0.0) return false;
     s2 = bisect([&](double s) { return -spare(s); }, 0.0, end);
     q2 = q2_of(s2);
@@ -287,8 +287,8 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
     out.sliding_velocity = 0.5 * (in.velocity_jump + jump_free);
     out.velocity_jump_new = jump_free;
   } else {
-    // Finds all roots: the stresses between 0 and the sticking stress that equal the stress which the interface
-    // carries.
+    // Finds all roots: the stresses a between 0 and the sticking stress at which the interface carries the stress a,
+    // neither more nor less.
     const double a_stick = std::abs(jump_free) / per_stress;
     const double most = yield(T_ad[0], slip(0.0));
     const double end = std::min(a_stick, weakens ? most : std::min(coulomb(0.0), most));
@@ -303,7 +303,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
       before = at;
     }
     const bool can_stick = spare(a_stick) >= 0.0;
-    // Without a change of sign, and if the interface cannot stick, the answer is the upper end of the scanned stresses.
+    // If no root was found and the interface cannot stick, the answer is the largest stress of the scan.
     if (slips.empty() && !can_stick) slips.push_back(end);
     out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
     const bool rests = state.regime == Regime::kStick || (weakens && in.velocity_jump == 0.0);

@@ -14,7 +14,7 @@ struct LaneStep {
   double flux;      // heat flux q at z = 0               [W/m2]
   Regime regime;
   bool sticks;   // the interface does not slip at the end of the step
-  bool unique;   // false: the step may have several answers; true also if it sticks while its layer flows
+  bool unique;   // false: the step may have several answers; always true if the node sticks and its layer flows
   bool several;  // other answers satisfied the equations of the step too
 };
 

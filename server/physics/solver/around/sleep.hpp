@@ -24,7 +24,7 @@ inline bool asleep(const TileLayout& layout, const double* tile, int lane) {
 // Interface temperature T0 of a lane, asleep or not  [K].
 double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane);
 
-// Growth of the heat in the bodies over a step, also of lanes that are asleep before or after it  [J/m2].
+// Growth of the heat in the two bodies of each lane (node) over a step, whether the lane sleeps or not  [J/m2].
 StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
                                   const double* entered);
 
@@ -33,9 +33,9 @@ void profile_of(const Problem& problem, const double* tile, int lane, double* te
 
 // The rules by which a strategy steps a lane at rest.
 struct RestRules {
-  // The step of a sleeping lane, bit for bit the step that the solver would find from the same T0; empty where heat or
-  // slip wakes the lane. `soft`: the soft material at the pressure of the lane. T0: interface temperature after the
-  // step, without friction  [K].
+  // Returns the step of a sleeping lane (node), with the same bits that the solver would find from the same T0, or
+  // nothing if heat or slip wakes the lane. `soft`: the soft material at the pressure of the lane. T0: interface
+  // temperature after the step, without friction  [K].
   std::optional<RestingStep> (*step)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                                      const Material& soft, double T0, int lane);
   // Whether a step of a stuck lane may count as rest under the given inputs. Null: every such step may.

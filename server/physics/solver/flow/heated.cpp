@@ -2,8 +2,8 @@
 
 namespace shearbus::physics {
 
-// Under the ceiling stress of one vertex another vertex may be hotter, and its ceiling is then lower. The iteration
-// descends to the vertex that is the hottest under its own ceiling stress.
+// Lowers the stress from a_max to the ceiling of the vertex that is the hottest under the stress. A lower stress heats
+// less, so that another vertex may become the hottest: repeats this until the hottest vertex does not change.
 double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
                       double guess, int& hottest) {
   double a = a_max;

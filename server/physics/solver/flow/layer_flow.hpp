@@ -7,9 +7,9 @@
 
 namespace shearbus::physics {
 
-// A layer yields at a vertex where the excess that the flow law computes is positive (material/flow_law.hpp). The heat
-// of a step changes no digit of the temperature of vertices beyond `num_heated`: their yield condition is known before
-// the step, except for the load.
+// A layer yields at each vertex at which the flow law computes a positive excess (material/flow_law.hpp). Only the
+// first `num_heated` vertices feel the heat of a step. The temperature of the others is known before the step, so their
+// yield condition is computed once and compared with each load.
 
 // The load of each lane under a stress of magnitude a.
 struct FlowLoad {
@@ -50,12 +50,12 @@ void set_load(const Material& soft, double pressure, double a, double flux, int 
 // Writes the yield threshold of each vertex: the part of its yield condition that is the same for all loads of a step.
 void flow_thresholds(const FlowProblem& problem, const FlowLoad& load, double* threshold);
 
-// Computes the integral of dep over the layer and its slope under one load. Only the first `num_rows` vertices are
-// summed: the caller knows that the others do not yield.
+// Computes the integral of the strain increment dep over the layer, and its derivative (FlowSum), under one load. Sums
+// only the first `num_rows` vertices: the caller knows that the others do not yield.
 void flow_under(const FlowProblem& problem, const FlowLoad& load, int num_rows, const double* threshold, FlowSum& sum);
 
-// Returns the integral of dep over the layer of one lane, without thresholds. Writes the new strain to `strain_new`
-// unless that is null; `strain_new` may be the array of the old strain.
+// Returns the integral of the strain increment dep over the layer of one lane; needs no thresholds. Writes the new
+// strain to `strain_new` unless that is null; `strain_new` may be the array of the old strain.
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new);
 
 // Computes the same sums as flow_under(). Overwrites the array of thresholds with the new plastic strain of all

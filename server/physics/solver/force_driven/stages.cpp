@@ -20,7 +20,8 @@ using sdirk2::lanes_out_of_range;
 
 constexpr double kMet = 1e-9;  // largest accepted |stress of a slipping interface - its limit|, relative to the stress
 
-// Whether every vertex of a lane stays below melting under the flux; an extrapolated profile may be hottest inside.
+// Whether every vertex of a lane (node) stays below melting under the flux. The second stage starts from extrapolated
+// temperatures, so the hottest vertex may lie inside the layer.
 bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
   for (std::ptrdiff_t i = 0; i < num_rows; ++i) {
     if (!(T_ad[i * kLanes + lane] + flux * stage.response[static_cast<std::size_t>(i)] < T_melt)) return false;
@@ -40,15 +41,15 @@ struct StagedLane {
   bool at_rest = false;
   double early_stress = 0.0;  // stress of the first stage  [Pa]
   double stress = 0.0;        // mean stress of the step  [Pa]
-  double slip = 0.0;          // mean jump of the step, [V]mid  [m/s]
+  double slip = 0.0;          // mean of the velocity jumps before and after the step  [m/s]
 };
 
 double free_jump(const StagedLane& lane, double dt) {
   return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
-// First stage: stress and flux at gamma dt, with the slip at the end of the stage. Returns false where the jump
-// reverses or stops within the step or the answer is not unique: such steps are left to backward Euler.
+// First stage: stress and heat flux at the time gamma dt, from the velocity jump at that time. Returns false if the
+// jump reverses or stops within the step, or if the answer is not unique: backward Euler then takes the step.
 bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
                  double guess, double& flux) {
   flux = 0.0;
@@ -129,7 +130,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   }
   add_flux(first, n, early_flux, T);
 
-  // 2. Second stage, from the extrapolated temperatures.
+  // 2. Second stage. It starts from temperatures extrapolated from the old ones and those of the first stage.
   begin_second_stage(second, n, T_old, early_flux, T);
   solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
   double flux[kLanes] = {};
@@ -152,7 +153,8 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     advance_force_driven(problem, operators, theirs, committed, fallback, outputs);
     for (const int l : lanes_of(fallen_back)) {
       copy_lane(fallback, trial, layout.doubles, l);
-      // A node that sticks at the end of the step is not reported: the order in time of its step does not matter.
+      // Marks the step as one of first order. A node that sticks at the end of the step is not marked, because the
+      // order in time of its step does not matter.
       if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
     }
   }

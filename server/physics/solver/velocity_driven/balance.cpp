@@ -15,19 +15,19 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kConverged = 1e-10;  // a Newton step at most this long is the last, relative to the stress
-// Largest residual before the last Newton step, relative to the trial stress; the last step squares it.
+constexpr double kConverged = 1e-10;  // a Newton step of at most this fraction of the stress is the last
+// Newton's last step may start from a residual F of at most this fraction of the trial stress: it squares the fraction.
 constexpr double kFlowConverged = 1e-3;
-constexpr double kBalanced = 1e-8;  // largest residual of an answer, relative to the stress that the flow relieves
+constexpr double kBalanced = 1e-8;  // largest accepted residual F of an answer, relative to a_trial - a
 // If the flow relieves more than this multiple of the trial stress, Newton works on the logarithm of the flow.
 constexpr double kFarAbove = 100.0;
 constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
 // After this number of iterations every second one bisects; Newton usually needs fewer.
 constexpr int kNewtonIterations = 16;
-constexpr int kMaxIterations = 300;  // limit of iterations; bisection alone, from 1e300 to rounding, needs fewer
+constexpr int kMaxIterations = 300;  // largest number of iterations of a lane (node); one that needs more has failed
 
-// The bound at the upper end of the bracket of the stress. The stress of a step may be the bound itself, except
-// kNotAnAnswer, which only limits the bracket.
+// What sets the upper end of the bracket in which the stress of a step is sought. That stress may equal the bound,
+// unless the bound is of the kind kNotAnAnswer.
 enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
 
 // The balance of one lane in magnitudes along the trial direction:
@@ -147,8 +147,8 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     lane.done = !unseen_bound;
     return;
   }
-  // 2. Newton on F, which is nearly linear over the strain of one step. Where the flow is far larger than the
-  //    step can contain, it is a high power of the stress: there Newton works on the logarithm of the flow.
+  // 2. Newton's method on F, which is nearly linear over the strain of one step. If the flow relieves far more than the
+  //    trial stress, it is a high power of the stress, and Newton's method works on the logarithm of the flow.
   double next = -1.0;
   if (flow > 0.0 && lane.a > 0.0) {
     const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
@@ -192,16 +192,16 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
     }
-    // Every unfinished lane was evaluated at a stress above its answer: vertices at which no lane yielded under these
-    // stresses are left out from now on.
+    // All unfinished lanes were evaluated at stresses above their answers. A vertex at which no lane yielded does not
+    // yield at the answers either: such vertices are left out from now on.
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
 }
 
-// The result of Newton's last step is not evaluated. If a vertex begins to flow within that step, the balance may be
-// far from closed, however small the step. The search of lanes with an open balance is resumed; returns whether there
-// are any.
+// The search ends without evaluating the balance after Newton's last step. If a vertex begins to flow within that step,
+// the balance may be far from met, however small the step. Marks the lanes (nodes) with such a balance as not done, so
+// that their search goes on; returns whether there are any.
 bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
   bool any = false;
   for (int l = 0; l < kLanes; ++l) {
@@ -282,13 +282,14 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double* B = heat.layer_response();
   const double dt = stage.dt;
   const double h = problem.options.grid.thickness;
-  const double compliance = kSqrt3 * soft.shear_modulus / h;  // stress relieved per integral(dep)  [Pa/m]
+  const double compliance = kSqrt3 * soft.shear_modulus / h;  // fall of the stress per slip integral(dep)  [Pa/m]
   const bool layer_hardens = hardens(soft);
-  bool loaded = false;  // at least one lane is loaded; otherwise nothing flows
+  bool loaded = false;  // at least one lane has a trial stress other than 0; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
   double* T = trial + layout.temperature;
-  // With a conducting hard body or an extrapolated profile the hottest vertex may lie inside the layer.
+  // If the hard body conducts, or the second stage of SDIRK2 extrapolates the temperatures, the hottest vertex may lie
+  // inside the layer.
   const bool hottest_inside =
       problem.options.hard_grid || problem.options.time_integrator != TimeIntegrator::kBackwardEuler;
   const int candidates = hottest_inside ? grid.num_vertices() : 1;
@@ -302,7 +303,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   // Part 4 finds how much heat is released.
   const bool spreads = layout.heat_shape != TileLayout::kAbsent;
   const double* shape = spreads ? committed + layout.heat_shape : nullptr;
-  double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // holds B_phi until the new shape is known
+  double* B_spread = spreads ? trial + layout.heat_shape : nullptr;  // response B_phi to this heat, until part 5
   if (spreads) respond(heat, operators.spread(), shape, B_spread);
   const auto heated = [&](int l) {
     return spreads ? Heated{T + l, B_spread + l, kLanes, candidates} : Heated{T + l, B, 1, candidates};
@@ -350,8 +351,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
   }
 
-  // 6. Slip in excess of elastic shear and flow: at the ceiling it is flow of the hottest vertex, at mu P it is slip of
-  // the interface.
+  // 6. The part of the slip that neither elastic shear nor plastic flow has taken: at the ceiling stress the hottest
+  // vertex flows by this part, at the friction limit mu P the interface slips by it.
   for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
     double layer_slip = sum.slip[l];

@@ -1,5 +1,5 @@
-// The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56), with the drive that is missing
-// in DLP (56). The host imposes the velocity jump; the stress follows from the plastic flow of the layer.
+// The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56). The host imposes the velocity
+// jump; the stress follows from the plastic flow of the layer. DLP (56) omits the velocity that shears the layer.
 #pragma once
 
 #include "server/physics/solver/problem.hpp"

@@ -16,24 +16,25 @@ using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
 constexpr double kConverged = 1e-11;  // a shorter Newton step, relative to the unknowns (small_step()), is the last
-// A shorter Newton step in the return to the yield stress at a vertex, relative to 1 + x, is the last.
+// A Newton step in the hardening term x of ReturnLaw that is shorter than this, relative to 1 + x, is the last.
 constexpr double kLocallyConverged = 1e-9;
 constexpr double kNothing = 1e-14;  // a change of velocity so small has no effect, for any dt and cell  [m/s]
 constexpr double kUnfelt = 1e-14;   // temperature rise without effect on the strength, relative to T_melt
-// Line search. A slope is the derivative of the energy along Newton's direction; its limits are relative to the slope
-// at the start of the step.
-constexpr double kOvershoot = 0.5;  // largest accepted slope of the energy beyond its minimum, relative to the start
-// Largest accepted slope before the minimum after a shortened step, relative to the start.
+// Line search. A step of the velocities may end beyond the minimum of the energy if the slope of the energy there is at
+// most this fraction of the slope at the start of the step (without signs; slope: derivative in Newton's direction).
+constexpr double kOvershoot = 0.5;
+// A shortened step may end before the minimum of the energy if the slope there is at most this fraction of the first.
 constexpr double kUndershoot = 0.5;
-// Twice the smallest accepted decrease of the energy, relative to its first slope times the step.
+// A step must lower the energy by at least half this fraction of (length of the step) * (slope of the energy at its
+// start).
 constexpr double kLeastDescent = 0.25;
 constexpr int kLocalSteps = 60;          // largest number of iterations of a return to the yield stress; 3 are usual
 constexpr int kLocalNewtonSteps = 12;    // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
-constexpr int kGuardedSteps = 400;       // largest number of Newton steps with line search at one flux
-constexpr int kMostGuardedSteps = 4000;  // largest number of Newton steps at one flux in a second guarded search
-constexpr double kBalanced = 1e-6;       // largest accepted residual of the guarded search, relative to the stresses
-// Added to the largest stress, to which kBalanced refers: close to melting all stresses vanish  [Pa]
+constexpr int kGuardedSteps = 400;       // largest number of Newton steps of search() at each heat flux that it tries
+constexpr int kMostGuardedSteps = 4000;  // the same if search() is repeated because its first result was not balanced
+constexpr double kBalanced = 1e-6;       // largest accepted residual of the momentum balance, relative to the stresses
+// Added to the largest stress before it is multiplied by kBalanced, because close to melting all stresses vanish  [Pa]
 constexpr double kLeastStress = 1e6;
 // Largest accepted residual due to rounding, in units of the stress that one ulp of the largest velocity causes.
 constexpr double kUlps = 1e4;
@@ -234,7 +235,7 @@ class Waves {
 
   struct InterfaceReturn {
     double stress;  // magnitude of the stress at z = 0  [Pa]
-    double slope;   // d stress / d|t|, t the trial stress
+    double slope;   // derivative of the stress by |t|, where t is the trial stress
     bool held;      // the friction limit mu P holds the stress
   };
 
@@ -246,7 +247,8 @@ class Waves {
     const double rise = per_stress * step_.response[0];
     const double n = law_.exponent;
     const double compliance = rows_.compliance[0];
-    // The yield stress at the heat of a stress a, its logarithmic slope d log(stress)/da and its slope d stress/d|t|.
+    // The yield stress at the temperature that a stress a causes, with its derivatives d log(stress)/da and
+    // d stress/d|t|, where t is the trial stress.
     struct Carried {
       double stress, log_slope, flow_slope;
     };
@@ -293,17 +295,17 @@ class Waves {
     return held_or(a, slope);
   }
 
-  // Newton's step on the balance of momentum, residual = 0. The elimination from the far end adds the terms of
-  // stiffness and inertia without a difference, so these terms do not cancel. "Behind" is farther from z = 0, "before"
-  // nearer. Row c becomes
+  // Newton's step dv of the cell velocities: solves the linearised balance of momentum, one equation (row) per cell.
+  // The elimination goes from the far end of the layer to z = 0. It adds the terms of stiffness and inertia without a
+  // difference, so these terms do not cancel. "Behind" is farther from z = 0, "before" nearer. Row c becomes
   //   dv[c] = constant[c] + carry[c] dv[c-1] + coupling[c] dv[0],
-  // where the last term is the softening by the heat of the interface's stress.
+  // where the last term is the softening by the heat that the stress at z = 0 causes.
   void newton_direction() {
     ++answer_.iterations;
-    double stiffness = 0.0;  // derivative of the stress behind cell c by the velocity difference
-    double excess = 0.0;     // pivot of row c without the term of the vertex before cell c
-    double heat = 0.0;       // coupling to dv[0] carried over from the rows behind
-    double pushed = 0.0;     // residual carried over from the rows behind
+    double stiffness = 0.0;  // fall of the stress behind a cell per velocity of the cell  [Pa s/m]
+    double excess = 0.0;     // diagonal of a cell's equation without the vertex before the cell  [Pa s/m]
+    double heat = 0.0;       // what the eliminated rows behind add to a row's coefficient of dv[0]  [Pa s/m]
+    double pushed = 0.0;     // what the eliminated rows behind add to a row's residual  [Pa]
     const double heat_gain = flux_slope_ * gain(0);
     for (int i = num_cells_; i >= 0; --i) {
       const double k = rows_.slope[i] * gain(i);
@@ -353,8 +355,9 @@ class Waves {
     return largest;
   }
 
-  // Whether Newton's step is small relative to the sum of two velocities: the largest velocity of the layer, and the
-  // velocity that would cause the largest present stress, by a wave or in one step, whichever velocity is smaller.
+  // Whether Newton's step is small relative to the sum of two velocities. One is the largest velocity of the layer. The
+  // other would cause the largest stress of the layer, by a wave or by shearing the layer for one step, whichever is
+  // smaller.
   bool small_step() const {
     const Material& soft = *step_.soft;
     const auto [v, s] = largest();
@@ -372,9 +375,9 @@ class Waves {
     return slope;
   }
 
-  // Newton's method with a line search; returns whether it converged. The slope of the energy increases along a
-  // direction, so bisection finds where it is small. With `surely` two slopes must prove that each step lowers the
-  // energy.
+  // Newton's method with a line search; returns whether it converged. The slope of the energy increases along Newton's
+  // direction, so bisection finds where it is small. With `surely` a step beyond the minimum of the energy is accepted
+  // only if two slopes, at its middle and at its end, prove that the energy falls.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
@@ -406,7 +409,8 @@ class Waves {
     return false;
   }
 
-  // The guarded search. At a given q the step minimises the convex energy
+  // Solves the step if Newton's method alone has failed: bisects the heat flux q. At a given q the step minimises the
+  // convex energy
   //   E(v) = sum over cells of rho width/2 (v - v_old)^2
   //        + sum over vertices of weight/G0 times the integral of R over the trial stress,
   // whose gradient is -dt residual: descend() lowers this energy from any start. Between q = 0 and the q that melts
@@ -429,8 +433,8 @@ class Waves {
     evaluate({});  // makes q and the stress at z = 0 consistent to the last digit
   }
 
-  // Whether the balance of momentum holds in every cell. Far outside physics (steps of microseconds over cells of
-  // nanometres) Newton's steps may still zigzag when their number runs out.
+  // Whether the balance of momentum holds in every cell. With steps of microseconds and cells of nanometres, far from
+  // any real problem, Newton's method may reach its largest number of steps without a solution.
   bool balanced() const {
     const auto [v, s] = largest();
     const double ulp = std::numeric_limits<double>::epsilon() * v;
@@ -447,7 +451,8 @@ class Waves {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
     }
     if (!held_) return;
-    // Under mu P the vertex at z = 0 flows by DLP (48); the rest of the shear is interface slip.
+    // The friction limit holds the stress at z = 0 at mu P. The vertex there flows plastically by as much as this
+    // stress allows (DLP (48)); the rest of its strain is slip of the interface.
     const double g = softening(*step_.soft, step_.pressure, rows_.T[0]).g;
     const double left = std::abs(rows_.t[0]) - step_.coulomb;
     double flow = 0.0;
@@ -469,7 +474,7 @@ class Waves {
   int evaluations_left_;
   bool held_ = false;             // the friction limit mu P holds the stress at z = 0
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
-  double flux_slope_ = 0.0;       // slope of q over the trial stress at z = 0  [W/(m2 Pa)]
+  double flux_slope_ = 0.0;       // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;
   alignas(64) Row stress_old_;
   alignas(64) Row velocity_old_;
