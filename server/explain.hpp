@@ -20,11 +20,11 @@ struct ScenePart {
   std::string meaning;              // the physics that the part adds
   std::string excluded;             // reason why this scene cannot switch the part on or off; empty: it can
   std::int64_t bytes_per_node = 0;  // memory that the part adds, or would add
-  double slipping_s = 0.0;          // time that the part adds, or would add, to a node-step
+  double slipping_s = 0.0;          // time that the part adds, or would add, to a step of one slipping node
 };
 
 struct SceneCost {
-  std::uint64_t bytes_per_node = 0;  // memory of the states, of the entry in the index, and of the kept reply's row
+  std::uint64_t bytes_per_node = 0;  // memory of states, entry in the index, and row in the last reply
   double slipping_s = 0.0;           // time of a node-step in which the interface slips
   double resting_s = 0.0;            // time of a node-step in which the contact is open and the layer still holds heat
   double step_length_s = 0.0;        // time to make the operators of a new step length
@@ -40,14 +40,14 @@ struct Explanation {
   std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of a step of this number of nodes
 };
 
-// Measures every part on this machine, in runs of at most 40 ms. Throws wire::Error if the scene is not valid.
+// Measures the time of every part on this machine, in runs of at most 40 ms. Throws wire::Error for an invalid scene.
 Explanation explain(std::string_view scene, const std::string& file);
 
 // Optional physics that a run left out, and the memory that it would have needed. Nothing is measured.
 struct OmittedCost {
-  std::vector<std::string> parts;                    // parts that are off and could all be on together
-  std::uint64_t bytes_per_node = 0;                  // memory of the scene as it is
-  std::uint64_t bytes_per_node_with_everything = 0;  // memory with all compatible parts switched on
+  std::vector<std::string> parts;                    // parts that are off and could all be switched on together
+  std::uint64_t bytes_per_node = 0;                  // memory of a node with the parts that the scene has
+  std::uint64_t bytes_per_node_with_everything = 0;  // memory of a node with all compatible parts on
   std::optional<double> share_asleep;                // share of node-steps of sleeping nodes; absent: no node can sleep
 
   std::vector<std::pair<std::string, std::string>> lines() const;  // lines of a summary: label and text

@@ -301,7 +301,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("shearbus-ctl ") + SHEARBUS_VERSION);
   Commands commands(app);
   const std::span words(argv, static_cast<std::size_t>(argc));
-  const bool rehearses = argc > 1 && std::string_view(argv[1]) == "rehearse";  // the words behind it are the kit's
+  const bool rehearses = argc > 1 && std::string_view(argv[1]) == "rehearse";  // it reads its own arguments
   try {
     if (!rehearses) app.parse(argc, argv);
     if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);

@@ -1,5 +1,5 @@
-// Compares the velocity jumps in each request of a force-driven host with the jumps that its last committed step
-// answered, and names the mistake of a host whose jumps differ. Keeps the columns of the last step and of a trial.
+// A force-driven host must send the velocity jumps that the server answered to its last committed step. This check
+// compares them and names the mistake of a host whose jumps differ. It keeps the columns of that step and of a trial.
 #pragma once
 
 #include <cstdint>
@@ -27,19 +27,19 @@ class ClosureCheck {
   // because the step has run: if memory runs out, the check skips the next step.
   void answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale, const StepOptions& step,
                 wire::Mode mode) noexcept;
-  void committed();    // the trial becomes the last step
-  void rolled_back();  // drops the trial
+  void committed();    // the kept trial step becomes the last step
+  void rolled_back();  // drops the kept trial step
   void forget();       // for new nodes or restored states: the next step is not compared
 
   static constexpr std::uint64_t kStepsWatched = 100;
 
  private:
-  struct Kept {  // the columns of one step; the vectors are reused
+  struct Kept {  // columns of one step; reused, so that later steps allocate nothing
     bool known = false;
     bool sticks = false;
     bool has_stress = false;
     double dt_before = 0.0, dt = 0.0;
-    std::vector<closure::Row> rows;       // a Row per component and row: [component][row]
+    std::vector<closure::Row> rows;       // values of a node: [component of the jump][the request's row]
     std::vector<std::uint64_t> node_ids;  // node of each row; empty: all nodes of the session
     std::vector<bool> failed;             // true for rows without an answer
   };
@@ -51,11 +51,11 @@ class ClosureCheck {
 
   CheckClosure mode_;
   std::function<void(const std::string&)> log_;
-  bool done_ = false;  // true after the warning, or after kStepsWatched steps
+  bool done_ = false;  // mode kWarn: true after a warning about jumps or kStepsWatched steps; ends the check
   std::uint64_t steps_ = 0;
   Kept last_, trial_;
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> index_;  // (node id, row) of the last step, sorted
-  // (row of the last step, row of this step) of each common node
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> index_;  // (node id, row in the last step's request), sorted
+  // For each node in both steps: its row in the last step's request, and that in the present request.
   std::vector<std::pair<std::uint32_t, std::uint32_t>> matched_;
   std::vector<std::string> warned_;  // fields that the server has warned about
 };

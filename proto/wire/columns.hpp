@@ -1,5 +1,5 @@
-// The columns of payloads: their meaning, the messages that have them and the bounds of their values. The rows are in
-// columns.inc.
+// The columns of payloads: their meaning, the messages that have them and the bounds of their values. They are listed
+// in columns.inc, one row for each column.
 #pragma once
 
 #include <array>
@@ -56,7 +56,7 @@ struct ColumnRow {
   }
 };
 
-std::span<const ColumnRow> column_rows();          // all rows, in the order of columns.inc
+std::span<const ColumnRow> column_rows();          // descriptions of all columns, as in columns.inc
 const ColumnRow* find_column(Field field);         // null for a number that is no field
 const ColumnRow& column_row(Field field);          // throws std::out_of_range for a number that is no field
 std::size_t size_of(Element element);              // size of one value in bytes
@@ -76,7 +76,7 @@ inline constexpr std::array kStickColumns = {
 // Returns the required columns of a request in this form; `required` are the required columns of the far-field form.
 std::vector<Field> columns_in(Form form, std::span<const Field> required);
 
-// Columns of the steps of a strategy, in the order of the rows. A request may also have node_id.
+// Columns of the steps of a strategy, in the order of columns.inc. A request may also have node_id.
 struct StrategyColumns {
   std::span<const Field> required;
   std::span<const Field> optional;

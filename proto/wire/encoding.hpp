@@ -1,5 +1,5 @@
-// The encoding of protocol buffers, as far as headers need it: tags, varints, fixed numbers, lengths. The rows of a
-// message determine the fields (field_rows.hpp); only this file knows their encoding.
+// The encoding of protocol buffers, as far as headers need it: tags, varints, fixed numbers, lengths. Each message
+// lists its fields (field_rows.hpp); only this file knows their encoding.
 #pragma once
 
 #include <bit>

@@ -22,16 +22,16 @@ namespace shearbus::shard {
 // Numbers of nodes in a step, by outcome.
 struct StepCount {
   std::uint64_t flagged = 0;  // nodes with an outcome bit other than kAsleep
-  std::uint64_t failed = 0;   // flagged nodes without an answer
+  std::uint64_t failed = 0;   // flagged nodes for which the solver found no answer
   std::uint64_t asleep = 0;   // nodes at rest, which were not solved
-  Closure closure;            // set by a shard that checks closure
+  Closure closure;            // differences between sent and answered velocity jumps; set if the shard checks closure
 
   StepCount& operator+=(const StepCount& other);
 };
 
 struct ShardOptions {
   std::size_t nodes_per_task = 512;  // smallest number of nodes per thread if several threads share a step
-  // true: force-driven nodes have the states of closure.hpp; velocity-driven nodes never have them
+  // true: force-driven nodes also keep the answered velocity jump and the times of layer and host (closure.hpp)
   bool check_closure = false;
 };
 
@@ -90,7 +90,7 @@ class Shard {
 
   NodeGlance glance(std::size_t slot) const;
 
-  // The layer's time of a node of a shard that checks closure, in its trial state if it has one, else committed  [s].
+  // Sum of the lengths of a node's steps, with its trial step if there is one  [s]. Only if the shard checks closure.
   double layer_time(std::uint32_t slot) const;
 
   // Committed states of one node's tile, for tests: [TileStates::doubles].
@@ -158,7 +158,7 @@ class Shard {
   std::vector<Block> blocks_;
   std::vector<std::uint8_t> committed_;     // number (0 or 1) of the buffer with the committed states, for each tile
   std::vector<std::uint32_t> touched_;      // numbers of the tiles that the trial changed, ascending
-  std::vector<std::uint32_t> row_of_slot_;  // row of each slot in the present step, or kNoRow
+  std::vector<std::uint32_t> row_of_slot_;  // the request's row for the node in each slot, or kNoRow
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
 
@@ -173,7 +173,7 @@ class Shard::Attempt {
  private:
   friend class Shard;
   std::vector<std::uint32_t> tiles_;
-  Block states_;  // [tile][TileStates::doubles]
+  Block states_;  // states after the step of the tiles in `tiles_`: [tile][TileStates::doubles]
 };
 
 class Shard::NodeChange {

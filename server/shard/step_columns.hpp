@@ -1,5 +1,5 @@
-// The columns of a step. Each input column fills a member of a tile, each answer column is filled from a member. A
-// shard moves the values and knows no quantity by name.
+// The columns of a step. Each input column fills a member of a tile, each answer column is filled from a member. The
+// shard only copies values and need not know which quantities they are.
 #pragma once
 
 #include <algorithm>
@@ -35,7 +35,7 @@ struct StepColumns {
   std::vector<InputColumn> inputs;
   std::vector<double> converted;  // values of input columns that were converted from the request's stick form
   std::vector<OutputColumn> outputs;
-  std::span<double> closure[2];  // gets the host's jump minus the answered one of each component; empty: not wanted
+  std::span<double> closure[2];  // receives, for each component, sent minus answered jump  [m/s]; empty: not wanted
   double host_time = 0.0;        // host's time at the end of the step, 0: not given  [s]
 
   bool has_ledger() const {

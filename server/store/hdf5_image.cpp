@@ -64,7 +64,7 @@ hdf5::File new_image() {
 hdf5::File open_image(std::span<const std::byte> image) {
   be_quiet();
   const hdf5::Properties access = in_memory();
-  // H5Pset_file_image copies the bytes; its parameter is not const because of other uses.
+  // The cast is safe: H5Pset_file_image only copies the bytes, although its parameter is not const.
   check(H5Pset_file_image(access, const_cast<std::byte*>(image.data()), image.size()), "take a file image");
   return hdf5::File(checked(H5Fopen(kImageName, H5F_ACC_RDONLY, access), "open a file image"));
 }

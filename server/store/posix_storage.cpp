@@ -113,7 +113,7 @@ void PosixStorage::refuse_held() const {
       EBUSY);
 }
 
-// Locks the file `lock` of the directory, unless the file that is locked already still has this name.
+// Locks the file `lock` of the directory. Does nothing if this server holds the lock and nobody replaced the file.
 void PosixStorage::hold_lock() {
   struct stat held {
   }, named{};

@@ -27,27 +27,27 @@ struct TransferImage {
   std::uint64_t sequence = 0;  // sequence number of the request that made the offer
   std::string identity;        // identity that owns the domain
   std::string domain;
-  std::string layers;  // layers that the accepting session must have, as TOML
+  std::string layers;  // TOML text of the layers; the session that accepts must have the same
   std::vector<std::uint64_t> node_ids;
   shard::States states;
 };
 
 struct SessionImage {
   SessionKey id{};
-  bool open = true;                // a closed session keeps only its last request and reply
+  bool open = true;                // false: closed, and kept only to repeat its last reply
   std::string identity;            // identity that owns the session
   SessionKey resume_token{};       // all zero: the session cannot be resumed
   std::string domain;              // empty: the session is in no domain
   std::uint64_t idle_limit_s = 0;  // the session is closed after this time without a request; 0: never
   std::uint64_t last_sequence = 0;
   std::uint64_t last_hash = 0;           // XXH3-64 of the last request's bytes
-  std::vector<std::byte> reply_header;   // header frame of the kept reply
-  std::vector<std::byte> reply_payload;  // empty: the kept reply has no payload
+  std::vector<std::byte> reply_header;   // header frame of the reply to the last request
+  std::vector<std::byte> reply_payload;  // payload of this reply; may be empty
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
 
-  // The members from `scene` on are set for open sessions only.
+  // The following members are set for open sessions only, as are `domain` and `idle_limit_s`.
   std::string scene;  // effective scene, as TOML
   std::vector<std::uint64_t> node_ids;
   std::uint64_t state_version = 0;
@@ -72,16 +72,16 @@ struct Capsule {
   double time_s = 0.0;
   std::uint64_t step = 0;
   std::uint64_t attempt = 0;
-  shard::States state;  // state before the step, one row
+  shard::States state;  // state of the node before the failed step; has one row
   std::vector<CapsuleValue> inputs;
   std::vector<CapsuleValue> answer;  // reply columns of the failed step
 };
 
 struct Snapshot {
   StoreId store{};                     // id of the state directory
-  std::uint64_t next_index = 0;        // index of the first journal record that is not in these states
+  std::uint64_t next_index = 0;        // index of the first journal record whose effect is not yet in the sessions
   std::string server_version;          // version of the server that wrote the checkpoint
-  std::vector<SessionImage> sessions;  // closed sessions in the order in which they were closed
+  std::vector<SessionImage> sessions;  // first the closed sessions, in the order of closing; then the open ones
   std::vector<TransferImage> transfers;
 };
 

@@ -1,5 +1,5 @@
-// The flow laws. The place of a law in this list is its value of FlowLaw, and one less than its number in the scene's
-// enum.
+// The list of flow laws. The place of a law in the list, counted from 0, is its FlowLaw value. Its number in the enum
+// FlowLaw of a scene is larger by 1.
 #pragma once
 
 #include <algorithm>

@@ -119,7 +119,7 @@ class JohnsonCook {
                                    const Take& take) const {
     Roots<N> roots;
     const double rated = C_ > 0.0 ? 1.0 : 0.0;
-    alignas(64) double rise[N];  // growth of ep^n with which a vertex carries its stress at a rate below r0
+    alignas(64) double rise[N];  // increase of ep^n that lets a vertex carry its stress without rate hardening
     for (int l = 0; l < N; ++l) {
       const double cut = excess[l] < kMaxExcess ? excess[l] : kMaxExcess;
       const bool yields = cut > 0.0;
@@ -138,7 +138,7 @@ class JohnsonCook {
     if (rated > 0.0) fall_to_root(ep, roots);
     double any_creeps = 0.0;
     for (int l = 0; l < N; ++l) {
-      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // ln(dep) ended at its lower limit, the rate r0
+      roots.creeps[l] = roots.x[l] <= log_slow_ ? 1.0 : 0.0;  // the search ended at its lower limit, the rate r0
       any_creeps += roots.creeps[l];
     }
     if (any_creeps > 0.0) flow_at_rest(ep, rise, roots);
@@ -152,11 +152,12 @@ class JohnsonCook {
   static constexpr double kLeastShare = 1e-300;
   static constexpr double kMaxStrain = 1e100;
   static constexpr double kMostLogStrain = 230.0;
-  static constexpr double kNever = 1e3;  // replaces ln(r0 dt) if C = 0: no ln(dep) is so large, so the rate is ignored
+  static constexpr double kNever = 1e3;  // replaces ln(r0 dt) if C = 0; above any ln(dep), so the rate has no effect
   static constexpr double kLeastStrain = 1e-300;
   static constexpr int kMostIterations = 60;  // largest number of iterations; 2 to 5 are usual
-  static constexpr double kConverged = 1e-5;  // a shorter step of ln(dep) is the last: the next is below rounding
-  static constexpr double kMostBend = 0.5;    // Halley's correction at most doubles Newton's step
+  static constexpr double kConverged = 1e-5;  // a step of ln(dep) shorter than this ends the search
+  // limit of Halley's correction `bend` of Newton's step: step / (1 - bend) is at most twice Newton's step
+  static constexpr double kMostBend = 0.5;
 
   static double static_strength(const Material& m, double ep) {
     return m.yield_strength + (ep > 0.0 ? m.hardening_modulus * power(ep, m.hardening_exponent) : 0.0);
@@ -178,18 +179,18 @@ class JohnsonCook {
   // The search for ln(dep) at N vertices, and its results.
   template <int N>
   struct Roots {
-    alignas(64) double target[N];     // H that the stress magnitude a demands, H = sqrt(3) a / g, in units of A
+    alignas(64) double target[N];     // strength H, divided by A, with which the vertex just carries its stress
     alignas(64) double x[N];          // ln(dep), the unknown of the search
     alignas(64) double dep[N];        // plastic strain increment dep at the root
     alignas(64) double log_slope[N];  // derivative of ln(H) by dep at the root
     alignas(64) double moves[N];      // 1 where the search goes on, else 0
-    alignas(64) double creeps[N];     // 1 where the rate of the root is below r0 and has no effect, else 0
+    alignas(64) double creeps[N];     // 1 where the strain rate does not harden (below r0, or C = 0), else 0
   };
 
-  // Solves u w = target for ln(dep) by Halley's method, where u = 1 + B (ep + dep)^n is the hardening and
-  // w = 1 + C (x - ln(r0 dt)) the effect of the rate, lane by lane: a lane that has converged keeps its root while its
-  // neighbours go on. The last step leaves an error of the order of its cube; dep after a step is dep before it times
-  // the series of exp(-step).
+  // Solves u w = target for x = ln(dep) by Halley's method, at each vertex by itself. The strain hardens by the factor
+  // u = 1 + B (ep + dep)^n, the rate by the factor w = 1 + C (x - ln(r0 dt)). A vertex that has converged keeps its
+  // root while others go on. Halley's method converges with third order: the error of a root is of the order of the
+  // cube of the last step of x.
   template <int N>
   [[gnu::always_inline]] void fall_to_root(const double* ep, Roots<N>& roots) const {
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
@@ -210,8 +211,8 @@ class JohnsonCook {
         const double step = f / (f_1 * (1.0 - (bend < kMostBend ? bend : kMostBend)));
         const double inside = x - step > log_slow_ ? x - step : log_slow_;
         const double next = inside < kMostLogStrain ? inside : kMostLogStrain;
-        // The values after a step of the search follow by series from the values before this step, without another
-        // evaluation.
+        // dep, u and w at the new x are extrapolated by Taylor series from their values at the old x, which saves
+        // another exponential and power.
         const double along = x - next;
         const double dep_new = dep * (1.0 - along * (1.0 - 0.5 * along * (1.0 - along / 3.0)));
         const double u_new = u - u_1 * along, w_new = w - C_ * along;
@@ -227,8 +228,9 @@ class JohnsonCook {
     }
   }
 
-  // The strain increments dep of vertices on which the rate has no effect: dep = (ep^n + rise)^(1/n) - ep. Where ep > 0
-  // this is computed as ep ((1 + rise / ep^n)^(1/n) - 1), so that nothing cancels.
+  // Finds dep where the rate does not harden. `rise` is the increase of ep^n that the stress demands, so that
+  // dep = (ep^n + rise)^(1/n) - ep. For ep > 0 it is computed as ep ((1 + rise / ep^n)^(1/n) - 1), so that
+  // nothing cancels.
   template <int N>
   [[gnu::always_inline]] void flow_at_rest(const double* ep, const double (&rise)[N], Roots<N>& roots) const {
     for (int l = 0; l < N; ++l) {

@@ -1,4 +1,5 @@
-// The flow stress of a material, whatever its law, as point functions (server/physics/MODEL.md, "Flow stress").
+// The flow stress of a material at a point of given strain, rate, pressure and temperature, whatever its law
+// (server/physics/MODEL.md, "Flow stress").
 #pragma once
 
 #include "server/physics/material/flow_laws.hpp"
@@ -62,7 +63,7 @@ inline double fresh_strength(const Material& m) {
   return hardened_strength(m, 0.0, 0.0, 0.0, kRoomTemperature);
 }
 
-// The largest strength H; infinity: none   [Pa]
+// The upper limit of the strength H; infinity for a law without such a limit   [Pa]
 inline double strength_ceiling(const Material& m) {
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::ceiling(m); });
 }

@@ -24,8 +24,8 @@ void begin_second_stage(const ModeOperator& step, int num_rows, const double* ol
 
 std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T) {
   const std::ptrdiff_t rows = problem.heat_rows;
-  // With modes only the last row, T0, is a temperature to check. T0 cannot fall below its start, because the modes are
-  // positive shares of T0.
+  // A model with modes has only one temperature to check, T0 in its last row. T0 cannot fall below the initial
+  // temperature, because each mode contributes a positive share to T0.
   const std::ptrdiff_t first = problem.modes ? rows - 1 : 0;
   double coldest[kLanes], lowest[kLanes], highest[kLanes];
   for (int l = 0; l < kLanes; ++l) {

@@ -15,7 +15,7 @@ namespace {
 constexpr int kLeastStepsBeforeSleep = 16;
 // Margin added to the temperature of the hottest vertex; far above the rounding errors of the modes  [K].
 constexpr double kTemperatureMargin = 1e-6;
-constexpr double kStrengthMargin = 1.0 - 1e-9;  // factor on the flow stress; 1 less a margin far above rounding
+constexpr double kStrengthMargin = 1.0 - 1e-9;  // factor on the flow stress, a margin far above rounding errors
 
 int living(const TileLayout& layout, const double* tile, int lane) {
   return static_cast<int>(tile[layout.resting + kLanes + lane]);
@@ -188,7 +188,7 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
   for (int l = 0; l < kLanes; ++l) {
     if (!slept[l] && !sleeps[l]) continue;
     stored.soft[l] = stored.hard[l] = 0.0;
-    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // asleep: no heat enters or leaves the body
+    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // while asleep the only body keeps its heat
     // Heat is measured from the mean temperature of the sleeping state, so that the differences cancel little.
     const double reference = (slept[l] ? committed : trial)[first + static_cast<std::size_t>(l)];
     const Held before = held_heat(problem, committed, l, reference);
@@ -242,7 +242,8 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   }
   if (resting == 0) return;
 
-  // 4. Step the lanes that stay asleep: the modes decay; stress, regime and counts are set; the other states stay.
+  // 4. Step the lanes that stay asleep: their modes decay, and stress, regime, the count of steps at rest and
+  // the number of live modes are set. The other states stay.
   if (solved == 0) {
     const auto behind = static_cast<std::ptrdiff_t>(layout.temperature + layout.num_vertices * kLanes);
     std::copy_n(committed + behind, static_cast<std::ptrdiff_t>(layout.doubles) - behind, trial + behind);

@@ -44,7 +44,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
     if (problem.options.junctions) trial[layout.junction_strain + lane] = interface_step.junction_strain;
   }
 
-  // 4. Add the friction heat of this step to the temperatures: T = T_ad + q B.
+  // 4. Add the friction heat: T = T_ad + q B, with T_ad from 1., the heat flux q and the response B to a unit flux.
   add_flux(heat_of(0), n, flux, T);
   for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
 }

@@ -36,7 +36,7 @@ inline void write_answer(const LaneResult& result, const TileLayout& layout, int
 // One lane at the start of a step.
 struct LaneStart {
   int lane;
-  LaneStep before;      // state before the step; stress, jump_new, regime and sticks are read
+  LaneStep before;      // state before the step; of it only stress, jump_new, regime and sticks are used
   int num_rows;         // number of rows of temperatures or modes, [row][lane]
   const double* T_old;  // temperatures or modes before the step
   double* T;            // temperatures or modes after conduction over the whole step, or after the substeps
@@ -63,8 +63,8 @@ bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& 
     result.step.several |= last.several;
     result.heat += last.flux * heat.dt;
   }
-  // Where the slip reverses within the step, the means of stress and slip could have opposite signs; friction does no
-  // negative work.
+  // If the slip reverses within the step, the means of stress and slip may have opposite signs. The mean slip is then
+  // set to 0, because the work of friction cannot be negative.
   if (result.step.stress * result.step.slip < 0.0) result.step.slip = 0.0;
   return true;
 }
