@@ -34,7 +34,7 @@ ConeTarget make_cone_target(const guest::HydroScene& scene);
 // flank; cone and confinement slip freely along the flyer.
 lagrange::Bodies make_bodies(const ConeTarget& problem);
 
-// Makes the two-dimensional problem of a cone target, with its bodies and histories, ready to run.
+// Makes the two-dimensional problem of a cone target: bodies, metals, end time and what the run records.
 Problem2d make_problem2d(const ConeTarget& problem);
 
 }  // namespace shearbus::hydro

@@ -139,7 +139,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
     const double area = weights_.area(i);
     const double old_jump = jump(i, state.velocity);
     const Vec2 t = weights_.tangent(i);
-    double hard_compliance = 0.0;  // inverse mass per area of the hard side, 1/m_hard
+    double hard_compliance = 0.0;  // 1/m_hard, with the mass per area m_hard of the hard side  [m2/kg]
     double hard_change = 0.0;
     for (const RubWeight& w : weights_.rub(i)) {
       hard_compliance += w.weight * hard_area[w.node] / (state.node_mass[w.node] * area);

@@ -24,7 +24,7 @@ struct Zone {
   double plastic_strain;
   double pressure;     // [Pa]
   double temperature;  // [K]
-  double dt;           // [s]
+  double dt;           // step length  [s]
 
   // Returns the flow stress after the plastic strain increment x, at the mean strain rate x/dt  [Pa].
   double yield(double x) const {

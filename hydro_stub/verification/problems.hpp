@@ -11,8 +11,8 @@
 
 namespace shearbus::hydro {
 
-// A strip along which plane waves run, two zones wide between planes of symmetry: along x in the plane, along the axis
-// in axisymmetry.
+// A strip along which plane waves run. It is two zones wide, and its sides are planes of symmetry. It lies along x in
+// plane symmetry, along the axis in axisymmetry.
 struct Strip {
   static constexpr int kRows = 2;
   lagrange::Symmetry symmetry;
@@ -31,23 +31,23 @@ struct Strip {
 struct PistonProblem {
   lagrange::Symmetry symmetry;
   Metal metal;
-  double length;  // [m]
+  double length;  // length of the strip of metal  [m]
   int zones;
-  double speed;  // [m/s]
+  double speed;  // speed of the piston  [m/s]
 };
 struct FlyerProblem {
   lagrange::Symmetry symmetry;
   Metal target, flyer;
   double length;  // length of each body  [m]
   int zones;      // zones along each body
-  double speed;   // [m/s]
+  double speed;   // speed of the flyer at impact  [m/s]
 };
 struct ImplosionProblem {
   bool sphere;
   // mesh of a cylinder: a sector of its cross section for kPlane, a slice of a long cylinder for kAxisymmetric
   lagrange::Symmetry symmetry;
   Metal metal;
-  // inner and outer radius at the start, and inner radius at rest  [m]
+  // inner and outer radius at the start, and inner radius at which the shell comes to rest  [m]
   double inner, outer, stop;
   int zones;  // zones across the shell
 };
@@ -65,15 +65,15 @@ struct SaltzmanProblem {
 };
 struct TaylorProblem {
   Metal metal;
-  double radius, length;  // [m]
-  double speed;           // [m/s]
+  double radius, length;  // of the rod  [m]
+  double speed;           // speed of the rod at impact  [m/s]
   int zones;              // zones across the radius
 };
 struct PlatesProblem {
   Metal soft, hard;
   double length = 3e-3;        // length along the slide line  [m]
-  double soft_depth = 0.4e-3;  // [m]
-  double hard_depth = 0.4e-3;  // [m]
+  double soft_depth = 0.4e-3;  // thickness of the soft plate  [m]
+  double hard_depth = 0.4e-3;  // thickness of the hard plate  [m]
   double width = 20e-6;        // width of the soft zones; the hard zones are 5/4 as wide  [m]
   double jump = 100.0;         // initial velocity of the soft plate along the slide line  [m/s]
   double angle = 0.0;          // angle between the slide line and the x axis  [rad]
@@ -96,8 +96,8 @@ std::vector<Comparison> compare(const NohProblem& problem, const lagrange::Cycle
 std::vector<Comparison> compare(const SedovProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const SaltzmanProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const TaylorProblem& problem, const lagrange::Cycle& cycle);
-// Compares with the solution under a constant friction stress `limit`, which may be 0 or infinity. Returns nothing once
-// the shear wave has returned from the back of the hard plate.
+// Compares the plates with the exact solution for a constant friction stress `limit`, which may be 0 or infinity.
+// Returns nothing once the shear wave has returned from the back of the hard plate.
 std::vector<Comparison> compare(const PlatesProblem& problem, const lagrange::Cycle& cycle, double limit);
 
 double shear_impedance(const physics::Material& metal);  // sqrt(rho G0)  [Pa s/m]

@@ -1,4 +1,4 @@
-// Runs a row of the stability campaign on a physics and checks every step.
+// Runs a row (load history) of the stability campaign on a physics (combination of options) and checks every step.
 #include "tests/campaign/campaign.hpp"
 
 #include <fmt/format.h>
@@ -13,15 +13,15 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 
 namespace {
 
-// In rows with at least this many steps the invariants of only one lane are checked in each step, in rotation: checks
-// of all lanes would cost more than the steps.
+// A load history with at least this many steps has the invariants of only one lane (node) checked in each step, in
+// rotation, because checks of all lanes would take longer than the steps.
 constexpr int kManySteps = 2000;
 
-// Returns the largest possible heat of a first step that melts the interface, relative to the heat of the same step of
-// MoltenLayer. With a temperature profile MoltenLayer makes a step of backward Euler. The exact heat is larger by the
-// factor 2/sqrt(pi) = 1.128, and a step in substeps may approach the exact heat. A second-order step has 8.23 % more
-// than the exact heat. With modes MoltenLayer has sqrt(pi)/2 times the heat of backward Euler, because modes respond
-// exactly to a constant flux.
+// Returns the factor by which a first step that melts the interface may take in more heat than MoltenLayer does in the
+// same step. With a temperature profile MoltenLayer makes one step of backward Euler. The exact heat is larger by the
+// factor 2/sqrt(pi) = 1.128, and substeps may come close to it. A second-order step takes in 8.23 % more than the exact
+// heat. With modes, which respond exactly to a constant flux, MoltenLayer takes in only sqrt(pi)/2 times the heat of
+// backward Euler.
 double share_of_first_step(const ModelOptions& options, bool divided) {
   constexpr double kExact = 1.12838, kSecondOrder = 1.0823;
   const double of_one_step = options.modes ? kExact : 1.0;
@@ -29,7 +29,7 @@ double share_of_first_step(const ModelOptions& options, bool divided) {
   return divided || options.tolerance ? kExact * of_one_step : 1.0;
 }
 
-// Checks the steps of one scene of a row.
+// Checks every step of a load history (a row of the campaign) on one of its scenes.
 class Judge {
  public:
   Judge(const Row& row, Rig& rig, Outcome& outcome) : row_(row), rig_(rig), outcome_(outcome), molten_(rig) {
@@ -201,7 +201,7 @@ void MoltenLayer::step_with(const Operator& heat, const Rig& rig) {
   add_flux(heat, n, flux, rows_.data());
 }
 
-// ---- Course: the run of one scene of a row ----
+// ---- Course: the run of a load history (row) on one scene ----
 
 Course::Course(Rig& on, const Host& of, int scene_number)
     : rig(on), host(of), draw(7001 + static_cast<std::uint64_t>(scene_number)), scene(scene_number), dt(of.dt) {

@@ -16,7 +16,8 @@ namespace {
 constexpr double kPressure = 1e9;  // compression of the contact [Pa]
 constexpr double kJump = 200.0;    // constant velocity jump [m/s]
 
-// Options of force-driven slip at mu P. Heavy bodies keep the jump, so the heat flux is constant.
+// Options of a force-driven interface that slips under the friction stress mu P. Bodies as heavy as those of
+// rise_after() keep their velocity jump, so the heat flux is constant.
 ModelOptions coulomb_slip(TimeIntegrator integrator) {
   ModelOptions options = paper_options(Strategy::kForceDriven);
   options.interface = {0.05, 1e12};

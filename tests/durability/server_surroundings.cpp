@@ -227,7 +227,7 @@ TEST_P(FullDisk, NothingIsAcknowledgedUntilThereIsRoomAndTheSameStepGoesOn) {
       }
       EXPECT_EQ(host.client().server_status().sessions, 1u) << "what needs no disk is answered";
     }
-    if (round == 2) {  // stops the server on the full disk: no checkpoint can be written, and none is needed
+    if (round == 2) {  // stops the server while the disk is full: without a checkpoint the journal must suffice
       server->process().signal(SIGTERM);
       EXPECT_EQ(server->process().exit_code(20s), 0) << server->log();
       EXPECT_NE(server->log().find("the checkpoint could not be written"), std::string::npos) << server->log();

@@ -1,4 +1,4 @@
-// Runs every row of the stability campaign on every physics to which the row applies.
+// Runs every row (load history) of the stability campaign on every physics (combination of options) that it suits.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,11 +14,11 @@ void PrintTo(const Row& row, std::ostream* os) {
 
 namespace {
 
-// "shearbus-study stability" runs all steps of every row on every physics. A step with a flow law that couples rate and
-// temperature costs 2 to 3 times as much as with another law. Under a tolerance a step is divided into thousands of
-// substeps where the row takes the tolerance or the step length to extremes. This test therefore runs laws that couple
-// rate and temperature for fewer steps. It runs rows of several scenes with such a law only on physics without
-// tolerance, sleep, conducting hard body and second component.
+// A row is a load history of the campaign, a physics a combination of options and laws. "shearbus-study stability" runs
+// all steps of every row on every physics; this test must take less time. A flow law that couples rate and temperature
+// takes 2 to 3 times as long as another law, and a tolerance may divide a step into thousands of substeps. With such a
+// law the test therefore runs at most kMostStepsCoupled steps. It then runs rows of several scenes only without
+// tolerance, sleep, conducting hard body and second component, and the row variable_step only without tolerance.
 constexpr int kMostSteps = 10000;
 constexpr int kMostStepsCoupled = 200;
 
@@ -46,9 +46,9 @@ TEST_P(Campaign, HoldsOnEveryPhysics) {
 
 INSTANTIATE_TEST_SUITE_P(, Campaign, ::testing::ValuesIn(all_rows()), [](const auto& row) { return row.param.name; });
 
-// The campaign bounds the friction heat of a row by the heat that a layer takes in while its interface is at melting.
-// MoltenLayer computes this bound. For a half-space it must agree with the exact heat per area, where T_ref is the
-// initial temperature:
+// Friction cannot heat the interface above melting. MoltenLayer computes a bound of the friction heat: the heat that a
+// layer takes in while its interface is at melting. For a half-space this bound must agree with the exact heat per
+// area, where T_ref is the initial temperature:
 //   2 k/sqrt(alpha) (T_melt - T_ref) sqrt(t/pi)
 TEST(MoltenLayer, TakesInWhatAMoltenHalfSpaceTakes) {
   testing::ModelOptions options = testing::graded(testing::paper_options());
@@ -63,8 +63,8 @@ TEST(MoltenLayer, TakesInWhatAMoltenHalfSpaceTakes) {
     rig.step(dt);
     molten.step(rig);
     const double bound = 2.0 * effusivity * (1220.0 - 300.0) * std::sqrt(n * dt / M_PI);
-    // Backward Euler takes in sqrt(pi)/2 of the exact heat in its first step. After n steps it exceeds the exact heat
-    // by a share of about 1/(8n), plus a little for the grid.
+    // Backward Euler takes in sqrt(pi)/2 of the exact heat in its first step. After n steps its heat is still below the
+    // exact heat, by a share of about 1/(8n); the grid adds a little error.
     ASSERT_LE(molten.heat(0), bound * (1.002 + 0.25 / n)) << n;
     nearest = std::min(nearest, std::abs(molten.heat(0) / bound - 1.0));
   }

@@ -224,7 +224,7 @@ inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, 
   return options;
 }
 
-// The solvers of a node.
+// The solver for which random_options() draws the options of a model.
 enum class Solver { kVelocityDriven, kForceDriven, kInertia };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
@@ -278,8 +278,8 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
   }
 }
 
-// Draws inputs for a model with two components: scalar inputs, in which each vector is then turned by its own random
-// angle.
+// Draws inputs for a model with two tangential components: first inputs along the first component, then an angle for
+// each vector (velocity jump, far stresses), by which it is turned.
 inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
   random_inputs(draw, rig, extreme);
   const auto turn = [&](double& first, double& second) {

@@ -68,9 +68,9 @@ ModelOptions sleeping(ModelOptions options) {
   return options;
 }
 
-// A random history of inputs from a host with rigid half zones. Each lane changes at times of its own between these
-// phases: it slides, stops, sticks, is sheared slowly, is loaded or unloaded by the far stresses, opens, and closes
-// again.
+// A random history of inputs, from a host in which a constant mass lies on each side of the interface. Each lane (node)
+// changes at times of its own between these phases: it slides, stops, sticks, is sheared slowly, is loaded or unloaded
+// by the far stresses, opens, and closes again.
 class History {
  public:
   History(unsigned seed, const ModelOptions& options)
@@ -230,7 +230,7 @@ TEST(PhysicsSleep, AStuckLayerWakesBeforeItFlows) {
   for (const bool forced_host : {false, true}) {
     for (const bool released : {false, true}) {
       ModelOptions options = forced_host ? forced() : graded(paper_options());
-      options.drive = Drive::kInterfaceSlip;  // the shear of the host's soft zone drives the layer and causes no heat
+      options.drive = Drive::kInterfaceSlip;  // soft_shear_rate loads the layer and causes no heat
       options.plastic_layer = forced_host;
       options.interface = {1.0, 2e9};  // an interface so strong that the layer yields first
       Rig sleeper(sleeping(options)), solved(options);

@@ -25,8 +25,8 @@ TEST(PhysicsVelocityWeakening, EveryAnswerOfAStepIsFound) {
     EXPECT_NEAR(friction.holding, h(a_stick) + a_stick, 1e-9 * P);
     EXPECT_NEAR(h(friction.sliding), 0.0, 1e-11 * P);
     for (int i = 0; i < 300; ++i) ASSERT_GT(h(friction.sliding * (i + 0.5) / 300.5), 0.0);
-    // While the interface slips, friction minus stress, h(a), is negative between the sliding stress and the stress
-    // `exceeds_again`, and positive beyond `exceeds_again`.
+    // h(a) is friction minus stress. While the interface slips (a < c / b), h must be negative for stresses between
+    // `sliding` and `exceeds_again`, and positive above `exceeds_again`.
     const double end = std::min(c / b, 2.0 * 0.3 * P);
     for (int i = 1; i < 300 && friction.sliding < end; ++i) {
       const double a = friction.sliding + (end - friction.sliding) * i / 300;

@@ -351,7 +351,7 @@ TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
   std::ifstream in(path, std::ios::binary);
   const std::string whole((std::istreambuf_iterator<char>(in)), {});
   std::size_t refused = 0, wrong = 0;
-  // 7 divides no record size, so all kinds of bytes are hit
+  // 7 does not divide the size of any record of the file, so the flips hit all kinds of bytes
   for (std::size_t byte = 0; byte < whole.size(); byte += 7) {
     std::string damaged = whole;
     damaged[byte] = static_cast<char>(damaged[byte] ^ (1 << (byte % 8)));

@@ -73,7 +73,7 @@ TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
       ServiceHarness harness(threads, {.nodes_per_task = 4});
       for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
         ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
-      // Two nodes retire, so that the slot of a node in the shard differs from its row.
+      // Two nodes retire, so that the slot of a node in the shard differs from its row in a request.
       std::vector<std::uint64_t> nodes = kNodes;
       for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
         wire::Request retire = ServiceHarness::in_session(wire::RetireNodes{}, 1, session);
