@@ -1,21 +1,24 @@
-! The Fortran module against a live server: fortran_library SCENE.toml ENDPOINT. Every fault is printed; the program stops with
-! an error if there is one.
+! The Fortran module against a live server: fortran_library SCENE.toml ENDPOINT PID_FILE. The server is durable, PID_FILE has its
+! process id, and it is started again when it has been killed. Every fault is printed; the program stops with an error if there
+! is one.
 program fortran_library
   use, intrinsic :: iso_fortran_env, only: error_unit, int32, int64, real64
   use shearbus
   implicit none
   integer, parameter :: n = 6
-  character(len=500) :: scene, endpoint, msg
+  character(len=500) :: scene, endpoint, pid_file, msg
   integer :: faults, stat, i
   faults = 0
   call get_command_argument(1, scene)
   call get_command_argument(2, endpoint)
+  call get_command_argument(3, pid_file)
   call bad_openings()
   call steps()
   call columns()
   call stick_form()
   call moves()
   call scopes()
+  call kills()
   if (faults > 0) error stop 1
   print '(a)', 'the Fortran module keeps its contract'
 
@@ -89,7 +92,7 @@ contains
 
   subroutine steps()
     type(shearbus_interface) :: bus, copy
-    real(real64) :: first(n), second(n), strided(3*n)
+    real(real64) :: first(n), second(n), kept(n), strided(3*n)
     logical :: touching(n)
     call open_six(bus, 100_int64)
     call check('nodes', bus%n == n .and. bus%nodes(2) == 114)
@@ -116,6 +119,21 @@ contains
     call ok('step of the others')
     call check('all rows', all(bus%temperature == first))
 
+    ! Nodes that are not named keep their states, or cool.
+    kept = 0
+    do i = 0, 1
+      call bus%rollback_to('start')
+      call bus%step(1e-9_real64)
+      call bus%step(1e-9_real64, mask=touching, open_absent=i == 1, stat=stat, msg=msg)
+      call ok('step with absent nodes')
+      call bus%step(1e-9_real64)
+      if (i == 0) kept = bus%temperature
+    end do
+    call check('absent nodes are kept', all(kept == second .or. touching))
+    call check('absent nodes cool', all(merge(bus%temperature == kept, bus%temperature < kept, touching)))
+
+    call bus%rollback_to('start')
+    call bus%step(1e-9_real64)
     bus%jump = bus%jump/2
     call bus%step(1e-9_real64, trial=.true., stat=stat, msg=msg)
     call ok('trial')
@@ -241,6 +259,37 @@ contains
     call giver%close()
     call taker%close()
     call alone%close()
+  end subroutine
+
+  ! The server is killed: the host notices a pause, and its successor goes on; the bits are those of an undisturbed run.
+  subroutine kills()
+    type(shearbus_interface) :: calm, bus, successor
+    character(len=shearbus_ticket_length) :: ticket
+    call open_six(calm, 1000_int64)
+    call open_six(bus, 1000_int64)
+    do i = 1, 3
+      call calm%step(1e-9_real64)
+    end do
+    call bus%step(1e-9_real64)
+    call kill_server()
+    call bus%step(1e-9_real64, stat=stat, msg=msg)
+    call ok('step of a server that was killed')
+    ticket = bus%ticket()
+    call bus%leave()
+    call kill_server()
+    call successor%resume(ticket, endpoint=endpoint, check_closure='off', connect_deadline=20.0_real64, stat=stat, msg=msg)
+    call ok('resume at a server that was killed')
+    call fill(successor)
+    call successor%step(1e-9_real64)
+    call check('no step was lost or run twice', all(successor%temperature == calm%temperature))
+    call successor%close()
+    call calm%close()
+  end subroutine
+
+  subroutine kill_server()
+    integer :: code
+    call execute_command_line('kill -9 $(cat '//trim(pid_file)//')', exitstat=code)
+    call check('kill', code == 0)
   end subroutine
 
   ! A session whose variable goes out of scope stays open on the server.

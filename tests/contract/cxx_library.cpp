@@ -1,0 +1,313 @@
+// The C++ interface against a live server: cxx_library SCENE.toml ENDPOINT PID_FILE. Compiled as C++17 with the headers
+// for hosts alone. The server is durable, PID_FILE has its process id, and it is started again when it has been killed.
+// Every fault is printed, and the exit code is 1 if there is one.
+#include <signal.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <optional>
+#include <shearbus/client.hpp>
+#include <string>
+#include <vector>
+
+namespace {
+
+constexpr std::size_t kNodes = 6;
+constexpr double kDt = 1e-9;
+int faults = 0;
+std::string scene, endpoint, pid_file;
+
+#define CHECK(what)                                                           \
+  do {                                                                        \
+    if (!(what)) {                                                            \
+      std::fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #what); \
+      ++faults;                                                               \
+    }                                                                         \
+  } while (0)
+#define REFUSED(call, code, word) refused([&] { call; }, code, word, __LINE__)
+template <typename Call>
+std::optional<shearbus::Error> refused(const Call& call, int code, const std::string& word, int line) {
+  try {
+    call();
+    std::fprintf(stderr, "line %d: nothing was refused, expected %s\n", line, shearbus_code_name(code));
+  } catch (const shearbus::Error& fault) {
+    if (fault.code() == code && std::string(fault.what()).find(word) != std::string::npos) return fault;
+    std::fprintf(stderr, "line %d: %s, expected %s ...%s...\n", line, fault.what(), shearbus_code_name(code),
+                 word.c_str());
+  }
+  ++faults;
+  return std::nullopt;
+}
+
+using Column = std::vector<double>;
+
+// The columns of a step in far-field form. The steps of this program apply no answer.
+struct Host {
+  shearbus::Ids ids;
+  Column jump, pressure, stress_soft, stress_hard, mass_soft, mass_hard, stress, temperature;
+  std::vector<std::uint8_t> regime;
+
+  explicit Host(std::uint64_t first = 1000)
+      : mass_soft(kNodes, 4e-3), mass_hard(kNodes, 12e-3), stress(kNodes, -1), temperature(kNodes, -1), regime(kNodes) {
+    for (std::size_t i = 0; i < kNodes; ++i) {
+      const auto x = static_cast<double>(i);
+      ids.push_back(first + 7 * i);
+      jump.push_back(90 + x);
+      pressure.push_back(2e8 * static_cast<double>(1 + i % 3));
+      stress_soft.push_back(1e6 * x);
+      stress_hard.push_back(-1e6 * x);
+    }
+  }
+  shearbus::Step step(double dt = kDt) {
+    shearbus::Step made(kNodes);
+    made.in(SHEARBUS_VELOCITY_JUMP, jump)
+        .in(SHEARBUS_PRESSURE, pressure)
+        .in(SHEARBUS_STRESS_SOFT, stress_soft)
+        .in(SHEARBUS_STRESS_HARD, stress_hard)
+        .in(SHEARBUS_MASS_SOFT, mass_soft)
+        .in(SHEARBUS_MASS_HARD, mass_hard)
+        .out(SHEARBUS_SHEAR_STRESS, stress)
+        .out(SHEARBUS_INTERFACE_TEMPERATURE, temperature)
+        .out(SHEARBUS_REGIME, regime)
+        .dt(dt);
+    return made;
+  }
+};
+
+shearbus::Options options_of() {
+  shearbus::Options options;
+  options.endpoint = endpoint;
+  options.scene_file = scene;
+  options.check_closure = SHEARBUS_CHECK_OFF;
+  options.idle_limit_s = 3600;
+  options.connect_deadline_s = 20;
+  return options;
+}
+
+void errors() {
+  Host host;
+  shearbus::Options options = options_of();
+  options.scene_file = "/nowhere.toml";
+  REFUSED(shearbus::Session(options, host.ids), SHEARBUS_INVALID_SCENE, "/nowhere.toml cannot be read");
+  options = options_of();
+  options.endpoint = "ipc:///tmp/shearbus-nobody-listens";
+  options.connect_deadline_s = 0.2;
+  REFUSED(shearbus::Session(options, host.ids), SHEARBUS_UNREACHABLE, "no server answered");
+  const auto twice = REFUSED(shearbus::Session(options_of(), {7, 8, 7}), SHEARBUS_DUPLICATE_NODE, "");
+  CHECK(twice && twice->nodes() == std::vector<std::uint64_t>{7} && !twice->remedy().empty());
+  options = options_of();
+  options.endpoint = "embedded";
+  options.domain = "d";
+  REFUSED(shearbus::Session(options, host.ids), SHEARBUS_UNSUPPORTED, "nodes cannot move");
+  bool thrown = false;
+  try {
+    shearbus::Session(options_of(), host.ids, {300.0});
+  } catch (const std::invalid_argument&) {
+    thrown = true;
+  }
+  CHECK(thrown);
+
+  shearbus::Session bus(options_of(), host.ids);
+  const std::uint64_t before = bus.info().last_sequence;
+  Column shorter(kNodes - 1);
+  const auto shape = REFUSED(host.step().in(SHEARBUS_PRESSURE, shorter), SHEARBUS_SHAPE, "5 values, expected 6");
+  CHECK(shape && shape->field() == "pressure_pa");
+  REFUSED(host.step().out(SHEARBUS_OUTCOME, host.stress), SHEARBUS_SHAPE, "uint8_t");
+  REFUSED(host.step().out(SHEARBUS_SHEAR_STRESS, host.regime), SHEARBUS_SHAPE, "double");
+  REFUSED(bus.step(host.step(0.0)), SHEARBUS_INVALID_VALUE, "dt");
+  host.pressure[4] = NAN;
+  const auto value = REFUSED(bus.step(host.step()), SHEARBUS_INVALID_VALUE, "pressure_pa");
+  CHECK(value && value->field() == "pressure_pa" && value->nodes() == std::vector<std::uint64_t>{host.ids[4]});
+  REFUSED(bus.commit(), SHEARBUS_NOTHING_TO_COMMIT, "");
+  REFUSED(bus.rollback_to("never"), SHEARBUS_UNKNOWN_MARK, "never");
+  REFUSED(shearbus::Session::resume(options_of(), "abc"), SHEARBUS_INVALID_VALUE, "ticket");
+  CHECK(bus.info().last_sequence == before && host.stress == Column(kNodes, -1));  // nothing of it counted
+  bus.close();
+  REFUSED(bus.commit(), SHEARBUS_INVALID_VALUE, "no session");
+}
+
+void steps() {
+  Host host;
+  shearbus::Session bus(options_of(), host.ids);
+  CHECK(bus.node_ids() == host.ids && bus.effective_scene().find("thickness_m") != std::string::npos);
+  CHECK(bus.columns(SHEARBUS_REQUIRED_INPUT).size() == 6 && bus.info().strategy == 2);
+  bus.mark("start");
+  const shearbus_result result = bus.step(host.step());
+  const Column first = host.temperature, first_stress = host.stress;
+  CHECK(result.nodes == kNodes && first[0] > 300 && host.stress[0] > 0 && host.regime[0] != 0);
+  bus.step(host.step());
+  const Column second = host.temperature;
+  CHECK(second[0] > first[0]);
+
+  bus.rollback_to("start");
+  const Host fresh;
+  host = fresh;
+  bus.start(host.step());  // in two halves
+  host.jump.assign(kNodes, 0.0);
+  bus.finish();
+  CHECK(host.temperature == first);
+  bus.trial(host.step());  // with another jump; it leaves no trace
+  bus.rollback();
+  host.jump = fresh.jump;
+  bus.trial(host.step());
+  bus.commit();
+  CHECK(host.temperature == second);
+
+  // Some nodes, in another order; the others keep their states, or cool.
+  bus.rollback_to("start");
+  const shearbus::Ids some = {host.ids[4], host.ids[0]};
+  struct Row {
+    double jump, pressure, soft, hard, mass_soft, mass_hard, temperature;
+  };
+  std::vector<Row> rows;
+  for (const std::size_t i : {4, 0})
+    rows.push_back({host.jump[i], host.pressure[i], host.stress_soft[i], host.stress_hard[i], 4e-3, 12e-3, 0.0});
+  constexpr auto kStride = static_cast<std::ptrdiff_t>(sizeof(Row));
+  const auto subset = [&](bool open_absent) {
+    shearbus::Step step(some);
+    step.in_strided(SHEARBUS_VELOCITY_JUMP, &rows[0].jump, kStride)
+        .in_strided(SHEARBUS_PRESSURE, &rows[0].pressure, kStride)
+        .in_strided(SHEARBUS_STRESS_SOFT, &rows[0].soft, kStride)
+        .in_strided(SHEARBUS_STRESS_HARD, &rows[0].hard, kStride)
+        .in_strided(SHEARBUS_MASS_SOFT, &rows[0].mass_soft, kStride)
+        .in_strided(SHEARBUS_MASS_HARD, &rows[0].mass_hard, kStride)
+        .out_strided(SHEARBUS_INTERFACE_TEMPERATURE, &rows[0].temperature, kStride);
+    bus.step(step.dt(kDt).open_absent(open_absent));
+  };
+  subset(false);
+  CHECK(rows[0].temperature == first[4] && rows[1].temperature == first[0]);
+  bus.rollback_to("start");
+  double kept = 0.0;
+  for (const bool open_absent : {false, true}) {
+    bus.rollback_to("start");
+    bus.step(host.step());
+    subset(open_absent);
+    bus.step(host.step());
+    if (!open_absent) kept = host.temperature[2];
+  }
+  CHECK(kept == second[2] && host.temperature[2] < kept && host.temperature[2] > 300);
+
+  // Stick stress and impedance in place of stresses and masses: the same answers to rounding.
+  bus.rollback_to("start");
+  host = fresh;
+  Column stick(kNodes), impedance(kNodes);
+  for (std::size_t i = 0; i < kNodes; ++i) {
+    impedance[i] = 1 / (kDt * (1 / host.mass_soft[i] + 1 / host.mass_hard[i]));
+    stick[i] =
+        impedance[i] *
+        (host.jump[i] + kDt * (host.stress_soft[i] / host.mass_soft[i] + host.stress_hard[i] / host.mass_hard[i]));
+  }
+  shearbus::Step in_stick_form(kNodes);
+  in_stick_form.in(SHEARBUS_VELOCITY_JUMP, host.jump)
+      .in(SHEARBUS_PRESSURE, host.pressure)
+      .in(SHEARBUS_STICK_STRESS, stick)
+      .in(SHEARBUS_IMPEDANCE, impedance)
+      .out(SHEARBUS_SHEAR_STRESS, host.stress);
+  bus.step(in_stick_form.dt(kDt));
+  for (std::size_t i = 0; i < kNodes; ++i)
+    CHECK(std::fabs(host.stress[i] - first_stress[i]) <= 1e-9 * std::fabs(first_stress[i]));
+  bus.close();
+}
+
+void moves() {
+  Host host(100);
+  shearbus::Session alone(options_of(), host.ids);
+  alone.step(host.step());
+  alone.step(host.step());
+  const Column stayed = host.temperature;
+  alone.close();
+
+  shearbus::Options options = options_of();
+  options.domain = "cxx_library";
+  shearbus::Session giver(options, host.ids), taker(options, {});
+  REFUSED(taker.register_nodes({host.ids[0]}), SHEARBUS_NODE_OWNED, "");
+  giver.step(host.step());
+  const shearbus::TransferId transfer = giver.offer_nodes(host.ids);
+  const std::string ticket = giver.ticket();
+  { const shearbus::Session left = std::move(giver); }  // its end leaves the session on the server
+  shearbus::Session again = shearbus::Session::resume(options, ticket);
+  CHECK(again.node_ids().empty() && again.offers().size() == 1 && again.offers()[0] == transfer);
+  taker.accept_nodes(transfer);
+  CHECK(taker.node_ids() == host.ids);
+  taker.step(host.step());
+  CHECK(host.temperature == stayed);
+  REFUSED(taker.accept_nodes(transfer), SHEARBUS_UNKNOWN_TRANSFER, "");
+  again.register_nodes({5, 6}, {310.0, 320.0});
+  again.retire_nodes({5});
+  CHECK(again.node_ids() == shearbus::Ids{6});
+  again.close();
+  taker.close();
+}
+
+// A host that does not apply the answer is warned once, or refused.
+void closure() {
+  int warnings = 0;
+  shearbus::Options options = options_of();
+  options.log = [&](const std::string& line) { warnings += line.find("warning: ") != std::string::npos; };
+  for (const int mode : {SHEARBUS_CHECK_WARN, SHEARBUS_CHECK_ERROR}) {
+    Host host;
+    options.check_closure = mode;
+    shearbus::Session bus(options, host.ids);
+    bus.step(host.step());
+    const int before = warnings;
+    if (mode == SHEARBUS_CHECK_ERROR) {
+      REFUSED(bus.step(host.step()), SHEARBUS_NOT_CLOSED, "jump");
+      CHECK(bus.info().last_sequence == 1);
+    } else {
+      const shearbus_result result = bus.step(host.step());
+      bus.step(host.step());
+      CHECK(warnings == before + 1 && result.largest_closure_m_per_s > 1.0);
+    }
+    bus.close();
+  }
+}
+
+void kill_server() {
+  pid_t pid = 0;
+  std::ifstream(pid_file) >> pid;
+  CHECK(pid > 1 && ::kill(pid, SIGKILL) == 0);
+}
+
+// The server is killed: the host notices a pause, and its successor goes on; the bits are those of an undisturbed run.
+void kills() {
+  Host host;
+  shearbus::Session calm(options_of(), host.ids);
+  for (int step = 0; step < 3; ++step) calm.step(host.step());
+  const Column undisturbed = host.temperature;
+  calm.close();
+
+  shearbus::Session bus(options_of(), host.ids);
+  bus.step(host.step());
+  kill_server();
+  bus.step(host.step());
+  const std::string ticket = bus.ticket();
+  { const shearbus::Session left = std::move(bus); }
+  kill_server();
+  shearbus::Session successor = shearbus::Session::resume(options_of(), ticket);
+  successor.step(host.step());
+  CHECK(host.temperature == undisturbed && successor.info().last_sequence == 3 &&
+        successor.info().outlives_server == 1);
+  successor.close();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  if (argc != 4) return 2;
+  scene = argv[1];
+  endpoint = argv[2];
+  pid_file = argv[3];
+  errors();
+  steps();
+  moves();
+  closure();
+  kills();
+  if (faults == 0) std::printf("the C++ interface keeps its contract\n");
+  return faults == 0 ? 0 : 1;
+} catch (const std::exception& fault) {
+  std::fprintf(stderr, "%s\n", fault.what());
+  return 1;
+}
