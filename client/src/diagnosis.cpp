@@ -57,7 +57,8 @@ constexpr FarField kFarField[] = {
     {.text = "mass_hard must be half of that sent", .hard = 2.0, .to_hard = 2.0},
 };
 
-// Such factors for the balance in stick form. `add_jump` is 1 if the host left the old jump out of its stick stress.
+// Such factors for the balance in stick form. `add_jump` is 1 if the host left the old jump out of its stick stress. A
+// Newmark scheme with gamma = 1/2 has the predictor 2 [V]new - [V]predictor for the next step.
 struct Stick {
   const char* text;
   double stick = 1.0, answer = 1.0, add_jump = 0.0;
@@ -77,6 +78,10 @@ constexpr Stick kStick[] = {
     {.text = "the answered stress is not applied", .answer = 0.0},
     {.text = "impedance must be twice that sent, or the answered stress is applied to one side only", .answer = 0.5},
     {.text = "impedance must be half of that sent", .answer = 2.0},
+    {.text = "velocity_jump is that of the predictor of a Newmark scheme: send that of the whole step before",
+     .stick = 2.0,
+     .answer = 2.0,
+     .add_jump = -1.0},
 };
 
 template <typename NewJump>

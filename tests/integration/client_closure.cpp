@@ -235,6 +235,15 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
       {.name = "impedance half",
        .named = "impedance must be twice that sent, or the answered stress is applied to one side only",
        .in_request = impedance(0.5)},
+      {.name = "jump of a Newmark predictor: the step moves the jump by half of what it moves it to the next request",
+       .named = "predictor of a Newmark scheme",
+       .in_request =
+           [](Batch& b) {
+             for (std::size_t i = 0; i < kNodes.size(); ++i) {
+               b.f64(Field::kStickStress)[i] += b.f64(Field::kImpedance)[i] * b.f64(Field::kVelocityJump)[i];
+               b.f64(Field::kImpedance)[i] *= 2.0;
+             }
+           }},
   };
   expect_named(server, mistakes, Form::kStick);
 }

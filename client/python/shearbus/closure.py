@@ -64,6 +64,7 @@ STICK = {
     "the answered stress is not applied": (1, 0, 0),
     "impedance must be twice that sent, or the answered stress is applied to one side only": (1, .5, 0),
     "impedance must be half of that sent": (1, 2, 0),
+    "jump is that of the predictor of a Newmark scheme: send that of the whole step before": (2, 2, -1),
 }
 SWAPPED = "the two sides of the stresses, or of the masses, are swapped"
 
