@@ -23,7 +23,7 @@ struct ColumnProblem {
   BodyMesh hard;
   double dt = 0.0;        // step length  [s]
   std::string dt_reason;  // the condition that limits dt
-  // number of steps; the first has half the length, from t = 0 to dt/2, the first time of the velocities
+  // number of steps; velocities belong to the half steps, so the first step, from t = 0 to dt/2, has half the length
   std::uint64_t steps = 0;
   // initial velocity of the soft body, per column; the hard body starts at rest  [m/s]
   std::vector<double> initial_jump;

@@ -145,8 +145,8 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
         return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
       })) {}
 
-// Restores the layers from the mark, the saved state in the server, and sets the same mark again. The server keeps the
-// newest two marks; set again, this mark is the newest, and the next mark does not replace it.
+// Restores the layers from a mark (a named copy of their states in the server), then sets the same mark again. The
+// server keeps only the newest two marks: set again, this one is the newest, and the next mark does not replace it.
 SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
   impl_ = std::make_unique<Impl>(server, [&](Client& client) { return client.resume(point.ticket); });

@@ -29,7 +29,7 @@ struct Summary2d {
   const InterfaceHistory& interface;
   std::vector<Comparison> comparisons;
   RunTime2d time;
-  OmittedCost omitted = {};  // empty until InterfaceLaw::close() has been called
+  OmittedCost omitted = {};  // options left off and the memory they would need; empty before InterfaceLaw::close()
 
   std::string text() const;
   std::string json() const;

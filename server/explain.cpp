@@ -42,7 +42,7 @@ constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulomb
                                     Property::kModes,         Property::kSleep,        Property::kTolerance};
 constexpr const char* kLedger = "energy ledger";
 
-// One tile of a model, stepped as a host program would step it.
+// Measures the time of a model's steps: steps one tile (8 nodes that are stepped together) with inputs like a host's.
 class Bench {
  public:
   explicit Bench(const physics::ModelOptions& options) : model_(options) {
@@ -179,7 +179,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
   Explanation explanation{
       .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}};
 
-  // 1. Switch each part the other way, one at a time.
+  // 1. Find the memory and time of each part: switch this part alone on if it is off, or off if it is on.
   for (const physics::Part& part : physics::parts()) {
     if (part.set == nullptr) continue;
     ScenePart found{.name = std::string(part.key), .on = part.is_on(options), .meaning = std::string(part.adds)};
@@ -200,7 +200,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
        .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
        .slipping_s = Bench(options).slipping(true) - explanation.cost.slipping_s});
 
-  // 2. Switch on all parts that are compatible.
+  // 2. Find the memory and time of the scene with all parts on that are compatible with it.
   auto [all, names] = with_everything(options);
   explanation.together = std::move(names);
   explanation.together.emplace_back(kLedger);

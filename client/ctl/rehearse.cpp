@@ -25,7 +25,7 @@ constexpr const char* kKit =
 
 void rehearse(std::span<char* const> arguments) {
   namespace fs = std::filesystem;
-  // An installed program finds the package of its own tree.
+  // If the Python package was installed together with this program, Python must import that one.
   const fs::path packages = fs::read_symlink("/proc/self/exe").parent_path() / "../lib/python3/dist-packages";
   if (fs::exists(packages / "shearbus")) {
     const char* given = std::getenv("PYTHONPATH");  // NOLINT(concurrency-mt-unsafe)

@@ -43,11 +43,11 @@ using wire::Policy;
 using wire::Status;
 using wire::TransferId;
 
-// The closure check of force-driven sessions: a host that applies the answered stress has, except for rounding, the
-// velocity jump that its last step answered. kWarn compares the two in the first 100 steps and warns once of a
-// difference, with the mistake of the host that explains it; the server also warns of doubtful times and units. kError
-// compares every step and throws kNotClosed before it is sent. kOff is for hosts whose jump also changes for other
-// reasons, for instance where an interface turns.
+// The closure check of force-driven sessions. A reply holds the stress and the velocity jump that this stress causes; a
+// host that applies the stress must therefore send this jump in its next step, except for rounding. kWarn compares the
+// two in the first 100 steps and warns once of a difference, with the likely mistake of the host; the server also warns
+// of doubtful times and units. kError compares every step, and throws kNotClosed instead of sending one that differs.
+// kOff is for hosts whose jump also changes for other reasons, for instance where an interface turns.
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {
@@ -85,7 +85,7 @@ struct StepOptions {
   double time_s = 0.0;     // end of the step, for records only
   std::uint64_t step = 0;  // the host's step number, for records only
   std::uint32_t attempt = 0;
-  bool commit_previous = false;  // true: first commits the standing trial
+  bool commit_previous = false;  // true: first commits the trial of the step before
   // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
   // call throws kStepFailed with the ids of such nodes, and no state changes.
   Policy policy = Policy::kAccept;
@@ -140,7 +140,7 @@ class Session {
                     Form form = Form::kFarField) const;
 
   const StepResult& advance(const Batch& request, const StepOptions& step);  // steps and commits the new states
-  // steps without commit; commit() or rollback() follows
+  // steps like advance(), but the new states are only a trial until commit() keeps or rollback() drops them
   const StepResult& trial(const Batch& request, const StepOptions& step);
   // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
   // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
@@ -173,7 +173,7 @@ class Session {
   void want_energy_ledger();  // asks for all default columns and, if the session has them, wire::kLedgerColumns
   const std::string& effective_scene()
       const;  // canonical TOML text with every default and constant, as the server understood it
-  const wire::SessionOpened& opened() const;  // the scene with the strategy and the columns of this session's steps
+  const wire::SessionOpened& opened() const;  // the reply to the opening: scene, strategy, columns of a step, ...
   const std::vector<std::string>& warnings() const;
   std::uint64_t bytes_per_node() const;
   const std::vector<std::uint64_t>& node_ids() const;  // node ids in the order of the rows

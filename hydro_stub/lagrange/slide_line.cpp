@@ -92,8 +92,8 @@ int InterfaceWeights::row_after(std::size_t line, int segment) const {
   return first_[line] + (segment + 1) % rows;
 }
 
-// Adds the integrals over the part of a soft segment a -> b that a hard segment p -> q covers, seen along the soft
-// segment's normal. Two Gauss points are exact for the product of two shape functions and the radius.
+// Adds the part of a soft segment a -> b that a hard segment p -> q covers, seen along the soft segment's normal, to
+// the weights (area, gap, normal, zones, forces). Two Gauss points are exact for two shape functions times the radius.
 void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::size_t line, int s, int h) {
   const Surface& soft = lines_[line].soft;
   const Surface& hard = lines_[line].hard;

@@ -36,7 +36,8 @@ bool excluded(const Enclosed& where, const std::string& unless) {
   return false;
 }
 
-// The result of the rule `used_with` ("flow_law=johnson_cook or preston_tonks_wallace") for a field.
+// Whether the rule `used_with` allows a field, for example "flow_law=johnson_cook or preston_tonks_wallace": `other` is
+// the field that the rule names, `found` its value, `wanted` the values with which the rule is met.
 struct Condition {
   enum { kNone, kMet, kNotMet, kOpen, kUnknown } state = kNone;
   std::string other, found;

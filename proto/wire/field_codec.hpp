@@ -48,7 +48,7 @@ inline std::string sent_text(const std::string& text, std::size_t most = kMaxTex
   return text.size() <= most && is_utf8(text) ? text : as_utf8(text, most);
 }
 
-// Writes the fields that differ from the default of proto3, which is zero or empty. A struct is always written.
+// Writes the fields that differ from the default of proto3, zero or empty. A field that is a message is always written.
 class FieldWriter {
  public:
   explicit FieldWriter(Encoder& out, const FieldPath& path = {}) : out_(out), path_(path) {}
@@ -180,13 +180,13 @@ struct RequiredFields {
   }
 };
 
-// Reads one field of a message into the member of its row.
+// Reads one encoded field of a message into the member of the struct that has the field's number.
 class FieldReader {
  public:
   FieldReader(const EncodedField& found, const FieldPath& path, bool strict)
       : found_(found), path_(path), strict_(strict) {}
 
-  bool known() const { return known_; }  // true if a row has the number and type of this field
+  bool known() const { return known_; }  // true if a member with the number and type of the encoded field was found
 
   template <typename T>
   void operator()(std::uint32_t number, const char* name, T&& row) {

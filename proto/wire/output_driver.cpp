@@ -24,7 +24,8 @@ struct OutputFile {
   haddr_t end_of_allocation = 0;
   haddr_t end = 0;
   int fault = 0;
-  std::map<haddr_t, std::vector<char>> held;  // bytes that were not written, by their place in the file
+  // bytes that could not be written after a fault, by their place in the file; reads still return them
+  std::map<haddr_t, std::vector<char>> held;
 
   ~OutputFile() { ::close(number); }
 };

@@ -27,12 +27,12 @@ struct Quantity {
   std::string name;         // name of the dataset
   std::string units;        // UDUNITS text
   std::string long_name;    // description in one line
-  bool is_regime = false;   // regimes: stored as uint8 with an enum of their names, not as float64
-  bool is_outcome = false;  // outcomes: stored as uint8 whose bits are those of Outcome, not as float64
+  bool is_regime = false;   // true: the values are regimes, stored as uint8 with an enum of their names
+  bool is_outcome = false;  // true: the values are outcomes, stored as uint8 with the bits of Outcome
 };
 
-// Returns a component of a column as a dataset of a history. If `long_name` is given, it replaces the meaning in the
-// column's row.
+// Describes the dataset of a history that stores one component of a column. If `long_name` is empty, it is the column's
+// meaning in columns.inc.
 Quantity quantity_of_column(Field field, std::uint32_t component = 0, const std::string& long_name = {});
 
 class HistoryWriter {
@@ -63,7 +63,7 @@ class HistoryWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// Reads a history of host inputs. Rows are read on demand.
+// Reads a history from disk. The values of a step are read only when row() asks for them.
 class HistoryReader {
  public:
   explicit HistoryReader(std::filesystem::path file);
@@ -80,7 +80,8 @@ class HistoryReader {
   const std::vector<std::uint64_t>& node_ids() const;  // ids of the nodes, checked to be unique
   bool has(std::string_view name) const;
   std::vector<double> per_node(std::string_view name) const;  // one value per node, all checked to be finite
-  void row(std::string_view name, std::size_t step, std::span<double> values);  // values checked to be finite
+  // reads the values of one step, one per node; all checked to be finite
+  void row(std::string_view name, std::size_t step, std::span<double> values);
   std::optional<std::string> meta(std::string_view name) const;
 
  private:

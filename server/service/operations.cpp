@@ -20,7 +20,7 @@ using wire::Field;
 
 namespace {
 
-// A candidate of a list of top nodes: a row of the session, and the value that the list is sorted by.
+// A node that may enter a list of top nodes: its row in the session, and the value by which the list is sorted.
 struct Candidate {
   double value;
   std::uint32_t row;
@@ -30,7 +30,7 @@ void refuse_top(const std::string& text, const std::string& remedy) {
   throw Error({.code = Code::kInvalidValue, .text = text, .remedy = remedy, .field = "inspect.top"});
 }
 
-// Sliding velocities of all nodes, from the kept reply to the last step, because states do not hold them.
+// Sliding velocities of all nodes in the last step. They are no part of a state, so the kept reply must have them.
 std::span<const double> sliding_velocities(const wire::Reply& last, std::size_t nodes) {
   const std::span<const double> column = std::holds_alternative<wire::Upscale>(last.body)
                                              ? last.batch.f64(Field::kSlidingVelocity)

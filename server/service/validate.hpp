@@ -20,7 +20,7 @@ std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch, con
 // The ids of nodes to register. There must be at least one, and each must be unique and new to the session.
 std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
-// The slots of the nodes to retire or offer. There must be at least one, each named once and present in the session.
+// The node-table slots of the nodes to retire or offer: at least one, each named once and present in the session.
 shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
 // Refuses a session that would have too many nodes.
@@ -37,7 +37,7 @@ void check_printable(const std::string& text, const std::string& field);  // ref
 // The initial temperature of each node [K], above 0 and below melting: from the payload's column, else from the model.
 std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options);
 
-// Checks options and columns of a step; returns the slots of its rows.
+// Checks options and columns of a step; returns for each row of the request the slot of its node in the node table.
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
                        const shard::NodeTable& nodes);
 

@@ -25,8 +25,8 @@ struct States {
   std::vector<StateColumn> columns;
 };
 
-// Writes the values of `states` into tiles. The columns of `states` must be the states `known`; `state_of(i)` points at
-// the lane of row i in its tile.
+// Writes the values of `states` into tiles. `states` must have one column for each entry of `known`, in the same order;
+// `state_of(i)` points at the place in a tile where the state of node i of `states` begins.
 template <typename StateOf>
 void write_states(const States& states, std::span<const physics::State> known, const StateOf& state_of) {
   for (std::size_t state = 0; state < known.size(); ++state)

@@ -50,8 +50,8 @@ struct SeveralAnswers {
 // of the host up to 10 us. Returns nothing if there is no such step.
 std::optional<SeveralAnswers> several_answers(const Physics& physics);
 
-// The run of one scene of a row: the rig with the scene's model, the host and the current step. Before the first step
-// all inputs have the host's values.
+// The run of one scene of a row (a load history of the campaign): the rig with the scene's model, the host and the
+// current step. Before the first step all inputs are those of `host`.
 struct Course {
   Course(Rig& on, const Host& of, int scene_number);
 
@@ -67,7 +67,7 @@ struct Course {
   // Sets the velocity jump. With two components its direction turns slowly, and differs between lanes.
   void impose(int lane, double jump);
   void impose_all(const std::array<double, kLanes>& jumps);
-  void push(int lane, double soft, double hard);  // sets both bodies' far stresses, in the direction of impose()
+  void push(int lane, double soft, double hard);  // sets both bodies' far stresses  [Pa], parallel to the velocity jump
   void go_on(int lane);                           // force-driven: sets the jump to the final jump of the last step
 };
 
@@ -75,7 +75,7 @@ struct Row {
   std::string name;
   std::string what;
   int steps;
-  // Makes the scenes of the row for a physics. The result is empty if the row does not apply to the physics.
+  // Makes the scenes that the row runs on a physics; none if the row does not apply to this physics.
   std::function<std::vector<ModelOptions>(const Physics&)> scenes;
   std::function<void(Course&)> start;        // called once, before the first step; may be empty
   std::function<void(Course&)> before_step;  // sets the inputs and the length of the next step
@@ -90,12 +90,12 @@ std::vector<Row> all_rows();
 // which it is meant. kNotAsked: the row does not apply to the physics.
 enum class Verdict { kHeld, kNotMet, kBroken, kNotAsked };
 
-// The result of running a row on a physics.
+// The result of running a row (a load history) on a physics (scene options and a host).
 struct Outcome {
   Verdict verdict = Verdict::kNotAsked;
   std::string reason;  // kBroken: invariant, scene, step and lane; kNotMet: what is missing
   Figures figures;
-  SearchEffort most;         // largest search effort in one step of eight lanes
+  SearchEffort most;         // largest search effort in one step of eight lanes (nodes stepped together)
   double bound_share = 0.0;  // largest friction heat of a lane, relative to the bound that MoltenLayer gives
   double seconds = 0.0;
 };
@@ -129,14 +129,14 @@ class MoltenLayer {
  public:
   explicit MoltenLayer(const Rig& rig);
   void step(const Rig& rig);  // repeats the rig's last step: same operators and pressures, molten interface
-  // Returns the heat that entered the lane since the start  [J/m2].
+  // Returns the heat that entered the layer of a lane since the start  [J/m2].
   double heat(int lane) const { return taken_[static_cast<std::size_t>(lane)]; }
 
  private:
   template <class Operator>
   void step_with(const Operator& heat, const Rig& rig);
 
-  std::vector<double> rows_;  // temperatures of the bodies that conduct or, without a temperature profile, heat modes
+  std::vector<double> rows_;  // heat state of each lane: temperatures of all vertices, or heat modes instead
   std::array<double, kLanes> melting_{};  // highest melting temperature since the start  [K]
   std::array<double, kLanes> taken_{};    // friction heat that entered each lane since the start  [J/m2]
 };

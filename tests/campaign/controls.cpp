@@ -93,8 +93,8 @@ Body body_of(const Rig& rig, double dt) {
 
 // ---- Wrong solvers ----
 
-// An interface sticks with a mean velocity jump of 0 over the step, [V]mid = 0, as printed in the paper. The jump after
-// the step is then [V]new = -[V]old.
+// Sticks so that the mean velocity jump over the step is 0, [V]mid = 0, as printed in the paper. The jump after the
+// step is then -[V]old, but must be 0 while the interface sticks.
 void midpoint_stick(Rig& rig, double dt) {
   begin(rig, dt);
   const Body body = body_of(rig, dt);

@@ -9,7 +9,7 @@ namespace shearbus::study::stability {
 
 struct ControlOutcome {
   std::string name;
-  std::string what;  // the error of the solver
+  std::string what;  // the error that the wrong solver makes, in a few words
   int steps = 0;
   int broken = 0;        // number of steps that broke an invariant
   std::string first;     // message of the first step that broke an invariant

@@ -24,7 +24,7 @@ bool forced(const ModelOptions& o) {
   return o.strategy == Strategy::kForceDriven;
 }
 
-// ---- Scenes of the rows ----
+// ---- Scenes that the rows (load histories) of the campaign run ----
 
 Scenes as_it_is(const Physics& p) {
   return {p.options};
@@ -33,7 +33,7 @@ Scenes force_driven_only(const Physics& p) {
   return forced(p.options) ? Scenes{p.options} : Scenes{};
 }
 
-// For options with a tolerance, chooses grid and methods again; for use after a change of thickness or materials.
+// With a tolerance, chooses grid and methods again, because `o` has another thickness or other materials than before.
 ModelOptions remade(const ModelOptions& o) {
   return o.tolerance ? discretised(o, *o.tolerance) : o;
 }
@@ -55,7 +55,7 @@ Scenes thicknesses(const Physics& p) {
 constexpr double kFourierStep = 1.3e-7;  // step length of the row "fourier_number"  [s]
 Scenes fine_grid(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (o.modes || o.tolerance) return {};  // with modes or a tolerance no scene sets the cells
+  if (o.modes || o.tolerance) return {};  // with modes or a tolerance a scene cannot set the number of cells
   const int cells = o.inertia ? 100 : 400;
   ModelOptions scene = with_thickness(o, cells * 1e-4 * std::sqrt(o.soft.diffusivity * kFourierStep));
   scene.grid.cells = cells;
@@ -63,8 +63,8 @@ Scenes fine_grid(const Physics& p) {
   return {scene};
 }
 
-// Scenes with different grids. If the physics has a tolerance, the tolerance varies instead, because it determines the
-// grid.
+// Scenes that differ in the grid. If the physics has a tolerance, the scenes differ in the tolerance instead, because
+// it determines the grid.
 Scenes grids(const Physics& p) {
   const ModelOptions& o = p.options;
   Scenes scenes;
@@ -90,7 +90,7 @@ bool layer_flows(const ModelOptions& o) {
 
 Scenes hardenings(const Physics& p) {
   const ModelOptions& o = p.options;
-  if (!(layer_flows(o) || o.junctions)) return {};  // nothing hardens under these options
+  if (!(layer_flows(o) || o.junctions)) return {};  // no metal hardens under these options
   Scenes scenes;
   for (const double n : {0.01, 0.05, 0.2, 0.5, 1.0}) {
     for (const double beta : {0.0, 1.0, 125.0, 1e4, 1e6}) {
@@ -110,7 +110,7 @@ Scenes hardenings(const Physics& p) {
 Scenes saturations(const Physics& p) {
   const ModelOptions& o = p.options;
   const bool ceiling = layer_flows(o) && properties_of(o.soft.flow_law).has_ceiling;
-  if (!ceiling && !o.junctions) return {};  // nothing has a Y_max under these options
+  if (!ceiling && !o.junctions) return {};  // under these options no flow is limited by Y_max, which this row varies
   Scenes scenes;
   for (const double share : {0.5, 1.0, 1.0001, 1.5, 3.0}) {
     ModelOptions& scene = scenes.emplace_back(o);
@@ -123,7 +123,7 @@ Scenes saturations(const Physics& p) {
 Scenes swapped(const Physics& p) {
   const ModelOptions& o = p.options;
   if (o.hard.flow_law != FlowLaw{} && o.hard.flow_law != o.soft.flow_law)
-    return {};  // the swapped soft metal would have another flow law, which is another physics
+    return {};  // after the swap the layer would have another flow law, that is, be another physics
   ModelOptions scene = o;
   std::swap(scene.soft, scene.hard);
   scene.soft.melting_curve = o.soft.melting_curve;
@@ -153,7 +153,7 @@ Scenes near_several_answers(const Physics& p) {
   return several_answers(p) ? Scenes(40, p.options) : Scenes{};
 }
 
-// ---- Initial states of the rows ----
+// ---- Initial states with which the rows (load histories) begin ----
 
 double melting(const Course& c) {
   return at_pressure(c.rig.model.options().soft, c.host.pressure).melting_temperature;
@@ -247,9 +247,9 @@ void hover(Course& c) {
   }
 }
 
-// `several->slip` is the slip velocity [v], without friction, of a step with several solutions. Even lanes start from
-// rest under a far stress that causes this slip velocity without friction. Odd lanes slide at this velocity. Each lane
-// has its own velocity within 5 %.
+// Loads the lanes for a step with several solutions. `several->slip` is the slip velocity that such a step would have
+// without friction. Even lanes get the far stress that would drive them from rest to this velocity; odd lanes slide at
+// this velocity. For each lane the velocity is changed at random by up to 5 %.
 void meet_several_answers(Course& c) {
   c.dt = c.several->dt;
   for (int l = 0; l < kLanes; ++l) {
@@ -307,7 +307,7 @@ Scenes dragged(const Physics& p) {
   return takes ? Scenes{o} : Scenes{};
 }
 
-// ---- Checks that a row has reached its regime ----
+// ---- Checks that a row (a load history) has reached the regime for which it is meant ----
 
 std::string melts(const Figures& f) {
   if (f.regime(Regime::kMelting) > 0 || f.nearest_melting < 25.0) return {};

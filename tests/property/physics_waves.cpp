@@ -69,9 +69,9 @@ class Step {
 
   double mass(int cell) const { return soft_.density * step_.grid->width[cell]; }
 
-  // Scale of the momentum balance of cell c: momentum of the cell plus impulse of the stresses on the cell. A velocity
-  // is known to an ulp only, and an ulp of velocity changes the stress of the two vertices of the cell; the impulse of
-  // this change is added with a large factor.
+  // Scale of the momentum balance of cell c: momentum of the cell plus impulse of the stresses on the cell. Rounding a
+  // velocity by one ulp changes the stresses of the cell's two vertices; the impulse of this change is added, times
+  // 1e10.
   double momentum_size(int c) const {
     const double ulp_stress = soft_.shear_modulus * step_.dt * 2.2e-16 * largest_velocity() *
                               (1 / step_.grid->weight[c] + 1 / step_.grid->weight[c + 1]);

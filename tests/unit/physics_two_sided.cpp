@@ -64,9 +64,9 @@ TEST(PhysicsTwoSided, UniformTemperatureStaysToTheLastBit) {
   for (std::size_t i = 0; i < rig.model.layout().shear_stress; ++i) ASSERT_EQ(rig.committed[i], before[i]) << i;
 }
 
-// Vernotte's solution: two half-spaces heated at their contact share the heat by the partition coefficient beta_T, at
-// all times. On grids scaled with the diffusion lengths of the bodies the discrete scheme gives the same share, so a
-// model with the partition coefficient gives the same answer.
+// Vernotte's solution: of the heat at the contact of two half-spaces, the soft one takes the share beta_T (partition
+// coefficient) at all times. On grids scaled with the diffusion lengths of the bodies, the discrete scheme gives
+// exactly this share, so conduction in both bodies and a prescribed beta_T must give the same answer.
 TEST(PhysicsTwoSided, OnScaledGridsThePartitionAnswerComesBackToRounding) {
   for (Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Rig one(paper(strategy), 1), two(two_sided(paper(strategy)), 1);
@@ -102,13 +102,13 @@ TEST(PhysicsTwoSided, OnOtherGridsThePartitionAnswerComesBackToTheirAccuracy) {
         worst = std::max(worst, std::abs(two.outputs.interface_temperature[0] - 300.0 - rise) / rise);
       });
       EXPECT_LT(worst, 2e-3) << hard.cells;
-      EXPECT_GT(worst, 1e-12) << hard.cells;  // above rounding: on these grids the two models do differ
+      EXPECT_GT(worst, 1e-12) << hard.cells;  // the two models do differ on these grids, by more than rounding
     }
   }
 }
 
-// beta_T is the share of a half-space. An insulated soft layer of 20 um fills with heat within microseconds, and then
-// takes a smaller share than beta_T; the hard half-space goes on taking heat.
+// beta_T is the share of the heat that a soft half-space takes. An insulated soft layer of 20 um fills with heat within
+// microseconds; from then on it takes less than this share, and the hard half-space takes more.
 TEST(PhysicsTwoSided, PartsFromThePartitionOnceTheLayerHasFilled) {
   ModelOptions filling = paper(Strategy::kVelocityDriven, FarBoundary::kInsulated);
   filling.drive = Drive::kInterfaceSlip;
@@ -150,8 +150,8 @@ TEST(PhysicsTwoSided, TheHardBodyDrawsHeatBackThroughTheInterface) {
   }
 }
 
-// A layer that has cooled at z = 0 is hottest at its far face. The stress ceiling Y_max g / sqrt(3) must be that of the
-// far face, and the surplus slip must go there.
+// A layer that has cooled at z = 0 is hottest, and thus weakest, at its far face. The largest stress that the layer
+// carries, its ceiling Y_max g / sqrt(3), must be that of the far face, where all further plastic flow takes place.
 TEST(PhysicsTwoSided, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   ModelOptions options = two_sided(paper(Strategy::kVelocityDriven, FarBoundary::kInsulated));
   options.hard_grid->far_boundary = FarBoundary::kHalfSpace;

@@ -53,7 +53,7 @@ std::vector<std::uint64_t> some_ids(std::size_t nodes) {
   return ids;
 }
 
-// Numbers of rows and of nodes on both sides of the limits of a chunk: 8192 rows, 65536 elements.
+// Numbers of steps and of nodes just within and beyond the limits of an HDF5 chunk: 8192 steps, 65536 values.
 class RecordingSizes : public testing::TestWithParam<std::pair<std::size_t, std::size_t>> {};
 
 TEST_P(RecordingSizes, WhatIsWrittenIsReadToTheLastBit) {

@@ -1,5 +1,5 @@
-// A state variable that a law declares: one value per node, 0 at the start. The state list of the model
-// (solver/states.hpp) adds a row for each, and checkpoints carry it under its name.
+// A state variable that a law declares: one value per node, 0 at the start. The model lists it among its states
+// (solver/states.hpp), and checkpoints store it under its name.
 #pragma once
 
 namespace shearbus::physics {

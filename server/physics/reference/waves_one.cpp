@@ -1,4 +1,4 @@
-// The step of one layer with inertia, scalar and slow: the reference twin of solver/velocity_driven/waves.
+// One step of one layer with inertia, in simple and slow code: the tests compare solver/velocity_driven/waves with it.
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -23,8 +23,8 @@ struct Layer {
   double coulomb() const { return friction_coefficient(options, in.pressure, 0.0, 0.0) * in.pressure; }
 };
 
-// Returns a trial stress magnitude t to the flow stress at a vertex: solves s + sqrt(3) G0 dep = t with
-// s = Y(ep + dep)/sqrt(3), by bisection in dep.
+// Reduces the trial stress t, which the shear would cause without plastic flow, to the flow stress of a vertex: solves
+// s + sqrt(3) G0 dep = t with s = Y(ep + dep)/sqrt(3) by bisection in dep. The result holds s, dep and ds/dt.
 struct Kept {
   double stress, growth, slope;
 };
@@ -39,22 +39,22 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
     (yield(mid) + stiffness * mid < t ? lo : hi) = mid;
   }
-  // Slope of Y/sqrt(3) over dep at the returned stress, by Steinberg's law; 0 at Y_max.
+  // Derivative of Y/sqrt(3) with respect to dep at the dep found, by Steinberg's law; 0 at Y_max.
   const double hardened = 1.0 + m.hardening_coefficient * (ep + lo);
   const bool capped = m.yield_strength * std::pow(hardened, m.hardening_exponent) >= m.yield_strength_max;
   const double rate = capped ? 0.0 : yield(lo) * m.hardening_exponent * m.hardening_coefficient / hardened;
   return {t - stiffness * lo, lo, rate / (rate + stiffness)};
 }
 
-// An iterate of the balance of momentum of the layer; after the last iteration, the solution. One velocity per cell;
-// per vertex the stress, the growth of the plastic strain in the step, and the slope of the stress over the trial
-// stress.
+// An iterate of the balance of momentum of the layer; after the last iteration, the solution. It holds the velocity of
+// each cell and, for each vertex, the stress, the growth of the plastic strain in the step, and the derivative of the
+// stress with respect to the trial stress (`slope`).
 struct Solved {
   std::vector<double> velocity, stress, growth, slope;
   double interface_slip = 0.0;
 };
 
-// Computes stress, plastic strain growth and slope at every vertex, and the interface slip, from at.velocity.
+// Computes from at.velocity the stress of every vertex, its plastic strain growth and `slope`, and the interface slip.
 void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   for (int i = 0; i <= layer.cells(); ++i) {
     const double before = i == 0 ? 0.0 : at.velocity[i - 1];
@@ -63,7 +63,7 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
     Kept keeps = kept(layer, i, std::abs(t), T[i]);
     if (i == 0) at.interface_slip = 0.0;
     if (i == 0 && keeps.stress > layer.coulomb()) {
-      // Under mu P the vertex flows until its strength reaches mu P; the rest of the shear is slip.
+      // Friction limits the stress to mu P: the vertex flows only until its strength is mu P; the other shear is slip.
       const double stiffness = kSqrt3 * layer.options.soft.shear_modulus;
       double lo = 0.0, hi = keeps.growth;
       for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {

@@ -19,9 +19,9 @@
 namespace shearbus::physics {
 namespace {
 
-// Largest number of halvings of dt where a force-driven step may have several answers. In the criterion for one answer,
-// slip_is_unique(), B0 falls as sqrt(dt) and b as dt: each halving makes the left side about 2^1.5 times smaller, six
-// make it about 512 times smaller.
+// Largest number of times that a force-driven step is halved because it may have several answers. slip_is_unique() is
+// true if a bound with the factors B0 and b is below 1. B0 falls as sqrt(dt) and b as dt, so each halving makes the
+// bound about 2^1.5 times smaller; six make it about 512 times smaller.
 constexpr int kMaxHalvings = 6;
 
 HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
@@ -148,7 +148,7 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
     std::copy_n(temperature, kLanes, tile + layout.first_temperature() + i * kLanes);
   }
   if (layout.heat_shape == TileLayout::kAbsent) return;
-  // heat_shape before the first flow: the heat is spread evenly, as in a layer that flows uniformly.
+  // heat_shape (share of the plastic work that heats each vertex) begins as in a layer that flows uniformly.
   for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
     const double share = impl_->grid.weight[i] / impl_->grid.vertex.back();
     std::fill_n(tile + layout.heat_shape + i * kLanes, kLanes, *impl_->options.taylor_quinney_factor * share);
@@ -156,8 +156,8 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  // `times`: number of halvings of the step already made. The halvings left to force_driven/substeps.hpp are fewer by
-  // this number, so that the shortest substep does not depend on the tolerance.
+  // `times`: how often the tolerance has halved the step. A force-driven step with several answers may then be halved
+  // (force_driven/substeps.hpp) that many times less, so that the shortest substep does not depend on the tolerance.
   const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
     const ModelOptions& options = problem->options;
     const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;

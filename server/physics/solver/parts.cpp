@@ -16,8 +16,8 @@ namespace {
 
 using enum Property;
 
-// Returns the grid of [layer] with another thickness: the depth that heat reaches in the hard body in the time in which
-// heat crosses the soft layer.
+// Returns a grid for the hard body: that of the scene's table [layer], but as thick as the depth that heat reaches in
+// the hard body while it crosses the soft layer.
 GridOptions matching_hard_grid(const ModelOptions& o) {
   GridOptions grid = o.grid;
   grid.thickness *= std::sqrt(o.hard.diffusivity / o.soft.diffusivity);
@@ -36,14 +36,14 @@ JunctionOptions typical_junctions(const ModelOptions& o) {
   return {.contact_fraction = 0.5, .height = 1e-7, .metal = metal};
 }
 
-// Sets of properties that several rows use.
+// Sets of properties, each used by several entries of kParts.
 constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
 constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
 constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
-// Strategies, drives, limits and contact options: each has a step that balances one stress at given temperatures. Parts
-// that change only the strength in this balance (flow laws, pressure, melting), or that treat a step as a whole (sleep,
-// tolerance), go with all of them.
+// Strategies, drives, limits and contact options. With each, a step finds one stress at given temperatures; parts
+// that change only the strength in this search (flow laws, pressure, melting), or that treat a step as a whole (sleep,
+// tolerance), are therefore compatible with all of them.
 constexpr Properties kStepOfALayer =
     kEitherStrategy | kEitherHardBody |
     Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
@@ -258,7 +258,7 @@ constexpr std::array kExclusions = {
     Exclusion{kConductingHardBody, kFixedHeatShare, "the hard body conducts or takes a fixed share"},
     Exclusion{kInterfaceSlip, kForceDriven, "the drive is an option of strategy velocity_driven"},
     Exclusion{kCoulombLimit, kForceDriven, "the interface law of force_driven is in [interface]"},
-    // Plastic-work heating: the model must compute the flow that heats, and both bodies must conduct.
+    // Plastic-work heating needs a model that computes the layer's plastic flow, and two bodies that conduct.
     Exclusion{kPlasticHeating, kForceDriven,
               "it heats where the velocity-driven layer flows; the plastic work of a force-driven layer heats nothing"},
     Exclusion{kPlasticHeating, kInterfaceSlip,
@@ -267,7 +267,7 @@ constexpr std::array kExclusions = {
     Exclusion{kPlasticHeating, kFixedHeatShare,
               "the fixed share of the hard body is that of heat released at z = 0, not inside the layer: give the "
               "table [hard_layer]"},
-    // Inertia: the jump must cross the layer, and no other part may need a stress that is uniform across the layer.
+    // Inertia: the velocity jump must shear the layer, and no other part may need one stress for the whole layer.
     Exclusion{kInertia, kForceDriven,
               "the masses that exchange momentum in force_driven (DLP 61) are those of whole zones, the layer's among "
               "them, which would then count twice"},
@@ -301,7 +301,7 @@ constexpr std::array kExclusions = {
     Exclusion{kSecondOrder, kJunctions, "their strain grows with the slip of the whole step"},
     Exclusion{kSecondOrder, kSlipDependentFriction, "its friction is found for the mean slip of a step"},
     Exclusion{kSecondOrder, kFirstOrderFlow, "its stress follows the rate of a step, to first order"},
-    // Modes: they hold the interface temperature of one body and no profile.
+    // Heat modes give only the interface temperature, for one conducting body; they hold no temperature profile.
     Exclusion{kModes, kVelocityDriven,
               "modes keep no temperature inside the layer, and a velocity-driven layer flows by it"},
     Exclusion{kModes, kPlasticLayer, "modes keep no temperature inside the layer, and a plastic layer flows by it"},
@@ -397,8 +397,8 @@ constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exc
   return true;
 }
 
-// Whether every pair of rows is decided: the later row lists the earlier row, or the pair is excluded (not both), or
-// the two can never meet.
+// Whether the tables say for every two parts if a model may have both: either the later part lists the earlier one in
+// `goes_with`, or the pair is excluded (but not both), or no allowed model can have both.
 constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
   for (std::size_t j = 0; j < rows.size(); ++j) {
     for (std::size_t i = 0; i < j; ++i) {

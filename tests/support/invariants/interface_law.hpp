@@ -14,8 +14,8 @@ namespace shearbus::testing {
 // Requires that the velocity jump satisfies the momentum balance of the bodies, DLP (61), and that the stress is within
 // the limits of the interface.
 inline void require_interface_law(const ModelOptions& options, const Answered& a, Figures& figures) {
-  // Scale of the velocity jumps, of which rounding errors are a fraction. In a step of several substeps the plastic
-  // flow of the host's zone may raise and lower the jump, so the scale includes this flow.
+  // Scale of the velocity jumps; the allowed rounding error is a fraction of it. In a step of several substeps the
+  // plastic flow of the host's zone may raise and lower the jump, so the scale includes this flow.
   const double size = a.size() + (a.in_parts() ? a.plastic_drive : 0.0);
   require_near(a.jump_new, a.jump_old + a.driven - a.stress * a.per_stress, 1e-13 * size + kProductOfDenormals,
                "[V] against (61)");
@@ -27,12 +27,12 @@ inline void require_interface_law(const ModelOptions& options, const Answered& a
   const double most_friction = std::max(law.friction_coefficient, law.friction_coefficient_fast) * a.pressure;
   const double carried = std::abs(a.stress);
   require(carried <= most_friction * (1 + 1e-12), "s {:.17g} above mu P {:.17g}", a.stress, most_friction);
-  if (a.in_parts()) return;  // the answered stress is a mean of the substeps
+  if (a.in_parts()) return;  // the stress is then a mean over substeps, with no limit of its own
   if (options.plastic_layer && !is_resolved(options, a, a.size())) return;
   const Limits limit = interface_limits(options, a, a.size());
-  // A second-order step answers a mean stress, while the stress limit changes during the step. This check then tests
-  // only the direction of the stress and sticking; the tests of the scalar reference solver test the stresses of the
-  // stages.
+  // A second-order step answers the mean of two stresses, which cannot be compared with the limit, because the limit
+  // changes during the step. Only sticking and the direction of the stress are then checked here; the tests of the
+  // scalar reference solver check the two stresses.
   const bool mean = of_two_stages(options, a) && a.outcome == 0 && a.regime != Regime::kStick;
   if (!mean) {
     require(carried <= limit.upper, "s {:.17g} above its limit {:.17g} at T0 {:.17g}", a.stress, limit.upper, a.T0);

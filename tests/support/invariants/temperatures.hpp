@@ -33,7 +33,7 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
   require(std::abs(a.T0 - after[interface]) <= grain, "T0 {:.17g} is not that of the state, {:.17g}", a.T0,
           after[interface]);
   double coldest = *std::min_element(before.begin(), before.end());
-  // without a temperature profile this value of a state is the initial temperature
+  // with heat modes instead of a temperature profile, the first value of the modes is the initial temperature
   if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);
   const double hottest = *std::max_element(before.begin(), before.end());
   const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;

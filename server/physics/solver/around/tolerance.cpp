@@ -14,19 +14,19 @@ namespace {
 // Error budget of a step, as a fraction of the tolerance.
 constexpr double kStepShare = 0.25;
 // A substep may use a share of the remaining error budget, the largest of three: length of the substep / remaining time
-// of the step; kEarlyShare times the length / time from the start of the step to the end of the substep; and
+// of the step; kEarlyShare * length of the substep / time from the start of the step to the end of the substep; and
 // kRefinedShare, if the substep was shortened because of its error.
-constexpr double kEarlyShare = 0.05;    // least share of the error budget for the first substep: inputs may jump
-constexpr double kRefinedShare = 0.25;  // least share of the error budget for a substep that its error has shortened
+constexpr double kEarlyShare = 0.05;    // smallest share of the budget for the first substep, where inputs may jump
+constexpr double kRefinedShare = 0.25;  // smallest share of the budget for a substep shortened because of its error
 // The next substep may be twice as long if the error was below this fraction of the error budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
-constexpr double kJumpTime = 1e-6;    // time for which an error of the velocity jump is assumed to heat  [s]
+constexpr double kJumpTime = 1e-6;    // time for which friction is taken to act with a wrong velocity jump  [s]
 constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
 constexpr int kMostHalvings = 22;     // largest number of times that a step is halved
-// Largest number of substeps tried in one step of a lane; then the rest is accepted unchecked.
+// Largest number of substeps tried in one step of a lane; the rest is then accepted whatever its estimated error.
 constexpr int kMostAttempts = 1024;
-constexpr int kHurriedPieces = 64;  // approximate number of unchecked substeps after kMostAttempts
+constexpr int kHurriedPieces = 64;  // approximate number of substeps that follow after kMostAttempts
 
 // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
 struct Answer {
@@ -66,8 +66,9 @@ struct Progress {
   bool coarse_known = true;
   bool refined = false;  // the next substep was shortened because of its error
   int attempts = 0;
-  double left = 0.0;      // remaining error budget of T0, relative to T_melt less the initial temperature
-  double estimate = 0.0;  // estimated error of T0 after the accepted substeps, relative to the same range as `left`
+  double left = 0.0;  // remaining error budget of T0, relative to T_melt less the initial temperature
+  // sum of the estimated errors of T0 of the accepted substeps, relative to T_melt less the initial temperature
+  double estimate = 0.0;
 };
 
 // Error of the velocity jump at the end of a substep in which the jump reverses or stops; `before` and `after` are the
@@ -75,7 +76,7 @@ struct Progress {
 // sign until the reversal. Both halves of the substep can have this error, so comparing them does not show it. Let the
 // jump change by A in the substep, to which s contributes b s. The true rate of change is A + 2 b s per substep until
 // the reversal, and A afterwards: the returned error is the difference. If the jump stops although the far stresses
-// exceed the stress of the slip before, only the old jump bounds the error.
+// are larger than the friction before the substep, the stop is doubtful and the error is bounded by the old jump.
 double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
                      double stress) {
   if (before == 0.0 || before * after > 0.0) return 0.0;
@@ -88,10 +89,10 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
   return std::abs(before) / (1.0 + rise / turned);
 }
 
-// Each lane has substeps of its own. A substep is accepted if its two halves give the same answer up to its error
-// budget; otherwise its first half is tried next. Where the error is small the next substep is twice as long. Lanes
-// with equally long next substeps are solved together, the shortest substeps first. The substeps of a lane depend on
-// its own state and inputs alone.
+// Each lane (one of 8 nodes stepped together) has substeps of its own. A substep is solved in one piece and in two
+// halves, and is accepted if the two answers differ by no more than its error budget; otherwise its first half becomes
+// the next substep. After a small error the next substep is twice as long. Lanes whose next substeps are equally long
+// are solved together, the shortest first. The substeps of a lane depend on its own state and inputs alone.
 class ControlledStep {
  public:
   ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance, const TileInputs& inputs,
@@ -132,7 +133,7 @@ class ControlledStep {
   void begin() {
     const std::size_t stress = problem_.layout.shear_stress;
     advance_(problem_, operators_, inputs_, committed_, trial_, outputs_);
-    now_.stress_before = nullptr;  // each substep starts from the stress of the accepted state
+    now_.stress_before = nullptr;  // null: a substep takes its initial stress from the accepted state
     std::copy_n(committed_, problem_.layout.doubles, accepted_);
     for (const int l : lanes_of(open_)) {
       lanes_[l].coarse = answer_of(outputs_, l);
@@ -189,8 +190,8 @@ class ControlledStep {
     add(one, half, forced_, lane.sum);
     add(two, half, forced_, lane.sum);
     lane.estimate += error;
-    // If a substep is accepted although its error is above the allowed error, the remaining budget becomes at least
-    // this error.
+    // A substep may be accepted with an error above the allowed one. The remaining budget is then raised to this error,
+    // so that the later substeps are not made much more accurate than this one.
     lane.left = error > allowed ? std::max(lane.left, error) : lane.left - error;
     lane.at += length;
     lane.coarse_known = false;
@@ -200,10 +201,10 @@ class ControlledStep {
     if (lane.at == end_) finish(l);
   }
 
-  // Estimates the error of a substep from the difference between its answer in one piece and in two halves, as an error
-  // of T0 at the end of the step, relative to T_melt less the initial temperature. The estimate is the largest of three
-  // errors: the error of T0, which diffusion damps; the error of the heat released; and the error of the host's new
-  // velocity jump, which goes on heating. `of_rest`: length of the substep relative to the rest of the step.
+  // Estimates the error that a substep causes in T0 at the end of the step, relative to T_melt less the initial
+  // temperature. Its answers in one piece and in two halves differ in T0, the heat released and the velocity jump.
+  // Each difference is converted to a change of T0: diffusion damps that of T0, and a wrong jump keeps heating wrongly.
+  // The largest is the estimate. `of_rest`: length of the substep relative to the rest of the step.
   double error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
     const Answer& coarse = lanes_[l].coarse;
     const double dt = operators_.dt();

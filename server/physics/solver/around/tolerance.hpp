@@ -7,9 +7,9 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes in as many substeps as the tolerance needs; after a limit of attempts the rest of the
-// step is accepted unchecked. `advance` solves one substep. Writes the whole of `trial`. Lanes without an answer keep
-// their state.
+// One step of the active lanes (nodes stepped together) in as many substeps as the tolerance needs. After kMostAttempts
+// substeps the rest of the step is accepted whatever its error. `advance` solves one substep. Writes all lanes of
+// `trial`; a lane without an answer keeps its state.
 void advance_controlled(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 

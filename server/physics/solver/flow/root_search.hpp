@@ -48,7 +48,7 @@ class RootSearch {
     double share = 0.5;
     const double xi = (one_.x - two_.x) / (three_.x - two_.x);
     const double phi = (one_.f - two_.f) / (three_.f - two_.f);
-    // Bisections at regular intervals end the search where f has flat tails.
+    // Every kBisectEvery-th step is a bisection, so that the search also ends soon where f is almost constant.
     if (values_ % kBisectEvery != 0 && phi * phi < xi && (1.0 - phi) * (1.0 - phi) < 1.0 - xi) {
       share = one_.f / (two_.f - one_.f) * (three_.f / (two_.f - three_.f)) +
               (three_.x - one_.x) / (two_.x - one_.x) * (one_.f / (three_.f - one_.f)) * (two_.f / (three_.f - two_.f));

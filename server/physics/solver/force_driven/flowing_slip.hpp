@@ -1,7 +1,7 @@
 // The force-driven step of one lane whose layer may flow (server/physics/MODEL.md, "Plastic layer"): DLP (48), (61),
-// (64) and the interface law, solved together for s, [v], T0 and ep. The search is a state machine: stress() and flux()
-// are the next load of the layer, update() receives the flow under this load. All lanes of a tile search together,
-// because their flow is summed together.
+// (64) and the interface law, solved together for s, [v], T0 and ep. The search asks its caller for the layer's flow:
+// stress() and flux() are the load on the layer, and update() receives the flow under this load. The caller runs the
+// searches of all lanes (nodes stepped together) side by side, because it computes their flow in one pass.
 #pragma once
 
 #include "server/physics/solver/flow/heated.hpp"
@@ -10,12 +10,12 @@
 
 namespace shearbus::physics {
 
-// A lane with a closed contact at the start of a step.
+// A lane (one of 8 nodes stepped together) at the start of a step, with its contact closed.
 struct FlowingStart {
   StressLimit limit;    // stress limit s_lim(T0) of the interface
   double ceiling;       // stress that the fully hardened layer carries where g = 1; infinity: no ceiling  [Pa]
-  bool hardens;         // false: the layer flows only at its ceiling
-  double first_weight;  // length of z that the first vertex represents                                 [m]
+  bool hardens;         // false: the strength of the layer does not grow, and it flows only at its ceiling
+  double first_weight;  // length along z that belongs to the vertex at z = 0  [m]
   double first_strain;  // plastic strain at z = 0 before the step
   Heated layer;         // temperatures of the layer as functions of the heat flux
   // Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid, 1 if both
@@ -32,17 +32,17 @@ class FlowingSlip {
   explicit FlowingSlip(const FlowingStart& start);
 
   bool done() const { return phase_ == Phase::kDone; }
-  // Load of the layer to evaluate next (stress magnitude and heat flux); once done, the load of the answer.
+  // The load (stress magnitude and heat flux) under which update() needs the layer's flow; once done(), the load found.
   double stress() const { return a_; }
   double flux() const { return q_; }
-  void update(double slip);  // `slip`: integral(dep) under the load of stress() and flux()   [m]
+  void update(double slip);  // `slip`: plastic slip across the layer, integral(dep), under this load  [m]
 
   struct Answer {
     LaneStep step;
-    double surplus;  // part of integral(dep) that DLP (48) does not give: it flows at the hottest vertex   [m]
+    double surplus;  // plastic slip beyond that of DLP (48), at the hottest vertex of a layer at its ceiling  [m]
     int hottest;     // index of the hottest vertex
   };
-  Answer answer(double slip) const;  // `slip`: integral(dep) under the load of the answer
+  Answer answer(double slip) const;  // `slip`: plastic slip across the layer, integral(dep), under the load found  [m]
 
  private:
   enum class Phase { kDone, kRigid, kOtherAnswer, kStickEnd, kStick, kSlipLow, kSlipHigh, kSlip };
@@ -69,18 +69,19 @@ class FlowingSlip {
 
   FlowingStart start_{};
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
-  FrictionHeating stopping_{};  // heating of a lane that sticks at the end of the step
-  FrictionHeating slipping_{};  // heating of a lane that slips at the end of the step
+  FrictionHeating stopping_{};  // friction heating, if the interface sticks at the end of the step
+  FrictionHeating slipping_{};  // friction heating, if the interface slips at the end of the step
   LaneStep rigid_{};            // the answer of the step if the layer does not flow
-  double compliance_ = 0.0;     // fall of the sticking stress per integral(dep): sqrt(3) / (dt per_stress)   [Pa/m]
+  // fall of the sticking stress per plastic slip across the layer, integral(dep): sqrt(3) / (dt per_stress)  [Pa/m]
+  double compliance_ = 0.0;
   RootSearch search_;
 
   Phase phase_ = Phase::kDone;
   Kind kind_ = Kind::kRigid;
   double a_ = 0.0, q_ = 0.0;                         // the load to evaluate next: stress [Pa], heat flux [W/m2]
-  double a_stick_ = 0.0;                             // sticking stress of the flowing layer  [Pa]
-  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;  // ends of the bracket of the flux; slip_balance() at the lower end
-  bool high_is_ceiling_ = false;                     // at the upper end of the bracket the layer is at its ceiling
+  double a_stick_ = 0.0;                             // stress at which the interface sticks while the layer flows  [Pa]
+  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;  // search interval of the flux; slip_balance() at its lower end
+  bool high_is_ceiling_ = false;                     // the layer is at its ceiling at the upper end of the interval
   bool at_ceiling_ = false;                          // the stress of the answer is the ceiling of the layer
   bool stick_was_searched_ = false;
   bool several_ = false;  // another answer satisfies the equations of the step too

@@ -6,9 +6,9 @@
 
 namespace shearbus::physics {
 
-// One step of the active lanes; the caller restores the states of the other lanes of `trial`. A lane to which SDIRK2
-// does not apply, for instance because its slip stops or reverses, takes a backward Euler step. If it does not stick at
-// the end of that step it reports kFirstOrder.
+// An SDIRK2 step of the active lanes (nodes stepped together). It also overwrites the other lanes of `trial`, and the
+// caller restores them. A lane to which SDIRK2 does not apply, for instance because its slip stops or reverses, takes a
+// backward Euler step; its outcome then includes kFirstOrder, unless it sticks at the end.
 void advance_force_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                  const double* committed, double* trial, TileOutputs& outputs);
 
