@@ -28,7 +28,7 @@ class Summary {
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
-  // the cost is known only after InterfaceLaw::close()
+  // Sets the optional physics that the scene left switched off; its memory is known only after InterfaceLaw::close().
   void omitted(OmittedCost omitted) { omitted_ = std::move(omitted); }
 
   std::string text() const;
@@ -67,9 +67,9 @@ class Summary {
   std::uint64_t flagged_ = 0;
 
   double friction_work_ = 0.0;  // work against friction, sum over nodes  [J/m2]
-  // largest residual of a node's momentum balance, relative to the magnitudes in the balance
+  // largest residual of a node's momentum balance, relative to the sum of the magnitudes in this balance
   double momentum_residual_ = 0.0;
-  // largest residual of a node's energy balance, relative to the magnitudes in the balance
+  // largest residual of a node's energy balance, relative to the sum of the magnitudes in this balance
   double energy_residual_ = 0.0;
   RunTime time_;
 };

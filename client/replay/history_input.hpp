@@ -19,7 +19,7 @@ class HistoryInput {
   HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop);
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
-  // form of the requests: stick form if the history has stick columns but no far-field columns
+  // form of the requests: stick form if the history has the columns of that form and lacks those of the far-field form
   Form form() const { return form_; }
   bool force_driven() const { return force_driven_; }
   std::uint32_t components() const { return components_; }  // number of tangential components of slip and stress
@@ -27,8 +27,8 @@ class HistoryInput {
   const std::string& jump_origin() const { return jump_origin_; }  // source of the velocity jump, for the summary
   const std::vector<std::string>& notes() const { return notes_; }
 
-  void prepare(Batch& request) const;           // sets values that all steps share, and the first jump of a closed loop
-  void fill(std::size_t step, Batch& request);  // sets the values of one step
+  void prepare(Batch& request) const;  // sets the values that hold for all steps; in a closed loop also the first jump
+  void fill(std::size_t step, Batch& request);                     // sets the values of one step
   void feed_back(const StepResult& result, Batch& request) const;  // in a closed loop, sets the jump of the next step
   void check_all_rows();                                           // reads every value once, to find faults
 
@@ -50,8 +50,8 @@ class HistoryInput {
   Form form_ = Form::kFarField;
   std::uint32_t components_;
   bool closed_loop_ = false;
-  std::vector<Column> rows_;       // columns with values per step and node, [T,N]
-  std::vector<Column> constants_;  // columns with one value per node, [N]
+  std::vector<Column> rows_;       // columns with one value per step and node, [step][node]
+  std::vector<Column> constants_;  // columns with one value per node
   std::vector<std::string> missing_;
   std::vector<Field> optional_columns_;
   std::vector<double> first_jump_[2];  // first velocity jump of each component, one value per node

@@ -12,7 +12,7 @@
 
 namespace {
 
-constexpr int kRunError = 1;  // exit code of a failed run, or of a capsule whose answer has changed
+constexpr int kRunError = 1;  // exit code of a failed run, or if a failed step, repeated from its capsule, differs
 constexpr int kUsageError = 2;
 
 struct KeyFiles {

@@ -34,7 +34,7 @@ struct Service {
                 .server_key = server.server_key,
                 .secret_key = server.secret_key,
                 .name = "shearbus-replay",
-                .check_closure = CheckClosure::kOff}) {}  // a history is no host: it does not react to the answers
+                .check_closure = CheckClosure::kOff}) {}  // off: unlike a host, a history does not react to answers
   std::optional<server::Embedded> embedded;
   Client client;
 };

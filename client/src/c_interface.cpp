@@ -26,7 +26,7 @@ using namespace shearbus;
 
 namespace {
 
-constexpr std::size_t kLargestStruct = 4096;  // of a caller's struct; a larger `size` is memory that was never set
+constexpr std::size_t kLargestStruct = 4096;  // [bytes]; a larger `size` in a caller's struct is uninitialised
 
 [[noreturn]] void refuse(Code code, std::string text, std::string remedy, std::string field = {}) {
   throw Error({.code = code, .text = std::move(text), .remedy = std::move(remedy), .field = std::move(field)});
@@ -70,8 +70,8 @@ std::string_view text_or(const char* text, std::string_view otherwise = {}) {
 
 // ---- status ----
 
-// Copies a text that fits; of a longer text its beginning and "...", cut between two UTF-8 characters. Allocates
-// nothing.
+// Copies a text. Of a text that is too long it copies the beginning, cut between two UTF-8 characters, and adds "...".
+// Allocates no memory.
 template <std::size_t kSize>
 void put(std::string_view text, char (&to)[kSize]) noexcept {
   constexpr std::string_view kCut = "...";
@@ -247,7 +247,7 @@ const char* reading(const char* file, std::string (*read)(const std::filesystem:
   return key.c_str();
 }
 
-// ---- tickets ----
+// ---- tickets: texts with which a session can be resumed ----
 
 template <std::size_t kSize>
 char* to_hex(const std::array<std::uint8_t, kSize>& bytes, char* at) {
@@ -350,8 +350,8 @@ struct shearbus_session {
 
 namespace {
 
-// The session of a handle; refuses a handle without one. The second overload also refuses a call while a step is
-// started or, if `started`, a call while no step is started.
+// The session of a handle; refuses a handle without one. The second overload also refuses a handle with an
+// unfinished step if `started` is false, and one without an unfinished step if it is true.
 const Session& session_of(const shearbus_session* handle) {
   if (handle == nullptr || !handle->session)
     refuse(Code::kInvalidValue, "there is no session: the handle is NULL, or its opening failed",
@@ -429,9 +429,11 @@ std::vector<Field> fields_of(const Session& session, std::span<const shearbus_in
   return fields;
 }
 
-// True if the core may compare the next step with the answer to this one, for which it needs the columns of the answer.
+// True if ClosureCheck may compare the request of the next step with the answer to this one. The present step must then
+// ask for the columns that the check reads.
 bool watches_closure(const shearbus_session& handle) {
-  // Counts answers, so that a repeated call wants the same columns; asks for one answer more than the check keeps.
+  // `steps` counts answered steps, so a call that is repeated for want of an answer asks for the same columns. The
+  // bound is one step longer than that of the check.
   constexpr std::uint64_t kStepsWatched = ClosureCheck::kStepsWatched + 1;
   return handle.check != CheckClosure::kOff && handle.session->opened().strategy == wire::Strategy::kForceDriven &&
          (handle.check == CheckClosure::kError || handle.steps < kStepsWatched);

@@ -6,15 +6,15 @@
 namespace shearbus::closure {
 namespace {
 
-constexpr double kRelative = 1e-6;  // accepted difference, relative to the jump
-constexpr double kAbsolute = 1e-6;  // accepted difference in addition to the relative one  [m/s]
+constexpr double kRelative = 1e-6;  // accepted error of a velocity jump, relative to the jump
+constexpr double kAbsolute = 1e-6;  // accepted error of a velocity jump in addition to kRelative  [m/s]
 
-// A host with one mistake: the factors by which it multiplies the terms of the far-field balance (struct Row).
-// `crossed`: each stress acts on the mass of the other side.
+// A mistake of a host, described by wrong factors on the terms from which it computes its new velocity jump; a correct
+// host has only factors of 1. `crossed`: each far stress acts on the mass of the other body.
 struct FarField {
   const char* text;
-  double jump = 1.0, soft = 1.0, hard = 1.0;  // factors of the old jump, of stress_soft and of stress_hard
-  double to_soft = 1.0, to_hard = 1.0;        // factors of the answered stress on the soft and on the hard body
+  double jump = 1.0, soft = 1.0, hard = 1.0;  // factors on the old jump, stress_soft, stress_hard
+  double to_soft = 1.0, to_hard = 1.0;        // factors on the answered stress on the soft and hard body
   bool crossed = false;
 
   double new_jump(const Row& row, double dt) const {
@@ -57,8 +57,9 @@ constexpr FarField kFarField[] = {
     {.text = "mass_hard must be half of that sent", .hard = 2.0, .to_hard = 2.0},
 };
 
-// Such factors for the balance in stick form. `add_jump` is 1 if the host left the old jump out of its stick stress. A
-// Newmark scheme with gamma = 1/2 has the predictor 2 [V]new - [V]predictor for the next step.
+// A mistake of a host that sends stick stress and impedance, described by wrong factors as in FarField. `add_jump` is 1
+// if the host left the old jump out of its stick stress. A Newmark scheme with gamma = 1/2 has the predictor
+// 2 [V]new - [V]predictor for the next step.
 struct Stick {
   const char* text;
   double stick = 1.0, answer = 1.0, add_jump = 0.0;
@@ -89,7 +90,7 @@ bool explains(std::span<const Row> rows, const NewJump& new_jump) {
   return std::ranges::all_of(rows, [&](const Row& row) { return std::abs(row.now - new_jump(row)) <= tolerance(row); });
 }
 
-// True if the step lengths differ by more than rounding.
+// True if two step lengths differ by more than rounding errors.
 bool differ(double a, double b) {
   return std::abs(a - b) > 1e-9 * std::abs(b);
 }

@@ -96,7 +96,8 @@ void Cycle::advance(double end_time) {
 
 // The scheme of one step. Returns false, with the state unchanged, if the step is too long.
 bool Cycle::try_step(double dt) {
-  // 1. moves the nodes for half a step with the old velocities; finds positions, volumes and weights at mid-step
+  // 1. moves the nodes for half a step with the old velocities; finds the volumes of the zones at mid-step, and the
+  //    weights of their corners in gradients and forces
   if (!go_to_middle(dt)) return false;
   find_gradients();
   // 2. predicts the state at mid-step: density, energy (by the work of the old stresses), deviators, pressure

@@ -18,8 +18,8 @@ bool has_control_character(std::string_view text);
 // that was cut ends in "...".
 std::string as_utf8(std::string_view text, std::size_t max_bytes);
 
-// Returns the candidate with the smallest edit distance to a mistyped word (a swap of neighbours counts once). The
-// distance must be smaller than the length of the longer word, and at most a third of it or 1. Empty if there is none.
+// Returns the candidate with the smallest edit distance to a mistyped word; a swap of neighbouring letters counts once.
+// Returns "" if the distance exceeds a third of the longer word's length (but at least 1), or equals that length.
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates);
 
 }  // namespace shearbus::wire

@@ -15,12 +15,12 @@ struct Service::Member {
   wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
   std::uint64_t claim = 0;           // number of the last granted claim of a client (resume_session); 0: none yet
   std::uint64_t claimant = 0;        // random number of the client to which the last claim was granted
-  std::uint64_t epoch = 0;           // epoch that requests must name since the last claim; 0: the server's epoch
+  std::uint64_t epoch = 0;           // epoch that requests must carry since the last claim; 0: no claim yet
   session::Session conversation;
   std::unique_ptr<shard::Shard> shard;  // null after the session has been closed
   std::string domain;                   // name of the session's domain; empty: none
   std::string scene_name;
-  std::string scene;            // effective scene, as canonical text
+  std::string scene;            // scene with all defaults filled in, as TOML
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
   std::uint64_t idle_limit_s = 0;       // the session is closed after this time without a request; 0: never

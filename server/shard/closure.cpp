@@ -11,9 +11,9 @@ using physics::kLanes;
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::infinity();
-// accepted difference between the growth of the host's time and dt, relative to dt
+// accepted difference between the growth of the host's time in a step and the step length dt, relative to dt
 constexpr double kTimeTolerance = 1e-6;
-// accepted rounding of the host's time, relative to this time
+// accepted rounding error of the host's time, relative to this time
 constexpr double kTimeDigits = 4.0 * std::numeric_limits<double>::epsilon();
 
 bool grew_by(double dt, double before, double now) {

@@ -292,12 +292,12 @@ void Store::check_order(const Segment& segment, const std::string& file, std::ui
                       ", since the segments before hold the ones up to there: these are two histories");
 }
 
-// Replays the records that the restored checkpoint does not include. Returns true if settled records at the end are
-// lost and the durability allows the server to go on.
+// Replays the records that the restored checkpoint does not include. Settled records are those that the journal says it
+// has written whole. If some of them are missing at its end, throws under Durability::kPower, otherwise returns true.
 bool Store::replay_segments(const Found& found, const Restored& restored, Recovery& recovery) {
   next_index_ = restored.next_index;
   Missed missed;          // fault of a segment after the last usable one
-  std::string lost;       // settled records that are lost at the end of the last usable segment
+  std::string lost;       // message about settled records that are missing at the end of the journal; empty: none
   std::uint64_t end = 0;  // index after the last record of the segments read so far
   for (const std::uint64_t number : found.segments) {
     const std::string file = segment_name(number);
@@ -405,8 +405,8 @@ void Store::publish_identity(const StoreIdentity& identity) {
   identity_ = identity;
 }
 
-// Begins a segment for the next record, and names it as the newest one in the file `store`. Leaves out the numbers of
-// existing files, whoever made them.
+// Begins a journal segment for the next record, and names it as the newest segment in the file `store`. Skips numbers
+// for which a file exists, whoever made it.
 void Store::start_segment() {
   const Found found = find();
   while (found.names.contains(segment_name(next_segment_))) ++next_segment_;

@@ -38,11 +38,11 @@ struct Pulse {
 
 struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
-  int queued_messages_per_peer = 4;  // longest queue per peer; it holds one request and repeats of it
-  Authorise authorise;               // decides who may connect by ipc and tcp
-  bool ipc_for_others = false;       // other users may reach an ipc socket; `authorise` selects them
-  std::string curve_secret_key;  // the server's secret key in Z85, with which tcp peers must have keys; empty: no keys
-  bool insecure_plaintext = false;                     // allows tcp without keys, which is refused otherwise
+  int queued_messages_per_peer = 4;                     // most messages queued for a peer: a request and its repeats
+  Authorise authorise;                                  // decides who may connect by ipc and tcp
+  bool ipc_for_others = false;                          // other users may reach an ipc socket; `authorise` selects them
+  std::string curve_secret_key;     // the server's secret key in Z85; tcp peers then need keys, too; empty: no keys
+  bool insecure_plaintext = false;  // allows tcp without keys, which is refused otherwise
   std::function<void(const std::string&)> log;         // gets a line per undeliverable answer; may be empty
   std::function<void(const std::string&)> log_access;  // gets a line per refused connection, on another thread
 };
@@ -68,7 +68,7 @@ class Router {
   // must not be bound, std::runtime_error if the bind fails.
   std::string bind(const std::string& endpoint);
 
-  // Answers requests until `stop_fd` is readable or the pulse returns false. A request in progress is completed
+  // Answers requests until `stop_fd` is readable or `pulse.beat` returns false. A request in progress is completed
   // first.
   void run(const Handler& handler, int stop_fd, const Pulse& pulse = {});
 
@@ -81,7 +81,7 @@ class Router {
  private:
   void bind_ipc(const Endpoint& endpoint);
   void bind_tcp(const Endpoint& endpoint);
-  void guard(Peer::Way way);  // lets the access handler judge the peers of the next bind
+  void guard(Peer::Way way);  // makes the access handler judge every peer of the endpoint that is bound next
   bool answer_one(const Handler& handler);
   bool receive(zmq::message_t& frame);
   void send(zmq::message_t& peer, const std::vector<OutFrame>& frames);

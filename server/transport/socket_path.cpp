@@ -53,8 +53,8 @@ void check_directory(const std::string& path, bool private_to_owner) {
            directory);
 }
 
-// True if a process accepts connections at the path. If the lock file of a listening server was removed, its lock keeps
-// nobody out.
+// True if a process accepts connections at the path. The lock file alone does not tell this: someone may have removed
+// it while its server listens.
 bool is_served(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;

@@ -267,8 +267,8 @@ TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
             << "), states changed: " << (HasFailure() ? "SOME" : "0") << "\n";
 }
 
-// A step under a tolerance builds operators for its substeps when it first needs them. These allocations must fail
-// without harm, too.
+// In a scene with an error tolerance a step may be divided into substeps, whose operators are allocated when they are
+// first needed. A failure of these allocations must change nothing either.
 TEST(OutOfMemory, InAStepThatIsCutForItsToleranceChangesNothing) {
   for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     Pair pair(false);

@@ -76,7 +76,7 @@ class StickLaw : public hydro::InterfaceLaw {
   }
   hydro::LawTime time_spent() const override { return {}; }
 
-  double closure = 0.0;     // largest closure (jump of a request less the jump answered before) of all steps  [m/s]
+  double closure = 0.0;     // largest difference between the jump of a request and the jump answered before  [m/s]
   double layer_time = 0.0;  // time of the layer after the last step  [s]
 
  private:

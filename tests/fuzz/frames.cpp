@@ -17,7 +17,7 @@ std::optional<std::string> again(const Message& message) {
   try {
     return wire::encode_header(message);
   } catch (const wire::Error&) {
-    return std::nullopt;  // encoding may make an accepted message longer than the limit
+    return std::nullopt;  // a message that was decoded may exceed the size limit when it is encoded again
   }
 }
 

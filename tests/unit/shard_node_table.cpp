@@ -1,4 +1,5 @@
-// Nodes join and leave a shard: rows keep the order of arrival, slots have no gaps, and every node keeps its states.
+// Nodes join and leave a shard. The list of nodes must keep the order of arrival, the slots that hold their states must
+// have no gaps, and every node must keep its states.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -27,9 +27,10 @@ struct Junctions {
 
   double strain(double slip) const { return strain_old + strain_per_slip * slip; }
 
-  // Strength f Y_a / (g sqrt(3)) after a step with the slip velocity `slip`, and its derivative by `slip`.
+  // Shear strength of the junctions per area of the interface, without the softening g, after a step with the slip
+  // velocity `slip`.
   struct Value {
-    double strength;  // f Y_a / (g sqrt(3)), before softening  [Pa]
+    double strength;  // f Y_a / (g sqrt(3)): shear strength without the softening g  [Pa]
     double slope;     // derivative of the strength by the slip velocity  [Pa s/m]
   };
   Value at(double slip) const {

@@ -20,14 +20,14 @@ namespace shearbus::physics {
 struct StressLimit {
   // Friction stress mu P of the law with a constant mu; infinity: no friction limit  [Pa]
   double coulomb = std::numeric_limits<double>::infinity();
-  double tresca = 0.0;    // yield strength / sqrt(3), without junctions                            [Pa]
+  double tresca = 0.0;    // shear strength of an interface without junctions: yield strength / sqrt(3)  [Pa]
   double pressure = 0.0;  // normal pressure P  [Pa]
   const Material* soft = nullptr;
-  Junctions junctions = {};        // junctions with their state at the node
-  double offset = 0.0;             // stress added to both branches of the limit: the `shift` of scaled()  [Pa]
-  SearchEffort* effort = nullptr;  // counts evaluations; null: nothing is counted
+  Junctions junctions = {};        // junctions of the node and their plastic strain
+  double offset = 0.0;             // stress added to the limit, be it friction or yield: the `shift` of scaled()  [Pa]
+  SearchEffort* effort = nullptr;  // counts the evaluations of the limit; null: they are not counted
   const InterfaceOptions* varying = nullptr;  // friction law that is not constant; if set, `coulomb` is not used
-  double share = 1.0;  // factor on the friction stress of the law in `varying`; 1 except in scaled()
+  double share = 1.0;  // factor on the friction stress of the law `varying`; 1 unless scaled() has set it
 
   struct Value {
     double stress;            // the limit  [Pa]
@@ -53,8 +53,8 @@ struct StressLimit {
     return varying_friction(temperature, slip);
   }
 
-  // For a law that depends on slip: the friction of a step whose slip under the stress a is c - b a. Empty for other
-  // laws.
+  // For a friction law that depends on slip: the friction of a step in which the slip velocity is c - b a under the
+  // stress a. Empty for other laws. The interface sticks under the stress `a_stick`.
   std::optional<SlidingFriction> friction_of_step(double c, double b, double a_stick) const {
     if (varying == nullptr) return {};
     return varying_friction_of_step(c, b, a_stick);
@@ -90,7 +90,8 @@ struct StressLimit {
   std::optional<SlidingFriction> varying_friction_of_step(double c, double b, double a_stick) const;
 };
 
-// The strength of an interface without junctions, of one node: `soft` is the soft body at the pressure of the node.
+// The strength of the interface of one node without its junctions. `soft`: material of the soft body, with its
+// properties at the pressure of the node.
 inline StressLimit interface_strength(const InterfaceOptions& options, const Material& soft, double pressure,
                                       SearchEffort* effort) {
   StressLimit limit{std::numeric_limits<double>::infinity(), options.yield_strength / kSqrt3, pressure, &soft};
@@ -109,8 +110,8 @@ inline StressLimit interface_strength(const InterfaceOptions& options, const Mat
 struct FrictionHeating {
   double T_ad;  // interface temperature after a step without friction   [K]
   double rise;  // temperature rise per friction power, beta_T B0         [K m2/W]
-  double c;     // slip without friction                                 [m/s]
-  double b;     // slip lost per stress; 0: imposed slip                 [m/(s Pa)]
+  double c;     // slip velocity without friction                        [m/s]
+  double b;     // fall of the slip velocity per stress; 0: the slip is imposed  [m/(s Pa)]
 
   double slip(double a) const { return c - b * a > 0.0 ? c - b * a : 0.0; }
   double temperature(double a) const { return T_ad + rise * (a * slip(a)); }
@@ -124,19 +125,19 @@ double spare_strength(const StressLimit& limit, const FrictionHeating& heating, 
 // because the interface then carries a_max  [Pa]. The search starts at `guess`. Returns NaN if it fails.
 double slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max, double guess);
 
-// The largest stress up to `a` under which the interface, heated by partition * work, stays below T_melt. Returns `a`
-// if the interface was molten before the step. This search is needed because one ulp of temperature can exceed the
-// distance to melting.
+// Lowers a stress `a` until the friction heat leaves the interface temperature below T_melt. `partition`: share of the
+// friction work that heats the bodies. Returns `a` unchanged if the interface is molten even without this heat. Needed
+// because the temperature found for a solid interface may round to T_melt.
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
 
-// True only if the spare strength H has at most one zero in [0, a_max]; false may mean that this is not known. H has no
-// zero above the limit of the unheated interface, s_lim(T_ad, v(0)). Up to that limit H is checked to fall strictly:
-// where more stress heats less, an upper bound of B0 beta_T |ds_lim/dT0| (2 b a - c) must be below 1, with b and c of
-// FrictionHeating. Junctions make H fall faster: less slip hardens them less.
+// Returns true if the spare strength H is sure to have at most one zero in [0, a_max]. This holds if H falls strictly
+// up to the limit of the unheated interface, s_lim(T_ad, v(0)), above which H has no zero. H can rise only where more
+// stress heats less. There an upper bound of B0 beta_T |ds_lim/dT0| (2 b a - c) must be below 1, with b and c of
+// FrictionHeating. Junctions only make H fall faster, because less slip hardens them less.
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 
-// The smallest zero of the spare strength H in [0, a_max], which is the answer with the most slip, for any number of
-// zeros.
+// The smallest zero of the spare strength H in [0, a_max], of however many. The interface slips most under the smallest
+// stress.
 struct SlipSearch {
   double stress;  // the zero; without a zero the smaller of a_max and the limit of the unheated interface   [Pa]
   bool found;

@@ -61,7 +61,8 @@ class PrestonTonksWallace {
 
   static constexpr double kSlowestRate = 1e-3;  // slowest rate  [1/s]; slower flow has the strength of this rate
 
-  // Checks that Y rises with strain and rate, falls with temperature and is on its overdriven branch from r = 1 on.
+  // Checks that the flow stress Y rises with strain and rate, falls with temperature, and follows the power law of
+  // shocks, tau = s0 r^beta, for r >= 1.
   static LawFault fault_of(const Material& m) {
     if (m.saturation_hot > m.saturation_cold)
       return {"saturation_stress_hot", "expected at most saturation_stress_cold"};
@@ -175,7 +176,7 @@ class PrestonTonksWallace {
       const double yields = excess[l] > 0.0 ? 1.0 : 0.0;
       const double moves = target < s0_ ? yields : 0.0;
       roots.y[l] = target < s0_ ? glides : overdriven;
-      roots.by_log_rate[l] = beta_ * target;  // d tau/d ln(r) of an overdriven vertex, which needs no search
+      roots.by_log_rate[l] = beta_ * target;  // d tau/d ln(r) at r >= 1, where no search is needed
       roots.by_strain[l] = roots.by_T_hat[l] = roots.crept[l] = 0.0;
       roots.moves[l] = moves;
       roots.creeps[l] = above_rest <= theta_ * slowest_strain_ + kNearRest * target ? moves : 0.0;
@@ -206,34 +207,36 @@ class PrestonTonksWallace {
   static constexpr double kPi = 3.141592653589793;
   static constexpr double kAvogadro = 6.02214076e23;  // Avogadro constant  [1/mol]
   static constexpr double kLeastAttempts = 1.0;       // attempt rates gamma xi up to this one are refused  [1/s]
-  // Largest alpha accepted: up to it Y falls with T although xi falls too.
+  // Largest alpha accepted. In hotter metal xi is smaller, so r is larger, which alone would raise the flow stress Y.
+  // Up to this alpha Y falls with T nevertheless.
   static constexpr double kMostSoftening = 0.6;
   static constexpr double kMostCurvature = 100.0;   // largest p accepted, so that exp(p) is a moderate number
-  static constexpr double kLeastCurvature = 1e-12;  // replaces p = 0 (Voce's law), with the same tau to rounding
+  static constexpr double kLeastCurvature = 1e-12;  // used for p = 0 (Voce's law): avoids 0/0, same tau
   static constexpr double kRateSensitivity = 1e-9;  // tau is multiplied by 1 + this * min(ln r, 0)
-  static constexpr double kLeastTarget = 1e-300;    // smallest target of tau, so that its logarithm is finite
-  static constexpr double kMostTarget = 1e100;      // largest target of tau; the limit of dep is reached earlier
-  static constexpr double kMostLogStrain = 230.0;   // largest ln of a strain: finite, but larger than any host's
-  static constexpr double kLeastSlope = 1e-30;  // least d tau/d ln(dep) used, relative to tau: its inverse is finite
-  static constexpr double kNearRest = 1e-12;    // rounding of tau allowed for in the first test of slow flow (creep)
-  static constexpr double kArrived = 1e-8;      // a shorter step of ln r is the last: the next is below rounding
-  // Interpolation between the last two points of the search leaves an error of ln r of the order of the squared product
-  // of the new point's distances to these two points. kArrivedByTwo is the largest product whose square is below
+  static constexpr double kLeastTarget = 1e-300;    // a smaller target of tau is raised to this: ln is finite
+  static constexpr double kMostTarget = 1e100;      // a larger target of tau is lowered to this value
+  static constexpr double kMostLogStrain = 230.0;   // largest ln(dep), far above the strains of any host
+  static constexpr double kLeastSlope = 1e-30;  // least d tau/d ln(dep), relative to tau, so that one can divide by it
+  static constexpr double kNearRest = 1e-12;  // rounding error of tau, relative to the target, in the test for creep()
+  static constexpr double kArrived = 1e-8;    // a Newton step of ln r shorter than this ends the search
+  // A step of ln r by interpolation through two points has an error of about the square of (length of the step) *
+  // (distance of the two points). The search ends if this product is at most kArrivedByTwo: the error is then below
   // rounding.
   static constexpr double kArrivedByTwo = 3e-8;
-  // Longest last step of ln r by interpolation, which is used only where no branch of tau ends within 3 kSmooth.
+  // Longest step of ln r by interpolation that may end the search. Interpolation is used only where a change of ln r by
+  // 3 kSmooth leaves every max() and min() in tau at the same argument.
   static constexpr double kSmooth = 3e-4;
-  // Largest correction by interpolation that is used, relative to the square of Newton's step.
+  // Interpolation corrects Newton's step only if the correction is at most this multiple of the square of the step.
   static constexpr double kMostBend = 4.0;
   static constexpr double kRounding = 1e-15;  // rounding error of tau, relative to the target
-  // After this number of iterations every second one bisects; 2 to 5 are usual.
+  // After kNewtonIterations every second iteration bisects the bracket; usually 2 to 5 iterations are enough.
   static constexpr int kNewtonIterations = 12;
   static constexpr int kMostIterations = 150;
 
   // The flow stress tau in units of 2 G, and its derivatives by ln r, ep and T^.
   struct Reduced {
     double stress, by_log_rate, by_strain, by_T_hat;
-    double branch;  // code of the branches that form tau_s and tau_y; NaN near the end of a branch
+    double branch;  // code for the arguments that max() and min() select in tau_s and tau_y; NaN near a switch
   };
 
   // Properties of a vertex that depend on its temperature, but not on its load and strain.
@@ -253,17 +256,17 @@ class PrestonTonksWallace {
   template <int N>
   struct Roots {
     alignas(64) double target[N];      // value that tau must reach: sqrt(3) a / (2 G0 g)
-    alignas(64) double above_rest[N];  // target less tau at the slowest rate and old strain
+    alignas(64) double above_rest[N];  // target less tau at the slowest rate and the strain before the step
     alignas(64) double T_hat[N];
     alignas(64) double log_scale[N];
-    alignas(64) double lo[N];  // bracket of the root ln r: lo, hi
+    alignas(64) double lo[N];  // the root ln r lies between lo and hi
     alignas(64) double hi[N];
     alignas(64) double y[N];            // ln r, the unknown of the search
-    alignas(64) double by_log_rate[N];  // derivative of tau by ln r at the root
+    alignas(64) double by_log_rate[N];  // derivative of the flow stress tau by ln r at the root
     alignas(64) double by_strain[N];
     alignas(64) double by_T_hat[N];
     alignas(64) double crept[N];   // strain increment dep of a vertex on which the rate has no effect
-    alignas(64) double creeps[N];  // 1 where dep is `crept`; before creep() has run, where dep may be `crept`
+    alignas(64) double creeps[N];  // 1 where dep is `crept`; until creep() has decided, 1 where it may be
     alignas(64) double moves[N];   // 1 where the search goes on, else 0
   };
 
@@ -301,15 +304,16 @@ class PrestonTonksWallace {
     return {1.0 / T_melt, solid ? log_modulus - kMeltingFactor * T_melt * inverse_x * inverse_x : 0.0, log_modulus};
   }
 
-  // The stresses tau_s and tau_y at y = ln r, their derivatives by y and T^, and the hardening between the two.
+  // The saturation stress tau_s and the yield stress tau_y at y = ln r, their derivatives by y and T^, and the
+  // hardening between them.
   struct Branches {
     double tau_s, tau_y;
     double s_rate, y_rate;
     double s_T, y_T;
-    double branch;   // code of the branches that form tau_s and tau_y, as in Reduced
-    double hardens;  // largest hardening left by the two branches, tau_s - tau_y, at most d
+    double branch;   // code for the arguments that max() and min() select in tau_s and tau_y, as in Reduced
+    double hardens;  // largest possible hardening: the smaller of tau_s - tau_y and d
     double d;        // scale of the hardening in Voce's law, s0 - tau_y
-    double share;    // (tau_s - tau_y) / d, at most 1
+    double share;    // hardens / d; 1 if nothing hardens
   };
   [[gnu::always_inline]] Branches branches(double y, double T_hat) const {
     const double slower = y < 0.0 ? -y : 0.0;  // logarithm of 1/r; 0 if r > 1
@@ -345,7 +349,8 @@ class PrestonTonksWallace {
             d,
             share};
   }
-  // The sign of the difference of two branches, or NaN where they may cross if ln r changes by 3 kSmooth.
+  // The sign of the difference of two arguments of a max() or min(); NaN where it may change if ln r changes by
+  // 3 kSmooth. `rates`: sum of the derivatives of both arguments by ln r.
   [[gnu::always_inline]] static double branch_of(double difference, double rates) {
     const double reach = 3.0 * kSmooth * rates;
     const double larger = difference > reach ? 1.0 : std::numeric_limits<double>::quiet_NaN();
@@ -378,8 +383,8 @@ class PrestonTonksWallace {
             at.branch};
   }
 
-  // Finds dep of the vertices that flow more slowly than the slowest rate: after a whole step at that rate their tau
-  // would reach the target. The rate has no effect on them, and dep follows from the inverse of Voce's hardening.
+  // Finds dep of the vertices that flow more slowly than kSlowestRate, that is, whose tau reaches the target within one
+  // step at this rate. Their tau does not depend on the rate, so dep follows from the inverse of Voce's hardening.
   template <int N>
   [[gnu::always_inline]] void creep(const double* ep, Roots<N>& roots) const {
     for (int l = 0; l < N; ++l) {

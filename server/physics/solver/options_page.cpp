@@ -37,8 +37,8 @@ std::string table_of_laws() {
   return text;
 }
 
-// The name of a part on the options page: the setting of an option as a scene writes it, or for a property of laws the
-// words for a law that has it.
+// The name of a part of the model on the options page. A part that is an option has the name of its setting, as a scene
+// writes it. A part that is a property of laws is named "a <law with this property>".
 std::string name_of(const Part& part) {
   return part.law_with.empty() ? text_of('`', setting_of(part, {}), '`') : text_of("a ", part.law_with);
 }

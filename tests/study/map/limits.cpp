@@ -16,8 +16,9 @@ std::vector<double> slip_share(const Map& map, const Observation& seen) {
   return shares;
 }
 
-// The layer has carried the share 1 - V_y / V of the imposed velocity V plastically, where V_y = h s / (G0 t) is the
-// elastic part. Between neighbouring nodes of the map V_y changes little, so V_y is interpolated rather than the share.
+// Returns, for each pressure, the velocity from which on plastic slip exceeds this share of the imposed slip. The share
+// is 1 - V_y / V, with the imposed velocity V and the part V_y = h s / (G0 t) that the layer carries elastically. V_y
+// changes little between neighbouring nodes of the map, so V_y is interpolated instead of the share.
 Line velocity_of_share(const Map& map, const Observation& seen, double share) {
   const std::vector<double> shares = slip_share(map, seen);
   const std::vector<double>& velocities = map.axes.velocity_m_per_s;

@@ -28,7 +28,7 @@ std::vector<double> log_spaced(double low, double high, std::size_t count);
 struct Observation {
   double time_s = 0.0;
   std::vector<double> shear_stress_pa;
-  std::vector<double> slip_m;  // slip of the layer since the start
+  std::vector<double> slip_m;  // slip of each node since the start, the integral of its sliding velocity
   std::vector<double> interface_temperature_k;
   std::vector<std::uint8_t> regime;
 };

@@ -18,7 +18,7 @@ inline std::vector<double> strain_before(const Rig& rig, int lane) {
 }
 
 // Requires that the stress of a layer is at most its flow stress and equal to it where the layer flows, and that no
-// plastic strain decreases. `grain` is an error of the temperatures [K] in addition to that of their last digits.
+// plastic strain decreases. `grain`: accepted error of the temperatures, besides that of their last digits  [K].
 inline void require_complementary_flow(const Rig& rig, const Answered& a, int lane, double grain, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const TileLayout& layout = rig.model.layout();
@@ -30,9 +30,10 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     const double ep = rig.ep(i, lane), ep_old = rig.ep_of(rig.trial, i, lane);
     require(ep >= ep_old, "ep falls at vertex {}: {:.17g} from {:.17g}", i, ep, ep_old);
     if (a.pressure <= 0.0) continue;
-    // The strain rate is at most `dep` over the step length, also in the last of several substeps. `dep` has the
-    // rounding error of a difference of strains. If the flow law ignores small rates, strain follows from stress
-    // through hardening alone, so the error of `dep` includes that of the last digits of the stress.
+    // dep / dt is an upper bound of the strain rate: all the strain may have grown in the last of several substeps.
+    // `dep` has the rounding error of a difference of strains. At a rate that is too small to matter in the flow law
+    // the strain follows from the stress by hardening alone; the rounding error of the stress then adds to that of
+    // `dep`.
     const double dep = a.parts() * (ep - ep_old);
     const double T = profile[static_cast<std::size_t>(i)];
     const bool rated = properties_of(soft.flow_law).depends_on_rate;
@@ -48,7 +49,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
     // A vertex counts as flowing only if its plastic strain increment exceeds the rounding error of the strain.
     const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
-    if (a.in_parts()) continue;  // the vertex may have flowed in another substep than the last
+    if (a.in_parts()) continue;  // the vertex may have flowed in an earlier substep only, at another stress
     if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
     const double least = limit(T * (1 + kDigits) + grain, dep - noise);
     require(carried >= least * (1 - 1e-10),

@@ -18,8 +18,8 @@ struct Limits {
 };
 
 // Returns the bounds of the stress that the interface can carry. Friction and the yield strength of the interface, or
-// of its junctions, limit the stress. `size` is the scale of the velocity jumps, of which rounding errors are a
-// fraction.
+// of its junctions, limit the stress. The rounding errors of the velocity jumps are proportional to `size`, the
+// magnitude of the jumps [m/s].
 inline Limits interface_limits(const ModelOptions& options, const Answered& a, double size) {
   const InterfaceOptions& law = options.interface;
   const Material soft = at_pressure(options.soft, a.pressure);
@@ -40,8 +40,8 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
           limit(strength.upper, a.T0 * (1 - kDigits)) * (1 + 1e-10)};
 }
 
-// Returns the change of the interface temperature T0 [K] by the friction heat of a rounding error of the velocity jump.
-// This change is negligible except for bodies of almost no mass, which have enormous velocity jumps.
+// Returns the change of the interface temperature T0 [K] if the velocity jump, and so the friction heat, has a rounding
+// error. The change matters only for bodies of almost no mass, which have enormous velocity jumps.
 inline double heat_grain(const ModelOptions& options, const Answered& a, double size) {
   const double flux = std::numeric_limits<double>::epsilon() * size * std::abs(a.stress);
   return flux * std::sqrt(options.soft.diffusivity * a.dt) / options.soft.conductivity;
@@ -51,8 +51,10 @@ inline double heat_grain(const ModelOptions& options, const Answered& a, double 
 // velocity jump changes T0 noticeably, or if a rounding error of T0 changes the strength by a noticeable part of the
 // stress. Both occur for bodies of almost no mass.
 inline bool is_resolved(const ModelOptions& options, const Answered& a, double size) {
-  constexpr double kGrain = 1e-9;  // largest accepted error of T0  [K]
-  constexpr double kShare = 1e-3;  // largest accepted uncertainty of the strength, relative to the stress
+  // largest change of T0 by a rounding error of the jump at which the slip still counts as determined  [K]
+  constexpr double kGrain = 1e-9;
+  // largest change of the strength by rounding errors at which the slip still counts as determined, over the stress
+  constexpr double kShare = 1e-3;
   const Limits limit = interface_limits(options, a, size);
   return heat_grain(options, a, size) <= kGrain && limit.upper - limit.lower <= kShare * std::abs(a.stress);
 }

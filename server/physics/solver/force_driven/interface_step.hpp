@@ -40,7 +40,7 @@ class InterfaceStep {
         false};
   }
 
-  // The step of length dt that follows `last`. B0: response of T0 to the flux; T_ad: T0 without friction in this step.
+  // The step of length dt after the step `last`. B0: rise of T0 per heat flux; T_ad: T0 without friction in this step.
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
     if (strength_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
     strength_.junctions =

@@ -20,7 +20,8 @@ inline Forcing forcing_of(const TileInputs& inputs, int lane) {
           1.0 / inputs.mass_soft[lane] + 1.0 / inputs.mass_hard[lane]};
 }
 
-// The velocity jump without friction and its reduction by a stress, DLP (61), in magnitudes along the trial direction.
+// The velocity jump after a step, DLP (61): its value without friction, less a part in proportion to the stress of the
+// interface. The trial direction is that of the jump without friction; stresses are magnitudes along it.
 struct TrialSlip {
   TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before);
 
@@ -28,19 +29,20 @@ struct TrialSlip {
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }
 
   double jump_free;     // jump after the step without friction, signed               [m/s]
-  double per_stress;    // reduction of the jump per stress of the interface                        [m/(s Pa)]
-  double direction;     // the trial direction, +1 or -1
+  double per_stress;    // reduction of the velocity jump per stress of the interface           [m/(s Pa)]
+  double direction;     // sign (+1 or -1) of the jump without friction, or of the old stress if that jump is 0
   double jump_old;      // jump before the step, along the trial direction             [m/s]
-  double drive;         // slip velocity by the host's plastic shear, sqrt(3) h Ep_dot, along the direction  [m/s]
+  double drive;         // slip velocity due to the host's plastic shear, sqrt(3) h Ep_dot, along the direction  [m/s]
   double stress_stick;  // stress at which slip stops at the end of the step          [Pa]
 
-  // Heating of an interface that slips by [v] = [V]mid + drive = c - b a under the stress a.
+  // Heating of an interface that slips with the velocity c - b a under the stress a: the mean of the jumps before and
+  // after the step, plus `drive`.
   FrictionHeating slipping(double T_ad, double rise) const {
     return {T_ad, rise, 0.5 * (jump_old + direction * jump_free) + drive, 0.5 * per_stress};
   }
 };
 
-// The regime of a slipping interface at T0.
+// The regime of an interface that slips, at the interface temperature T0 and the slip velocity `slip`.
 Regime slip_regime(const StressLimit& limit, double T0, double slip);
 
 // The step of a closed contact. `guess`: starting stress of the search  [Pa]. `stuck`: the interface did not slip at

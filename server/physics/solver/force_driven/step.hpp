@@ -11,13 +11,14 @@
 
 namespace shearbus::physics {
 
-// Steps the active lanes by backward Euler, or by the exact decay of the modes. A step that may have several answers is
-// divided into substeps. The caller restores the states of the other lanes of `trial`.
+// Steps the active lanes by backward Euler, or, in a scene with heat = "modes", by the exact decay of the modes of heat
+// conduction. A step that may have several answers is divided into substeps. The function overwrites inactive lanes of
+// `trial` too; the caller restores them.
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs);
 
-// The step of a sleeping lane, by the same function as the step of a lane that is awake. Empty if slip, heat or a step
-// that may have several answers wakes the lane.
+// The step of one lane (node) that sleeps: it is at rest, and its temperatures follow from eigenmodes. Returns nothing
+// if the lane must wake because it slips, is heated, or may have several answers.
 std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                      const TileInputs& inputs, const double* committed,
                                                      const Material& soft, double T0, int lane);

@@ -19,17 +19,17 @@ namespace shearbus::physics {
 // layer without inertia, with the same weights.
 
 struct WaveStep {
-  const Material* soft;    // soft body at the pressure of the node
+  const Material* soft;    // material of the soft body, with its properties at the pressure of the node
   const Grid* grid;        // grid of at most kMaxInertiaCells cells
   const double* response;  // response B: temperature rise of each vertex per unit heat flux at z = 0  [K m2/W]
   double dt;               // length of the step                           [s]
   double pressure;         // normal pressure P                            [Pa]
   double jump;             // imposed velocity jump [V]                    [m/s]
-  double heat_share;       // share of the friction heat that enters the heat equation: beta_T, or 1 (problem.hpp)
+  double heat_share;       // share of the friction heat that enters the heat equation: Problem::heat_partition
   double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
 };
 
-// One node's fields, a value per vertex or cell.
+// The fields of one node, with a value per cell for the velocity and per vertex for the others.
 struct WaveFields {
   static constexpr int kPacket = 8;  // vertices per SIMD packet; the length of a Row is a multiple of this number
   using Row = double[(kMaxInertiaCells / kPacket + 1) * kPacket];
@@ -44,13 +44,14 @@ struct WaveAnswer {
   double flux = 0.0;            // heat flux q into the layer             [W/m2]
   double interface_slip = 0.0;  // slip velocity v[-1] of the interface at z = 0, signed  [m/s]
   int iterations = 0;           // number of Newton steps
-  bool guarded = false;  // Newton's method did not converge: the guarded search bisected q, with a line search in v
-  bool found = true;     // false: the guarded search ended without balance, and the fields are meaningless
+  bool guarded = false;         // true: Newton's method did not converge, and the guarded search (bisection of q) ran
+  bool found = true;            // false: the guarded search ended without balance, and the fields are meaningless
 };
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
-// follows, which lowers the energy from any start but may be long. `found` is false if momentum does not balance when
-// the guarded search has used up its Newton steps or its `evaluations` of the balance.
+// follows. It bisects the heat flux q and minimises the energy of the step at each q, which works from any start
+// but may be long. `found` is false if it ends, after `evaluations` of the balance at the latest, without balanced
+// momentum.
 inline constexpr int kWaveNewtonSteps = 60;
 inline constexpr int kWaveEvaluations = 200'000;
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
