@@ -177,6 +177,9 @@ module shearbus
   type :: c_text
     character(kind=c_char, len=:), allocatable :: bytes
   end type
+  type :: column_pointer
+    real(real64), pointer :: values(:)
+  end type
   type, bind(c) :: c_column
     integer(c_int32_t) :: field, component
     type(c_ptr) :: values
@@ -785,6 +788,7 @@ contains
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(c_column), target :: inputs(columns_at_most), outputs(columns_at_most)
+    type(column_pointer) :: answers(columns_at_most)
     real(c_double), allocatable, target :: in(:, :), out(:, :)
     real(c_double), target :: nothing  ! address of a column without rows
     integer(c_int8_t), allocatable, target :: regime(:), outcome(:)
@@ -907,6 +911,7 @@ contains
       if (.not. is_sound(column, name)) return
       n_out = n_out + 1
       outputs(n_out) = c_column(int(field, c_int32_t), int(component, c_int32_t), c_loc(nothing), 0)
+      answers(n_out)%values => column
       if (masked) then
         outputs(n_out)%values = c_loc(out(1, n_out))
       else if (count > 0) then
@@ -926,22 +931,9 @@ contains
       end if
       self%regime(rows) = iand(int(regime(:count)), 255)
       self%outcome(rows) = iand(int(outcome(:count)), 255)
-      n_out = 0
-      call scatter(self%stress)
-      call scatter(self%stress2)
-      call scatter(self%slip)
-      call scatter(self%slip2)
-      call scatter(self%temperature)
-      call scatter(self%jump_new)
-      call scatter(self%jump_new2)
-      call scatter(self%heat)
-    end subroutine
-
-    subroutine scatter(column)
-      real(real64), allocatable, intent(inout) :: column(:)
-      if (.not. allocated(column)) return
-      n_out = n_out + 1
-      column(rows) = out(:count, n_out)
+      do i = 1, n_out
+        answers(i)%values(rows) = out(:count, i)
+      end do
     end subroutine
   end subroutine
 
