@@ -1,4 +1,4 @@
-// JSON objects that the summaries of one and of two dimensions share.
+// JSON objects that occur in the summaries of both one- and two-dimensional runs.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -7,7 +7,7 @@
 
 namespace shearbus::hydro {
 
-nlohmann::ordered_json as_json(const wire::EnergyTotals& energy);  // energies as means over the nodes  [J/m2]
+nlohmann::ordered_json as_json(const wire::EnergyTotals& energy);  // each energy as the mean over the nodes  [J/m2]
 nlohmann::ordered_json as_json(const OmittedCost& omitted);
 
 }  // namespace shearbus::hydro

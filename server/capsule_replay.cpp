@@ -40,7 +40,8 @@ CapsuleReplay::Part part_of(const shard::StateColumn& column) {
   return part;
 }
 
-// The inputs of the step as a batch of one row. A column that is missing in the capsule is 0, as it was in the step.
+// Returns the inputs of the failed step as a batch with one row, the node of the capsule. A column that the capsule
+// lacks is 0, as it was in the step.
 wire::Batch row_of(const store::Capsule& capsule, const physics::ModelOptions& options) {
   const wire::StrategyColumns& columns = wire::columns_of(service::strategy_of(options));
   const bool sticks = std::ranges::find(capsule.inputs, wire::name(wire::Field::kImpedance),

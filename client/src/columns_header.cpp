@@ -1,4 +1,4 @@
-// Writes shearbus/columns.h, which shearbus.h includes: the columns of a step as constants of C, one for each row of
+// Writes shearbus/columns.h, which shearbus.h includes: a C constant for each column of a step that is listed in
 // proto/wire/columns.inc.
 //   columns-header FILE
 #include <cctype>

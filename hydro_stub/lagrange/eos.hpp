@@ -58,7 +58,7 @@ class Eos {
   // isentrope through the reference state (density rho0, temperature T_ref).
   double temperature(double density, double energy) const;
 
-  // Returns half the slope of the shock velocity over the velocity jump across the shock: (gamma + 1)/4 for a gas, s1/2
+  // Returns half of dUs/dup, the slope of shock velocity Us over particle velocity up: (gamma + 1)/4 for a gas, s1/2
   // for a metal. It scales the quadratic part of the artificial viscosity.
   double half_shock_slope() const;
 

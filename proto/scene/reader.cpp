@@ -37,7 +37,7 @@ Place place_of(const toml::key& key, const toml::node& node) {
   return {at.line, at.column};
 }
 
-// Returns the kind of a TOML value, in the words of a user.
+// Returns the kind of a TOML value as error texts name it, e.g. "a list".
 std::string kind_of(const toml::node& node) {
   switch (node.type()) {
     case toml::node_type::table:
@@ -266,8 +266,8 @@ std::size_t end_of_string(std::string_view text, std::size_t at) {
   return i;
 }
 
-// Returns the position of the first dot too many of a dotted key that has more parts than any key of a scene. toml++
-// makes a table of each part and destroys the tables recursively, so that a long key would overflow the stack.
+// Finds a dotted key with more than kMaxKeyDots dots, more than any key of a scene has, and returns the position of its
+// first surplus dot. toml++ would make nested tables of it and overflow the stack when it destroys them recursively.
 std::optional<std::size_t> find_deep_key(std::string_view text) {
   constexpr int kMaxKeyDots = 8;
   int dots = 0;

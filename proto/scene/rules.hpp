@@ -28,7 +28,7 @@ struct Place {
 struct Fault {
   std::string path;            // key at fault ("layer.cells"), or table that lacks a key; empty: the root
   std::string text;            // one line, naming the key
-  std::optional<Place> place;  // place of the fault, if it differs from the place of `path`
+  std::optional<Place> place;  // place of the fault in the text, if this is not the place of the key `path`
 };
 
 // The faults found so far, for rules that look at more than one key.
@@ -55,10 +55,10 @@ void fill_defaults(google::protobuf::Message& root);
 
 const v1::Rule& rule_of(const google::protobuf::FieldDescriptor& field);
 
-// Returns the path of a field of the table `path`; a merged message has the path of its enclosing table.
+// Returns the path of a field of the table `path`: "path.field", or `path` for a field that is marked `merged`.
 std::string path_of(const std::string& path, const google::protobuf::FieldDescriptor& field);
 
-// Returns the keys of a table: its fields, with a merged message replaced by the fields of that message.
+// Returns the keys of a table: its fields and, in place of a message that is marked `merged`, the message's own fields.
 std::vector<const google::protobuf::FieldDescriptor*> keys_of(const google::protobuf::Descriptor& table);
 
 // Returns the bounds of a field as text: "above 0 and at most 1 m", "at least 1"; empty if the field has no bounds.

@@ -12,10 +12,10 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// Smallest accepted width of the first cell, a hundredth of an atom. A thinner cell comes from a mistake in cells or
-// grading.
+// Smallest accepted width of the first cell, about a hundredth of the diameter of an atom. A thinner cell is taken for
+// a mistake in the keys cells or grading.
 constexpr double kThinnestCell = 1e-12;  // [m]
-// number of cells that the check assumes where a tolerance lets the server choose the cells
+// Number of cells that the check assumes if the scene requests a tolerance, which lets the server choose the cells.
 constexpr std::uint32_t kCellsOfTolerance = 500;
 
 bool sound_grid(const Findings& findings, const std::string& table) {
@@ -42,8 +42,8 @@ void check_grids(const v1::Scene& scene, Findings& findings) {
   const double grading = layer.has_grading() ? layer.grading() : 1.0;
   check_first_cell("layer", layer.thickness_m(), cells, grading, grading != 1.0, findings);
   if (!scene.has_hard_layer() || !sound_grid(findings, "hard_layer")) return;
-  // A key absent from [hard_layer] is checked with the value in [layer]. A thickness that the server later derives
-  // differs from that value by a small factor.
+  // A key that [hard_layer] lacks is checked with the value in [layer]. If the thickness is the absent key, the server
+  // later computes one, which differs from that in [layer] only by a small factor.
   const v1::HardLayer& hard = scene.hard_layer();
   check_first_cell("hard_layer", hard.has_thickness_m() ? hard.thickness_m() : layer.thickness_m(),
                    hard.has_cells() ? hard.cells() : cells, hard.has_grading() ? hard.grading() : grading,

@@ -60,7 +60,7 @@ Payload payload_of(const Batch& batch) {
   return {.size_bytes = batch.bytes().size(), .xxh3 = xxh3(batch.bytes()), .columns = batch.columns()};
 }
 
-// Returns the status with at most as many node ids as a peer accepts.
+// Returns the status with its list of node ids cut to kMaxNodesNamed, the most that the receiver accepts.
 Status shortened(Status status) {
   status.node_ids.resize(std::min(status.node_ids.size(), kMaxNodesNamed));
   return status;
@@ -92,7 +92,7 @@ std::string encode(const Message& message) {
 
 // ---- reading ----
 
-// The bodies of a message by their numbers. The first alternative of the variant is "no body".
+// Finds the type of a message's body by the number of the body. The first alternative of the variant means "no body".
 template <typename Variant>
 struct Bodies;
 template <typename... Body>

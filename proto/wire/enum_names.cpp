@@ -5,7 +5,7 @@
 namespace shearbus::wire {
 namespace {
 
-constexpr std::uint32_t kFirstOfClient = 500;  // first code that exists on the client's side only
+constexpr std::uint32_t kFirstOfClient = 500;  // first of the codes that only a client raises
 
 constexpr EnumValue kAbsentNodes[] = {
     {0, "KEEP"},

@@ -234,8 +234,8 @@ struct SessionOpened {
   std::uint32_t tangential_components = 1;
   std::vector<Field> required_columns;    // required columns of a step; node_id is always allowed
   std::vector<Field> optional_columns;    // optional columns of a step
-  std::vector<Field> reply_columns;       // columns of a reply that names no `wanted`
-  std::vector<Field> columns_on_request;  // columns of a reply only if `wanted` names them
+  std::vector<Field> reply_columns;       // columns of the reply to a step whose `wanted` is empty
+  std::vector<Field> columns_on_request;  // columns that the reply has only if the step's `wanted` names them
   std::string scene_name;
 
   static void fields(auto&& v, auto& m) {

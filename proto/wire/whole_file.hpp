@@ -47,7 +47,7 @@ inline void publish(const std::filesystem::path& partial, const std::filesystem:
   sync_to_disk(directory.empty() ? std::filesystem::path(".") : directory, file);
 }
 
-// Writes a text file of that name; on failure throws Error and leaves no partial file.
+// Writes the text to `file` as a whole; on failure throws Error and leaves no partial file.
 inline void write_whole(const std::filesystem::path& file, std::string_view text) {
   std::filesystem::path partial = file;
   partial += ".partial";

@@ -49,7 +49,7 @@ struct ServiceOptions {
   std::function<std::uint64_t()> now_ns;                     // a monotonic clock
   std::function<void(const std::string&)> log;               // writes one line of the log; may be empty
   std::function<void(wire::ServerStatus&)> complete_status;  // adds counters from outside of the service; may be empty
-  std::function<void(bool begins)> around_checkpoint;        // called before and after a checkpoint; may be empty
+  std::function<void(bool begins)> around_checkpoint;  // called before (true) and after a checkpoint; may be empty
 };
 
 class Service : private store::Recovery {
@@ -63,7 +63,7 @@ class Service : private store::Recovery {
   void recover();
 
   // Returns the answer to one request. Never throws. The result is empty if the request has run but there was no memory
-  // for its answer (the client repeats the request and gets the answer then), and always after failed().
+  // for its answer (the client repeats the request and gets the answer then), and always once failed() is true.
   std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
 
   // True if states and journal may differ because of a failure. The service then answers no further request. The server
@@ -85,8 +85,8 @@ class Service : private store::Recovery {
   wire::ServerStatus status() const;
 
  private:
-  // A session and its states. A closed session stays for a while without states, so that a repeated close_session is
-  // answered and a late copy of its opening cannot reopen it.
+  // A session and its states. A closed session stays for a while without states: the server then still answers a
+  // repeated close_session, and a late copy of the request that opened the session cannot open it again.
   struct Member;
   struct Arrival;
   // Sessions of one identity with the same domain name; a session without a name is in no domain.
@@ -122,16 +122,16 @@ class Service : private store::Recovery {
   std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
                                            bool check_closure) const;
 
-  // capsules.cpp: failure capsules of nodes without an answer.
+  // Defined in capsules.cpp: writes failure capsules of the nodes for which a step found no answer.
   struct FailedStep {
     const wire::Batch& answer;
     std::span<const std::uint8_t> outcomes;
-    bool from_trial;  // true if the step started from the trial of the step before it
+    bool from_trial;  // true if the step started from a waiting trial, which its request commits first
   };
   void leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
                       const shard::Rows& rows, const FailedStep& failed) noexcept;
 
-  // nodes.cpp: the set of a session's nodes, and marks.
+  // Defined in nodes.cpp: the functions that change which nodes a session has, and those of marks.
   static constexpr std::uint64_t kNoneWithdrawn = std::numeric_limits<std::uint64_t>::max();
   void check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                     std::span<const std::uint64_t> node_ids) const;

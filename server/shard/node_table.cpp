@@ -83,7 +83,7 @@ NodeTable NodeTable::with(std::span<const std::uint64_t> node_ids) const {
 std::pair<NodeTable, std::vector<Relocation>> NodeTable::without(std::span<const std::uint32_t> slots) const {
   constexpr std::uint32_t kGone = 0xffffffff;
   const auto left = static_cast<std::uint32_t>(size() - slots.size());
-  // 1. the slot of each state after the change
+  // 1. Find the slot of each state after the change: states in slots from `left` on move to the slots that become free.
   std::vector<std::uint32_t> slot_now(size());
   for (std::uint32_t slot = 0; slot < slot_now.size(); ++slot) slot_now[slot] = slot;
   for (const std::uint32_t slot : slots) slot_now[slot] = kGone;
@@ -95,7 +95,7 @@ std::pair<NodeTable, std::vector<Relocation>> NodeTable::without(std::span<const
     moves.push_back({from, hole});
     slot_now[from] = hole++;
   }
-  // 2. the remaining rows, in their order
+  // 2. Copy the remaining rows of the table, in their order.
   NodeTable table;
   table.ids_.reserve(left);
   table.slots_.reserve(left);

@@ -14,7 +14,7 @@ namespace shearbus::store {
 
 std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t generation);
 
-// Checks footer, lengths and hashes of the file and returns the bytes of its image. Throws DamagedFile.
+// Checks footer, lengths and hashes of the file and returns the bytes of its HDF5 image. Throws DamagedFile.
 Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generation);
 
 // Converts a capsule to an HDF5 file and back. Reading throws DamagedFile.

@@ -4,8 +4,8 @@
 
 namespace {
 
-// A host may have brought an HDF5 of its own, which the linker then takes for this library, too. HDF5 ends a process
-// whose version is not that of the headers.
+// Returns the reason why HDF5 cannot be used, else an empty text. If the host has loaded an HDF5 of another version,
+// this library is linked to it, too, and HDF5 would end the process.
 std::string fault() {
   unsigned major = 0, minor = 0, release = 0;
   H5get_libversion(&major, &minor, &release);

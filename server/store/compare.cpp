@@ -101,7 +101,7 @@ std::string difference(const SessionImage& a, const SessionImage& b) {
   return text.empty() ? difference_of_marks(where, a, b) : text;
 }
 
-// Compares the offers that no session has accepted yet, in the order of their ids.
+// Compares the nodes that sessions have offered and no session has accepted yet, in the order of the ids of the offers.
 std::string difference_of_transfers(const Snapshot& a, const Snapshot& b) {
   const std::string where = "nodes offered";
   if (std::string text = difference<std::uint64_t>(where + ", offers", a.transfers.size(), b.transfers.size());

@@ -36,8 +36,8 @@ class File {
   // Replaces bytes at `offset`, all of which have been written before.
   virtual void overwrite(std::uint64_t offset, Bytes bytes) = 0;
   virtual void truncate(std::uint64_t size) = 0;
-  // After the call the written bytes survive a loss of power. A failure is final: earlier bytes may be lost, although a
-  // further call may succeed.
+  // After the call the written bytes survive a loss of power. Calling again after a failure does not help: bytes
+  // written before the failure may be lost even if the second call succeeds.
   virtual void sync() = 0;
 };
 

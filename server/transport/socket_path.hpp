@@ -6,13 +6,13 @@
 
 namespace shearbus::transport {
 
-// libzmq unlinks a path in use and binds it again, which disconnects the first server. Therefore the lock is acquired
-// before the bind and held as long as the socket exists.
+// If a second server binds a path in use, libzmq unlinks the path and so disconnects the first server. Therefore a lock
+// is acquired before the bind and held as long as the socket exists.
 class SocketPath {
  public:
-  // Creates the directory (mode 0700) if it does not exist. `private_to_owner`: other users must not be able to enter
-  // it; otherwise they must not be able to write to it. Throws std::runtime_error with the expected state, the state
-  // found and a remedy.
+  // Creates the directory (mode 0700) if it does not exist. An existing directory must not be writable for other users
+  // and, if `private_to_owner`, they must not be able to enter it. Throws std::runtime_error with the expected state,
+  // the state found and a remedy.
   SocketPath(const std::string& path, bool private_to_owner);
   SocketPath(SocketPath&& other) noexcept;
   SocketPath& operator=(SocketPath&& other) noexcept;

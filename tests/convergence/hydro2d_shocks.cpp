@@ -19,8 +19,8 @@ const char* name(Symmetry symmetry) {
   return symmetry == Symmetry::kPlane ? "plane" : "axial";
 }
 
-// The published solution assumes a constant Grueneisen coefficient Gamma, our equation of state a constant product rho
-// Gamma. The results differ in the fifth digit.
+// The published solution assumes that the Grueneisen coefficient Gamma is constant. Our equation of state assumes that
+// the product rho Gamma is constant. The results differ in the fifth digit.
 TEST(Hydro2dShock, ExactTwoWavePistonIsThePublishedOne) {
   const hydro::TwoWaves exact = hydro::two_waves(piston_metal(), kPistonSpeed);
   EXPECT_NEAR(exact.elastic_stress / 0.537995e9, 1.0, 1e-5);

@@ -101,7 +101,8 @@ struct Body {
 
 std::vector<Body> bodies() {
   ModelOptions steady = paper_options();
-  steady.friction_coefficient = 0.01;  // constant flux until melting, which causes the largest grid error of a slab
+  // With mu = 0.01 the heat flux is constant until melting, the case with the largest grid error of a slab.
+  steady.friction_coefficient = 0.01;
   ModelOptions steady_half_space = half_space(Strategy::kVelocityDriven);
   steady_half_space.friction_coefficient = 0.02;
   return {{"insulated", paper_options()},
@@ -145,7 +146,7 @@ TEST(DeliveredTolerance, TheGridIsFineEnoughWhereverHeatGoes) {
 struct Plates {
   const char* what;
   double velocity_jump;  // velocity jump before the step [m/s]
-  double pull;           // far stress on both bodies [Pa]
+  double pull;           // shear stress far from the interface, the same on both bodies [Pa]
   double dt;             // length of the host's step [s]
 };
 
@@ -176,9 +177,9 @@ TEST_P(DeliveredInOneStep, TemperatureAndJumpAreKept) {
     load(rig.inputs);
     rig.step(plates.dt);
     const double T0 = std::abs(rig.T(0) - exact.interface_temperature[0]) / kToMelting;
-    // Temperature rise at z = 0 per unit flux, 2 sqrt(alpha t / pi) / k, after a time t of at least 1 us (k = 117
-    // W/m/K, alpha = 48.9e-6 m2/s). An error of the jump, times the stress, beta_T = 0.6772 and this rise, is an error
-    // of T0.
+    // `response` is the temperature rise at z = 0 per unit heat flux, 2 sqrt(alpha t / pi) / k, after the time t = dt,
+    // but at least kEnd (k = 117 W/m/K, alpha = 48.9e-6 m2/s). An error of the jump causes an error of T0, which is the
+    // error of the jump times beta_T = 0.6772, |s| and `response`.
     const double response = 2.0 / 117.0 * std::sqrt(48.9e-6 * std::max(kEnd, plates.dt) / std::acos(-1.0));
     const double jump = 0.6772 * response * std::abs(exact.shear_stress[0]) *
                         std::abs(rig.outputs.velocity_jump_new[0] - exact.velocity_jump_new[0]) / kToMelting;
@@ -233,8 +234,8 @@ TEST(DeliveredTolerance, TheEstimateSaysWhereItIsNotKept) {
   EXPECT_GT(rig.outputs.error_estimate[0], kStepShare * 1e-6);
 }
 
-// Error control costs evaluations of the stress limit. If little happens in a step, these are the evaluations of the
-// step and of its two halves. If the slip reverses, they are at most those of the halvings that lead to the reversal.
+// The cost of a step is counted in evaluations of the stress limit. If little happens in a step, error control solves
+// only the step and its two halves. If the slip reverses, it solves only the halvings that lead to the reversal.
 TEST(DeliveredTolerance, EffortGoesWhereTheErrorIs) {
   const auto effort_of = [](const ModelOptions& options, double pull) {
     Rig rig(options, 1);

@@ -1,5 +1,5 @@
 // Tests of the store with a simple substitute for a server, Counter. Whatever the disk does, recovery must return every
-// settled record exactly once and in order, or report that it cannot.
+// settled record (written whole and synced as promised) exactly once and in order, or report that it cannot.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -39,7 +39,7 @@ void run(const std::string& text, wire::Strategy strategy) {
   }
 }
 
-// Returns words of the schema and of TOML, and numbers at the edges of their ranges, which the mutator inserts.
+// Returns the pieces of text that the mutator inserts: keys and values of the schema, signs of TOML, extreme numbers.
 const Parts& words() {
   static const Parts all = [] {
     Parts found = {"=",        "[",     "]",          "[[",      "\"",

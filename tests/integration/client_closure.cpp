@@ -1,4 +1,4 @@
-// The closure check of the client library: deliberate mistakes of a small host, and what the warning names.
+// The closure check of the client library: a small host makes deliberate mistakes, and the warning must name each.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -72,14 +72,14 @@ struct Mistake {
   const char* named;  // text that the warning must contain; null: no warning
   std::function<void(Batch&)> in_request;
   double to_soft = 1.0, to_hard = 1.0;
-  std::function<double(const Host&, int step)> dt_sent;  // dt that the request names; absent: the host's
-  std::function<double(int step)> dt;                    // the host's dt in a step; absent: constant
+  std::function<double(const Host&, int step)> dt_sent;  // dt that the host sends; absent: its own dt
+  std::function<double(int step)> dt;                    // dt of each step of the host; absent: always the same dt
   bool unique = true;                                    // true: the warning must name one mistake only
 };
 
 struct Run {
   std::vector<std::string> warnings;
-  double closure = 0.0;  // largest closure that the server answered to the first three steps  [m/s]
+  double closure = 0.0;  // largest closure_m_per_s (jump sent minus jump answered before) of the first 3 steps  [m/s]
 };
 
 Run run(RunningServer& server, const Mistake& mistake, Form form) {
@@ -200,7 +200,8 @@ TEST(ClientClosure, NamesTheMistakeOfAFarFieldHost) {
 TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
   RunningServer server;
   const auto times = [](Field field, double factor) { return [=](Batch& b) { scale(b, field, factor); }; };
-  const auto impedance = [](double factor) {  // a host with a wrong impedance makes both columns of it
+  // A wrong impedance makes two columns wrong, because the host multiplies by it to get the stick stress.
+  const auto impedance = [](double factor) {
     return [=](Batch& b) {
       scale(b, Field::kImpedance, factor);
       scale(b, Field::kStickStress, factor);
@@ -248,7 +249,7 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
   expect_named(server, mistakes, Form::kStick);
 }
 
-// A host that tries steps and rejects some, and then names some of its nodes, in another order each time.
+// The host makes trial steps and rejects some of them. Its later steps name some of the nodes, each in another order.
 TEST(ClientClosure, FollowsTrialsRollbacksMarksAndSubsets) {
   RunningServer server;
   ClientOptions options = server.client_options("inproc");

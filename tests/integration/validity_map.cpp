@@ -67,8 +67,8 @@ TEST(ValidityMap, TheStickingLineIsThatOfElasticLoading) {
       EXPECT_EQ(line[p].has_value(), expected > 1.0) << p << ": " << expected;
       if (!line[p]) continue;
       ++drawn;
-      // The tolerance is 15 % because the layer has already hardened at the lowest velocity of the map at which it
-      // slips.
+      // The tolerance is 15 % because `expected` is for a layer that has not hardened. In the map the layer has
+      // hardened a little at the lowest velocity at which it flows.
       EXPECT_NEAR(*line[p] / expected, 1.0, 0.15) << p;
     }
   }
@@ -82,8 +82,8 @@ TEST(ValidityMap, TheDomainGrowsWithTheTimeOfObservation) {
     const map::Line after = map::velocity_of_share(small_map(), seen[k], 0.9);
     for (std::size_t p = 0; p < before.size(); ++p) {
       ASSERT_TRUE(before[p]);
-      // The limiting velocity falls as s/t, with the shear stress s: less steeply than 1/t, because s rises as the
-      // layer hardens.
+      // The limiting velocity is proportional to s/t, with the shear stress s. It falls a little less than 1/t does,
+      // because s rises as the layer hardens.
       const double elapsed = seen[k].time_s / seen[k - 1].time_s;
       if (after[p]) {
         EXPECT_GT(*before[p] / *after[p] / elapsed, 0.5) << p;

@@ -24,8 +24,8 @@ ModelOptions random_sleeping_options(Draw& draw, Strategy strategy, bool extreme
   return options;
 }
 
-// The acts of the host on each lane during a number of steps. `open`: the contact is open. `quiet`: the velocity jump
-// starts at 0, and the far stresses are reduced. `lets_go`: the host slowly unloads the layer of a quiet lane.
+// What the host does to each lane (node) in the kStepsPerPhase steps of a phase. `open`: the contact is open. `quiet`:
+// the velocity jump starts at 0 and the far stresses are reduced. `lets_go`: the host slowly unloads a quiet lane.
 struct Phase {
   bool open[kLanes], quiet[kLanes], lets_go[kLanes];
 };
@@ -82,8 +82,8 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
     for (int step = 0; step < kPhases * kStepsPerPhase; ++step) {
       if (step % kStepsPerPhase == 0) phase = begin_phase(draw, rig, extreme);
       within_phase(phase, rig, forced);
-      // 1. Give the model without sleep the same states. A sleeping node keeps its heat in modes, so its temperatures
-      // are computed from the modes.
+      // 1. Copy the states to the model without sleep. A sleeping node stores amplitudes of heat modes, from which its
+      // temperatures are computed.
       std::copy_n(rig.committed.begin(), layout.doubles, awake.committed.begin());
       std::uint32_t slept = 0;
       for (int l = 0; l < kLanes; ++l) {

@@ -20,8 +20,8 @@ double impedance_of(const TileInputs& in, double dt, int lane) {
   return 1.0 / (dt * (1.0 / in.mass_soft[lane] + 1.0 / in.mass_hard[lane]));
 }
 
-// Writes the inputs of `far_field` as a request in stick form, and sets the inputs of `stick` to those that the service
-// makes of this request.
+// Converts the inputs of `far_field` to a request in stick form, lets the service read this request, and sets the
+// inputs of `stick` to the result.
 void convert(const Rig& far_field, double dt, Rig& stick) {
   const TileInputs& in = far_field.inputs;
   const auto components = static_cast<std::uint32_t>(far_field.model.options().tangential_components);
@@ -50,7 +50,7 @@ void convert(const Rig& far_field, double dt, Rig& stick) {
   for (const shard::InputColumn& column : columns.inputs) std::ranges::copy(column.values, stick.inputs.*column.member);
 }
 
-// The number of tangential components, and `true` for scenes with a tolerance.
+// The number of tangential components, and whether the scenes have a tolerance.
 using Case = std::pair<int, bool>;
 class PhysicsStickForm : public ::testing::TestWithParam<Case> {};
 
@@ -77,7 +77,7 @@ TEST_P(PhysicsStickForm, HasTheAnswerOfTheFarFieldForm) {
       for (int l = 0; l < kLanes; ++l) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         if (((want.outcome[l] | found.outcome[l]) & (kSubstepped | kMultipleRoots)) != 0) {
-          ++divided;  // several answers may exist, of which rounding chooses one
+          ++divided;  // the step may have several answers, and a rounding error decides which is found
           continue;
         }
         const double Z = impedance_of(in, dt, l);

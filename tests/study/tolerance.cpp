@@ -22,7 +22,7 @@ constexpr int kQuickSteps[] = {20};
 struct Fineness {
   int substeps;     // number of substeps in the whole run
   int cells;        // number of cells of each graded grid; not used by a model with modes
-  double accuracy;  // accuracy of the modes; used only by a model with modes
+  double accuracy;  // largest relative error of the heat kernel of the modes; used only by a model with modes
 };
 constexpr Fineness kFineModes{100000, 0, 1e-9}, kFineCells{20000, 1000, 0.0};
 constexpr int kQuickCoarser = 4;
@@ -60,10 +60,10 @@ Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fine
   return answer;
 }
 
-// Computes a reference solution for runs with `steps` steps of the host. A host that reacts to the answers has a time
-// error of its own, which the layer cannot reduce. The reference is therefore a finer layer that is driven by the same
-// host in the same steps. The difference between the reference and a solution with half its resolution is the
-// uncertainty.
+// Computes a reference solution for runs with `steps` steps of the host: a layer with a finer grid and shorter
+// substeps, driven by the same host in the same steps. The host's steps stay the same because a host that
+// reacts to the answers has a time error of its own, which no layer can reduce. The uncertainty of the reference is its
+// difference from a solution with half its resolution.
 Reference solved_finely(const StudyCase& study_case, int steps, bool quick) {
   StudyCase strict = study_case;
   strict.scene = scene_with(study_case, {.tolerance = kRequests[std::size(kRequests) - 1]});

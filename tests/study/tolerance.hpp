@@ -1,5 +1,5 @@
-// Study of tolerances: compares the error of scenes with a tolerance with the tolerance itself, at several step lengths
-// of the host.
+// Study of tolerances: runs scenes that request a tolerance at several step lengths of the host, and compares the error
+// of each run with the requested tolerance.
 #pragma once
 
 #include <filesystem>

@@ -32,8 +32,8 @@ class FineLayer {
     return options.hard_grid ? 1.0 : physics::heat_partition(options.soft, options.hard);
   }
 
-  // Advances lane 0 by one substep, which is the fraction `share` of the host's step. Adds the substep's part to
-  // `step`, the outputs of the host's step, and stores the new velocity jump in `inputs` for the next substep.
+  // Advances lane 0 by one substep, the fraction `share` of the host's step, halved `cuts` times so far. Adds its part
+  // to `step`, the outputs of the host's step, and stores the new velocity jump in `inputs` for the next substep.
   void advance(physics::TileInputs& inputs, double share, physics::TileOutputs& step, std::size_t cuts = 0) {
     physics::TileOutputs out{};
     model_.advance(*operators_[cuts], inputs, state_.data(), next_.data(), out);

@@ -39,7 +39,8 @@ TEST(PhysicsPressure, MeltingTemperatureIsSteinbergs) {
     EXPECT_GT(at_pressure(m, P).melting_temperature, before);
     before = at_pressure(m, P).melting_temperature;
   }
-  // For small P: T_melt / T_melt(0) - 1 = 2 a x + 2 (gamma0 - a - 1/3) x = 2 (gamma0 - 1/3) x, x = P / (rho0 c0^2).
+  // For small x = P / (rho0 c0^2): T_melt / T_melt(0) - 1 = 2 a x + 2 (gamma0 - a - 1/3) x = 2 (gamma0 - 1/3) x, with
+  // the volume correction a of the Grueneisen coefficient.
   const double slope = (at_pressure(m, 1e6).melting_temperature / 1220.0 - 1.0) / 1e6;
   EXPECT_NEAR(slope * 2703 * 5240 * 5240 / (2 * (1.97 - 1.0 / 3.0)), 1.0, 1e-4);
 }

@@ -143,8 +143,8 @@ TEST(PhysicsPrestonTonksWallace, IsTheTwinsFormula) {
     const double ep = draw.chance(0.2) ? 0.0 : draw.log_uniform(1e-6, 10.0), T = draw.uniform(1.0, kMelting);
     const double dt = 1e-9, dep = draw.log_uniform(1e-9, 10.0), P = draw.uniform(0.0, 30e9);
     const double a = flow_stress(m, ep + dep, P, T, dep / dt) / kSqrt3;
-    // Tolerance of the strain increment: rounding of the stress and of ep + dep changes the increment by more where the
-    // hardening curve is flat.
+    // The tolerance grows as the hardening curve gets flatter, because rounding errors of the stress and of ep + dep
+    // then change the strain increment more.
     const double slope = hardening_slope(m, ep, dep, dt, P, T) / hardened_strength(m, ep + dep, dep / dt, P, T);
     ASSERT_NEAR(reference::strain_increment(m, a, P, T, ep, dt) / dep, 1.0, 1e-12 + 1e-13 / (slope * dep)) << i;
   }
@@ -250,7 +250,7 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
     const double back = flow_stress(m, ep + dep, P, T, dep / dt);
     const double ulp =
         4e-16 * (ep + dep) * hardening_slope(m, ep, dep, dt, P, T) / hardened_strength(m, ep + dep, dep / dt, P, T);
-    // Tolerance for the error of erf: about 1e-15 of the cold stresses, here relative to the smaller hot stresses.
+    // An error 1e-15 of erf is an error 1e-15 of a cold stress, and a larger relative error of the lower hot stress.
     const double erf = 2e-15 * std::max(m.yield_cold / m.yield_hot, m.saturation_cold / m.saturation_hot);
     ASSERT_NEAR(back / (kSqrt3 * a), 1.0, 1e-13 + ulp + erf) << i << ": dep " << dep << ", ep " << ep << ", T " << T;
   }

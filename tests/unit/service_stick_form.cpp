@@ -29,8 +29,8 @@ v1::Scene scene_of(std::uint32_t components, bool plastic_layer) {
   return scene;
 }
 
-// Returns a step in far-field form. The second component of each vector is -0.3 times the first. If there is a last
-// answer, the jumps are those of the last answer.
+// Returns a request in far-field form. The second component of each vector is -0.3 times the first. If `last_answer` is
+// not null, the velocity jumps are the new jumps of that answer.
 wire::Batch far_field(std::uint32_t components, int step, const wire::Batch* last_answer) {
   const wire::Batch scalar = support::step_columns(Strategy::kForceDriven, kNodes, step);
   wire::Batch batch = wire::Batch::of(wire::columns_of(Strategy::kForceDriven).required, kNodes.size(), components);

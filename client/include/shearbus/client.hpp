@@ -39,7 +39,7 @@ class Error : public std::runtime_error {
                            (status.remedy[0] == '\0' ? "" : std::string(" (") + status.remedy + ")")),
         status_(std::make_shared<const shearbus_status>(status)) {}
 
-  // A fault that a header finds by itself.
+  // Makes the Error of a fault that a C++ header finds before it calls the C interface.
   static Error of(int code, const std::string& field, const std::string& text) {
     shearbus_status status = SHEARBUS_STATUS_INIT;
     const auto put = [](const std::string& from, char* to, std::size_t size) { to[from.copy(to, size - 1)] = '\0'; };
@@ -177,7 +177,7 @@ class Session {
         },
         options);
   }
-  // A session that opening(&handle, &c_options, &status), a call of the C interface, opens.
+  // Returns the session that the function opening(&handle, &c_options, &status) opens by a call of the C interface.
   template <typename Opening>
   static Session open_by(const Options& options, const Opening& opening) {
     Session session(make_log(options));
@@ -199,7 +199,7 @@ class Session {
 
   shearbus_result step(const Step& step) { return run(step, SHEARBUS_ADVANCE); }  // commits the new states
   shearbus_result trial(const Step& step) { return run(step, SHEARBUS_TRIAL); }   // commit() or rollback() follows
-  // A step in two halves: the arrays of the outputs must last until finish().
+  // start() sends a step, finish() waits for its answer. The arrays of the outputs must exist until finish() returns.
   void start(const Step& step, int mode = SHEARBUS_ADVANCE) {
     const shearbus_request request = step.request(mode);
     call(shearbus_start, handle_, &request);

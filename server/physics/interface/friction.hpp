@@ -17,7 +17,7 @@
 
 namespace shearbus::physics {
 
-enum class FrictionLaw : std::uint8_t {};  // place in the list of friction_laws.hpp; 0: constant
+enum class FrictionLaw : std::uint8_t {};  // index of a law in the list of friction_laws.hpp; 0: constant mu
 
 struct InterfaceOptions {
   double friction_coefficient = 0.0;            // coefficient mu; if mu varies, its value without slip and below T_ref
@@ -40,10 +40,10 @@ struct FrictionValue {
 // (FrictionHeating). Temperature changes this slip only through the stress, so friction is solved before the interface
 // temperature T0 is known, and the rest of the solver sees a constant limit.
 struct SlidingFriction {
-  double sliding;  // smallest a >= 0 with a = mu(c - b a) P, which is the answer with the most slip  [Pa]
+  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the stress of the answer with the most slip  [Pa]
   double holding;  // friction stress mu P at the slip that remains under the sticking stress a_stick  [Pa]
-  // Above this stress, `exceeds_again`, friction exceeds the stress a again because less slip strengthens friction; a
-  // sticking state may then coexist with the sliding state. Infinity: this never happens.
+  // Stress above which mu(c - b a) P exceeds a again, because mu rises as the slip falls. The node may then also stick
+  // in the same step. Infinity: there is no such stress.
   double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
 };
 
@@ -89,11 +89,11 @@ concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDepe
   { Law::kEquation } -> std::convertible_to<std::string_view>;  // equation of the law, for OPTIONS.md
   { Law::kAdds } -> std::convertible_to<std::string_view>;  // what the law adds to constant friction, for OPTIONS.md
   { Law::kWhen } -> std::convertible_to<std::string_view>;  // when to use the law, for OPTIONS.md
-  // Checks the constants of the law together. The field of a fault is a key of [interface].
+  // Checks the constants of the law together. The fault that it returns names a key of the scene table [interface].
   { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
-  // Replaces the constants of the law by typical ones; mu and the yield strength are given.
+  // Returns the options with typical constants of the law; friction_coefficient and yield_strength stay as given.
   { Law::typical(options, soft) } -> std::same_as<InterfaceOptions>;
-  // The coefficient at T0 and |[v]|; `soft` holds the properties at the pressure of the node.
+  // Returns mu at the interface temperature T0 and slip velocity |[v]|; `soft`: the material at the node's pressure.
   { Law::at(options, soft, value, value) } -> std::same_as<FrictionValue>;
 };
 

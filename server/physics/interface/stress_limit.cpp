@@ -8,8 +8,8 @@ namespace shearbus::physics {
 namespace {
 
 constexpr int kMaxIterations = 200;    // largest number of iterations of slip_stress(); bisection alone needs 60
-constexpr int kNewtonIterations = 12;  // afterwards every second iteration bisects; Newton has needed fewer iterations
-// A shorter Newton step, relative to the stress, is the last: the next is below rounding.
+constexpr int kNewtonIterations = 12;  // more than Newton's method usually needs; later every second iteration bisects
+// The search ends after a Newton step shorter than this fraction of the stress: the next step would be below rounding.
 constexpr double kConverged = 1e-9;
 constexpr double kLeastGuess = 1e-12;      // smallest starting stress used, relative to the upper end of the bracket
 constexpr int kMaxSearchIterations = 400;  // largest number of iterations of approach_zero()
@@ -89,8 +89,8 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
   double lo = 0.0;
   if (hi <= 0.0) return 0.0;
   if (spare_strength(limit, heating, hi) >= 0.0) return hi;
-  // `melting` is the stress that melts the interface if at least half of the frictionless slip c remains. If at least
-  // c/2 does remain, `melting` is an upper bound of the root; with fast slip it is far below `hi`.
+  // If the stress `melting` leaves at least half of the frictionless slip c, its heat melts the interface. Then
+  // `melting` is an upper bound of the root, and with fast slip it is far below `hi`.
   const double melting = 2.0 * (limit.soft->melting_temperature - heating.T_ad) / (heating.rise * heating.c);
   if (melting < hi && 2.0 * heating.b * melting <= heating.c) hi = melting;
   double a = guess > kLeastGuess * hi && guess < hi ? guess : 0.5 * hi;
@@ -105,7 +105,8 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
     if (stress > 0.0 && a > 0.0) {
       next = a - logarithm(stress / a) / (s.slope / stress - 1.0 / a);
       if (std::abs(next - a) <= kConverged * a) {
-        // A short step on the logarithm may only mean that melting is near; convergence also needs a short step on H.
+        // Near melting this step may be short far from the root. The root counts as found only if the Newton step on
+        // H(a) = s_lim - a itself is short, too.
         const double straight = a + (stress - a) / (1.0 - s.slope);
         if (std::abs(straight - a) <= kConverged * a) {
           return polished(limit, heating, std::clamp(next, lo, hi), a_max, std::clamp(straight, lo, hi));
@@ -147,12 +148,12 @@ bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, do
 
 namespace {
 
-constexpr double kSame = 1e-9;      // relative difference below which two zeros count as the same
+constexpr double kSame = 1e-9;      // relative difference below which two zeros of H count as the same
 constexpr double kArrived = 1e-12;  // relative residual below which a stress counts as a zero of H
 
-// Returns the limit of the interface at the temperature that the stress a causes. The strength of junctions depends on
-// slip: with junctions the result is the stress that equals the limit at this temperature and at the slip under that
-// stress.
+// Returns the limit of the interface at the temperature that the stress a causes. With junctions, whose strength
+// depends on slip, the limit also depends on the slip and so on the stress: the result is then the stress that equals
+// the limit at this temperature and at the slip under this same stress.
 double carried_where(const StressLimit& limit, const FrictionHeating& heating, double a) {
   const double T0 = heating.temperature(a);
   if (limit.effort != nullptr) ++limit.effort->limit_values;
@@ -160,9 +161,9 @@ double carried_where(const StressLimit& limit, const FrictionHeating& heating, d
   return slip_stress(limit, {T0, 0.0, heating.c, heating.b}, std::numeric_limits<double>::infinity(), a);
 }
 
-// Iterates a -> s_lim(T0(a)), which rises with a above the stress of greatest heating. From a start with spare strength
-// H > 0 the iteration climbs to the next zero of H, with H < 0 it falls to the next zero below; it cannot jump over a
-// zero. It ends at `begin` or `end`, or short of the zero after too many iterations.
+// Replaces the stress a by the limit s_lim(T0(a)) again and again. This limit rises with a above the stress of greatest
+// heating. From a start with spare strength H > 0 the stress climbs to the next zero of H, from H < 0 it falls to the
+// next zero below, and it cannot jump over a zero. It stops at `begin` or `end`, or after kMaxSearchIterations.
 double approach_zero(const StressLimit& limit, const FrictionHeating& heating, double a, double begin, double end) {
   for (int iteration = 0; iteration < kMaxSearchIterations; ++iteration) {
     const double next = std::clamp(carried_where(limit, heating, a), begin, end);
@@ -187,7 +188,7 @@ SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& hea
     const double last = spare_end > 0.0 ? end : approach_zero(limit, heating, end, peak, end);
     return {a, true, last > peak * (1.0 + kSame)};
   }
-  // 2. Above the stress of greatest heating: the first zero of H, if there is one.
+  // 2. Find the first zero of H above the stress of greatest heating, if there is one.
   double a = approach_zero(limit, heating, peak, peak, end);
   if (a == end) return {end, spare_end <= 0.0, false};
   if (spare_end > 0.0) {
@@ -195,8 +196,8 @@ SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& hea
     return found ? SlipSearch{a, true, false} : SlipSearch{end, false, false};
   }
   const double last = approach_zero(limit, heating, end, peak, end);
-  // 3. approach_zero() may be too slow to arrive where two zeros of H nearly coincide. H changes sign between a and
-  // `last`, so bisection finds the zero.
+  // 3. Where two zeros of H nearly coincide, approach_zero() converges slowly and may stop before it arrives. H changes
+  // sign between a and `last`, so bisection finds the zero.
   double hi = last;
   while (spare_strength(limit, heating, a) > kArrived * a) {
     const double mid = 0.5 * (a + hi);

@@ -1,4 +1,4 @@
-// Heat of the reference twin: the linear systems are assembled and solved directly.
+// Heat conduction of the reference solver (advance_one.hpp): the linear systems are assembled and solved directly.
 #include <Eigen/SparseCore>
 #include <Eigen/SparseLU>
 #include <algorithm>
@@ -40,9 +40,9 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 
 namespace {
 
-// T_ad and B of a step with modes. Rows: the start temperature, each mode of HeatModes, T0. The response of T0 to the
-// flux of the step is the exact integral of the heat kernel. `early` > 0: the flux is linear in time through
-// `early_flux` at `early` dt and q at dt; else the flux is constant.
+// Returns T_ad, the values without the flux q of the step, and B, their rise per unit q, in a step with heat modes.
+// The values are: the start temperature, each mode of HeatModes, T0. The rise of T0 is the exact integral of the heat
+// kernel. The flux is constant or, if `early` > 0, linear in time: `early_flux` at the time `early` dt and q at dt.
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;
@@ -50,7 +50,7 @@ Heat heat_of_modes(const ModelOptions& options, double dt, double early, double 
   double T0 = old.rows[0];
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
     // The flux at a time s before the end of the step adds to the mode with the weight exp(-rate s). This flux is
-    // q + (q_early - q) s / ((1 - early) dt): `first` is the weight of q_early, `second` the weight of q.
+    // q + (early_flux - q) s / ((1 - early) dt). `first` is the total weight of early_flux, `second` that of q.
     const long double x = static_cast<long double>(modes.rate[j]) * dt;
     const long double mean = x > 0.0L ? -std::expm1(-x) / x : 1.0L;
     const long double moment = x > 1e-7L ? (mean - std::exp(-x)) / x : 0.5L - x / 3.0L;

@@ -14,14 +14,14 @@ namespace {
 constexpr double kLeastLog = -690.0, kMostLog = 230.0;  // ln of the least and the largest strain increment searched
 constexpr double kMostStrain = 1e100;
 
-// The strain increment dep with Y(dep) = sqrt(3) a, for a flow stress Y that rises with dep.
+// Returns the strain increment dep with Y(dep) = sqrt(3) a: flow stress Y, which rises with dep, and shear stress a.
 double increment_of(const std::function<double(double)>& yield, double a) {
   const auto missing = [&](double log_dep) { return yield(std::exp(log_dep)) - kSqrt3 * a; };
   if (missing(kLeastLog) >= 0.0) return 0.0;
   return missing(kMostLog) <= 0.0 ? kMostStrain : std::exp(bisect(missing, kLeastLog, kMostLog));
 }
 
-// The plastic strain increment of Steinberg's law, DLP (48).
+// The plastic strain increment of Steinberg's law under the shear stress a, DLP (48); g is the softening factor.
 double steinberg(const Material& m, double a, double g, double ep_old) {
   const double hardened = std::pow(kSqrt3 * a / (m.yield_strength * g), 1.0 / m.hardening_exponent);
   return std::min(kMostStrain, std::max(0.0, (hardened - 1.0) / m.hardening_coefficient - ep_old));

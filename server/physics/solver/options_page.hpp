@@ -1,4 +1,4 @@
-// The options page, server/physics/OPTIONS.md, printed from the rows of parts.cpp and from the lists of laws.
+// The options page, server/physics/OPTIONS.md, printed from the tables in parts.cpp and from the lists of laws.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// The states of a node. Each state is one row of the list TileLayout, with name, unit and width. Offsets in a tile,
+// The states of a node. Each state is one member of the list TileLayout, with name, unit and width. Offsets in a tile,
 // checkpoint columns and bytes per node follow from this list.
 #pragma once
 
@@ -17,7 +17,7 @@ namespace shearbus::physics {
 struct State {
   const char* name;    // name of the checkpoint column
   const char* unit;    // unit in the notation of UDUNITS
-  std::size_t offset;  // offset in the tile of the state's values, [width][kLanes]
+  std::size_t offset;  // where the values of the state begin in a tile; they are an array [width][kLanes]
   std::size_t width;   // number of values per node
 };
 
@@ -32,7 +32,7 @@ class StateList {
   // Adds a state behind the others and returns its offset. A width of 0 adds nothing and returns kAbsent: this model
   // does not have the state.
   std::size_t add(const char* name, const char* unit, std::size_t width);
-  // Adds a row for each state that a law declares, with one value per node. Returns the offset of the first row, or
+  // Adds each state that a law declares, with one value per node. Returns the offset of the first of these states, or
   // kAbsent if the law declares none.
   std::size_t add(std::span<const StateVariable> of_law);
 
@@ -40,27 +40,27 @@ class StateList {
   std::vector<State> states_;
 };
 
-// The list of the states. Each member with add() is one row: its initialiser declares the state, its value is the
-// offset of the state in a tile. Members are initialised in the order of their declaration, which is the order in the
-// tile.
+// The list of the states. Each member that is initialised by add() stands for one state: the initialiser declares the
+// state, and the member's value is the offset of the state in a tile. Members are initialised in the order of their
+// declaration, so the states have this order in the tile.
 class TileLayout : public StateList {
   const ModelOptions* options_;  // for the initialisers of the members only; null after the construction
 
  public:
-  // `modes` is null in a model with a temperature profile.
+  // `modes` is null in a model that stores a temperature profile instead of heat modes.
   TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes, int layer_vertices);
 
   std::size_t num_hard_vertices;  // vertices of the hard body except z = 0; 0 if the hard body does not conduct
-  // With modes: number of rows before the row of T0, one for the start temperature and one for each mode; else 0.
+  // With heat modes: number of values before T0, which are the start temperature and one value per mode; else 0.
   std::size_t num_heat_modes;
-  // Heat vertices of the layer and of a half-space behind the layer; with modes 1, the row of T0.
+  // Vertices of the layer and of a half-space behind the layer that have a temperature; with heat modes 1, only z = 0.
   std::size_t num_vertices;
-  std::size_t num_strain_vertices;  // vertices of a layer that can flow, else 0
-  std::size_t num_stress_vertices;  // vertices that have a stress: with inertia all of the layer, else only z = 0
-  std::size_t num_velocity_cells;   // cells of a layer with inertia, else 0
+  std::size_t num_strain_vertices;  // number of vertices of a layer that can flow, else 0
+  std::size_t num_stress_vertices;  // number of vertices with a stress: with inertia all of the layer, else only z = 0
+  std::size_t num_velocity_cells;   // number of cells of a layer with inertia, else 0
 
-  // hard_temperature, heat_modes and temperature are contiguous: they are the rows of HeatGrid or of HeatModes. While a
-  // node is asleep they hold the amplitudes of HeatBasis.
+  // The states hard_temperature, heat_modes and temperature follow each other without a gap. Together they are the
+  // temperatures of HeatGrid or the values of HeatModes or, while a node sleeps, the amplitudes of HeatBasis.
   std::size_t hard_temperature = add("hard_temperature_k", "K", num_hard_vertices);  // the outermost vertex first
   std::size_t heat_modes = add("heat_modes_k", "K", num_heat_modes);
   std::size_t temperature = add("temperature_k", "K", num_vertices);
@@ -80,7 +80,7 @@ class TileLayout : public StateList {
   std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);
   std::size_t least_strain_at_rest = add("least_strain_at_rest", "1", num_strain_vertices > 0 && options_->sleep);
 
-  // Offset of the first row that stores temperatures: of HeatGrid or HeatModes or, while the node sleeps, of HeatBasis.
+  // Offset of the first of the states hard_temperature, heat_modes and temperature (some of which may be absent).
   std::size_t first_temperature() const { return temperature - (num_hard_vertices + num_heat_modes) * kLanes; }
 };
 

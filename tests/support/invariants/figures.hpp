@@ -1,4 +1,4 @@
-// Counts and largest residuals of a run whose steps are checked against the invariants.
+// Counts of steps, and largest residuals, of a run whose steps are checked against the invariants of the model.
 #pragma once
 
 #include <algorithm>
@@ -9,12 +9,12 @@
 
 namespace shearbus::testing {
 
-// Counts and largest residuals over all node-steps of a run.
+// Counts and largest residuals over all node-steps of a run; a node-step is one step of one node.
 struct Figures {
   long node_steps = 0;
   std::array<long, 5> in_regime{};  // number of node-steps that ended in each Regime
   long divided = 0;                 // number of node-steps that were divided into substeps
-  long several = 0;                 // number of node-steps with several solutions
+  long several = 0;                 // number of node-steps whose equations have several solutions
   long flowing = 0;                 // number of node-steps in which a plastic layer carries a stress
   long flowing_resolved = 0;        // number of node-steps of `flowing` in which rounding errors do not hide the slip
   double heat_residual = 0.0;       // largest residual of the heat balance, relative to the stored heat

@@ -1,5 +1,5 @@
 // The stress of a velocity-driven layer that only shears elastically (server/physics/MODEL.md, "Velocity-driven step"):
-// DLP (37), (56). This stress is the answer where the layer is at rest and nothing yields under it.
+// DLP (37), (56). It is the answer of the step if the layer is at rest and neither layer nor interface yields under it.
 #pragma once
 
 #include <algorithm>
@@ -9,9 +9,9 @@
 namespace shearbus::physics {
 
 struct ElasticTrial {
-  double stress;     // elastic trial stress s_old + G0 dt w / h, signed  [Pa]
+  double stress;     // elastic trial stress s_old + G0 dt w / h, signed; w: driving_velocity()  [Pa]
   double direction;  // sign of the trial stress; if that is 0, sign of the jump
-  double heating;    // heat flux per stress magnitude: beta_T max([V] direction, 0)  [m/s]
+  double heating;    // heat flux into the soft body per |stress|: beta_T max([V] direction, 0)  [m/s]
 
   bool heats() const { return stress != 0.0 && heating > 0.0; }
 };

@@ -11,8 +11,9 @@ namespace shearbus::physics {
 using sdirk2::begin_second_stage;
 using sdirk2::lanes_out_of_range;
 
-// The balance is exact over a step of any length: only heat is approximated in time. Both stages therefore start from
-// the old stress and strain, the first over gamma dt for its flux alone, the second over dt for the answer.
+// Only the conduction of heat is approximated in time; the balance of elastic strain, plastic flow and slip is exact
+// over a step of any length. Both stages therefore start from the old stress and strain. The first stage covers gamma
+// dt, and only its heat flux is used; the second stage covers dt and gives the answer.
 void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                     const double* committed, double* trial, TileOutputs& outputs) {
   const HeatOperator& stage = operators.stage();
@@ -20,7 +21,7 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
   const double* T_old = committed + problem.layout.first_temperature();
   double* T = trial + problem.layout.first_temperature();
 
-  // 1. First stage of SDIRK2: the step up to gamma dt, for its heat flux.
+  // 1. First stage of SDIRK2: a step over gamma dt, of which only the heat flux is used.
   solve_balance(problem, operators, {&stage, stage.dt}, inputs, committed, trial, outputs);
   double early_flux[kLanes] = {};
   for (const int l : lanes_of(inputs.active)) early_flux[l] = outputs.friction_heat[l] / stage.dt;
@@ -32,7 +33,7 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
   theirs.active = inputs.active & ~fallen_back;
   solve_balance(problem, operators, {&stage, operators.dt(), early_flux}, theirs, committed, trial, outputs);
 
-  // 3. Backward Euler for lanes whose extrapolated temperatures are out of range.
+  // 3. Lanes (nodes) whose extrapolated temperatures are out of range take a step of backward Euler instead.
   if (fallen_back == 0) return;
   const std::size_t doubles = problem.layout.doubles;
   double* fallback = scratch_tile(Scratch::kStages, doubles);
