@@ -21,7 +21,7 @@ struct EnumNames {
 
   bool has(std::uint64_t number) const;
   const char* name(std::uint32_t number) const;  // "?" for a number without a name
-  // names of all values but number 0, as text: "ADVANCE or TRIAL"
+  // names of all values except number 0 (unspecified), as text: "ADVANCE or TRIAL"
   std::string choices() const;
 };
 
@@ -31,7 +31,7 @@ EnumNames names_of(Code code);
 EnumNames names_of(Element element);
 EnumNames names_of(Field field);  // the list of values is empty: columns.hpp has the names of the fields
 EnumNames names_of(Mode mode);
-EnumNames names_of(Outcome outcome);  // names of the bits
+EnumNames names_of(Outcome outcome);  // names of the bits of an outcome
 EnumNames names_of(Policy policy);
 EnumNames names_of(Regime regime);
 EnumNames names_of(Strategy strategy);

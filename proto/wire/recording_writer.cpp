@@ -43,14 +43,14 @@ struct HistoryWriter::Impl {
     Dataset dataset;
     std::vector<double> numbers;  // buffered rows of a float64 dataset; rows of a byte dataset are in `codes`
     std::vector<std::uint8_t> codes;
-    bool set = false;  // true if the current row already has its values
+    bool set = false;  // true if the values of the current row (one step) are already set
   };
 
   fs::path file;
   fs::path partial;
   File handle;
   Dataset time;
-  Dataset dt;  // dataset /dt, if the rows give the length of their steps
+  Dataset dt;  // dataset /dt, present if each step is written with its length
   std::vector<Series> series;
   std::size_t nodes = 0;
   std::size_t rows_per_chunk = 1;

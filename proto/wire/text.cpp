@@ -36,7 +36,7 @@ bool has_control_character(std::string_view text) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     const auto byte = static_cast<unsigned char>(text[i]);
     if (byte < 0x20 || byte == 0x7f) return true;
-    // U+0080 to U+009F are the bytes C2 80 to C2 9F.
+    // In UTF-8 the control characters U+0080 to U+009F are the bytes C2 80 to C2 9F.
     if (byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0) return true;
   }
   return false;

@@ -44,7 +44,7 @@ static_assert(physics::kSubstepped == wire::kSubstepped && physics::kMultipleRoo
               physics::kFirstOrder == wire::kFirstOrder && physics::kFailed == wire::kFailed);
 static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
 
-// ---- columns and members of a tile ----
+// ---- columns of a message, and the tile members that they fill or are filled from ----
 
 // Members of a tile for the second tangential component have the first component's name with the prefix `second_`.
 #define SECOND_Scalar(rows, enumerator, quantity)
@@ -107,7 +107,7 @@ void add_stick_form(const wire::Batch& request, double dt, shard::StepColumns& c
   }
 }
 
-// ---- columns of a model ----
+// ---- columns that only models with certain options have ----
 
 constexpr std::array kConditions = {
     ColumnCondition{Field::kSoftPlasticStrainRate, wire::Kind::kInput,

@@ -1,7 +1,7 @@
-// The nodes of a shard in the order of their registration, and the slot that holds the state of each node.
+// The nodes of a shard in the order of their registration (one row per node), and the slot that holds a node's state.
 //
-// Slots are dense: n nodes occupy the slots 0 to n - 1. New nodes get the next slots; when nodes leave, the nodes of
-// the last slots move into the free slots. The rows always stay in the order of registration.
+// Slots are dense: n nodes occupy the slots 0 to n - 1. New nodes get the next slots. When nodes leave, the states in
+// the last slots move into the free slots; the order of the rows does not change.
 #pragma once
 
 #include <cstddef>
@@ -12,12 +12,12 @@
 
 namespace shearbus::shard {
 
-// The slots of the rows of a request, and the faults of its node ids.
+// The slots of the nodes that a request names, one node per row of the request, and the faults of its node ids.
 struct Rows {
   bool all = false;                      // the request has every node, in the order of the table; the lists are empty
-  bool others_are_open = false;          // the step also includes the nodes without a row, with P = 0 and no forces
-  std::vector<std::uint32_t> slots;      // slot of each row
-  std::vector<std::uint64_t> unknown;    // ids that the table does not have, in row order
+  bool others_are_open = false;          // nodes that the request leaves out are stepped too, with P = 0 and no forces
+  std::vector<std::uint32_t> slots;      // slot of the node in each row of the request
+  std::vector<std::uint64_t> unknown;    // ids that the table does not have, in the order of the request
   std::vector<std::uint64_t> duplicate;  // ids that the request has more than once
   bool ok() const { return unknown.empty() && duplicate.empty(); }
 };
@@ -47,7 +47,7 @@ class NodeTable {
     return slots_.empty() ? static_cast<std::uint32_t>(row) : slots_[row];
   }
 
-  // This table with more nodes; their ids must be unique, and the table must have none of them.
+  // Returns this table with more nodes. Their ids must differ from each other and from those in the table.
   NodeTable with(std::span<const std::uint64_t> node_ids) const;
   // Returns this table without the nodes in the given slots, and the moves of states by which the caller closes the
   // gaps: states of the last slots go to the slots that became free.
@@ -60,8 +60,8 @@ class NodeTable {
  private:
   // by_id_ is a sorted table, not a hash table: clients choose the ids, and no choice makes a binary search slow.
   std::vector<std::uint64_t> ids_;
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> by_id_;  // id and row of each node, by ascending id
-  std::vector<std::uint32_t> slots_;                            // slot of each row; empty: slot = row
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> by_id_;  // node ids, ascending, each with its place in ids_
+  std::vector<std::uint32_t> slots_;  // slot of each node of ids_; empty: the slot is the place in ids_
 };
 
 }  // namespace shearbus::shard

@@ -30,7 +30,7 @@ const char* name(Durability durability);
 
 struct StoreOptions {
   Durability durability = Durability::kProcess;
-  std::uint64_t epoch = 1;  // random number of this start of the server
+  std::uint64_t epoch = 1;  // random number that identifies this start of the server
   // a checkpoint is due when the journal has grown by this size since the last one  [bytes]
   std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;
   std::size_t max_capsules = 16;  // largest number of failure capsules in the directory; later ones are not written
@@ -44,7 +44,7 @@ class Recovery {
  public:
   virtual ~Recovery() = default;
   virtual void restore(const Snapshot& snapshot) = 0;                  // called first, if there is a checkpoint
-  virtual void replay(const Record& record, std::uint64_t epoch) = 0;  // once per record after the checkpoint, in order
+  virtual void replay(const Record& record, std::uint64_t epoch) = 0;  // for each record after the checkpoint, in order
   virtual void clear() = 0;                                            // called to discard everything recovered so far
 };
 
@@ -54,7 +54,7 @@ struct StoreCounters {
   std::uint64_t replayed = 0;     // records replayed at the start
   std::uint64_t checkpoints = 0;  // checkpoints written since the start
   std::uint64_t checkpoints_failed = 0;
-  std::uint64_t checkpoint_bytes = 0;  // size of the last checkpoint
+  std::uint64_t checkpoint_bytes = 0;  // size of the last checkpoint  [bytes]
 };
 
 class Store {
@@ -62,7 +62,7 @@ class Store {
   Store(Storage& storage, StoreOptions options);
 
   // Must be called once, before any other member. Throws DamagedFile or StorageError if files cannot be used and
-  // accept_empty is not set. An exception of `recovery` counts as damage.
+  // accept_empty is not set. An exception thrown by `recovery` counts as damage.
   void recover(Recovery& recovery);
 
   // Records a request before it is executed. Throws StorageError: if no_space() is true nothing was recorded and a
@@ -70,7 +70,7 @@ class Store {
   void append(const Record& record);
   // Makes the appended records as durable as StoreOptions::durability promises. A failure is final.
   void settle();
-  bool failed() const { return failed_; }  // true after a final failure: no request may be answered
+  bool failed() const { return failed_; }  // true after a failure that no retry can repair: no request may be answered
 
   bool checkpoint_due() const;
   bool changed_since_checkpoint() const { return changed_; }
@@ -90,14 +90,14 @@ class Store {
 
  private:
   struct Found;
-  struct Missed {  // a segment that cannot be used; without `cause` it is empty or of another directory
+  struct Missed {  // a journal segment that cannot be used; `cause` is null if it is empty or of another directory
     std::string text;
     std::exception_ptr cause;
   };
   struct Restored {
     std::uint64_t next_index = 0;  // index of the first record that the restored checkpoint does not include
     std::string faults;            // faults of the checkpoints that were not loaded
-    std::exception_ptr unread;     // the first StorageError among these faults
+    std::exception_ptr unread;     // the first StorageError among `faults`
   };
 
   Found find();
@@ -124,7 +124,7 @@ class Store {
   Storage& storage_;
   StoreOptions options_;
   StoreIdentity identity_;
-  std::unique_ptr<JournalWriter> journal_;  // null until the next record begins a segment
+  std::unique_ptr<JournalWriter> journal_;  // null until the next record begins a new segment of the journal
   std::uint64_t next_index_ = 0;
   std::uint64_t next_segment_ = 1;
   std::uint64_t next_generation_ = 1;
@@ -134,11 +134,11 @@ class Store {
   bool failed_ = false;
   struct Kept {
     std::uint64_t number;  // number of the file
-    std::uint64_t index;   // checkpoint: Snapshot::next_index; segment: first_index
+    std::uint64_t index;   // index of a record: the first one after the checkpoint, or the first one in the segment
   };
   std::vector<Kept> checkpoints_;        // sound checkpoints, oldest first
-  std::vector<Kept> segments_;           // segments that were replayed or written, oldest first
-  std::vector<std::uint64_t> attempts_;  // generations of checkpoints that were written and not found sound
+  std::vector<Kept> segments_;           // journal segments that were replayed or written, oldest first
+  std::vector<std::uint64_t> attempts_;  // numbers of the checkpoints that were begun but not verified as sound
   StoreCounters counters_;
 };
 

@@ -9,7 +9,7 @@ namespace shearbus::physics {
 namespace {
 
 constexpr int kMaxIterations = 200;  // largest number of iterations of zero_between(); bisection needs about 60
-constexpr double kArrived = 1e-15;   // a shorter step, relative to the bracket's upper end, is the last
+constexpr double kArrived = 1e-15;   // the iteration ends at a step below this share of the bracket's upper end
 
 // The balance h(a) = mu(c - b a) P - a of a step, as a function of the stress a.
 struct Balance {
@@ -28,7 +28,7 @@ struct Balance {
   }
 };
 
-// Finds the only zero of h in [left, right], by Newton steps from `a` and bisection; `rising`: h(left) is negative.
+// Finds the only zero of h in [left, right] by Newton steps from `a` and by bisection. `rising`: h rises at the zero.
 double zero_between(const Balance& h, double left, double right, double a, bool rising) {
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const double value = h.value(a);

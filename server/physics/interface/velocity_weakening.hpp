@@ -37,7 +37,7 @@ struct VelocityWeakening {
 };
 
 // The smallest a >= 0 with a = mu(max(0, c - b a)) P  [Pa]. A solution always exists. Where friction falls steeply with
-// velocity there may be three, and a sliding node continues in the smallest.
+// velocity there may be three solutions; a sliding node then continues in the smallest.
 double sliding_stress(const VelocityWeakening& law, double pressure, double c, double b);
 
 }  // namespace shearbus::physics

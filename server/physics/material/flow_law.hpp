@@ -65,8 +65,8 @@ struct FlowLawProperties {
   bool first_order_in_time;  // the stress follows the mean rate of a step, so that the step is of first order
   bool vanishes_at_melting;  // the softening g is 0 at T_melt and above
   bool has_pressure_term;    // the softening g contains gP P, so that Material::pressure_term has an effect
-  bool has_ceiling;          // for some constants the strength H has a largest value (Y_max)
-  bool has_wave_return;      // solver/velocity_driven/waves (inertia) can return a stress to the law's flow stress
+  bool has_ceiling;          // the law has a constant that can limit the strength H (Y_max)
+  bool has_wave_return;      // the solver of layers with inertia can return a stress to this law's flow stress
 };
 
 // The constexpr members that every flow law declares.
@@ -98,9 +98,9 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
                                     double T) {
   { Law::kName } -> std::convertible_to<std::string_view>;                  // name of the law in scenes
   { Law::kEquation } -> std::convertible_to<std::string_view>;              // source of the law, for OPTIONS.md
-  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // what the law adds, for OPTIONS.md
+  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // effects it describes, for OPTIONS.md
   { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law, for OPTIONS.md
-  { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the members that the law uses
+  { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the Material members that it uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks the constants of the law together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT
   { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;  // upper bound of |dg/dT| between two temperatures

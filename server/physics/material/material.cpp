@@ -115,7 +115,7 @@ std::span<const MaterialField> material_fields() {
 
 MaterialResult make_material(std::string_view name, std::span<const std::pair<std::string, double>> given,
                              std::optional<FlowLaw> law) {
-  // 1. The constants start from those of the named material of the catalog, or from none if no name is given.
+  // 1. The constants start from those of the catalog's material `name`, or from no values if no name is given.
   Material material;
   if (!name.empty()) {
     const auto entries = catalog();
@@ -126,8 +126,8 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     }
     material = entry->material;
   }
-  // Under a law other than the catalog's the strength constants of the catalog mean nothing: the caller must give all
-  // strength constants that the new law requires.
+  // If the caller chooses another flow law than the catalog's, the catalog's strength constants mean nothing. The
+  // caller must then give all strength constants that the chosen law requires.
   const bool other_law = law && *law != material.flow_law;
   if (law) material.flow_law = *law;
 

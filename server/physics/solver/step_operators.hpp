@@ -58,7 +58,7 @@ class StepOperators {
   // Number of operators for dt/2, dt/4, ...: of HeatOperators with a profile, of ModeOperators with modes.
   int max_halvings() const { return static_cast<int>(shorter_.size() + shorter_modes_.size()); }
 
-  // For a tolerance: the StepOperators of dt/2, dt/4, ... Each is made when a step first needs it; thread-safe.
+  // For models with a tolerance: StepOperators of dt/2, dt/4, ... Each is made at its first use; thread-safe.
   using MakeHalved = std::function<std::unique_ptr<const StepOperators>(int times)>;
   void allow_halving(int most_times, MakeHalved make) {
     make_halved_ = std::move(make);

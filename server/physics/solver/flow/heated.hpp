@@ -8,13 +8,13 @@
 
 namespace shearbus::physics {
 
-// The temperatures T = T_ad + q B of the vertices that can be the hottest. If all heat enters at z = 0 and none leaves
-// through z = 0, only the vertex at z = 0 can be the hottest.
+// The temperatures T = T_ad + q B under the heat flux q, for the vertices that can be the hottest. If all heat enters
+// at z = 0 and none leaves through z = 0, only the vertex at z = 0 can be the hottest.
 struct Heated {
   const double* T_ad = nullptr;  // temperatures without the heat of the step: the lane's column of [vertex][lane]  [K]
-  const double* B = nullptr;     // response B: an array [vertex], or the lane's column of [vertex][lane]  [K m2/W]
-  std::ptrdiff_t stride = 1;     // distance in the array B from one vertex to the next: 1, or kLanes for [vertex][lane]
-  int candidates = 1;            // number of vertices, from z = 0, that can be the hottest
+  const double* B = nullptr;  // temperature rise per flux: [vertex], or the lane's column of [vertex][lane]  [K m2/W]
+  std::ptrdiff_t stride = 1;  // distance in the array B from one vertex to the next: 1, or kLanes for [vertex][lane]
+  int candidates = 1;         // number of vertices, from z = 0, that can be the hottest
 
   double response(int i) const { return B[i * stride]; }
   double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * response(i); }

@@ -10,9 +10,9 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kAtCeiling = 1e-11;  // relative distance from the ceiling up to which a stress counts as equal to it
+constexpr double kAtCeiling = 1e-11;  // a stress within this relative distance of the layer's ceiling counts as equal
 constexpr int kMostUlps = 1 << 26;    // largest correction of a stress or temperature at the end of a search, in ulps
-constexpr double kBeyond = 1e-10;     // relative margin that keeps a bound of the stress above the answer
+constexpr double kBeyond = 1e-10;     // relative margin added to an upper bound of the stress, against rounding
 
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
 // stress may melt the layer. The answer is then reduced until the layer stays below melting.
@@ -36,8 +36,8 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   const double B0 = start.layer.response(0);
   const double rise = start.heat_partition * B0;
   slipping_ = trial_.slipping(T_ad, rise);
-  // A lane that sticks: at the end of the step [V]new + drive = sqrt(3) integral(dep)/dt, so that in the mean
-  // [v] = ([V]old - [V]new)/2.
+  // If the interface sticks at the end of the step, the flow of the layer takes all of [V]new + drive there. The mean
+  // slip velocity of the interface over the step is then [v] = ([V]old - [V]new)/2.
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
   compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
 
@@ -64,7 +64,7 @@ void FlowingSlip::ask_rigid(Phase phase) {
   ask(phase, std::abs(rigid_.stress), rigid_.flux);
 }
 
-// The largest stress that the layer carries: the ceiling of its hottest vertex.
+// The largest stress that the layer carries under the heat flux q: the stress ceiling of its hottest vertex.
 double FlowingSlip::layer_at(double q) const {
   const double T = start_.layer.T(start_.layer.hottest(q), q);
   const double g = softening(*start_.limit.soft, start_.limit.pressure, T).g;
@@ -135,7 +135,7 @@ void FlowingSlip::update(double slip) {
     }
     case Phase::kSlip: {
       if (!search_.update(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
-      // If the layer carries less than the interface at the flux found, the answer has a smaller flux and less slip.
+      // If at the flux found the layer carries a smaller stress than the interface, the answer has less flux and slip.
       const double q = search_.at();
       if (layer_holds(q)) {
         high_ = q;
@@ -189,9 +189,9 @@ void FlowingSlip::end_stick(double a) {
   const FrictionHeating flux{0.0, start_.heat_partition, stopping_.c, stopping_.b};
   a = not_molten(flux, start_.layer, start_.limit.soft->melting_temperature, a);
   a_stick_ = a;
-  // If the layer is at its ceiling at z = 0 and this ceiling is not above the yield limit of the interface, only the
-  // friction branch can be exceeded. The yield limit is not compared: near melting, ceiling and yield limit differ by
-  // less than T0 resolves.
+  // If the stress is the layer's ceiling at z = 0, and the interface's yield limit is not below that ceiling, then only
+  // friction can keep the interface from sticking. The stress is not compared with the yield limit: near melting, limit
+  // and ceiling differ by less than the effect of a rounding error of T0.
   const double q = flux.rise * (a * flux.slip(a));
   const bool below_yield = at_ceiling_ && start_.ceiling <= start_.limit.tresca && start_.layer.hottest(q) == 0;
   const double carried = below_yield ? start_.limit.friction(T0(q)).stress : interface_at(q);
@@ -206,10 +206,10 @@ void FlowingSlip::end_stick(double a) {
   begin_slip();
 }
 
-// 3. Slip. The unknown is the heat flux q: q gives T0, T0 gives the stress, both give the flow of the layer. The root
-//    has an upper and a lower bound. At the q of the rigid answer the slip that remains after the flow heats by less
-//    than q, because flow reduces the slip. Where the limit of the interface equals the sticking stress it heats by
-//    more than q.
+// 3. Slip. The unknown is the heat flux q. It gives T0, T0 gives the stress, and both give the flow of the layer. The
+//    rest of the slip must heat by q. At the flux of the answer for a rigid layer it heats by less than q, because the
+//    layer takes a part of the slip. At the flux where the stress limit falls to the sticking stress (or at q = 0) it
+//    heats by more than q. The root lies between these two fluxes.
 void FlowingSlip::begin_slip() {
   const double T_melt = start_.limit.soft->melting_temperature;
   low_ = 0.0;
@@ -226,9 +226,9 @@ void FlowingSlip::begin_slip() {
   ask_slip(Phase::kSlipLow, low_);
 }
 
-// Reduces `high_` to the smallest flux at which the layer carries less than the interface. At larger fluxes the
-// interface does not slip further, because the layer takes the rest of the slip by flow. Called if the layer carries
-// less than the interface at `high_`.
+// Reduces `high_` to the smallest flux at which the layer carries a smaller stress than the interface. At larger fluxes
+// the interface does not slip further, because the flow of the layer takes the rest of the slip. Called if the layer
+// carries a smaller stress than the interface at `high_`.
 void FlowingSlip::bound_slip_by_layer() {
   high_ = first_flux(low_, T0(high_), [&](double q) { return layer_holds(q); });
   high_is_ceiling_ = true;
@@ -249,7 +249,7 @@ double FlowingSlip::slip_balance(double slip) const {
 void FlowingSlip::end_slip(double q) {
   kind_ = Kind::kSlip;
   ask_slip(Phase::kDone, q);
-  // T0 may be within its last digit of melting: choose the colder side, where the stress is not 0.
+  // If rounding takes T0 up to melting, the stress is 0: lower T0 by a few ulps, until the stress is positive.
   const double T_ad = T0(0.0);
   const double hot = T0(q);
   for (int ulps = 1; a_ <= 0.0 && q_ > 0.0 && ulps < kMostUlps; ulps *= 2) {
@@ -269,7 +269,7 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) const {
     const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
     return {{d * a_, d * stopping_.slip(a_), trial_.jump_new(a_), q_, regime, true, true, several_}, surplus, hottest};
   }
-  // The slip follows from the friction heat; a layer at its ceiling flows by the rest of the slip in DLP (64).
+  // The friction heat gives the slip of the interface. A layer at its stress ceiling takes the rest of DLP (64).
   const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : interface_slip(a_, slip);
   const double left = slipping_.c - slipping_.b * a_ - v;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;

@@ -11,8 +11,8 @@ namespace shearbus::physics {
 
 TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before)
     : jump_free(jump_before + dt * forcing.acceleration), per_stress(dt * forcing.mobility) {
-  // A frictionless jump of 0 has no direction: the host's plastic shear then acts along the old stress, or not at all
-  // if the old stress is 0 too.
+  // The direction is that of the jump after a step without friction. If this jump is 0, the host's plastic shear acts
+  // along the old stress, or not at all if the old stress is 0 too.
   const double leads = jump_free != 0.0 ? jump_free : stress_before;
   direction = leads < 0.0 ? -1.0 : 1.0;
   drive = leads != 0.0 ? forcing.plastic_drive : 0.0;
@@ -40,7 +40,7 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
   // 1. Stick: no slip at the end of the step, if the interface carries the stress that sticking needs. (With the
   // condition [V]mid = 0 instead the jump would oscillate.)
   const double a_stick = trial.stress_stick;
-  StressLimit resolved;  // `strength` with the constant friction of the step
+  StressLimit resolved;  // the limit `strength`, with the friction that is constant in this step
   if (by_slip) resolved = strength.with_friction(by_slip->holding);
   const StressLimit& limit = by_slip ? resolved : strength;
   const bool can_stick = spare_strength(limit, heating, a_stick) >= 0.0;
@@ -67,7 +67,7 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
   }
   if (!stick) a = below_melting(limit, heating, heat_partition, B0, a);
 
-  // 3. Answer. Where the jump changes sign within the step the slip along the stress is clipped at 0: no heat, no work.
+  // 3. Answer. If the jump changes its sign in the step, a slip against the stress is set to 0: no heat, no work.
   const double slip = stick ? std::max(0.0, 0.5 * (trial.jump_old + trial.drive)) : heating.slip(a);
   const double flux = heat_partition * (a * slip);
   const double jump_new = stick ? 0.0 - trial.direction * trial.drive : trial.jump_new(a);

@@ -73,7 +73,7 @@ void closed_lane(const Problem& problem, const StepOperators& operators, const T
   double slip = answer.interface_slip;
   bool slips = slip != 0.0;
   for (int i = 0; i <= n; ++i) {
-    // Flow has the direction of the stress; a stress that has fallen to 0 keeps its sign.
+    // A vertex flows in the direction of its stress. A stress that has fallen to 0 keeps its sign as +0 or -0.
     slip += std::copysign(kSqrt3 * grid.weight[i] * fields.strain_growth[i] / step.dt, fields.stress[i]);
     slips = slips || fields.strain_growth[i] > 0.0;
     fields.strain[i] += fields.strain_growth[i];
