@@ -387,17 +387,19 @@ bool contains(std::span<const Field> fields, Field field) {
 void check_column(const Session& session, std::uint32_t number, std::uint32_t component, const void* values,
                   const char* kind, std::span<const Field> first, std::span<const Field> second) {
   const auto field = static_cast<Field>(number);
-  const std::string name = column_name(number, component);
+  const auto refuse_column = [&](Code code, const std::string& text, std::string remedy) {
+    const std::string name = column_name(number, component);
+    refuse(code, name + text, std::move(remedy), name);
+  };
   if (!contains(first, field) && !contains(second, field))
-    refuse(Code::kUnsupported, fmt::format("{} is no {} of this session", name, kind),
-           fmt::format("Its {}s are: {}; and: {}.", kind, names_of_columns(first), names_of_columns(second)), name);
+    refuse_column(Code::kUnsupported, fmt::format(" is no {} of this session", kind),
+                  fmt::format("Its {}s are: {}; and: {}.", kind, names_of_columns(first), names_of_columns(second)));
   const std::uint32_t components = wire::is_tangential(field) ? session.opened().tangential_components : 1;
   if (component >= components)
-    refuse(Code::kShape,
-           fmt::format("{}: the scene gives this column {} component{}", name, components, components == 1 ? "" : "s"),
-           "Set tangential_components in the scene, or leave the column out.", name);
-  if (values == nullptr)
-    refuse(Code::kInvalidValue, fmt::format("{}: values is NULL", name), "Give one value per row.", name);
+    refuse_column(Code::kShape,
+                  fmt::format(": the scene gives this column {} component{}", components, components == 1 ? "" : "s"),
+                  "Set tangential_components in the scene, or leave the column out.");
+  if (values == nullptr) refuse_column(Code::kInvalidValue, ": values is NULL", "Give one value per row.");
 }
 
 // The fields of the inputs, each once. Refuses an input field of which a component is missing or given twice.

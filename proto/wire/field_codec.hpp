@@ -166,13 +166,13 @@ struct RequiredFields {
   void operator()(std::uint32_t, const char*, const T&) const {}
   template <typename T>
   void operator()(std::uint32_t number, const char* name, const Required<T>& row) const {
-    bool given = (found >> number & 1U) != 0;
-    std::string expected;
+    const bool given = (found >> number & 1U) != 0;
     if constexpr (std::is_enum_v<T>) {
-      given = given && row.value != T{};
-      expected = ", expected " + names_of(row.value).choices();
+      if (!given || row.value == T{})
+        refuse_field(Code::kMalformed, {&path, name}, "is not given, expected " + names_of(row.value).choices());
+    } else if (!given) {
+      refuse_field(Code::kMalformed, {&path, name}, "is not given");
     }
-    if (!given) refuse_field(Code::kMalformed, {&path, name}, "is not given" + expected);
   }
   template <typename T>
   void operator()(std::uint32_t, const char* name, const SceneText<T>& row) const {
