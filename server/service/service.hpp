@@ -50,6 +50,7 @@ struct ServiceOptions {
   std::function<void(const std::string&)> log;               // writes one line of the log; may be empty
   std::function<void(wire::ServerStatus&)> complete_status;  // adds counters from outside of the service; may be empty
   std::function<void(bool begins)> around_checkpoint;        // called before and after a checkpoint; may be empty
+  std::function<void(Frames request, const ReplyFrames& reply)> exchanged;  // called with every answer; may be empty
 };
 
 class Service : private store::Recovery {
