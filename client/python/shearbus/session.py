@@ -283,7 +283,7 @@ class Session:
 
     def _send(self, envelope, verb, body, answer, columns=None, frame=None, deadline=None):
         reply = self._connection.call(self._frames({**envelope, verb: body}, columns, frame), envelope["request_id"],
-                                      deadline)
+                                      deadline, verb)
         if getattr(reply.header, answer) is None:
             raise UnexpectedReply(Code.UNEXPECTED_REPLY, f"the reply to {verb} is not {answer}",
                                   "Client and server do not agree on the protocol; tell the maintainers.")
