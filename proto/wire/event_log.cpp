@@ -203,6 +203,7 @@ EventLogReader::EventLogReader(const std::filesystem::path& file) : name_(file.s
       XXH3_64bits(head_.scene.data(), head_.scene.size()) != header.scene_sum)
     refuse("the scene does not match its sum");
   sound_bytes_ = sizeof header + head_.scene.size();
+  torn_ = false;
 }
 
 void EventLogReader::refuse(const std::string& what) const {

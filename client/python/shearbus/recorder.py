@@ -52,13 +52,13 @@ class Recorder:
             if verb == "close_session" and answer is not None and answer.session_closed is not None:
                 os.fdatasync(self._file)
                 self.close()
-                self._ended = True
         except (OSError, ValueError, struct.error, MemoryError) as fault:
             log.warning("the session is not recorded any further: %s", fault)
             self.close()
-            self._ended = True
 
     def close(self):
+        """Ends the recording."""
+        self._ended = True
         if self._file is not None:
             os.close(self._file)
             self._file = None

@@ -617,6 +617,8 @@ class Session:
         """Leaves the session open on the server, to be resumed by its ticket, and disconnects."""
         self._closed = True
         self._connection.close()
+        if self._connection.recorder:
+            self._connection.recorder.close()
         if self._server is not None:
             self._server.close()
 
