@@ -67,6 +67,11 @@ class Service : private store::Recovery {
   // for its answer (the client repeats the request and gets the answer then), and always after failed().
   std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
 
+  // Continues a session under another scene, with its states. For programs that replay a part of a session with other
+  // laws. Throws Error for a scene at fault, std::invalid_argument for a scene whose layers have other states; the
+  // service must then not be used any more.
+  void change_scene(const wire::SessionId& session, const std::string& scene, const std::string& scene_file);
+
   // Whether states and journal may differ because of a failure. The service then answers no further request. The server
   // must end; the next server recovers from the journal.
   bool failed() const { return failed_ || (store_ != nullptr && store_->failed()); }
