@@ -69,6 +69,15 @@ void add_options(CLI::App& app, ServerOptions& options) {
       ->capture_default_str();
   app.add_flag("--accept-empty", options.accept_empty,
                "Where the state directory cannot be used, set its files aside and start without states");
+  auto* const record =
+      app.add_option("--record", options.record_dir,
+                     "Directory that gets an event log of each session, for shearbus-replay: requests and replies as "
+                     "they were, for the owner's eyes only")
+          ->type_name("DIR");
+  app.add_option("--record-session", options.record_sessions,
+                 "With --record: only sessions of this scene's name or domain, repeatable")
+      ->type_name("NAME")
+      ->needs(record);
   app.add_option("--allow-uid", options.allow_uids,
                  "Users who may connect by ipc, by number, repeatable; by default the one the server runs as")
       ->type_name("UID");
@@ -125,8 +134,8 @@ void run(const ServerOptions& options) {
   start_log(options);
   ServiceManager manager;
   spdlog::info(
-      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, log "
-      "level {}",
+      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, recordings "
+      "{}, log level {}",
       SHEARBUS_VERSION, fmt::join(options.endpoints, ", "), options.threads, options.nodes_per_task,
       options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
       options.state_dir.empty()
@@ -134,7 +143,7 @@ void run(const ServerOptions& options) {
           : fmt::format("{}, durability {}{}, a checkpoint every {} s or {} MB", options.state_dir, options.durability,
                         options.accept_empty ? " (accept empty)" : "", options.checkpoint_every_s,
                         options.checkpoint_after_mb),
-      options.log_level);
+      options.record_dir.empty() ? "none" : options.record_dir, options.log_level);
   {
     Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },
                             .debug = [](const std::string& line) { spdlog::debug("{}", line); }});

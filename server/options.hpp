@@ -17,14 +17,16 @@ struct ServerOptions {
   std::string durability = "process";       // with state_dir: "none", "process" or "power" (server/store/store.hpp)
   double checkpoint_every_s = 600.0;        // interval between checkpoints, if anything has changed  [s]
   std::uint64_t checkpoint_after_mb = 256;  // journal size that triggers a checkpoint before the interval ends  [MB]
-  std::size_t max_capsules = 16;          // largest number of failure capsules in state_dir; later ones are not written
-  bool accept_empty = false;              // rename unusable state files and start empty
-  std::vector<std::uint32_t> allow_uids;  // uids that may use ipc endpoints; empty: the server's own
-  std::string curve_secret;               // file of the server's secret key; with it tcp clients must have keys
-  std::string authorized_keys;            // file of the keys of tcp clients, with curve_secret
-  bool insecure_plaintext = false;        // allows tcp without keys: every client that connects is served
-  std::string log_level = "info";         // trace, debug, info, warn, error or off
-  std::string log_file;                   // file of the log; empty: standard error
+  std::size_t max_capsules = 16;  // largest number of failure capsules in state_dir; later ones are not written
+  bool accept_empty = false;      // rename unusable state files and start empty
+  std::string record_dir;         // directory of event logs; empty: nothing is recorded
+  std::vector<std::string> record_sessions;  // with record_dir: scenes or domains to record; empty: all sessions
+  std::vector<std::uint32_t> allow_uids;     // uids that may use ipc endpoints; empty: the server's own
+  std::string curve_secret;                  // file of the server's secret key; with it tcp clients must have keys
+  std::string authorized_keys;               // file of the keys of tcp clients, with curve_secret
+  bool insecure_plaintext = false;           // allows tcp without keys: every client that connects is served
+  std::string log_level = "info";            // trace, debug, info, warn, error or off
+  std::string log_file;                      // file of the log; empty: standard error
 };
 
 }  // namespace shearbus::server

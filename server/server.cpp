@@ -81,6 +81,12 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
     : pool_(thread_count(options.threads)),
       storage_(options.state_dir.empty() ? nullptr : std::make_unique<store::PosixStorage>(options.state_dir)),
       store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch, log)) : nullptr),
+      recorder_(options.record_dir.empty()
+                    ? nullptr
+                    : std::make_unique<wire::SessionRecorder>(wire::RecorderOptions{.place = options.record_dir,
+                                                                                    .recorder = wire::Recorder::kServer,
+                                                                                    .sessions = options.record_sessions,
+                                                                                    .log = log.info})),
       service_(with_hooks(service_options(options, epoch, log)), pool_, store_.get()),
       access_(options),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,
@@ -107,6 +113,13 @@ void Server::checkpoint_if_due() {
 
 service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   options.complete_status = [this](wire::ServerStatus& status) { complete_status(status); };
+  if (recorder_)
+    options.exchanged = [this](service::Frames request, const service::ReplyFrames& reply) {
+      recorder_->add({.request_header = request[0],
+                      .request_payload = request.size() > 1 ? request[1] : std::span<const std::byte>(),
+                      .reply_header = std::as_bytes(std::span(reply.header)),
+                      .reply_payload = reply.payload});
+    };
   options.around_checkpoint = [this](bool begins) {
     if (!begins) last_checkpoint_ns_ = monotonic_ns();
     if (manager_ == nullptr) return;

@@ -7,7 +7,7 @@
 
 namespace shearbus::replay {
 
-HistoryInput::HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop)
+HistoryInput::HistoryInput(Table& history, const wire::SessionOpened& session, bool closed_loop)
     : history_(history),
       force_driven_(session.strategy == wire::Strategy::kForceDriven),
       components_(session.tangential_components) {

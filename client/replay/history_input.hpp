@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "client/replay/table.hpp"
 #include "client/src/client.hpp"
-#include "proto/wire/recording.hpp"
 
 namespace shearbus::replay {
 
@@ -16,7 +16,7 @@ class HistoryInput {
   // Throws Error{kInvalidValue} that names every dataset that the strategy of the scene needs and the history lacks.
   // `closed_loop`: in a force-driven scene the new jump of each reply is the next input, even if the history has
   // /velocity_jump.
-  HistoryInput(wire::HistoryReader& history, const wire::SessionOpened& session, bool closed_loop);
+  HistoryInput(Table& history, const wire::SessionOpened& session, bool closed_loop);
 
   const std::vector<Field>& optional_columns() const { return optional_columns_; }
   // form of the requests: stick form if the history has the columns of that form and lacks those of the far-field form
@@ -45,7 +45,7 @@ class HistoryInput {
   void choose_jump(bool closed_loop);
   void refuse_what_is_missing(const wire::SessionOpened& session) const;
 
-  wire::HistoryReader& history_;
+  Table& history_;
   bool force_driven_;
   Form form_ = Form::kFarField;
   std::uint32_t components_;

@@ -1,87 +1,237 @@
-// shearbus-replay HISTORY.h5 --scene SCENE.toml --out RESULT.h5: replays a recorded history (README.md in this
-// directory).
+// shearbus-replay: replays histories and event logs, compares, exports and draws them (README.md in this directory).
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <exception>
 #include <filesystem>
+#include <optional>
 
 #include "client/replay/capsule.hpp"
+#include "client/replay/compare.hpp"
+#include "client/replay/log_export.hpp"
+#include "client/replay/log_replay.hpp"
+#include "client/replay/plot.hpp"
 #include "client/replay/replay.hpp"
+#include "proto/wire/event_log.hpp"
 #include "proto/wire/program.hpp"
 
 namespace {
 
-constexpr int kRunError = 1;  // exit code of a failed run, or if a failed step, repeated from its capsule, differs
-constexpr int kUsageError = 2;
+namespace fs = std::filesystem;
+namespace replay = shearbus::replay;
 
-struct KeyFiles {
-  std::filesystem::path server;
-  std::filesystem::path own;
+constexpr int kRunError =
+    1;  // exit code of a failed run, or if the answers of a capsule or a log differ when they are repeated
+constexpr int kUsageError = 2;
+constexpr int kDiffers = 1;  // of compare, as of diff: 0 equal, 1 different, 2 trouble
+constexpr int kTrouble = 2;
+
+// Values of the command line.
+struct Command {
+  replay::Options run;  // replay of a table
+  replay::LogReplayOptions logs;
+  std::vector<fs::path> inputs;
+  fs::path server_key, own_key;
+  fs::path capsule;
+  bool explain = false;
+  bool points = false, steps = false;
+  std::string sweep;
+  double rtol = 0.0;
+  replay::ExportOptions exported;
+  std::uint64_t node = 0;
+  fs::path a, b;
+  replay::PlotOptions plot;
 };
 
-void describe(CLI::App& app, shearbus::replay::Options& options, KeyFiles& keys, std::filesystem::path& capsule,
-              bool& explain) {
-  app.set_version_flag("--version", options.version);
-  app.add_option("HISTORY.h5", options.history, "the macroscopic history to replay")->type_name("");
-  app.add_option("--scene", options.scene, "scene to replay it through")->type_name("SCENE.toml");
-  app.add_option("--capsule", capsule,
+// Declares the options of a replay, which are those of the program without a subcommand.
+void describe_replay(CLI::App& app, Command& command) {
+  app.add_option("INPUT", command.inputs,
+                 "a macroscopic history, HDF5 or CSV; or event logs, or a directory of event logs")
+      ->type_name("");
+  app.add_option("--scene", command.run.scene,
+                 "scene to replay it through; of event logs: in place of the recorded one")
+      ->type_name("SCENE.toml");
+  app.add_option("--set", command.run.set, "change of the scene, repeatable: interface.friction_coefficient=0.2")
+      ->type_name("KEY=VALUE");
+  app.add_option("--sweep", command.sweep, "one replay for each value of a key, each with a result of its own")
+      ->type_name("KEY=A,B,C");
+  app.add_option("--capsule", command.capsule,
                  "instead of a history: run the node of this failure capsule again, alone, and compare every column")
       ->type_name("FILE.h5");
-  app.add_option("--out", options.out,
-                 "HDF5 file for the answers; a file of that name is replaced once the run has succeeded")
+  app.add_option(
+         "--out", command.run.out,
+         "file for the answers, replaced once the run has succeeded: HDF5; of event logs also .csv, or a new log")
       ->type_name("RESULT.h5");
-  app.add_option("--server", options.server.endpoint,
+  auto* const points = app.add_flag("--points", command.points, "rows are values at instants, linear in between");
+  app.add_flag("--steps", command.steps, "rows are steps: their values hold since the time of the row before")
+      ->excludes(points);
+  app.add_option("--dt", command.run.table.dt_s, "largest length of a step, in s: the history is resampled")
+      ->type_name("SECONDS");
+  app.add_option("--columns", command.run.table.columns, "names and units of a CSV file's columns; - leaves one out")
+      ->type_name("time:us,pressure:GPa,...");
+  app.add_option("--from-mark", command.logs.from_mark,
+                 "of an event log: --set holds from this mark on, and the result begins there")
+      ->type_name("NAME");
+  app.add_option("--rtol", command.rtol,
+                 "of event logs: largest relative difference of equal answers; default: same bits");
+  app.add_option("--server", command.run.server.endpoint,
                  "tcp://host:port or ipc://path of a server; none: one inside this process")
       ->type_name("ENDPOINT");
-  app.add_option("--server-key", keys.server, "by tcp: file of the server's public key")->type_name("FILE");
-  app.add_option("--key", keys.own, "by tcp: file of one's own secret key, from shearbus-ctl keygen")
+  app.add_option("--server-key", command.server_key, "by tcp: file of the server's public key")->type_name("FILE");
+  app.add_option("--key", command.own_key, "by tcp: file of one's own secret key, from shearbus-ctl keygen")
       ->type_name("FILE");
-  app.add_flag("--check", options.check, "read every value, compare with the scene, open a session; replay nothing");
-  app.add_flag("--explain", explain,
+  app.add_flag("--check", command.run.check,
+               "read every value, compare with the scene, open a session; replay nothing");
+  app.add_flag("--explain", command.explain,
                "with --scene alone: which parts of the model it switches on, what each costs on this machine");
-  app.add_flag("--closed-loop", options.closed_loop,
+  app.add_flag("--closed-loop", command.run.closed_loop,
                "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
   app.add_flag_callback(
-      "--no-progress", [&options] { options.progress = false; }, "no progress line on the terminal");
+      "--no-progress", [&command] { command.run.progress = false; }, "no progress line on the terminal");
+}
+
+void describe(CLI::App& app, Command& command) {
+  app.set_version_flag("--version", command.run.version);
+  describe_replay(app, command);
+  app.require_subcommand(0, 1);
+  CLI::App* const compare =
+      app.add_subcommand("compare", "the first step, node and quantity in which two logs or results differ");
+  compare->add_option("A", command.a)->required()->type_name("");
+  compare->add_option("B", command.b)->required()->type_name("");
+  compare->add_option("--rtol", command.rtol, "largest relative difference of equal numbers; default: same bits");
+  compare->footer("Exit code: 0 equal, 1 different, 2 trouble.");
+  CLI::App* const exported = app.add_subcommand("export", "the committed steps of an event log as a table");
+  exported->add_option("LOG", command.exported.log)->required()->type_name("");
+  exported->add_option("--out", command.exported.out, "HDF5, or CSV if it ends in .csv")
+      ->required()
+      ->type_name("HISTORY");
+  exported->add_option("--node", command.node, "the steps of this node alone")->type_name("ID");
+  CLI::App* const plot = app.add_subcommand("plot", "a picture of a history, a result or an event log");
+  plot->add_option("FILES", command.plot.files,
+                   "HDF5 files of the same steps, such as a history and its result; or a log")
+      ->required()
+      ->expected(1, 2)
+      ->type_name("");
+  plot->add_option("--out", command.plot.out, "the picture")->required()->type_name("PICTURE.png");
+  plot->add_option("--node", command.plot.node, "the node to draw; default: the hottest")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("ID");
   app.footer("What a history holds and how to make one: client/replay/README.md");
+}
+
+// The values of "--sweep key=a,b,c" as changes of the scene, each with a word for the names of files.
+std::vector<std::pair<std::string, std::string>> changes_of(const std::string& sweep) {
+  const auto equals = sweep.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == sweep.size())
+    throw CLI::ValidationError("--sweep", "expected KEY=A,B,C, found " + sweep);
+  std::vector<std::pair<std::string, std::string>> changes;
+  for (const std::string& value : CLI::detail::split(sweep.substr(equals + 1), ',')) {
+    if (value.empty()) throw CLI::ValidationError("--sweep", "a value is empty in " + sweep);
+    changes.emplace_back(sweep.substr(0, equals + 1) + value, value);
+  }
+  return changes;
+}
+
+void check(const CLI::App& app, Command& command) {
+  if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
+  if (command.rtol < 0) throw CLI::ValidationError("--rtol", "expected a number from 0 on");
+  const replay::Options& run = command.run;
+  const bool has_history = !command.inputs.empty() || !run.scene.empty() || !run.out.empty();
+  if (!app.get_subcommands().empty()) {
+    if (has_history) throw CLI::ExcludesError(app.get_subcommands().front()->get_name(), "options of a replay");
+    return;
+  }
+  if (!command.capsule.empty() && has_history) throw CLI::ExcludesError("--capsule", "INPUT, --scene and --out");
+  if (command.explain && run.scene.empty()) throw CLI::RequiredError("--scene");
+  if (command.explain && !(command.inputs.empty() && run.out.empty() && command.capsule.empty()))
+    throw CLI::ExcludesError("--explain", "INPUT, --out and --capsule");
+  if (command.explain || !command.capsule.empty()) return;
+  if (command.inputs.empty()) throw CLI::RequiredError("INPUT");
+  if (app.count("--dt") > 0 && !(run.table.dt_s > 0)) throw CLI::ValidationError("--dt", "expected a length above 0 s");
+  if (!command.sweep.empty() && run.out.empty()) throw CLI::RequiredError("--out");
+  if (replay::holds_event_logs(command.inputs.front())) {
+    for (const char* name : {"--points", "--steps", "--dt", "--columns", "--check", "--closed-loop"})
+      if (app.count(name) > 0) throw CLI::ExcludesError(name, "event logs");
+    return;
+  }
+  for (const char* name : {"--from-mark", "--rtol"})
+    if (app.count(name) > 0) throw CLI::ValidationError(name, "is for event logs; INPUT is none");
+  if (command.inputs.size() > 1) throw CLI::ValidationError("INPUT", "expected one history");
+  if (run.scene.empty()) throw CLI::RequiredError("--scene");
+  if (run.out.empty() && !run.check) throw CLI::RequiredError("--out");
+}
+
+// Replays the inputs once. Returns the exit code.
+int replay_once(const Command& command, const replay::Options& run) {
+  if (!replay::holds_event_logs(command.inputs.front())) {
+    replay::run(run);
+    return 0;
+  }
+  replay::LogReplayOptions logs = command.logs;
+  logs.logs = command.inputs;
+  logs.scene = run.scene;
+  logs.set = run.set;
+  logs.server = run.server;
+  logs.out = run.out;
+  logs.rtol = command.rtol;
+  logs.version = run.version;
+  return replay::replay_logs(logs) ? 0 : kRunError;
+}
+
+int run(const CLI::App& app, Command& command) {
+  if (app.got_subcommand("compare")) return replay::compare(command.a, command.b, command.rtol) ? 0 : kDiffers;
+  if (app.got_subcommand("export")) {
+    if (app.get_subcommand("export")->count("--node") > 0) command.exported.node = command.node;
+    command.exported.version = command.run.version;
+    const std::size_t steps = replay::export_log(command.exported);
+    fmt::print("{}: {} steps\n", command.exported.out.string(), steps);
+    return 0;
+  }
+  if (app.got_subcommand("plot")) {
+    replay::plot(command.plot);
+    return 0;
+  }
+  if (command.explain) {
+    replay::explain(command.run.scene);
+    return 0;
+  }
+  if (!command.capsule.empty()) return replay::run_capsule(command.capsule) ? 0 : kRunError;
+  shearbus::wire::read_keys_into(command.run.server, command.server_key, command.own_key);
+  command.run.table.rows = command.points  ? replay::Rows::kPoints
+                           : command.steps ? replay::Rows::kSteps
+                                           : replay::Rows::kUnspecified;
+  command.run.history = command.inputs.front();
+  if (command.sweep.empty()) return replay_once(command, command.run);
+  for (const auto& [change, word] : changes_of(command.sweep)) {
+    replay::Options one = command.run;
+    one.set.push_back(change);
+    one.out.replace_filename(command.run.out.stem().string() + "-" + word + command.run.out.extension().string());
+    fmt::print("{}\n", change);
+    if (const int code = replay_once(command, one); code != 0) return code;
+  }
+  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   shearbus::wire::begin_program();
-  shearbus::replay::Options options{.version = SHEARBUS_VERSION};
-  CLI::App app("Replays a macroscopic history through the subgrid friction service.", "shearbus-replay");
-  KeyFiles keys;
-  std::filesystem::path capsule;
-  bool explain = false;
-  describe(app, options, keys, capsule, explain);
+  Command command;
+  command.run.version = command.exported.version = SHEARBUS_VERSION;
+  CLI::App app("Replays macroscopic histories and event logs through the subgrid friction service.", "shearbus-replay");
+  describe(app, command);
   try {
     app.parse(argc, argv);
-    const bool has_history = !options.history.empty() || !options.scene.empty() || !options.out.empty();
-    if (!capsule.empty() && has_history) throw CLI::ExcludesError("--capsule", "HISTORY.h5, --scene and --out");
-    if (explain && options.scene.empty()) throw CLI::RequiredError("--scene");
-    if (explain && !(options.history.empty() && options.out.empty() && capsule.empty()))
-      throw CLI::ExcludesError("--explain", "HISTORY.h5, --out and --capsule");
-    if (!explain && capsule.empty() && options.history.empty()) throw CLI::RequiredError("HISTORY.h5");
-    if (!explain && capsule.empty() && options.scene.empty()) throw CLI::RequiredError("--scene");
-    if (!explain && capsule.empty() && options.out.empty() && !options.check) throw CLI::RequiredError("--out");
+    check(app, command);
+    if (!command.sweep.empty()) changes_of(command.sweep);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kUsageError;
   }
   try {
-    if (explain) {
-      shearbus::replay::explain(options.scene);
-      return shearbus::wire::end_program("shearbus-replay", 0);
-    }
-    if (!capsule.empty())
-      return shearbus::wire::end_program("shearbus-replay", shearbus::replay::run_capsule(capsule) ? 0 : kRunError);
-    shearbus::wire::read_keys_into(options.server, keys.server, keys.own);
-    shearbus::replay::run(options);
-    return shearbus::wire::end_program("shearbus-replay", 0);
+    return shearbus::wire::end_program("shearbus-replay", run(app, command));
   } catch (const std::exception& error) {
     shearbus::wire::complain(fmt::format("shearbus-replay: {}", error.what()));
-    return kRunError;
+    return app.got_subcommand("compare") ? kTrouble : kRunError;
   }
 }

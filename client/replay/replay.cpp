@@ -2,14 +2,18 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <map>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 
-#include "client/src/client.hpp"
 #include "client/replay/history_input.hpp"
 #include "client/replay/tally.hpp"
+#include "client/src/client.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
@@ -74,8 +78,7 @@ void write_row(wire::HistoryWriter& writer, const StepResult& result, double tim
   writer.end_row();
 }
 
-const StepResult& advance(Session& session, const Batch& request, const wire::HistoryReader& history,
-                          std::size_t step) {
+const StepResult& advance(Session& session, const Batch& request, const Table& history, std::size_t step) {
   const double time_s = history.times_s()[step];
   try {
     return session.advance(request, {.dt_s = history.dt_s()[step], .time_s = time_s, .step = step});
@@ -86,7 +89,7 @@ const StepResult& advance(Session& session, const Batch& request, const wire::Hi
   }
 }
 
-void replay(const Options& options, wire::HistoryReader& history, HistoryInput& input, Session& session,
+void replay(const Options& options, const Table& history, HistoryInput& input, Session& session,
             wire::HistoryWriter& writer, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", history.steps(), options.progress);
   Batch request = session.request(input.optional_columns(), input.form());
@@ -115,6 +118,59 @@ void replay(const Options& options, wire::HistoryReader& history, HistoryInput& 
   }
 }
 
+// Whether a history is replayed a second time in half steps. A history without /dt was not recorded by a host that chose
+// its steps. The steps of force-driven histories belong to the host in any case.
+bool should_check_steps(const Table& history, const HistoryInput& input) {
+  constexpr std::size_t kMostNodeSteps = 50'000;  // a second or so
+  return !history.is_recorded() && !input.force_driven() && history.steps() * history.nodes() <= kMostNodeSteps;
+}
+
+// Replays the history in half steps, by default with values that change linearly from row to row, and warns if the
+// highest temperature of a node differs by more than 0.5 %.
+void check_steps(const Options& options, const Table& history, HistoryInput& input, Session& session,
+                 const Tally& tally) {
+  constexpr double kMost = 0.005;
+  const bool linear = options.table.rows == Rows::kUnspecified;
+  Batch request = session.request(input.optional_columns(), input.form());
+  input.prepare(request);
+  std::vector<double> peaks(history.nodes(), 0.0);
+  std::vector<double> before;  // values of the row before, column after column
+  double time_s = history.start_time_s();
+  for (std::size_t step = 0; step < history.steps() && !wire::interrupted(); ++step) {
+    input.fill(step, request);
+    std::vector<double> now;
+    for (const wire::Column& column : request.columns())
+      for (const double value : std::as_const(request).f64(column.field, column.component)) now.push_back(value);
+    if (!linear || before.empty()) before = now;
+    const double half_s = 0.5 * history.dt_s()[step];
+    for (const double middle : {0.25, 0.75}) {
+      std::size_t i = 0;
+      for (const wire::Column& column : request.columns())
+        for (double& value : request.f64(column.field, column.component)) {
+          value = before[i] + middle * (now[i] - before[i]);
+          ++i;
+        }
+      const auto temperature =
+          session.advance(request, {.dt_s = half_s, .time_s = time_s += half_s}).interface_temperature_k();
+      for (std::size_t node = 0; node < peaks.size(); ++node) peaks[node] = std::max(peaks[node], temperature[node]);
+    }
+    before = std::move(now);
+  }
+  std::size_t worst = 0;
+  const auto change = [&](std::size_t node) { return std::abs(peaks[node] / tally.peaks_k()[node] - 1.0); };
+  for (std::size_t node = 1; node < peaks.size(); ++node)
+    if (change(node) > change(worst)) worst = node;
+  if (wire::interrupted() || change(worst) <= kMost) return;
+  fmt::print(
+      stderr,
+      "shearbus-replay: warning: the steps are too long for this history: in half steps{}, node {} reaches {:.1f} K "
+      "in place of {:.1f} K. {}\n",
+      linear ? ", with values linear from row to row" : "", history.node_ids()[worst], peaks[worst],
+      tally.peaks_k()[worst],
+      linear ? "If the rows are values at instants, say --points and --dt; if they hold over their steps, --steps"
+             : "Divide them with --dt");
+}
+
 void refuse_to_write_over_the_history(const Options& options) {
   std::error_code ignored;
   if (fs::equivalent(options.history, options.out, ignored))
@@ -136,16 +192,18 @@ void explain(const fs::path& scene) {
 void run(const Options& options) {
   const auto start = Clock::now();
   wire::stop_at_next_step();
-  const std::string scene = scene::load_text(options.scene);
-  wire::HistoryReader history(options.history);
+  std::string scene = scene::load_text(options.scene);
+  for (const std::string& change : options.set) scene = scene::with_value(scene, "--set", change);
+  const std::unique_ptr<Table> table = open_table(options.history, options.table);
+  Table& history = *table;
   if (!options.check) refuse_to_write_over_the_history(options);
   const std::vector<double> initial_temperature =
       history.has("initial_temperature") ? history.per_node("initial_temperature") : std::vector<double>();
   RunTime time{.reading = Clock::now() - start};
 
   Service service(options.server);
-  Session session = service.client.open(scene, options.scene.string(), history.node_ids(),
-                                        {.initial_temperature_k = initial_temperature});
+  const OpenOptions opening = {.initial_temperature_k = initial_temperature, .domain = {}};
+  Session session = service.client.open(scene, options.scene.string(), history.node_ids(), opening);
   HistoryInput input(history, session.opened(), options.closed_loop);
   if (options.check) input.check_all_rows();
   session.want_energy_ledger();
@@ -189,6 +247,14 @@ void run(const Options& options) {
   if (tally.failed_node_steps() > 0)
     fmt::print(stderr, "shearbus-replay: warning: {} node-steps have no answer: the node kept its old state\n",
                tally.failed_node_steps());
+  if (!should_check_steps(history, input)) return;
+  try {
+    Session halves = service.client.open(scene, options.scene.string(), history.node_ids(), opening);
+    check_steps(options, history, input, halves, tally);
+    halves.close();
+  } catch (const Error&) {
+    // The result is written; only the check of its steps could not be made.
+  }
 }
 
 }  // namespace shearbus::replay

@@ -3,7 +3,9 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
+#include "client/replay/table.hpp"
 #include "proto/wire/key_file.hpp"
 
 namespace shearbus::replay {
@@ -12,9 +14,11 @@ struct Options {
   std::filesystem::path history;
   std::filesystem::path scene;
   std::filesystem::path out;
-  wire::ServerAddress server;  // without an endpoint: a server inside this process
-  bool check = false;          // only check: read the history and open a session, but replay nothing
-  bool closed_loop = false;    // force-driven: send back each answered jump, even if the history has /velocity_jump
+  TableOptions table;            // how to read and resample the history
+  std::vector<std::string> set;  // "table.key=value": changes of the scene
+  wire::ServerAddress server;    // without an endpoint: a server inside this process
+  bool check = false;            // only check: read the history and open a session, but replay nothing
+  bool closed_loop = false;      // force-driven: send back each answered jump, even if the history has /velocity_jump
   bool progress = true;
   std::string version;  // version of this program, for /meta of the result
 };

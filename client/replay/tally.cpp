@@ -22,7 +22,7 @@ double mean(const std::vector<double>& values) {
 }  // namespace
 
 Tally::Tally(const std::vector<std::uint64_t>& node_ids)
-    : node_ids_(node_ids), slip_(node_ids.size(), 0.0), heat_(node_ids.size(), 0.0) {}
+    : node_ids_(node_ids), slip_(node_ids.size(), 0.0), peaks_k_(node_ids.size(), 0.0), heat_(node_ids.size(), 0.0) {}
 
 void Tally::add(const StepResult& result, double time_s, double dt_s) {
   const auto temperature = result.interface_temperature_k();
@@ -33,6 +33,7 @@ void Tally::add(const StepResult& result, double time_s, double dt_s) {
   const auto outcome = result.outcome();
   for (std::size_t node = 0; node < node_ids_.size(); ++node) {
     slip_[node] += std::hypot(velocity[node], second_velocity.empty() ? 0.0 : second_velocity[node]) * dt_s;
+    peaks_k_[node] = std::max(peaks_k_[node], temperature[node]);
     heat_[node] += heat[node];
     if (temperature[node] > peak_temperature_k_) {
       peak_temperature_k_ = temperature[node];

@@ -28,6 +28,7 @@ class Tally {
 
   void add(const StepResult& result, double time_s, double dt_s);
 
+  const std::vector<double>& peaks_k() const { return peaks_k_; }  // highest temperature of each node
   std::uint64_t failed_node_steps() const { return outcomes_[kFailedBit]; }
   std::string text(const RunTime& time) const;  // lines of the summary, indented
 
@@ -39,6 +40,7 @@ class Tally {
 
   const std::vector<std::uint64_t>& node_ids_;
   std::vector<double> slip_;  // path length of the slip of each node  [m]
+  std::vector<double> peaks_k_;
   std::vector<double> heat_;  // friction heat of each node  [J/m2]
   std::array<std::uint64_t, kRegimes> regimes_{};
   std::array<std::uint64_t, 8> outcomes_{};  // number of node-steps with each outcome bit

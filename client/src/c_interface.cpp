@@ -316,6 +316,7 @@ struct shearbus_session {
     to.reply_deadline = seconds(options.reply_deadline_s, defaults.reply_deadline, "reply_deadline_s");
     to.retry_after = seconds(options.retry_after_s, defaults.retry_after, "retry_after_s");
     if (log.wanted()) to.log = log;
+    to.record = environment("SHEARBUS_RECORD");
     to.check_closure = check_of(options.check_closure);
     check = to.check_closure;
     where = embedded ? "in this process" : "at " + endpoint;

@@ -63,6 +63,8 @@ struct ClientOptions {
   // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for; and with
   // "warning: " followed by a warning about a step. Without a log function the warnings go to standard error.
   std::function<void(const std::string& line)> log;
+  // A directory or a new file that gets event logs of this client's sessions (proto/wire/event_log.md); empty: none.
+  std::string record;
 };
 
 // A new pair of CURVE keys, each of 40 characters.

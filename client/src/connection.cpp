@@ -44,6 +44,13 @@ const char* verb_of(const wire::Request& request) {
       request.body);
 }
 
+// The bytes of a frame that was received, a zmq::message_t.
+std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
+  if (!frame) return {};
+  const auto& message = *static_cast<const zmq::message_t*>(frame.get());
+  return {static_cast<const std::byte*>(message.data()), message.size()};
+}
+
 [[noreturn]] void unreachable(const ClientOptions& options, const std::string& why) {
   throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", options.endpoint, why)});
 }
@@ -85,6 +92,33 @@ void SocketConnection::CloseContext::operator()(void* context) const {
 SocketConnection::SocketConnection(ClientOptions options) : Connection(std::move(options)) {
   check_endpoint(this->options());
   if (this->options().context == nullptr) own_context_.reset(zmq_ctx_new());
+  if (!this->options().record.empty()) start_recording();
+}
+
+// A recording that cannot be made is reported, and is no error of the host.
+void SocketConnection::start_recording() {
+  const auto report = [log = options().log](const std::string& line) {
+    if (log)
+      log(line);
+    else
+      fmt::print(stderr, "shearbus: {}\n", line);
+  };
+  try {
+    recorder_.emplace(wire::RecorderOptions{
+        .place = options().record, .recorder = wire::Recorder::kClient, .sessions = {}, .log = report});
+  } catch (const std::exception& fault) {
+    report(fmt::format("nothing is recorded: {}", fault.what()));
+  }
+}
+
+void SocketConnection::record(const std::string& header, const wire::Batch& batch,
+                              std::span<const std::byte> reply_header,
+                              std::span<const std::byte> reply_payload) noexcept {
+  if (recorder_)
+    recorder_->add({.request_header = std::as_bytes(std::span(header)),
+                    .request_payload = batch.bytes(),
+                    .reply_header = reply_header,
+                    .reply_payload = reply_payload});
 }
 
 SocketConnection::~SocketConnection() = default;
@@ -302,6 +336,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     if (received.reply.request_id != request_id && (received.reply.request_id != 0 || received.reply.status.ok()))
       continue;
     received.payload_frame = frames[1];
+    if (recorder_) reply_header_frame_ = frames[0];
     answered_ = true;
     return true;
   }
@@ -345,6 +380,7 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
     if (!socket_) connect();
     while (!under_way && !send(header, request.batch)) {
       if (wait(ZMQ_POLLOUT, last_moment)) continue;
+      if (sent) record(header, request.batch);
       if (!refusal_.ok()) refused(sent);
       give_up(sent, Clock::now() - started);
     }
@@ -353,9 +389,11 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
     Received received;
     if (receive(request.request_id, std::min(last_moment, Clock::now() + options().retry_after), received)) {
       received.round_trip = Clock::now() - asked;
+      if (recorder_) record(header, request.batch, view_of(reply_header_frame_), view_of(received.payload_frame));
       return received;
     }
     socket_.reset();
+    if (!refusal_.ok() || Clock::now() >= last_moment) record(header, request.batch);
     if (!refusal_.ok()) refused(sent);
     if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);
   }
@@ -384,7 +422,9 @@ void SocketConnection::say(const wire::Request& request) noexcept try {
   if (!socket_) return;
   const int linger = kGoodbyeLingerMs;
   zmq_setsockopt(socket_.get(), ZMQ_LINGER, &linger, sizeof linger);
-  send(wire::encode_header(request), request.batch);
+  const std::string header = wire::encode_header(request);
+  send(header, request.batch);
+  record(header, request.batch);
 } catch (const std::exception&) {
   // A request that cannot be sent is no error here: the server keeps the session.
 }

@@ -12,6 +12,7 @@
 
 #include "client/src/client.hpp"
 #include "proto/wire/messages.hpp"
+#include "proto/wire/session_recorder.hpp"
 
 namespace shearbus {
 
@@ -100,6 +101,9 @@ class SocketConnection final : public Connection {
     const char* verb;
   };
 
+  void start_recording();
+  void record(const std::string& header, const wire::Batch& batch, std::span<const std::byte> reply_header = {},
+              std::span<const std::byte> reply_payload = {}) noexcept;
   void connect();
   void watch_handshakes();
   std::string own_public_key() const;
@@ -114,6 +118,8 @@ class SocketConnection final : public Connection {
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
   std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
+  std::optional<wire::SessionRecorder> recorder_;
+  std::shared_ptr<void> reply_header_frame_;  // of the last reply; only for the recorder
   std::optional<Posted> posted_;
   Waiting waiting_{};
   bool answered_ = false;                       // true once the server has answered

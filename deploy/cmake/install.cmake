@@ -55,6 +55,7 @@ install(FILES client/examples/constant_friction.toml client/examples/host.c clie
               client/examples/host_mpi.cpp client/examples/host_mpi.f90 client/examples/vfric.f90
         DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/examples COMPONENT development)
 
+install(PROGRAMS client/replay/plot_history.py DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT server)
 foreach(program shearbus-server shearbus-ctl shearbus-replay)
   if(TARGET ${program})
     install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT server)

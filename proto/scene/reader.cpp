@@ -421,6 +421,43 @@ Document read(std::string_view text, std::string file, Message& root, CrossRules
   return document;
 }
 
+std::string with_value(std::string_view text, const std::string& origin, std::string_view assignment) {
+  const auto equals = assignment.find('=');
+  const std::string_view path = assignment.substr(0, equals);
+  const auto refuse = [&](const std::string& why) {
+    throw wire::Error({.code = wire::Code::kInvalidScene,
+                       .text = fmt::format("{} {}: {}", origin, assignment, why),
+                       .remedy = "Write it as table.key=value, for instance interface.friction_coefficient=0.2.",
+                       .field = std::string(path)});
+  };
+  if (equals == std::string_view::npos || path.empty() || equals + 1 == assignment.size()) refuse("it sets no key");
+  const std::string value(assignment.substr(equals + 1));
+  toml::table given;
+  try {
+    given = toml::parse("value = " + value);
+  } catch (const toml::parse_error&) {  // a bare word
+    given.insert_or_assign("value", value);
+  }
+  if (given.size() != 1) refuse("it is more than one value");
+  toml::table root = parse_toml(text, origin);
+  toml::table* table = &root;
+  std::string_view rest = path;
+  for (auto dot = rest.find('.'); dot != std::string_view::npos; dot = rest.find('.')) {
+    const std::string_view name = rest.substr(0, dot);
+    if (name.empty()) refuse("it has an empty name");
+    if (!table->contains(name)) table->insert(name, toml::table());
+    toml::table* const inner = (*table)[name].as_table();
+    if (inner == nullptr) refuse(fmt::format("{} is no table", name));
+    table = inner;
+    rest.remove_prefix(dot + 1);
+  }
+  if (rest.empty()) refuse("it has an empty name");
+  given["value"].visit([&](const auto& node) { table->insert_or_assign(rest, node); });
+  std::ostringstream out;
+  out << root << '\n';
+  return out.str();
+}
+
 std::string without_table(std::string_view text, const std::string& file, std::string_view key) {
   std::vector<bool> lines;
   const toml::table table = parse_toml(text, file);

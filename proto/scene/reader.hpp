@@ -57,6 +57,11 @@ std::string load_text(const std::filesystem::path& path);
 // that the line numbers of all other lines hold. Throws wire::Error{kInvalidScene} if the text is not TOML.
 std::string without_table(std::string_view text, const std::string& file, std::string_view key);
 
+// Returns the text with one key set: `assignment` is "table.key=value", the value as in TOML or a bare word. Comments
+// and the order of keys are lost. `origin` names the assignment in messages. Throws wire::Error{kInvalidScene} if text
+// or assignment is not TOML.
+std::string with_value(std::string_view text, const std::string& origin, std::string_view assignment);
+
 // Returns the message as canonical TOML: keys in the order of the schema, each with a comment of its unit and meaning;
 // numbers read back to the same bits. Throws wire::Error{kInvalidScene} for an enum value without a name.
 std::string to_toml(const google::protobuf::Message& root);

@@ -128,7 +128,8 @@ Dataset HistoryReader::Impl::open_dataset(const std::string& name, bool integers
   Dataset dataset(check(H5Dopen2(handle, name.c_str(), H5P_DEFAULT), "cannot open a dataset"));
   const Type type(check(H5Dget_type(dataset), "cannot read a type"));
   const H5T_class_t found = H5Tget_class(type);
-  const bool fits = found == H5T_INTEGER || (found == H5T_FLOAT && !integers_only);
+  const bool is_regime = found == H5T_ENUM && name == "regime" && H5Tget_size(type) == 1;
+  const bool fits = found == H5T_INTEGER || ((found == H5T_FLOAT || is_regime) && !integers_only);
   if (!fits)
     fail(name, fmt::format("holds {} values; expected {}", class_name(found), integers_only ? "integers" : "numbers"),
          integers_only ? "Write it as uint64." : "Write it as float64.");
@@ -272,7 +273,16 @@ void HistoryReader::Impl::read_rows(const std::string& name, Series& one, std::s
   const Space space(check(H5Dget_space(one.dataset), "cannot select rows"));
   check(H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, size, nullptr), "cannot select rows");
   const Space memory(check(H5Screate_simple(2, size, nullptr), "cannot select rows"));
-  if (H5Dread(one.dataset, H5T_NATIVE_DOUBLE, memory, space, H5P_DEFAULT, one.values.data()) < 0)
+  const Type type(check(H5Dget_type(one.dataset), "cannot read a type"));
+  herr_t read = 0;
+  if (H5Tget_class(type) == H5T_ENUM) {  // HDF5 converts an enum to no number
+    std::vector<std::uint8_t> codes(count * nodes);
+    read = H5Dread(one.dataset, type, memory, space, H5P_DEFAULT, codes.data());
+    one.values.assign(codes.begin(), codes.end());
+  } else {
+    read = H5Dread(one.dataset, H5T_NATIVE_DOUBLE, memory, space, H5P_DEFAULT, one.values.data());
+  }
+  if (read < 0)
     fail(name, fmt::format("rows {} to {} cannot be read: {}", step, step + count - 1, reason()),
          "The file is damaged.");
   one.first = step;

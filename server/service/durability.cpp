@@ -201,6 +201,15 @@ store::Snapshot Service::snapshot() const {
   return snapshot;
 }
 
+void Service::change_scene(const wire::SessionId& session, const std::string& scene, const std::string& scene_file) {
+  const std::string effective = scene_model(scene, scene_file).effective;
+  store::Snapshot states = snapshot();
+  for (store::SessionImage& image : states.sessions)
+    if (image.id == session) image.scene = effective;
+  clear();
+  restore(states);
+}
+
 bool Service::checkpoint() {
   if (store_ == nullptr || failed()) return false;
   if (options_.around_checkpoint) options_.around_checkpoint(true);

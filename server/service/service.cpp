@@ -81,6 +81,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
   sent.has_payload = !reply->batch.columns().empty();
   sent.payload = reply->batch.bytes();
   sent.owner = std::move(reply);
+  if (options_.exchanged) options_.exchanged(frames, sent);
   if (current_.started_ns != 0) times_.requests[current_.verb].add(options_.now_ns() - current_.started_ns);
   return sent;
 } catch (const std::exception&) {

@@ -50,6 +50,7 @@ struct ServiceOptions {
   std::function<void(const std::string&)> log;               // writes one line of the log; may be empty
   std::function<void(wire::ServerStatus&)> complete_status;  // adds counters from outside of the service; may be empty
   std::function<void(bool begins)> around_checkpoint;  // called before (true) and after a checkpoint; may be empty
+  std::function<void(Frames request, const ReplyFrames& reply)> exchanged;  // called with every answer; may be empty
 };
 
 class Service : private store::Recovery {
@@ -65,6 +66,11 @@ class Service : private store::Recovery {
   // Returns the answer to one request. Never throws. The result is empty if the request has run but there was no memory
   // for its answer (the client repeats the request and gets the answer then), and always once failed() is true.
   std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
+
+  // Continues a session under another scene, with its states. For programs that replay a part of a session with other
+  // laws. Throws Error for a scene at fault, std::invalid_argument for a scene whose layers have other states; the
+  // service must then not be used any more.
+  void change_scene(const wire::SessionId& session, const std::string& scene, const std::string& scene_file);
 
   // True if states and journal may differ because of a failure. The service then answers no further request. The server
   // must end; the next server recovers from the journal.

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 EXAMPLES = pathlib.Path(__file__).resolve().parents[2] / "client" / "examples"
-PROGRAMS = {"replay": None, "server": None, "hydro": None}
+PROGRAMS = {"replay": None, "server": None, "hydro": None, "c_host": None, "fortran_host": None}
 
 
 class ReplayTest(unittest.TestCase):
@@ -74,7 +74,7 @@ def force_history(steps=5, nodes=3, **changes):
 
 
 def main():
-    """replay_*.py --replay PROGRAM [--server PROGRAM] [--hydro PROGRAM] [unittest options]"""
+    """replay_*.py --replay PROGRAM [--server PROGRAM] [--hydro PROGRAM] [--c_host PROGRAM] [--fortran_host PROGRAM] [unittest ...]"""
     parser = argparse.ArgumentParser()
     for program in PROGRAMS:
         parser.add_argument(f"--{program}")

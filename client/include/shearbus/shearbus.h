@@ -29,6 +29,7 @@
  * Environment variables that a user sets, without a change of the host:
  *   SHEARBUS_ENDPOINT  replaces shearbus_options.endpoint
  *   SHEARBUS_SCENE     file that replaces the scene of shearbus_options
+ *   SHEARBUS_RECORD    directory, or new file, that gets an event log of the session, for shearbus-replay
  *   SHEARBUS_LOG       file to which the library appends its log lines; "stderr" for standard error */
 #ifndef SHEARBUS_H
 #define SHEARBUS_H

@@ -20,6 +20,7 @@ from .connection import Connection
 from .errors import (AuthError, ClosureError, Code, ContentError, Error, MessageError, ServerError, SessionError,
                      UnexpectedReply, UnknownOutcome, Unreachable)
 from .history import History
+from .recorder import Recorder
 from .scene import Scene, toml_of
 from .server import Server
 from .session import Answer, Outcome, Regime, Session, Trial, named_nodes, node_ids
@@ -49,7 +50,8 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     and the client's secret key, for tcp; name, for the server's log; connect_deadline (5), reply_deadline (60, of every
     call, retries included) and retry_after (5), after which a request is sent again, in seconds.
 
-    The environment variables SHEARBUS_ENDPOINT and SHEARBUS_SCENE (a path) replace endpoint and scene. Raises an
+    The environment variables SHEARBUS_ENDPOINT and SHEARBUS_SCENE (a path) replace endpoint and scene;
+    SHEARBUS_RECORD, a directory or a new file, gets an event log of the session (proto/wire/event_log.md). Raises an
     Error."""
     text, file = _scene(os.environ.get("SHEARBUS_SCENE") or scene)
     ids = node_ids(nodes)
@@ -108,6 +110,8 @@ def _session(endpoint, want, record, closure, options):
         if endpoint is None:
             server = undo.enter_context(Server())
         connection = Connection(server.endpoint if server else endpoint, **options)
+        if place := os.environ.get("SHEARBUS_RECORD"):
+            connection.recorder = Recorder(place)
         undo.callback(connection.close)
         yield Session(connection, server, want, record, closure)
         undo.pop_all()

@@ -78,6 +78,7 @@ class Connection:
             self.server_key, self.secret_key = key_in(server_key, False), key_in(key, True)
             self.public_key = zmq.curve_public(self.secret_key)
         self._socket = self._monitor = None
+        self.recorder = None  # a Recorder that gets the frames of every exchange
         self._refusal, self._silent_failures = None, 0
         self._last_id = int.from_bytes(os.urandom(8), "little")
 
@@ -92,19 +93,27 @@ class Connection:
             self._monitor.close()
             self._socket = None
 
-    def call(self, frames, request_id, deadline=None):
+    def call(self, frames, request_id, deadline=None, verb=""):
         """Sends `frames` and returns the Reply to them; sends the same bytes again on a fresh socket after every
-        `retry_after` without a reply.
+        `retry_after` without a reply. verb: name of the request's body.
 
         Raises the error of a refusal, Unreachable if the request was never sent, AuthError where the server refuses the
         connection, UnknownOutcome if the request was sent and no reply came before the deadline."""
         try:
-            return self._call(frames, request_id, deadline)
-        except Error:
+            reply, raw = self._call(frames, request_id, deadline)
+        except Error as fault:
+            if self.recorder and fault.code == Code.UNKNOWN_OUTCOME:
+                self.recorder.add(verb, frames)
             raise
         except BaseException:  # an interrupt: a late reply must not be taken for the reply to the next request
             self.close()
             raise
+        if self.recorder:
+            self.recorder.add(verb, frames, reply.header, raw)
+        status = reply.header.status
+        if status is None or status.code != Code.OK:
+            raise _refusal_of(status)
+        return reply
 
     def _call(self, frames, request_id, deadline):
         started = time.monotonic()
@@ -121,12 +130,9 @@ class Connection:
                     self._refused(sent)
                 self._give_up(sent, started)
             sent = True
-            reply = self._receive(request_id, min(last_moment, time.monotonic() + self.retry_after), started)
-            if reply is not None:
-                status = reply.header.status
-                if status is None or status.code != Code.OK:
-                    raise _refusal_of(status)
-                return reply
+            received = self._receive(request_id, min(last_moment, time.monotonic() + self.retry_after), started)
+            if received is not None:
+                return received
             self.close()
             if self._refusal:
                 self._refused(sent)
@@ -192,8 +198,8 @@ class Connection:
         return self._socket.recv(NOW) if self._wait(self._incoming, until) else None
 
     def _receive(self, request_id, until, started):
-        """Waits for the reply to `request_id` and skips replies to earlier requests. Returns None if `until` passed
-        first."""
+        """Waits for the reply to `request_id` and skips replies to earlier requests. Returns the Reply and its
+        frames, or None if `until` passed first."""
         while (first := self._first_frame(until)) is not None:
             frames = []
             while self._socket.rcvmore:
@@ -210,7 +216,7 @@ class Connection:
             refused = answer.status is not None and answer.status.code != Code.OK
             # A reply has the id 0 if the server could not read the id of the request.
             if answer.request_id == request_id or (answer.request_id == 0 and refused):
-                return Reply(answer, payload, received - started)
+                return Reply(answer, payload, received - started), [first, *(frame.buffer for frame in frames)]
         return None
 
     def _read_handshakes(self):

@@ -284,7 +284,7 @@ class Session:
 
     def _send(self, envelope, verb, body, answer, columns=None, frame=None, deadline=None):
         reply = self._connection.call(self._frames({**envelope, verb: body}, columns, frame), envelope["request_id"],
-                                      deadline)
+                                      deadline, verb)
         if getattr(reply.header, answer) is None:
             raise UnexpectedReply(Code.UNEXPECTED_REPLY, f"the reply to {verb} is not {answer}",
                                   "Client and server do not agree on the protocol; tell the maintainers.")
@@ -618,6 +618,8 @@ class Session:
         """Leaves the session open on the server, to be resumed by its ticket, and disconnects."""
         self._closed = True
         self._connection.close()
+        if self._connection.recorder:
+            self._connection.recorder.close()
         if self._server is not None:
             self._server.close()
 

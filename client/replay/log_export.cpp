@@ -1,0 +1,357 @@
+#include "client/replay/log_export.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "client/replay/log.hpp"
+#include "proto/wire/columns.hpp"
+#include "proto/wire/recording.hpp"
+#include "proto/wire/whole_file.hpp"
+
+namespace shearbus::replay {
+namespace {
+
+using wire::Code;
+using wire::Error;
+using wire::Field;
+
+struct Row {
+  std::uint64_t record = 0;  // index in the log
+  double dt_s = 0.0;
+  double time_s = 0.0;
+};
+
+using Place = std::pair<Field, std::uint32_t>;  // a component of a column
+
+bool is_mass(const Place& place) {
+  return place.first == Field::kMassSoft || place.first == Field::kMassHard;
+}
+
+// What the first reading of a log finds: the rows of the table, its columns and nodes.
+struct Plan {
+  std::vector<Row> rows;
+  std::vector<std::uint64_t> nodes;
+  std::vector<Place> inputs, outputs;           // columns that all steps have
+  std::vector<double> initial_temperature;      // empty: the scene's
+  std::map<Place, std::vector<double>> masses;  // of the first step
+  bool masses_change = false;
+  std::string scene;
+  double start_s = 0.0;
+  bool host_times = true;  // whether time_s is the end of each step, else the sum of dt
+};
+
+class Planner {
+ public:
+  Planner(const ExportOptions& options, Plan& plan) : options_(options), plan_(plan), log_(options.log) {}
+
+  void run() {
+    while (log_.next()) {
+      if (log_.reply().status.ok()) follow();
+      order_.follow(log_.request(), log_.reply());
+    }
+    plan_.scene = log_.head().scene;
+    if (options_.after_mark) {
+      const auto mark = marks_.find(*options_.after_mark);
+      if (mark == marks_.end())
+        throw Error(
+            {.code = Code::kUnknownMark, .text = fmt::format("no mark has the name \"{}\"", *options_.after_mark)});
+      plan_.rows.erase(plan_.rows.begin(), plan_.rows.begin() + static_cast<std::ptrdiff_t>(
+                                                                    std::min(mark->second.size(), plan_.rows.size())));
+      plan_.initial_temperature.clear();
+    }
+    if (plan_.rows.empty())
+      throw Error({.code = Code::kInvalidValue,
+                   .text = fmt::format("{} has no committed step{}", log_.name(),
+                                       options_.node ? fmt::format(" of node {}", *options_.node) : "")});
+    choose_times();
+    check_rows();
+  }
+
+ private:
+  void follow() {
+    const wire::Request& request = log_.request();
+    if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
+      if (step->commit_previous) commit();
+      standing_ = Row{.record = log_.index(), .dt_s = step->dt_s, .time_s = step->time_s};
+      if (step->mode == wire::Mode::kAdvance) commit();
+    } else if (std::holds_alternative<wire::Commit>(request.body)) {
+      commit();
+    } else if (const auto* mark = std::get_if<wire::Mark>(&request.body)) {
+      marks_[mark->name] = plan_.rows;
+    } else if (const auto* back = std::get_if<wire::Rollback>(&request.body)) {
+      standing_.reset();
+      if (const auto to = marks_.find(back->to_mark); to != marks_.end()) plan_.rows = to->second;
+    } else if (std::holds_alternative<wire::OpenSession>(request.body)) {
+      const auto given = request.batch.f64(Field::kInitialTemperature);
+      plan_.initial_temperature.assign(given.begin(), given.end());
+      const auto ids = request.batch.u64(Field::kNodeId);
+      if (options_.node && !given.empty()) {
+        const auto at = std::ranges::find(ids, *options_.node);
+        plan_.initial_temperature.clear();
+        if (at != ids.end()) plan_.initial_temperature = {given[static_cast<std::size_t>(at - ids.begin())]};
+      }
+    }
+  }
+
+  void commit() {
+    if (standing_) plan_.rows.push_back(*standing_);
+    standing_.reset();
+  }
+
+  void choose_times() {
+    std::vector<Row>& rows = plan_.rows;
+    plan_.start_s = rows.front().time_s - rows.front().dt_s;
+    for (std::size_t i = 0; i < rows.size() && plan_.host_times; ++i) {
+      const double before = i == 0 ? plan_.start_s : rows[i - 1].time_s;
+      const double allowed = 5e-7 * (rows[i].dt_s + std::abs(rows[i].time_s));
+      plan_.host_times = rows[i].time_s > before && std::abs(rows[i].time_s - before - rows[i].dt_s) <= allowed;
+    }
+    if (plan_.host_times) return;
+    plan_.start_s = 0.0;
+    double time = 0.0;
+    for (Row& row : rows) row.time_s = time += row.dt_s;
+  }
+
+  // Reads the log again for what all rows have in common. With a chosen node, only the rows that name it stay.
+  void check_rows() {
+    Log log(options_.log);
+    NodeOrder order;
+    auto row = plan_.rows.begin();
+    std::vector<Row> kept;
+    while (row != plan_.rows.end() && log.next()) {
+      if (log.index() == row->record) {
+        if (add(log, order, kept.empty())) kept.push_back(*row);
+        ++row;
+      }
+      order.follow(log.request(), log.reply());
+    }
+    if (kept.size() != plan_.rows.size()) plan_.host_times = false;
+    plan_.rows = std::move(kept);
+    if (plan_.rows.empty())
+      throw Error({.code = Code::kInvalidValue,
+                   .text = fmt::format("{} has no committed step of node {}", log_.name(), options_.node.value_or(0))});
+    if (plan_.host_times) return;
+    plan_.start_s = 0.0;
+    double time = 0.0;
+    for (Row& one : plan_.rows) one.time_s = time += one.dt_s;
+  }
+
+  // Whether a step belongs into the table. Throws Error if its nodes are not those of the table.
+  bool add(const Log& log, const NodeOrder& order, bool first) {
+    const auto ids = order.rows_of(log.request());
+    const auto* step = std::get_if<wire::Downscale>(&log.request().body);
+    if (options_.node) {
+      const bool named = std::ranges::find(ids, *options_.node) != ids.end();
+      if (!named && step->absent_nodes == wire::AbsentNodes::kOpen &&
+          std::ranges::find(order.ids(), *options_.node) != order.ids().end())
+        throw Error({.code = Code::kUnsupported,
+                     .text = fmt::format("node {} was stepped as an open contact in record {}, which has no row of it",
+                                         *options_.node, log.index()),
+                     .remedy = "Replay the log in place of the table."});
+      if (!named) return false;
+    }
+    std::vector<std::uint64_t> nodes =
+        options_.node ? std::vector{*options_.node} : std::vector<std::uint64_t>(ids.begin(), ids.end());
+    if (first) plan_.nodes = nodes;
+    if (!std::ranges::is_permutation(nodes, plan_.nodes) || (!options_.node && nodes.size() != order.ids().size()))
+      throw Error({.code = Code::kUnsupported,
+                   .text = fmt::format("the nodes of the steps change: {} in record {}, {} before", nodes.size(),
+                                       log.index(), first ? order.ids().size() : plan_.nodes.size()),
+                   .remedy = "A table has the same nodes in every row: export one of them with --node ID."});
+    keep_common(plan_.inputs, log.request().batch, first);
+    keep_common(plan_.outputs, log.reply().batch, first);
+    for (const Place& place : plan_.inputs) {
+      if (!is_mass(place)) continue;
+      std::vector<double> masses(plan_.nodes.size());
+      values_of(log.request().batch, place, ids, masses);
+      if (first)
+        plan_.masses[place] = masses;
+      else if (plan_.masses[place] != masses)
+        plan_.masses_change = true;
+    }
+    return true;
+  }
+
+  static void keep_common(std::vector<Place>& places, const wire::Batch& batch, bool first) {
+    if (first)
+      for (const wire::Column& column : batch.columns())
+        if (column.element != wire::Element::kUint64) places.emplace_back(column.field, column.component);
+    std::erase_if(places, [&](const Place& place) { return !batch.has(place.first, place.second); });
+  }
+
+ public:
+  // The values of a column in the order of the table's nodes.
+  template <typename Value>
+  void values_of(const wire::Batch& batch, const Place& place, std::span<const std::uint64_t> ids,
+                 std::vector<Value>& values) {
+    if (!std::ranges::equal(ids, last_ids_) || places_.empty()) {
+      std::map<std::uint64_t, std::size_t> row_of;
+      for (std::size_t row = 0; row < ids.size(); ++row) row_of[ids[row]] = row;
+      places_.clear();
+      for (const std::uint64_t node : plan_.nodes) places_.push_back(row_of.at(node));
+      last_ids_.assign(ids.begin(), ids.end());
+    }
+    const auto copy = [&](const auto& column) {
+      for (std::size_t i = 0; i < values.size(); ++i) values[i] = column[places_[i]];
+    };
+    if constexpr (sizeof(Value) == 1)
+      copy(batch.u8(place.first, place.second));
+    else
+      copy(batch.f64(place.first, place.second));
+  }
+
+ private:
+  const ExportOptions& options_;
+  Plan& plan_;
+  Log log_;
+  NodeOrder order_;
+  std::optional<Row> standing_;                    // the trial that waits for commit or rollback
+  std::map<std::string, std::vector<Row>> marks_;  // rows that lead to each mark
+  std::vector<std::uint64_t> last_ids_;
+  std::vector<std::size_t> places_;  // of the table's nodes in the rows of the last step
+};
+
+// Receives the values of a table row by row.
+class TableWriter {
+ public:
+  TableWriter(const ExportOptions& options, const Plan& plan, std::vector<Place> columns)
+      : columns_(std::move(columns)) {
+    if (options.out.extension() == ".csv") {
+      partial_ = options.out;
+      partial_ += ".partial";
+      file_ = std::fopen(partial_.c_str(), "we");
+      if (file_ == nullptr) wire::refuse_to_write(options.out, errno);
+      out_ = options.out;
+      fmt::print(file_, "time [s],dt [s],node_id");
+      for (const auto& [field, component] : columns_) {
+        const std::string unit = wire::column_row(field).unit;
+        fmt::print(file_, ",{}{}", wire::quantity_of(field, component),
+                   unit.empty() || unit == "1" ? "" : " [" + unit + "]");
+      }
+      if (!plan.initial_temperature.empty()) fmt::print(file_, ",initial_temperature [K]");
+      fmt::print(file_, "\n");
+      return;
+    }
+    std::vector<wire::Quantity> quantities;
+    for (const auto& [field, component] : columns_) quantities.push_back(wire::quantity_of_column(field, component));
+    hdf5_.emplace(options.out, plan.nodes, std::move(quantities),
+                  std::map<std::string, std::string>{{"producer", "shearbus-replay " + options.version},
+                                                     {"scene", plan.scene},
+                                                     {"input_file", options.log.filename().string()},
+                                                     {"input_hash", wire::hash_of_file(options.log)},
+                                                     {"times", plan.host_times ? "the host's" : "sums of dt"}},
+                  plan.start_s);
+    if (!plan.initial_temperature.empty())
+      hdf5_->add_static(
+          {.name = "initial_temperature", .units = "K", .long_name = "temperature of the layer at the start"},
+          plan.initial_temperature);
+    for (const auto& [place, values] : plan.masses)
+      if (!plan.masses_change) hdf5_->add_static(wire::quantity_of_column(place.first, place.second), values);
+  }
+  TableWriter(const TableWriter&) = delete;
+  TableWriter& operator=(const TableWriter&) = delete;
+  ~TableWriter() {
+    if (file_ == nullptr) return;
+    std::fclose(file_);
+    std::error_code ignored;
+    std::filesystem::remove(partial_, ignored);
+  }
+
+  bool is_csv() const { return file_ != nullptr; }
+
+  void row(const Row& row, const Plan& plan, const std::vector<std::vector<double>>& numbers) {
+    if (hdf5_) {
+      hdf5_->begin_row(row.time_s, row.dt_s);
+      for (std::size_t i = 0; i < columns_.size(); ++i) {
+        if (wire::element_of(columns_[i].first) == wire::Element::kUint8) {
+          const std::vector<std::uint8_t> codes(numbers[i].begin(), numbers[i].end());
+          hdf5_->set(i, std::span<const std::uint8_t>(codes));
+        } else {
+          hdf5_->set(i, std::span<const double>(numbers[i]));
+        }
+      }
+      hdf5_->end_row();
+      return;
+    }
+    for (std::size_t node = 0; node < plan.nodes.size(); ++node) {
+      fmt::print(file_, "{},{},{}", row.time_s, row.dt_s, plan.nodes[node]);
+      for (const auto& values : numbers) fmt::print(file_, ",{}", values[node]);
+      if (!plan.initial_temperature.empty()) fmt::print(file_, ",{}", plan.initial_temperature[node]);
+      fmt::print(file_, "\n");
+    }
+  }
+
+  void close() {
+    if (hdf5_) return hdf5_->close();
+    const bool whole = std::ferror(file_) == 0;
+    const bool closed = std::fclose(std::exchange(file_, nullptr)) == 0;
+    if (!whole || !closed) {
+      const int fault = errno;
+      std::error_code ignored;
+      std::filesystem::remove(partial_, ignored);
+      wire::refuse_to_write(out_, fault);
+    }
+    wire::publish(partial_, out_);
+  }
+
+ private:
+  std::vector<Place> columns_;
+  std::optional<wire::HistoryWriter> hdf5_;
+  std::FILE* file_ = nullptr;
+  std::filesystem::path partial_, out_;
+};
+
+}  // namespace
+
+std::size_t export_log(const ExportOptions& options) {
+  std::error_code ignored;
+  if (std::filesystem::equivalent(options.log, options.out, ignored))
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("--out {} is the log itself", options.out.string()),
+                 .remedy = "Name another file."});
+  Plan plan;
+  Planner planner(options, plan);
+  planner.run();
+  std::vector<Place> columns;
+  const bool csv = options.out.extension() == ".csv";
+  for (const Place& place : plan.inputs)
+    if (csv || !is_mass(place) || plan.masses_change) columns.push_back(place);
+  const std::size_t inputs = columns.size();
+  columns.insert(columns.end(), plan.outputs.begin(), plan.outputs.end());
+  TableWriter writer(options, plan, columns);
+  std::vector<std::vector<double>> numbers(columns.size(), std::vector<double>(plan.nodes.size()));
+  Log log(options.log);
+  NodeOrder order;
+  auto row = plan.rows.begin();
+  std::vector<std::uint8_t> codes(plan.nodes.size());
+  while (row != plan.rows.end() && log.next()) {
+    if (log.index() == row->record) {
+      const auto ids = order.rows_of(log.request());
+      for (std::size_t i = 0; i < columns.size(); ++i) {
+        const wire::Batch& batch = i < inputs ? log.request().batch : log.reply().batch;
+        if (wire::element_of(columns[i].first) == wire::Element::kUint8) {
+          planner.values_of(batch, columns[i], ids, codes);
+          numbers[i].assign(codes.begin(), codes.end());
+        } else {
+          planner.values_of(batch, columns[i], ids, numbers[i]);
+        }
+      }
+      writer.row(*row, plan, numbers);
+      ++row;
+    }
+    order.follow(log.request(), log.reply());
+  }
+  writer.close();
+  return plan.rows.size();
+}
+
+}  // namespace shearbus::replay

@@ -1,0 +1,19 @@
+// shearbus-replay plot: draws a history with plot_history.py.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace shearbus::replay {
+
+struct PlotOptions {
+  std::vector<std::filesystem::path> files;  // HDF5 files of the same steps, or one event log
+  std::filesystem::path out;                 // a PNG file
+  std::string node;                          // empty: the hottest
+};
+
+// Throws std::runtime_error if the picture cannot be drawn.
+void plot(const PlotOptions& options);
+
+}  // namespace shearbus::replay

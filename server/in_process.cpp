@@ -1,0 +1,54 @@
+#include "server/in_process.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <thread>
+
+#include "server/service/service.hpp"
+#include "server/shard/task_pool.hpp"
+
+namespace shearbus::server {
+namespace {
+
+std::uint64_t monotonic_ns() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
+}
+
+}  // namespace
+
+struct InProcess::Impl {
+  explicit Impl(unsigned threads)
+      : pool(threads != 0 ? threads : std::max(1U, std::thread::hardware_concurrency())),
+        service({.server_version = SHEARBUS_VERSION,
+                 .max_state_bytes = std::numeric_limits<std::uint64_t>::max() / 2,
+                 .now_ns = monotonic_ns,
+                 .log = {},
+                 .complete_status = {},
+                 .around_checkpoint = {},
+                 .exchanged = {}},
+                pool) {}
+  shard::TaskPool pool;
+  service::Service service;
+};
+
+InProcess::InProcess(unsigned threads) : impl_(std::make_unique<Impl>(threads)) {}
+InProcess::~InProcess() = default;
+
+InProcess::Answer InProcess::answer(std::span<const std::byte> header,
+                                    std::optional<std::span<const std::byte>> payload) {
+  const std::array frames = {header, payload.value_or(std::span<const std::byte>())};
+  auto sent = impl_->service.handle(service::Frames(frames).first(payload ? 2 : 1), {.identity = "process"});
+  if (!sent) throw std::runtime_error("there is no memory for the answer of the service");
+  return {std::move(sent->header), sent->payload, std::move(sent->owner)};
+}
+
+void InProcess::change_scene(const wire::SessionId& session, const std::string& scene, const std::string& scene_file) {
+  impl_->service.change_scene(session, scene, scene_file);
+}
+
+}  // namespace shearbus::server

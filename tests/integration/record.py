@@ -1,0 +1,320 @@
+"""Event logs of the server and of clients: what is in them, what a death, a full disk or damage does to them, what recording
+costs."""
+import os
+import pathlib
+import resource
+import signal
+import struct
+import subprocess
+import sys
+import time
+import unittest
+
+import h5py
+import numpy as np
+import replay_support as support
+from replay_support import EXAMPLES
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client" / "python"))
+sys.dont_write_bytecode = True
+import shearbus
+import shearbus.header as header
+from shearbus.checksum import xxh3
+
+GRADED = EXAMPLES / "paper_velocity_driven_graded.toml"
+SERVER, CLIENT = 1, 2
+ENVELOPE = ("magic", "protocol_major", "protocol_minor", "request_id", "session_id", "sequence", "epoch", "payload")
+
+
+def read_log(path):
+    """Returns (recorder, scene, records) of an event log as proto/wire/event_log.md describes it; a record is the four frames."""
+    data = pathlib.Path(path).read_bytes()
+    magic, version, size, _, _, recorder, scene, _, _ = struct.unpack_from("<8sII16sQIIQQ", data)
+    assert (magic, version, size) == (b"SHBEVLG\n", 1, 64)
+    at, records, last = 64 + scene, [], 0
+    while at < len(data):
+        index, ns, *lengths, _ = struct.unpack_from("<QQ4IQ", data, at)
+        assert index == len(records) and ns > last
+        last, at, frames = ns, at + 40, []
+        for length in lengths:
+            frames.append(data[at:at + length])
+            at += length
+        at += 8
+        records.append(frames)
+    assert at == len(data)
+    return recorder, data[64:64 + scene].decode(), records
+
+
+def verbs(records):
+    """Names of the requests' bodies, with the code of each refusal."""
+    said = []
+    for request, _, reply, _ in records:
+        asked = vars(header.REQUEST_HEADER.decode(request))
+        name = next(name for name, value in asked.items() if value is not None and name not in ENVELOPE)
+        code = header.REPLY_HEADER.decode(reply).status.code if reply else None
+        said.append(name if code == shearbus.Code.OK else f"{name} {shearbus.Code(code).name if code else 'unanswered'}")
+    return said
+
+
+class RecordTest(support.ReplayTest):
+    def setUp(self):
+        super().setUp()
+        self.records = self.path / "records"
+        self.bus = f"ipc://{self.path}/bus"
+        self.starts = 0
+        os.environ.pop("SHEARBUS_RECORD", None)
+
+    def serve(self, *arguments, limit=None):
+        """Starts a server that can be killed. Its process gets the member `text`, a function that returns its log."""
+        self.starts += 1
+        log = self.path / f"log{self.starts}"
+        limited = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))) if limit else None
+        with open(log, "w", encoding="utf8") as out:
+            server = subprocess.Popen([support.PROGRAMS["server"], "--bind", self.bus, "--threads", "1", *map(str, arguments)],
+                                      stdout=out, stderr=out, preexec_fn=limited)
+        server.text = lambda: log.read_text(encoding="utf8")
+
+        def end():
+            server.kill()
+            server.wait()
+        self.addCleanup(end)
+        deadline = time.monotonic() + 30
+        while "listening on" not in server.text():
+            self.assertIsNone(server.poll(), server.text())
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.01)
+        return server
+
+    def logs(self):
+        return sorted(self.records.glob("session-*.log"))
+
+    def the_log(self):
+        self.assertEqual(len(self.logs()), 1)
+        return self.logs()[0]
+
+    def again(self, *arguments, code=0):
+        """Replays event logs. Returns the printed text."""
+        run = subprocess.run([support.PROGRAMS["replay"], *map(str, arguments)], capture_output=True, text=True, timeout=120,
+                             check=False)
+        self.assertEqual(run.returncode, code, run.stdout + run.stderr)
+        return run.stdout + run.stderr
+
+    def talk(self, bus):
+        """Everything a session of a few nodes can say. Returns the verbs as a log must have them."""
+        jump = np.linspace(50.0, 100.0, len(bus.nodes))
+        for i in range(3):
+            bus.step(1e-9, jump=jump, pressure=11.2e9)
+        with bus.trial(1e-9, jump=2 * jump, pressure=11.2e9) as trial:
+            trial.reject()
+        with bus.trial(1e-9, jump=jump, pressure=11.2e9):
+            pass
+        with self.assertRaises(shearbus.ContentError):
+            bus.step(-1e-9, jump=jump, pressure=11.2e9)
+        bus.mark("dump")
+        bus.step(1e-9, jump=50.0, pressure=-1.0)
+        bus.register([77, 78], initial_temperature=400.0)
+        bus.step(1e-9, nodes=[77, int(bus.nodes[0])], jump=20.0, pressure=5e9)
+        bus.retire([78])
+        bus.rollback_to("dump")
+        bus.step(2e-9, jump=jump, pressure=11.2e9)
+        return ["open_session", *["downscale"] * 3, "downscale", "rollback", "downscale", "commit", "downscale INVALID_VALUE",
+                "mark", "downscale", "register_nodes", "downscale", "retire_nodes", "rollback", "downscale"]
+
+
+class Server(RecordTest):
+    def test_a_log_has_everything_and_replays_to_the_same_bits(self):
+        self.serve("--record", self.records)
+        with shearbus.open(GRADED, range(5), self.bus) as bus:
+            expected, scene = self.talk(bus), bus.scene
+        recorder, head, records = read_log(self.the_log())
+        self.assertEqual((recorder, head), (SERVER, scene))
+        self.assertEqual(verbs(records), [*expected, "close_session"])
+        self.assertEqual(self.the_log().stat().st_mode & 0o777, 0o600)
+        self.assertEqual(self.records.stat().st_mode & 0o777, 0o700)
+        self.assertIn("equal to the recorded ones, to the last bit", self.again(self.the_log()))
+        self.assertIn("equal to the recorded ones, to the last bit", self.again(self.the_log(), "--server", self.bus))
+
+    def test_a_changed_answer_is_found_by_step_and_node(self):
+        self.serve("--record", self.records)
+        with shearbus.open(GRADED, [3, 7], self.bus) as bus:
+            for _ in range(4):
+                bus.step(1e-9, jump=[50.0, 100.0], pressure=11.2e9)
+        other = self.path / "other.log"
+        self.again(self.the_log(), "--set", "layer.thickness_m=2.1e-5", "--out", other)
+        self.assertIn("equal to the recorded", self.again(other))
+        text = self.again("compare", self.the_log(), other, code=1)
+        self.assertRegex(text, r"step 0 \(request 1, ends at .* s\): answer, shear_stress of node 3 is .* \(\d+ of 12 values")
+        self.assertIn("equal: 6 requests, 4 of them steps", self.again("compare", self.the_log(), self.the_log()))
+
+    def test_nodes_that_move_are_replayed_from_the_logs_of_both_sessions(self):
+        self.serve("--record", self.records, "--record-session", "job 7")
+        with shearbus.open(GRADED, range(4), self.bus, domain="job 7") as one, \
+                shearbus.open(GRADED, (), self.bus, domain="job 7") as two, shearbus.open(GRADED, [1], self.bus) as other:
+            one.step(1e-9, jump=80.0, pressure=11.2e9)
+            other.step(1e-9, jump=80.0, pressure=11.2e9)
+            two.accept(one.offer([1, 3]))
+            for _ in range(3):
+                one.step(1e-9, jump=80.0, pressure=11.2e9)
+                two.step(1e-9, jump=60.0, pressure=11.2e9)
+        self.assertEqual(len(self.logs()), 2, "the session outside of the domain is not recorded")
+        self.assertIn("equal to the recorded ones", self.again(self.records))
+        alone = next(log for log in self.logs() if "accept_nodes" in verbs(read_log(log)[2]))
+        self.assertIn("UNKNOWN_TRANSFER", self.again(alone, code=1))
+
+    def test_a_log_goes_on_after_kill_and_a_torn_tail(self):
+        where = ("--record", self.records, "--state-dir", self.path / "state")
+        server = self.serve(*where)
+        bus = shearbus.open(GRADED, range(3), self.bus)
+        for _ in range(5):
+            bus.step(1e-9, jump=80.0, pressure=11.2e9)
+        server.send_signal(signal.SIGKILL)
+        server.wait()
+        whole = len(read_log(self.the_log())[2])
+        index, begin = struct.pack("<Q", whole), struct.pack("<Q4I", 2**62, 60, 0, 0, 0)
+        with open(self.the_log(), "ab") as log:  # a record that was being written
+            log.write(index + begin + struct.pack("<Q", xxh3(index + begin)) + bytes(30))
+        self.assertIn("ends in an incomplete record", self.again(self.the_log()))
+        self.serve(*where)
+        for _ in range(5):
+            bus.step(1e-9, jump=80.0, pressure=11.2e9)
+        bus.close()
+        said = verbs(read_log(self.the_log())[2])
+        self.assertEqual(len(said) - whole, said[whole:].count("resume_session") + 6 + said.count("downscale EPOCH"))
+        self.assertEqual(said.count("downscale"), 10)
+        self.assertIn("equal to the recorded ones", self.again(self.the_log()))
+
+    def test_a_full_disk_ends_the_recording_and_no_answer(self):
+        server = self.serve("--record", self.records, limit=30_000)
+        with shearbus.open(GRADED, range(20), self.bus) as bus:
+            answers = [bus.step(1e-9, jump=80.0, pressure=11.2e9).temperature[3] for _ in range(60)]
+        self.assertEqual(len(set(answers)), 60)
+        self.assertEqual(server.text().count("is not recorded any further"), 1, server.text())
+        self.assertIn("File too large", server.text())
+        said = verbs(read_log(self.the_log())[2])
+        self.assertTrue(2 < said.count("downscale") < 60)
+        self.assertIn("equal to the recorded ones", self.again(self.the_log()))
+
+    def test_a_damaged_log_is_refused_with_the_place(self):
+        self.serve("--record", self.records)
+        with shearbus.open(GRADED, range(3), self.bus) as bus:
+            for _ in range(5):
+                bus.step(1e-9, jump=80.0, pressure=11.2e9)
+        data = bytearray(self.the_log().read_bytes())
+        data[len(data) * 3 // 4] ^= 1
+        self.the_log().write_bytes(data)
+        self.assertRegex(self.again(self.the_log(), code=1), r"byte \d+: .* does not match its sum")
+        for bad in (b"SHBEVLG\n" + bytes(56), bytes(data[:40])):
+            self.the_log().write_bytes(bad)
+            self.assertRegex(self.again("export", self.the_log(), "--out", self.out, code=1), "version 0|not an event log")
+
+    def test_a_directory_that_cannot_be_used_is_refused_at_the_start(self):
+        (self.path / "file").write_text("")
+        run = subprocess.run([support.PROGRAMS["server"], "--bind", self.bus, "--record", str(self.path / "file")],
+                             capture_output=True, text=True, timeout=30, check=False)
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("is no directory", run.stderr)
+        run = subprocess.run([support.PROGRAMS["server"], "--bind", self.bus, "--record-session", "a"], capture_output=True,
+                             text=True, timeout=30, check=False)
+        self.assertEqual(run.returncode, 2)
+
+    def test_what_recording_costs(self):
+        """Compares the processor time of two servers, one of which records, in turns."""
+        servers = {"without": self.serve()}
+        self.bus += "2"
+        servers["with"] = self.serve("--record", self.records)
+        used = lambda server: sum(int(path.read_text().split()[0]) for path in
+                                  pathlib.Path(f"/proc/{server.pid}/task").glob("*/schedstat"))
+        for nodes, steps, rounds in ((100, 50, 6), (10_000, 2, 5)):
+            best = dict.fromkeys(servers, float("inf"))
+            sessions = {"with": shearbus.open(GRADED, range(nodes), self.bus),
+                        "without": shearbus.open(GRADED, range(nodes), self.bus[:-1])}
+            for _ in range(rounds):
+                for kind, bus in sessions.items():
+                    before = used(servers[kind])
+                    for _ in range(steps):
+                        bus.step(1e-9, jump=80.0, pressure=11.2e9)
+                    best[kind] = min(best[kind], (used(servers[kind]) - before) / steps)
+            for bus in sessions.values():
+                bus.close()
+            ratio = best["with"] / best["without"]
+            print(f"recording, {nodes} nodes: {1e-6 * best['with']:.3f} ms of processor a step against "
+                  f"{1e-6 * best['without']:.3f} ms, ratio {ratio:.3f}")
+            self.assertLess(ratio, 1.5)
+
+
+class Clients(RecordTest):
+    def test_the_python_client_writes_what_the_server_writes(self):
+        self.serve("--record", self.records)
+        own = self.path / "own.log"
+        os.environ["SHEARBUS_RECORD"] = str(own)
+        with shearbus.open(GRADED, range(5), self.bus) as bus:
+            expected = self.talk(bus)
+        os.environ["SHEARBUS_RECORD"] = str(own)
+        with self.assertLogs("shearbus", "WARNING") as said, shearbus.open(GRADED, range(5), self.bus) as bus:
+            bus.step(1e-9, jump=80.0, pressure=11.2e9)  # the file is there already: the second session is not recorded
+        self.assertEqual(sum("not recorded any further" in line for line in said.output), 1)
+        recorder, _, records = read_log(own)
+        self.assertEqual((recorder, verbs(records)), (CLIENT, [*expected, "close_session"]))
+        of_server = next(log for log in self.logs() if len(read_log(log)[2]) == len(records))
+        self.assertEqual(records, read_log(of_server)[2], "the same frames")
+        self.assertIn("equal to the recorded ones", self.again(own))
+        self.assertIn("equal: 17 requests, 9 of them steps", self.again("compare", own, of_server))
+
+    def test_the_python_client_goes_on_in_a_directory_and_on_a_full_disk(self):
+        self.serve("--state-dir", self.path / "state")
+        os.environ["SHEARBUS_RECORD"] = str(self.records) + "/"
+        bus = shearbus.open(GRADED, range(5), self.bus)
+        bus.step(1e-9, jump=80.0, pressure=11.2e9)
+        ticket = bus.ticket
+        bus.leave()
+        bus = shearbus.resume(ticket, self.bus)
+        bus.step(1e-9, jump=80.0, pressure=11.2e9)
+        self.assertEqual(verbs(read_log(self.the_log())[2]),
+                         ["open_session", "downscale", "resume_session", "resume_session", "downscale"])
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (self.the_log().stat().st_size + 100, hard))
+        try:
+            with self.assertLogs("shearbus", "WARNING") as said:
+                for _ in range(3):
+                    bus.step(1e-9, jump=80.0, pressure=11.2e9)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        bus.close()
+        self.assertEqual(len(said.output), 1)
+        self.assertEqual(len(read_log(self.the_log())[2]), 5)
+        self.assertIn("equal to the recorded ones", self.again(self.the_log()))
+
+    def test_a_host_in_c_is_recorded_without_a_change(self):
+        environment = {**os.environ, "SHEARBUS_RECORD": str(self.records) + "/"}
+        run = subprocess.run([support.PROGRAMS["c_host"], support.PROGRAMS["server"], str(EXAMPLES / "constant_friction.toml")],
+                             env=environment, capture_output=True, text=True, timeout=120, check=False)
+        self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
+        self.assertGreater(len(self.logs()), 3)
+        said = [verb for log in self.logs() for verb in verbs(read_log(log)[2])]
+        for verb in ("downscale", "commit", "rollback", "mark", "register_nodes", "offer_nodes", "accept_nodes"):
+            self.assertIn(verb, said)
+        self.assertIn("equal to the recorded ones", self.again(self.records))
+
+    def fortran_host(self, place):
+        if not self.starts:
+            self.serve()
+        run = subprocess.run([support.PROGRAMS["fortran_host"], str(EXAMPLES / "constant_friction.toml"), self.bus],
+                             env={**os.environ, "SHEARBUS_RECORD": place}, capture_output=True, text=True, timeout=120,
+                             check=False)
+        self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
+        return run.stdout + run.stderr
+
+    def test_a_host_in_fortran_is_recorded_without_a_change(self):
+        self.assertNotIn("not recorded", self.fortran_host(f"{self.records}/"))
+        self.assertIn("equal to the recorded ones", self.again(self.records))
+
+    def test_a_place_at_fault_is_a_line_for_people_and_no_fault_of_the_host(self):
+        self.assertIn("is not recorded any further: cannot make", self.fortran_host(str(self.path / "none" / "file")))
+        (self.path / "file").write_text("kept")
+        said = self.fortran_host(str(self.path / "file"))
+        self.assertIn("File exists", said)
+        self.assertEqual((self.path / "file").read_text(), "kept")
+
+
+if __name__ == "__main__":
+    support.main()
