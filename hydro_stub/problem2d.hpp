@@ -26,13 +26,13 @@ struct Problem2d {
   lagrange::Bodies bodies;
   std::string body_names;         // names of the mesh's blocks, for the summary: "0 cone, 1 confinement, 2 flyer"
   std::vector<int> free_surface;  // nodes whose motion is recorded; may be empty
-  double end_time = 0.0;          // [s]
-  double history_interval = 0.0;  // [s]
+  double end_time = 0.0;          // time at which the run ends, unless `over` ends it before  [s]
+  double history_interval = 0.0;  // time between two rows of the recorded histories  [s]
   std::uint32_t frames = 1;       // number of field outputs, at equal intervals up to the end
   physics::Material soft, hard;   // metals on the two sides of the interface, if there is one
 
   std::function<bool(const lagrange::Cycle&)> over;                        // if set, ends the run by returning true
-  std::function<std::vector<Comparison>(const lagrange::Cycle&)> compare;  // if set, compares with known solutions
+  std::function<std::vector<Comparison>(const lagrange::Cycle&)> compare;  // if set, compares the run with known values
 };
 
 // Returns the number of nodes with an interface law.

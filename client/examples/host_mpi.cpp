@@ -1,10 +1,10 @@
-// The example host of host.cpp on MPI ranks. Nodes move between the ranks in mid-run, as where a mesh is balanced anew,
-// and the run goes on from a dump on any number of ranks. The answers are those of one rank, to the bit.
+// The example host of host.cpp on MPI ranks. Nodes move between the ranks in mid-run, as in a code that rebalances its
+// mesh. The run can continue from a dump on any number of ranks. All answers have the same bits as on one rank.
 //
 //   mpirun -n RANKS host_mpi SCENE.toml ENDPOINT [DUMP [LAST_STEP]]
 //
-// With DUMP the host goes on from this file if it exists; else it writes it, and DUMP.tickets for the states of the
-// server, after step 30. With LAST_STEP it ends there and leaves its sessions on the server, as if it had been killed.
+// If the file DUMP exists, the host continues from it; otherwise it writes it after step 30, with DUMP.tickets for the
+// states of the server. With LAST_STEP it ends there and leaves its sessions on the server, as if it had been killed.
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -57,7 +57,8 @@ struct Host {
     return static_cast<int>((id + static_cast<std::uint64_t>(move)) % size);
   }
 
-  // Moves the host's own data as the server moves its states: those that stay, then those that came, by rank.
+  // Moves the host's own data of nodes to their new ranks. `nodes` keeps the order of the session: first the nodes that
+  // stayed, then those that came, by the rank they came from.
   void move(const std::vector<int>& new_owner) {
     std::vector<Node> stay, leave, come;
     std::vector<int> n_leave(size), n_come(size), leave_at(size), come_at(size);
@@ -80,7 +81,7 @@ struct Host {
     nodes.swap(stay);
   }
 
-  // The host's own dump: a node at its place in one file.
+  // Writes or reads the host's own dump: one file for all ranks, in which the node with id i is record number i.
   void transfer(const char* path, bool write) {
     MPI_File file;
     if (MPI_File_open(MPI_COMM_WORLD, path, write ? MPI_MODE_CREATE | MPI_MODE_WRONLY : MPI_MODE_RDONLY, MPI_INFO_NULL,

@@ -1,4 +1,4 @@
-// Sends a macroscopic history through the service step by step and records the answers.
+// Sends a macroscopic history (the inputs of the interface nodes, step by step) to the service, records the answers.
 #pragma once
 
 #include <filesystem>
@@ -14,12 +14,12 @@ struct Options {
   std::filesystem::path out;
   wire::ServerAddress server;  // without an endpoint: a server inside this process
   bool check = false;          // only check: read the history and open a session, but replay nothing
-  bool closed_loop = false;    // force-driven scenes: feed each new jump back even if /velocity_jump exists
+  bool closed_loop = false;    // force-driven: send back each answered jump, even if the history has /velocity_jump
   bool progress = true;
   std::string version;  // version of this program, for /meta of the result
 };
 
-// Prints what each part of the scene costs, without replaying a history.
+// Prints how much time and memory each part of the scene costs per node, without replaying a history.
 void explain(const std::filesystem::path& scene);
 
 // Replays the history and prints the summary. Throws shearbus::Error, in which case it leaves no result file.

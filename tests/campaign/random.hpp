@@ -22,7 +22,7 @@ struct RandomOutcome {
   std::string name;  // name of the RandomKind or of the Physics
   long scenes = 0;
   Figures figures;
-  SearchEffort most;  // largest search effort in one step of eight lanes
+  SearchEffort most;  // largest counts of search work in one step of a tile of eight nodes
   struct Fault {
     std::uint64_t seed;  // seed of the history that failed
     std::string text;
@@ -33,7 +33,7 @@ struct RandomOutcome {
 // Runs histories of scenes of one kind until they have at least `node_steps` node-steps together. The seeds count up
 // from `first_seed`, one for each history. Half of the histories start from a random state.
 RandomOutcome run_random(const RandomKind& kind, bool extreme, long node_steps, std::uint64_t first_seed);
-// Runs random histories of all kinds in turn, usual and extreme scenes, for `node_steps` node-steps in all.
+// Runs random histories of all kinds in turn, in usual and in extreme scenes, for `node_steps` node-steps in all.
 std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed);
 // Runs random histories with the options of one physics; only initial temperature, states and inputs are random.
 RandomOutcome run_random(const Physics& physics, long node_steps, std::uint64_t first_seed);

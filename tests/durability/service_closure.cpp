@@ -1,5 +1,5 @@
-// The states of a node's exchange with its host (server/shard/closure.hpp) and the idle limit outlive the server: by
-// replay of the journal, by a checkpoint, and by both.
+// The idle limit of a session, and the states by which the server checks a node's exchange with the host
+// (server/shard/closure.hpp), outlive the server: by replay of the journal, by a checkpoint, and by both.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -31,8 +31,8 @@ wire::Request opening(std::uint64_t idle_limit_s = 0) {
   return request;
 }
 
-// The requests of a host that does not apply the answers and whose time grows by 2 dt. They include trials, subsets and
-// a mark.
+// Returns a request of a faulty host: it does not apply the answered stresses, and its time grows by twice the step
+// length. The requests include trial steps, steps of some of the nodes, a mark and a rollback.
 wire::Request request_at(std::uint64_t sequence) {
   const int number = static_cast<int>(sequence);
   if (sequence == 4) return ServiceHarness::in_session(wire::Mark{.name = "dump"}, sequence);
@@ -125,7 +125,7 @@ TEST(IdleLimit, ClosesTheSessionAsAnOperatorWould) {
       }
     }
     {
-      // The recovered server keeps the idle limit and counts from its start.
+      // The recovered server keeps the idle limit and counts the idle time from its own start.
       DurableServer server(disk);
       server.service.close_idle_sessions();
       ASSERT_TRUE(server.ask(request_at(3)).reply.status.ok());

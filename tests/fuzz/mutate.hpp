@@ -39,8 +39,8 @@ class Random {
 void mutate_bytes(std::string& bytes, std::size_t longest);       // changes bytes by the mutator of the fuzzer
 void mutate_reals(std::string& payload, Random& random);          // changes one of the 8-byte numbers of a payload
 void mutate(google::protobuf::Message& message, Random& random);  // changes one field of a message, at any depth
-// Changes one field of a header, of a reply if `reply`, otherwise of a request. If the frame cannot be parsed as a
-// header, changes its bytes.
+// Changes one field of a header: of a reply's header if `reply` is true, otherwise of a request's header. If the frame
+// cannot be parsed as a header, changes its bytes.
 void mutate_header(std::string& frame, bool reply, Random& random);
 
 // Sets the payload size and checksum of a header to those of `payload`. A header that cannot be parsed stays as it is.

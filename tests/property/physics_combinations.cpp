@@ -55,7 +55,7 @@ void slide(Rig& rig) {
   for (int l = 0; l < kLanes; ++l) rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = 1.0 + l;
 }
 
-// Keeps the bodies at rest for so many steps that nodes may fall asleep, and checks the invariants in every step.
+// Keeps the bodies at rest for enough steps that nodes may fall asleep, and checks the invariants in every step.
 void rest(Rig& rig, Figures& figures) {
   rig.set_all(0.0, 2e9);
   for (int l = 0; l < kLanes; ++l) rig.inputs.stress_soft[l] = rig.inputs.stress_hard[l] = 0.0;
@@ -87,8 +87,8 @@ std::optional<TwinStep> step_both(Rig& rig, const ModelOptions& twin_options, in
   if (options.tolerance && effort.layer_sums + effort.limit_values > kMostEffort) return {};
   const bool first_order = (rig.outputs.outcome[l] & kFirstOrder) != 0;
   twin.outputs = reference::advance_one(twin_options, dt, inputs, twin.state);
-  // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver, but not the reference
-  // solver, back to the first-order scheme. The reference solver then repeats the step with the first-order scheme.
+  // If the fast solver could not show that its answer is unique it fell back to the first-order scheme, perhaps without
+  // need. If the reference solver did not fall back, it now repeats the step with the first-order scheme.
   if (!options.tolerance && first_order && !twin.outputs.first_order) {
     inputs.backward_euler = true;
     twin.state = before;
@@ -112,7 +112,7 @@ void require_twin(Rig& rig, int l, double dt, long& compared) {
                  range * (rig.outputs.error_estimate[l] + twin->outputs.error_estimate) + 1e-8, "T0 under a tolerance");
     return;
   }
-  if (options.inertia) {  // for a layer with inertia PhysicsWavesReference compares the fields, and this test only s(0)
+  if (options.inertia) {  // the stress varies with z: only s at z = 0 is compared; PhysicsWavesReference compares all
     require_near(rig.outputs.shear_stress[l], twin->outputs.shear_stress,
                  1e-6 * std::abs(twin->outputs.shear_stress) + 1.0, "s of a layer with inertia");
     return;
@@ -145,7 +145,7 @@ void require_sound_model(Draw& draw, const ModelOptions& options, Counts& counts
   counts.steps += figures.node_steps;
 }
 
-// ---- The tests of all pairs ----
+// ---- The tests of all pairs of options and laws ----
 
 struct Case {
   Strategy strategy;

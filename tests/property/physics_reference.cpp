@@ -44,9 +44,9 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
         twins.push_back(reference::advance_one(options, dt, rig.node_inputs(l), twin_states.back()));
       }
       rig.step(dt);
-      // The criterion of a unique answer is sufficient, not necessary: it may send the fast solver, but not the
-      // reference solver, back to the first-order scheme. The reference solver then repeats the step with the
-      // first-order scheme.
+      // The fast solver falls back to the first-order scheme where its criterion cannot show that the answer is unique.
+      // This criterion is sufficient, not necessary, so the reference solver may not have fallen back. It then repeats
+      // the step with the first-order scheme.
       for (int l = 0; l < lanes[scene % 3]; ++l) {
         if (!(rig.outputs.outcome[l] & kFirstOrder) || twins[l].first_order) continue;
         reference::NodeInputs inputs = rig.node_inputs(l);
@@ -69,7 +69,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
           ++several;
           continue;
         }
-        ASSERT_EQ(twins[l].answers, 1);  // an undivided step has one answer, by the criterion of a unique answer
+        ASSERT_EQ(twins[l].answers, 1);  // a step that was not divided met the criterion of a unique answer
         try {
           require_agreement(rig, strains[l], twins[l], twin_states[l], l, dt, worst);
         } catch (const Broken& broken) {

@@ -180,8 +180,8 @@ TEST(PhysicsLedgerOfJumps, SecondOrderHeatsWithTheWorkOfItsStages) {
   EXPECT_LT(std::abs(residual), 1e-2 * work);
 }
 
-// Without a temperature profile the ledger takes the stored heat of an insulated slab from the mode of rate 0, and that
-// of a half-space from the heat that has entered.
+// Without a temperature profile the ledger takes the stored heat of an insulated slab from the mode that never decays,
+// and the stored heat of a half-space from the heat that has entered.
 TEST(PhysicsLedgerOfForces, WithoutAProfileTheHeatIsStillStored) {
   for (const FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
     ModelOptions options = paper_options(Strategy::kForceDriven);

@@ -72,8 +72,8 @@ INSTANTIATE_TEST_SUITE_P(Integrators, ModesAndProfile,
                            return param.param == TimeIntegrator::kSdirk2 ? "Sdirk2" : "BackwardEuler";
                          });
 
-// Modes whose `longest_time` is too short forget heat that still matters. Their error is far larger than their
-// accuracy, and the comparison with a temperature profile must show it.
+// Modes whose `longest_time` is too short forget heat that still affects T0. Their difference from a temperature
+// profile must then be far larger than with a sufficient `longest_time`.
 TEST(PhysicsModesAndProfile, ModesThatForgetTooEarlyAreSeen) {
   double apart[2];
   for (const bool forgets : {false, true}) {

@@ -31,7 +31,7 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
   Draw draw(21);
   for (int scene = 0; scene < 60; ++scene) {
     ModelOptions options = random_options(draw, Strategy::kForceDriven, scene % 2 == 1);
-    if (!properties_of(options.soft.flow_law).has_ceiling) continue;  // other flow laws cannot be made strong enough
+    if (!properties_of(options.soft.flow_law).has_ceiling) continue;  // only laws with Y_max, set to infinity below
     options.soft.yield_strength = 1e300;
     // a layer that melts as the pressure falls would have no strength
     options.soft.melting_curve = MeltingCurve::kConstant;

@@ -1,5 +1,5 @@
-// The list of a node's states (server/physics/solver/states.hpp): the rows of the states leave no gap, and the names of
-// the states are those in checkpoints.
+// The list of a node's states (server/physics/solver/states.hpp): in a tile they follow one another without a gap, and
+// their names are those in checkpoints.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 namespace shearbus::map {
 
 // Smallest share of the imposed slip that the layer must carry for the velocity-driven model to be valid. A server
-// marks a step in which the layer carries less as outside the domain.
+// marks a step in which the layer carries less as outside the domain of validity.
 inline constexpr double kDomainShare = 0.9;
 
 void write(const Map& map, const std::string& scene_name, const std::string& version, const std::filesystem::path& out);
