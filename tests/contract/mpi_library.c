@@ -193,7 +193,12 @@ static void run(int from, int to, const char* how, int dump, int pause, int die)
   }
   write_answers(from, to);
   MPI_Barrier(MPI_COMM_WORLD);
-  if (die) raise(SIGKILL);
+  if (die) { /* in the middle of a move: an offer waits that nobody accepts */
+    uint8_t transfer[SHEARBUS_TRANSFER_BYTES];
+    if (shearbus_node_count(bus) > 0) OK(shearbus_offer(bus, 1, shearbus_node_ids(bus), transfer, &status));
+    MPI_Barrier(MPI_COMM_WORLD);
+    raise(SIGKILL);
+  }
   OK(shearbus_mpi_close(&ranks, &bus, &status));
   CHECK(ranks == NULL && bus == NULL);
 }
