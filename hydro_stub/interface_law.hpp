@@ -63,8 +63,8 @@ struct InterfaceAnswer {
   std::uint64_t flagged = 0;  // number of nodes whose answer has a flag (substepped, several roots, failed)
 };
 
-// Run time that a law has used so far. The times overlap: a law that computes in the host's own thread may give its
-// whole time as solver, as service, as waited and as CPU time.
+// Run time that a law has used so far. The times overlap: a law that computes in the host's own thread may report the
+// same time as `solver`, `service`, `waited` and `cpu`.
 struct LawTime {
   std::chrono::nanoseconds solver{0};
   // time in the server, from the arrival of each request to the end of its step; includes the solver
@@ -79,7 +79,7 @@ struct LawTime {
 struct OmittedCost {
   std::vector<std::pair<std::string, std::string>> lines;  // lines that the summary prints, each with label and text
   std::vector<std::string> parts;
-  std::uint64_t bytes_per_node = 0;                  // bytes per node that this run needed
+  std::uint64_t bytes_per_node = 0;                  // memory per node with the options of this run
   std::uint64_t bytes_per_node_with_everything = 0;  // bytes per node if all options that the scene allows were on
   std::optional<double> share_asleep;  // share of the node-steps spent asleep; absent if no node could sleep
 };

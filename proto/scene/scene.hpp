@@ -27,8 +27,8 @@ SceneFile load(const std::filesystem::path& path);
 // Reads a scene into an empty message of the caller; otherwise it does the same as parse().
 Document read(std::string_view text, std::string file, v1::Scene& scene);
 
-// Checks the rules between keys that the schema cannot express; `scene` has its defaults filled in. A rule is skipped
-// if a value that it needs is at fault. Only the physics checks which of its options exclude each other
+// Checks the rules between keys that the schema cannot express. The defaults of `scene` must be filled in. A rule is
+// skipped if a value that it needs is at fault. Which options exclude each other is not checked here but in the physics
 // (server/physics/solver/parts.hpp).
 void check_scene(const v1::Scene& scene, Findings& findings);
 

@@ -102,10 +102,10 @@ void take_most(SearchEffort& most, const SearchEffort& now) {
 }
 
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
-  // A step that is divided because it has several solutions is tried in 2, 4, ... and 64 substeps, 126 in all. A step
-  // under a tolerance makes about 1,024 attempts at most; each attempt solves a substep in one piece and again in two
-  // halves, and each of these may itself be divided. A second-order step has two stages and possibly a first-order step
-  // in addition.
+  // Number of solves. A step that is divided because it has several solutions: the whole step and 2 + 4 + ... + 64
+  // substeps, 127. A step under a tolerance: about 1,024 attempts of 3 solves each (a piece and its two halves), 3,072;
+  // 4,096 leaves room for the division of long pieces. Second order: two stages and possibly a first-order step in
+  // addition, 3 times as many.
   const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
   // An interface on a flowing layer needs two searches, one for stick and one for slip. Each search evaluates at most

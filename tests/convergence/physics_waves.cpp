@@ -32,8 +32,8 @@ double crossing_time(const ModelOptions& options) {
   return options.grid.thickness / shear_speed(options.soft);
 }
 
-// Root mean square over time of the error of s(0), relative to the largest exact stress. The imposed V(t) must begin
-// smoothly from rest, and the layer must stay elastic.
+// Root mean square over time of the error of the stress at z = 0, relative to the largest exact stress there. The
+// imposed V(t) must begin smoothly from rest, and the layer must stay elastic.
 double reflection_error(int cells, double dt, const std::function<double(double)>& V, double t_end) {
   const ModelOptions options = cold_options(cells);
   const double cross = crossing_time(options);

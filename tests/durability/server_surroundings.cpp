@@ -452,7 +452,7 @@ TEST(Surroundings, AServerWithoutRequestsCheckpointsInTimeAndOnlyOnce) {
   const auto until = std::chrono::steady_clock::now() + 20s;
   while (checkpoints_in(state).empty() && std::chrono::steady_clock::now() < until) std::this_thread::sleep_for(50ms);
   EXPECT_FALSE(checkpoints_in(state).empty()) << server.log();
-  std::this_thread::sleep_for(2500ms);  // on a slow machine the first checkpoint may precede the last step
+  std::this_thread::sleep_for(2500ms);  // a second checkpoint, due if the first preceded the last step
   const std::set<std::string> idle = checkpoints_in(state);
   std::this_thread::sleep_for(2500ms);
   EXPECT_EQ(checkpoints_in(state), idle) << "nothing has changed since";

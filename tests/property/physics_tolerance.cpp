@@ -53,9 +53,9 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
       SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(step));
       ++compared;
       finer += twin.error_estimate > 0.25 * *options.tolerance;
-      // The fast solver and the reference model may use different substeps, if an error equals its limit to rounding or
-      // if only the fast solver fell back to the first-order scheme (because it could not show that the answer is
-      // unique). The two answers must then agree within the sum of their error estimates.
+      // The fast solver and the reference model choose different substeps in two cases: an error equals its limit
+      // except for rounding; or only the fast solver, unable to show that the answer is unique, used the first-order
+      // scheme. Even then the two answers must agree within the sum of their error estimates.
       const double difference = std::abs(rig.outputs.interface_temperature[l] - twin.interface_temperature);
       worst = std::max(worst, difference);
       if (difference > 1e-8) {

@@ -105,8 +105,8 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
     if (stress > 0.0 && a > 0.0) {
       next = a - logarithm(stress / a) / (s.slope / stress - 1.0 / a);
       if (std::abs(next - a) <= kConverged * a) {
-        // Near melting this step may be short far from the root. The root counts as found only if the Newton step on
-        // H(a) = s_lim - a itself is short, too.
+        // Near melting the step on log(s_lim / a) may be short although a is far from the root. So the root is accepted
+        // only if the Newton step on H(a) = s_lim - a is short, too.
         const double straight = a + (stress - a) / (1.0 - s.slope);
         if (std::abs(straight - a) <= kConverged * a) {
           return polished(limit, heating, std::clamp(next, lo, hi), a_max, std::clamp(straight, lo, hi));

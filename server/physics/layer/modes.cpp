@@ -82,9 +82,9 @@ void add_reduced(const Lines& panel, int n, bool first, Lines& sum) {
   }
 }
 
-// The part of the spectrum of the heat kernel between two square roots of decay rates, `from` and `to`  [s^(-1/2)]. If
-// `even`: samples of the continuous spectrum of the half-space, whose density over this square root mu is constant.
-// Else: the discrete lines of the slab, without its line at rate 0.
+// Returns the spectrum of the heat kernel from mu = `from` to mu = `to`, where mu is the square root of a decay rate
+// [s^(-1/2)]. With `even`: samples of the half-space, whose spectrum is continuous with constant density in mu.
+// Otherwise: the discrete lines of the slab, without the line at rate 0.
 Lines spectrum(const HeatKernel& kernel, const Rule& samples, bool even, double from, double to) {
   Lines lines;
   if (even) {

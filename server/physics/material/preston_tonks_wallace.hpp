@@ -233,7 +233,7 @@ class PrestonTonksWallace {
   static constexpr int kNewtonIterations = 12;
   static constexpr int kMostIterations = 150;
 
-  // The flow stress tau in units of 2 G, and its derivatives by ln r, ep and T^.
+  // tau = Y / (2 G), with the flow stress Y before the melting factor, and its derivatives by ln r, ep and T^.
   struct Reduced {
     double stress, by_log_rate, by_strain, by_T_hat;
     double branch;  // code for the arguments that max() and min() select in tau_s and tau_y; NaN near a switch

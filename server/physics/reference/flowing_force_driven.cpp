@@ -107,7 +107,7 @@ std::vector<Candidate> slips_of(const FlowingStep& step, double beta_T, double a
   const auto at_interface = [&](double q) { return step.limit(q) <= step.ceiling(q); };
   std::vector<Candidate> found;
   const auto add = [&](double q) {
-    if (stress(q) > a_stick) return;  // under a stress above a_stick the slip would end within the step
+    if (stress(q) > a_stick) return;  // a_stick stops the slip exactly at the end of the step
     const double a = stress(q);
     found.push_back({a, q, a > 0.0 ? q / (beta_T * a) : step.slip(a, q), false});
   };

@@ -98,7 +98,7 @@ std::span<const Exclusion> exclusions();
 // One reason why a model with the options of a scene cannot be made.
 struct Refusal {
   std::string key;     // key of a scene, for example "layer.inertia"
-  std::string text;    // one sentence that begins with the key
+  std::string text;    // one sentence that begins with this key as a scene writes it: "[junctions]"
   std::string remedy;  // one sentence: the change that removes this reason
 };
 

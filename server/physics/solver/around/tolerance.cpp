@@ -91,7 +91,7 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
 
 // Each lane (one of 8 nodes stepped together) has substeps of its own. A substep is solved in one piece and in two
 // halves, and is accepted if the two answers differ by no more than its error budget; otherwise its first half becomes
-// the next substep. After a small error the next substep is twice as long. Lanes whose next substeps are equally long
+// the next substep. After a small error the next substep may be twice as long. Lanes whose next substeps are equally long
 // are solved together, the shortest first. The substeps of a lane depend on its own state and inputs alone.
 class ControlledStep {
  public:

@@ -269,7 +269,8 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) const {
     const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
     return {{d * a_, d * stopping_.slip(a_), trial_.jump_new(a_), q_, regime, true, true, several_}, surplus, hottest};
   }
-  // The friction heat gives the slip of the interface. A layer at its stress ceiling takes the rest of DLP (64).
+  // The slip of the interface follows from its friction heat. A layer at its stress ceiling flows by the slip that the
+  // balance DLP (64) leaves over.
   const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : interface_slip(a_, slip);
   const double left = slipping_.c - slipping_.b * a_ - v;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;

@@ -15,7 +15,7 @@ namespace {
 using Row = WaveFields::Row;
 constexpr int kPacket = WaveFields::kPacket;
 
-constexpr double kConverged = 1e-11;  // a shorter Newton step, relative to the unknowns (small_step()), is the last
+constexpr double kConverged = 1e-11;  // Newton's method ends with a step below this fraction of the unknowns' scale
 // A Newton step in the hardening term x of ReturnLaw that is shorter than this, relative to 1 + x, is the last.
 constexpr double kLocallyConverged = 1e-9;
 constexpr double kNothing = 1e-14;  // a change of velocity so small has no effect, for any dt and cell  [m/s]
@@ -389,8 +389,8 @@ class Waves {
       for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
       double slope = slope_after(1.0, flux);
       if (last) return true;
-      // With heating by the stress the balance is not the gradient of an energy, so Newton's direction need not
-      // descend.
+      // The line search needs a direction along which the energy falls. Where the heating by the stress is solved
+      // along with it, the balance is not the gradient of an energy; then the whole Newton step may be taken.
       double lo = 0.0;
       double hi = 1.0;
       double part = 1.0;
