@@ -1,6 +1,6 @@
-! The example host of host.f90 on MPI ranks. Nodes move between the ranks in mid-run, as where a mesh is balanced anew, and the
-! answers are those of one rank, to the bit. With `root` as the third argument rank 0 alone has a session, with the
-! nodes of all ranks, and no node moves.
+! The example host of host.f90 on MPI ranks. Nodes move between the ranks in mid-run, as where a mesh is balanced anew,
+! and the answers are those of one rank, to the bit. With `root` as the third argument rank 0 alone has a session, with
+! the nodes of all ranks, and no node moves.
 !
 !   mpirun -n RANKS host_mpi SCENE.toml ENDPOINT [root]
 program host_mpi

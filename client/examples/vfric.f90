@@ -1,27 +1,28 @@
 ! Template of a user friction routine that asks shearbus: VFRIC of Abaqus/Explicit, for kinematic contact pairs.
 !
-! Documented by the vendor (user subroutine VFRIC) and not run here: the list of arguments, that the routine gets all contact
-! points of a pair at once, local direction 1 along the predicted slip of the increment, fStickForce the magnitude of the force
-! that makes this slip zero, fTangential(1,:) between -fStickForce and 0. Run here: this file, by a caller of our own
-! (tests/contract/vfric_caller.f90) that solves two half-spaces with an exact answer.
+! Documented by the vendor (user subroutine VFRIC) and not run here: the list of arguments, that the routine gets all
+! contact points of a pair at once, local direction 1 along the predicted slip of the increment, fStickForce the
+! magnitude of the force that makes this slip zero, fTangential(1,:) between -fStickForce and 0. Run here: this file, by
+! a caller of our own (tests/contract/vfric_caller.f90) that solves two half-spaces with an exact answer.
 !
 ! What the service needs, from what the routine gets (dt = dTimCur, A = areaSec, slip = dSlipFric(1,:) of the point):
 !   the slip rate without friction   V_free = slip/dt              since kinematic contact predicts without friction
 !   the stick stress                 T = fStickForce/A             the traction that makes the new slip rate zero
 !   the impedance                    Z = T/V_free                  since the new rate is V_free - s/Z, and 0 for s = T
-!   the slip rate before             V_old = V_new of the point's last increment, which is the one that was answered; the state
-!                                    variables 1 to 3 hold it as a vector, since direction 1 turns with the slip. A point that
-!                                    did not touch in the last increment has no V_old: V_free stands for it. The mechanics
-!                                    of the increment depends on V_free alone, the heat on (V_old + V_new)/2.
-! V_old is the answer itself, so the closure check has nothing to compare and is off. In penalty contact the stick force is that
-! of a spring and gives no impedance: do not use this routine there. The friction is that of one component along the slip.
+!   the slip rate before             V_old = V_new of the last increment     since that is what was answered
+! State variables 1 to 3 hold V_new as a vector, since direction 1 turns with the slip. A point that did not touch in
+! the last increment has no V_old: V_free stands for it. The mechanics of the increment depends on V_free alone, the
+! heat on (V_old + V_new)/2. V_old is the answer itself, so the closure check has nothing to compare and is off. In
+! penalty contact the stick force is that of a spring and gives no impedance: do not use this routine there. The
+! friction is that of one component along the slip.
 !
-! The model declares four state variables (*DEPVAR in the surface interaction, nStateVar = 4) and runs in double precision; lengths
-! are m, times s, forces N. The scene is the file NAME.toml in the working directory, NAME that of the surface interaction;
-! SHEARBUS_ENDPOINT names a server, without it one runs in this process. Each surface pair has a session of its own with all
-! nodes of its secondary surface, below. Where a run has several processes, each opens sessions for the pairs it calls this routine
-! for; a node that changes the process loses its layer here. A host whose nodes do that moves them by shearbus_mpi_redistribute,
-! between increments. Nothing tells this routine of the end of the run: the server closes its sessions an hour after that.
+! The model declares four state variables (*DEPVAR in the surface interaction, nStateVar = 4) and runs in double
+! precision; lengths are m, times s, forces N. The scene is the file NAME.toml in the working directory, NAME that of
+! the surface interaction; SHEARBUS_ENDPOINT names a server, without it one runs in this process. Each surface pair has
+! a session of its own with all nodes of its secondary surface, below. Where a run has several processes, each opens
+! sessions for the pairs it calls this routine for; a node that changes the process loses its layer here. A host whose
+! nodes do that moves them by shearbus_mpi_redistribute, between increments. Nothing tells this routine of the end of
+! the run: the server closes its sessions an hour after that.
 subroutine vfric(fTangential, statev, kStep, kInc, nContact, nFacNod, nSecNod, nMainNod, nFricDir, nDir, nStateVar, nProps, &
                  nTemp, nPred, numDefTfv, jSecUid, jMainUid, jConSecid, jConMainid, timStep, timGlb, dTimCur, surfInt, surfSec, &
                  surfMain, lContType, dSlipFric, fStickForce, fTangPrev, fNormal, frictionWork, shape, coordSec, coordMain, &
@@ -60,7 +61,7 @@ subroutine vfric(fTangential, statev, kStep, kInc, nContact, nFacNod, nSecNod, n
     allocate (bus%impedance(nSecNod), bus%stick_stress(nSecNod), source=1.0_real64)
     bus%jump = 0*bus%impedance
     bus%pressure = 0*bus%impedance
-    statev(4, :) = -1
+    statev(4, :) = -10  ! no increment has this number or the one before it
   end if
 
   touches = .false.

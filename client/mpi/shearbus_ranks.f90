@@ -1,22 +1,23 @@
-! The MPI helpers of the Fortran interface (Fortran 2008): a submodule of client/fortran/shearbus.f90, which a host with MPI
-! compiles after it, with client/mpi/shearbus_mpi.c. The CMake target is shearbus::mpi_fortran. shearbus_mpi.h says what each
-! call does.
+! The MPI helpers of the Fortran interface (Fortran 2008): a submodule of client/fortran/shearbus.f90, which a host with
+! MPI compiles after it, with client/mpi/shearbus_mpi.c. The CMake target is shearbus::mpi_fortran. shearbus_mpi.h says
+! what each call does.
 !
 !   use mpi
 !   use shearbus
 !   type(shearbus_ranks) :: ranks
 !   type(shearbus_interface) :: bus
 !   call shearbus_mpi_open(ranks, MPI_COMM_WORLD, bus, scene='friction.toml', endpoint=..., nodes=my_ids)
-!   call bus%step(dt, time, n, stat=stat, msg=msg)            ! of this rank's nodes
-!   call shearbus_mpi_agree(ranks, stat, msg)                 ! stat and msg of the lowest rank that was refused, on all ranks
-!   call shearbus_mpi_redistribute(ranks, bus, new_owner)     ! bus%nodes are other ones now; columns follow their nodes
+!   call bus%step(dt, time, n, stat=stat, msg=msg)    ! of this rank's nodes
+!   call shearbus_mpi_agree(ranks, stat, msg)         ! stat and msg of the lowest rank that was refused, on all ranks
+!   call shearbus_mpi_redistribute(ranks, bus, new_owner) ! bus%nodes are other ones now; columns follow their nodes
 !   call shearbus_mpi_dump(ranks, bus, 'dump_0042', 'dump_0042.tickets')
 !   call shearbus_mpi_close(ranks, bus)
 !
-! comm is the integer of the module mpi; with mpi_f08 it is comm%mpi_val. Every call is collective, and has the same stat and msg
-! on all ranks. With on_root=.true. rank 0 alone has a session, and bus%step is collective, with bus%nodes, bus%n and the
-! columns of each rank's own nodes; rank 0 alone calls commit, rollback and mark. What has come by a move has the input NaN
-! until the host sets it. A run that is stopped leaves its sessions on the server, for shearbus_mpi_restart.
+! comm is the integer of the module mpi; with mpi_f08 it is comm%mpi_val. Every call is collective, and has the same
+! stat and msg on all ranks. With on_root=.true. rank 0 alone has a session, and bus%step is collective, with bus%nodes,
+! bus%n and the columns of each rank's own nodes; rank 0 alone calls commit, rollback and mark. What has come by a move
+! has the input NaN until the host sets it. A run that is stopped leaves its sessions on the server, for
+! shearbus_mpi_restart.
 submodule(shearbus) shearbus_mpi_ranks
   implicit none
 

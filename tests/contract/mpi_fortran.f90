@@ -1,5 +1,5 @@
-! The MPI helpers of the Fortran module against a live server: mpi_fortran SCENE.toml ENDPOINT DIRECTORY, started by mpi.py on
-! several ranks. Every fault is printed; the program stops with an error if there is one.
+! The MPI helpers of the Fortran module against a live server: mpi_fortran SCENE.toml ENDPOINT DIRECTORY, started by
+! mpi.py on several ranks. Every fault is printed; the program stops with an error if there is one.
 program mpi_fortran
   use, intrinsic :: iso_fortran_env, only: error_unit, int64, real64
   use mpi

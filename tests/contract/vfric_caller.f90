@@ -1,9 +1,10 @@
-! A caller of the user friction routine of client/examples/vfric.f90, in place of the commercial code that it is written for: two
-! elastic half-spaces slide on each other at ten nodes of two surface pairs, in central differences with kinematic contact (predict
-! without friction, ask for the friction force, correct). The answers are those of a session in far-field form, whose inputs the
-! routine never sees; so is the heat, where the scene has a stress that depends on it. One node leaves its contact and comes
-! back: it has cooled since. vfric_caller SCENE.toml exact|heat; SHEARBUS_SCENE names the scene for the routine, too. exact:
-! the scene has constant friction, and the jump its exact value.
+! A caller of the user friction routine of client/examples/vfric.f90, in place of the commercial code that it is written
+! for: two elastic half-spaces slide on each other at ten nodes of two surface pairs, in central differences with
+! kinematic contact (predict without friction, ask for the friction force, correct). The answers are those of a session
+! in far-field form, whose inputs the routine never sees; so is the heat, where the scene has a stress that depends on
+! it. One node leaves its contact and comes back: it has cooled since. vfric_caller SCENE.toml exact|heat;
+! SHEARBUS_SCENE names the scene for the routine, too. exact: the scene has constant friction, and the jump its exact
+! value.
 program vfric_caller
   use, intrinsic :: iso_fortran_env, only: error_unit, real64
   use shearbus
