@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Compares what a round trip costs the hosts of each language, with the installed libraries and one server on ipc.
+"""Compares what a round trip costs the hosts of each language, with the installed libraries and one server on ipc. Needs
+valgrind.
 
 languages.py --build BUILD [--nodes N] [--blocks B] [--steps S] [--count N] [--bounds]
 
