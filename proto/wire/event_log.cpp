@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <sys/uio.h>
 #include <unistd.h>
+#define XXH_INLINE_ALL  // client libraries need no libxxhash
 #include <xxhash.h>
 
 #include <algorithm>
