@@ -38,7 +38,7 @@ bool Log::next() {
   while (reader_.next()) {
     const wire::ExchangeFrames& frames = reader_.frames();
     if (frames.reply_header.empty()) continue;
-    bool asked = false;  // whether the reply could be read, and the request is next
+    bool asked = false;  // true once the reply is decoded: a fault after that is of the request
     try {
       decode(frames.reply_header, frames.reply_payload, reply_);
       asked = true;

@@ -1,4 +1,5 @@
-// Shared by client.cpp and session.cpp: the state of a session on the client's side, and access to bodies of replies.
+// Internal to the client library: the client's state of a session, the functions that send its requests, and body_of(),
+// which returns the typed message in the header of a reply.
 #pragma once
 
 #include <fmt/format.h>

@@ -200,11 +200,11 @@ class JohnsonCook {
         const double x = roots.x[l];
         const double dep = exponential(x);
         const double strain = ep[l] + dep;
-        const double share = dep / strain;
+        const double share = dep / strain;  // fraction of the strain that is new in this step
         const double p = B_ * power(strain, n_);
         const double u = 1.0 + p, w = 1.0 + C_ * (x - log_slow_);
-        const double u_1 = n_ * p * share;                    // derivative of the hardening u by x = ln(dep)
-        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // second derivative of the hardening u by x
+        const double u_1 = n_ * p * share;                    // derivative du/dx of the hardening u, with x = ln(dep)
+        const double u_2 = u_1 * (1.0 + (n_ - 1.0) * share);  // its second derivative, by x = ln(dep)
         const double f = u * w - roots.target[l];
         const double f_1 = u_1 * w + u * C_;
         const double bend = 0.5 * f * (u_2 * w + 2.0 * C_ * u_1) / (f_1 * f_1);
