@@ -300,16 +300,10 @@ static void free_exchange(exchange* x) {
   free(x->returned);
 }
 
-static int offsets(int size, const int* counts, int* at, int unit) {
+static int offsets(int size, const int* counts, int* at) {
   int total = 0;
-  for (int i = 0; i < size; ++i) {
-    at[i] = total * unit;
-    total += counts[i];
-  }
+  for (int i = 0; i < size; total += counts[i++]) at[i] = total;
   return total;
-}
-static void scale(int size, int* counts, int by) {
-  for (int i = 0; i < size; ++i) counts[i] *= by;
 }
 
 /* One round: this rank offers what it has for the ranks [first, first + n) after its own, all ranks exchange the
@@ -343,7 +337,8 @@ static int move_round(shearbus_mpi* ranks, int first, int n, size_t n_parcels, c
   code = agree(ranks, code, status);
   if (code == SHEARBUS_OK) {
     mpi(ranks, MPI_Alltoall(x.n_given, 1, MPI_INT, x.n_taken, 1, MPI_INT, ranks->comm));
-    n_taken = offsets(size, x.n_taken, x.taken_at, (int)sizeof(transfer));
+    offsets(size, x.n_given, x.given_at);
+    n_taken = offsets(size, x.n_taken, x.taken_at);
     x.taken = zeros((size_t)n_taken, sizeof *x.taken, &code, status);
     x.refused = zeros((size_t)n_taken, 1, &code, status);
     code = agree(ranks, code, status);
@@ -354,21 +349,15 @@ static int move_round(shearbus_mpi* ranks, int first, int n, size_t n_parcels, c
     return code;
   }
 
-  offsets(size, x.n_given, x.given_at, (int)sizeof(transfer));
-  scale(size, x.n_given, (int)sizeof(transfer));
-  scale(size, x.n_taken, (int)sizeof(transfer));
-  mpi(ranks,
-      MPI_Alltoallv(x.given, x.n_given, x.given_at, MPI_BYTE, x.taken, x.n_taken, x.taken_at, MPI_BYTE, ranks->comm));
+  MPI_Datatype bytes;
+  mpi(ranks, MPI_Type_contiguous((int)sizeof(transfer), MPI_BYTE, &bytes));
+  mpi(ranks, MPI_Type_commit(&bytes));
+  mpi(ranks, MPI_Alltoallv(x.given, x.n_given, x.given_at, bytes, x.taken, x.n_taken, x.taken_at, bytes, ranks->comm));
+  mpi(ranks, MPI_Type_free(&bytes));
   for (int i = 0; i < n_taken; ++i) {
     if (code == SHEARBUS_OK) code = shearbus_accept(to, x.taken[i].id, status);
     x.refused[i] = code != SHEARBUS_OK;
   }
-  for (int d = 0; d < size; ++d) { /* one byte for each offer, on the way back */
-    x.n_given[d] /= (int)sizeof(transfer);
-    x.n_taken[d] /= (int)sizeof(transfer);
-  }
-  offsets(size, x.n_given, x.given_at, 1);
-  offsets(size, x.n_taken, x.taken_at, 1);
   mpi(ranks, MPI_Alltoallv(x.refused, x.n_taken, x.taken_at, MPI_BYTE, x.returned, x.n_given, x.given_at, MPI_BYTE,
                            ranks->comm));
   for (int i = 0; i < n_given; ++i)
@@ -455,7 +444,7 @@ static int gather_tickets(shearbus_mpi* ranks, const char* word, int wanted, siz
   if (code == SHEARBUS_OK) {
     mpi(ranks, MPI_Reduce(&lines, count, 1, MPI_INT, MPI_SUM, 0, ranks->comm));
     mpi(ranks, MPI_Gather(&length, 1, MPI_INT, lengths, 1, MPI_INT, 0, ranks->comm));
-    *text = zeros((size_t)offsets(ranks->size, lengths, at, 1) + 1, 1, &code, status);
+    *text = zeros((size_t)offsets(ranks->size, lengths, at) + 1, 1, &code, status);
     code = agree(ranks, code, status);
   }
   if (code == SHEARBUS_OK)
@@ -743,7 +732,7 @@ static claim* gather_claims(shearbus_mpi* ranks, size_t n, const uint64_t* node_
   *code = agree(ranks, *code, status);
   if (*code == SHEARBUS_OK) {
     mpi(ranks, MPI_Allgather(&count, 1, MPI_INT, counts, 1, MPI_INT, ranks->comm));
-    offsets(ranks->size, counts, at, 1);
+    offsets(ranks->size, counts, at);
     mpi(ranks, MPI_Allgatherv(node_ids, count, MPI_UINT64_T, ids, counts, at, MPI_UINT64_T, ranks->comm));
     for (int r = 0; r < ranks->size; ++r)
       for (int i = at[r]; i < at[r] + counts[r]; ++i) {
@@ -914,7 +903,7 @@ int shearbus_mpi_open_on_root(shearbus_mpi** ranks, MPI_Comm comm, shearbus_sess
   const int ready = code == SHEARBUS_OK;
   if (ready) {
     mpi(all, MPI_Allgather(&mine, 1, MPI_INT, all->rows, 1, MPI_INT, all->comm));
-    offsets(all->size, all->rows, at, 1);
+    offsets(all->size, all->rows, at);
     mpi(all, MPI_Gatherv(node_ids, mine, MPI_UINT64_T, ids, all->rows, at, MPI_UINT64_T, 0, all->comm));
     if (any[0])
       mpi(all,
@@ -1062,7 +1051,7 @@ int shearbus_mpi_step_on_root(shearbus_mpi* ranks, shearbus_session* session, co
     code = refuse(status, SHEARBUS_LIMIT, "n", "Step fewer rows.", "all ranks have %lld rows, expected at most %d",
                   total, INT_MAX);
   else
-    offsets(ranks->size, rows, at, 1);
+    offsets(ranks->size, rows, at);
   const size_t on_root = ranks->rank == 0 && total <= INT_MAX ? (size_t)total : 0;
   columns own_rows = make_columns(size, &mine, &code, status), all = make_columns(on_root, &mine, &code, status);
   code = agree(ranks, code, status);
