@@ -53,6 +53,7 @@ void describe_replay(CLI::App& app, Command& command) {
                  "scene to replay it through; of event logs: in place of the recorded one")
       ->type_name("SCENE.toml");
   app.add_option("--set", command.run.set, "change of the scene, repeatable: interface.friction_coefficient=0.2")
+      ->allow_extra_args(false)
       ->type_name("KEY=VALUE");
   app.add_option("--sweep", command.sweep, "one replay for each value of a key, each with a result of its own")
       ->type_name("KEY=A,B,C");

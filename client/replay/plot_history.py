@@ -87,9 +87,9 @@ def main():
         axes[-1].set_yticks([])
         axes[-1].set_ylabel("regime", rotation=0, ha="right", va="center")
         axes[-1].legend(handles=[Patch(color=colour, label=name) for i, (name, colour) in enumerate(REGIMES)
-                                 if i in values["regime"]], ncols=5, fontsize="small", loc="upper center",
-                        bbox_to_anchor=(0.5, -0.9))
-    axes[-1].set_xlabel("time (µs)")
+                                 if i in values["regime"]], ncols=5, fontsize="small", loc="upper left",
+                        bbox_to_anchor=(0.0, -0.8))
+    axes[-1].set_xlabel("time (µs)", loc="right")
     axes[0].set_title(f"node {node}")
     figure.savefig(options.out, dpi=120)
 
