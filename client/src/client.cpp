@@ -79,7 +79,6 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
   impl->resume_token = opening.resume_token;
   impl->node_ids.assign(node_ids.begin(), node_ids.end());
 
-  impl->closed = true;  // a session that is not open yet needs no closing request
   Received received;
   try {
     received = connection_->call(request, connection_->options().reply_deadline);
@@ -95,7 +94,6 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
   }
   impl->epoch = received.reply.epoch;
   impl->opened = std::move(body_of<wire::SessionOpened>(received));
-  impl->closed = false;
   impl->check_closure();
   return Session(std::move(impl));
 }

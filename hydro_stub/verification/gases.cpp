@@ -1,4 +1,5 @@
-// Strong shocks in ideal gases: the problems of Noh, Sedov and Saltzman, which show errors of energy and symmetry.
+// Strong shocks in ideal gases: the problems of Noh, Sedov and Saltzman, which show errors of energy conservation and of
+// symmetry.
 #include <algorithm>
 #include <cmath>
 #include <numbers>

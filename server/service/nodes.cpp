@@ -1,4 +1,5 @@
-// The set of a session's nodes: registering and retiring nodes, moving nodes between sessions, and marks.
+// The set of a session's nodes: registering and retiring nodes, moving nodes between sessions, and marks (named copies
+// of a session's nodes and states) with the rollback to them.
 //
 // Within its domain a node belongs to one session or to one transfer (an offer that waits to be accepted). offer_nodes
 // moves nodes from a session to a transfer, accept_nodes moves them from a transfer to a session. Each of the two is

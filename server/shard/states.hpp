@@ -26,7 +26,7 @@ struct States {
 };
 
 // Writes the values of `states` into tiles. `states` must have one column for each entry of `known`, in the same order;
-// `state_of(i)` points at the place in a tile where the state of node i of `states` begins.
+// `state_of(i)` points at the place in a tile where the state of node states.rows[i] begins.
 template <typename StateOf>
 void write_states(const States& states, std::span<const physics::State> known, const StateOf& state_of) {
   for (std::size_t state = 0; state < known.size(); ++state)

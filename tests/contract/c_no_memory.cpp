@@ -1,7 +1,7 @@
-// Tests the C library when memory runs out. Usage: c_no_memory SCENE.toml ENDPOINT. Each call of the library is made
-// with its first allocation failing, then with its second, and so on, until no allocation fails. A call that fails must
-// return SHEARBUS_NO_MEMORY. The same call, repeated with enough memory, must then succeed: nothing is lost, and no
-// request runs twice.
+// Tests the C library when memory runs out. Usage: c_no_memory SCENE.toml ENDPOINT. Each call listed in main() is
+// made with the first allocation of the library itself (not of libzmq) failing, then with its second, and so on, until
+// no allocation fails. A call that fails must return SHEARBUS_NO_MEMORY. The same call, repeated with enough memory,
+// must then succeed: nothing is lost, and no request runs twice.
 #include <dlfcn.h>
 #include <shearbus/shearbus.h>
 #include <unwind.h>

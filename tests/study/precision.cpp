@@ -239,7 +239,8 @@ void set_errors(const StudyCase& study_case, const Answer& answer, const Referen
   outcome.temperature_error = 0.0;
   for (std::size_t i = 0; i < answer.time.size(); ++i) {
     const double error = std::abs(answer.temperature[i] - reference.temperature(answer.time[i])) / range;
-    outcome.temperature_error = std::max(outcome.temperature_error, error);
+    outcome.temperature_error = std::isfinite(error) ? std::max(outcome.temperature_error, error) : error;
+    if (!std::isfinite(error)) break;
   }
   outcome.impulse_error = relative(answer.impulse, reference.impulse);
   outcome.work_error = relative(answer.work, reference.work);

@@ -26,7 +26,7 @@ struct Setting {
   std::string text() const;
 };
 
-// Errors and cost of a setting of the solver. The errors are NaN if the run failed.
+// Errors and cost of a setting of the solver. If the run failed (`failure` is not empty) the errors mean nothing.
 struct Outcome {
   Setting setting;
   double temperature_error = 0.0;  // largest |T0 - reference|, relative to T_melt minus the initial temperature

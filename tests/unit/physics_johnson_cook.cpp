@@ -203,7 +203,7 @@ TEST(PhysicsJohnsonCook, ConstantsOfAnotherLawAreRefusedAndItsOwnAreNeeded) {
   const MaterialResult made = make_material("steel_dlp", given, law);
   ASSERT_EQ(made.fault, "");
   EXPECT_EQ(made.material.flow_law, law);
-  // constants_of() returns only constants that the law uses, and a material made from them has the same constants.
+  // constants_of() leaves out the strength constants of other laws. A material made from its list has the same ones.
   const auto constants = constants_of(made.material);
   EXPECT_TRUE(std::none_of(constants.begin(), constants.end(),
                            [](const auto& c) { return c.first == "hardening_coefficient"; }));

@@ -98,8 +98,8 @@ TEST(PhysicsJunctions, VanishingHeightAndFullContactGiveTheSimplifiedLaw) {
 }
 
 // Heavy bodies keep their jump V, so the plastic strain of junctions of height d is ep_a = V t / (sqrt(3) d). Without
-// thermal softening the stress is s = f Y_a(ep_a) g / sqrt(3), whatever the step length, where f is the contact
-// fraction, Y_a the strength of the junctions and g the pressure factor of Y_a.
+// thermal softening the stress is s = f Y_a(ep_a) / sqrt(3), whatever the step length, where f is the contact
+// fraction and Y_a the strength of the junctions at this strain and pressure.
 TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   ModelOptions options = with_junctions(0.4, 1e-6);
   options.soft.temperature_coefficient = 0.0;

@@ -25,7 +25,7 @@ struct StressLimit {
   const Material* soft = nullptr;
   Junctions junctions = {};        // junctions of the node and their plastic strain
   double offset = 0.0;             // stress added to the limit, be it friction or yield: the `shift` of scaled()  [Pa]
-  SearchEffort* effort = nullptr;  // counts the evaluations of the limit; null: they are not counted
+  SearchEffort* effort = nullptr;  // where searches for a root count their evaluations; null: no counts
   const InterfaceOptions* varying = nullptr;  // friction law that is not constant; if set, `coulomb` is not used
   double share = 1.0;  // factor on the friction stress of the law `varying`; 1 unless scaled() has set it
 

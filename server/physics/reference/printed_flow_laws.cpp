@@ -1,4 +1,6 @@
-// The flow laws as their papers print them, inverted by bisection: the scalar reference for the kernels in material/.
+// The flow laws as their papers print them, with the departures that each states: scalar references for the kernels in
+// material/. The law of Steinberg, Cochran and Guinan is inverted by its closed form DLP (48), the others by bisection.
+// The softening g of laws that do not couple rate and temperature is that of the kernels (strength.hpp).
 #include <algorithm>
 #include <cmath>
 #include <functional>
