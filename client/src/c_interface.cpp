@@ -194,7 +194,7 @@ CheckClosure check_of(int option) {
       return CheckClosure::kError;
     default:
       refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0, 1 or 2", option),
-             "Use SHEARBUS_CHECK_WARN, _OFF or _ERROR.", "check_closure");
+             "Use SHEARBUS_CHECK_WARN, _OFF or _ERROR; in Fortran 'warn', 'off' or 'error'.", "check_closure");
   }
 }
 

@@ -184,8 +184,11 @@ std::string ClosureCheck::difference(const Kept& last, const Batch& request, std
       "host that applies the answered stress has that jump but for rounding ({} of {} nodes differ, this one by "
       "{:.3g} m/s). {}",
       worst.now, ids[worst_row], worst.answered, wrong, compared, worst.difference(),
-      mistakes.empty() ? "No single mistake in signs, sides, masses or dt_s explains it."
-                       : fmt::format("One change explains it: {}.", fmt::join(mistakes, "; or: ")));
+      mistakes.empty()
+          ? "No single mistake in signs, sides, masses or dt_s explains it. Are stresses in Pa and masses in kg/m2, is "
+            "the answer applied times the area, is the jump that before the forces act? The guide's table "
+            "of hosts (client/README.md) has hosts that change velocities in other ways."
+          : fmt::format("One change explains it: {}.", fmt::join(mistakes, "; or: ")));
 }
 
 }  // namespace shearbus

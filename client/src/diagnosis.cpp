@@ -41,6 +41,8 @@ constexpr FarField kFarField[] = {
     {.text = "the answered stress is applied to the soft body only", .to_hard = 0.0},
     {.text = "the answered stress is applied to the hard body only", .to_soft = 0.0},
     {.text = "the answered stress is not applied", .to_soft = 0.0, .to_hard = 0.0},
+    {.text = "the answered stress is applied with the wrong sign to the soft body", .to_soft = -1.0},
+    {.text = "the answered stress is applied with the wrong sign to the hard body", .to_hard = -1.0},
     {.text = "both masses must be twice those sent, or dt_s half of that sent",
      .soft = 0.5,
      .hard = 0.5,

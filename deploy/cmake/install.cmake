@@ -1,4 +1,4 @@
-# What `cmake --install` installs, by component: server, runtime (shared libraries), development.
+# What `cmake --install` installs, by component: server, runtime (shared libraries), development, doc; python is in client/.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -54,6 +54,14 @@ install(FILES client/fortran/shearbus.f90 client/mpi/shearbus_mpi.c client/mpi/s
 install(FILES client/examples/constant_friction.toml client/examples/host.c client/examples/host.cpp client/examples/host.f90
               client/examples/host_mpi.cpp client/examples/host_mpi.f90 client/examples/vfric.f90
         DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/examples COMPONENT development)
+
+# The pages with their figures and scenes, in the folders of the sources, so that their links hold.
+file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} README.md client/*.md client/*.svg proto/*.md server/*.md hydro_stub/*.md hydro_stub/problems/*.toml
+     tests/README.md deploy/README.md client/examples/*)
+foreach(page ${pages})
+  get_filename_component(folder ${page} DIRECTORY)
+  install(FILES ${page} DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/shearbus/${folder} COMPONENT doc)
+endforeach()
 
 install(PROGRAMS client/replay/plot_history.py DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT server)
 foreach(program shearbus-server shearbus-ctl shearbus-replay)

@@ -343,7 +343,7 @@ std::vector<Field> check_wanted(const wire::Downscale& step, const physics::Mode
 
 std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::Batch& batch) {
   constexpr double kLongStep = 1e-6;    // a longer first step draws a warning  [s]
-  constexpr double kLowPressure = 1e3;  // a lower pressure in contact draws a warning  [Pa]
+  constexpr double kLowPressure = 1e3;  // a pressure in contact up to this draws a warning: 1 GPa in MPa  [Pa]
   constexpr double kLargeChange = 1e3;  // a larger change of the jump in the first step draws a warning  [m/s]
   std::vector<std::string> warnings;
   if (step.dt_s > kLongStep)
@@ -352,10 +352,10 @@ std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::
                     "Is dt_s in seconds?",
                     step.dt_s, kLongStep));
   const auto pressure = batch.f64(Field::kPressure);
-  if (const auto low = std::ranges::find_if(pressure, [&](double p) { return p > 0.0 && p < kLowPressure; });
+  if (const auto low = std::ranges::find_if(pressure, [&](double p) { return p > 0.0 && p <= kLowPressure; });
       low != pressure.end())
     warnings.push_back(
-        fmt::format("pressure_pa: row {} of the first step has {} Pa: in contact, and below {} Pa. Is the "
+        fmt::format("pressure_pa: row {} of the first step has {} Pa: in contact, and not above {} Pa. Is the "
                     "pressure in pascal?",
                     low - pressure.begin(), *low, kLowPressure));
   const bool sticks = batch.has(Field::kImpedance);

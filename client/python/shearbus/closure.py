@@ -46,6 +46,8 @@ FAR_FIELD = {
     "the answered stress is applied to the soft body only": (1, 1, 1, 0),
     "the answered stress is applied to the hard body only": (1, 1, 0, 1),
     "the answered stress is not applied": (1, 1, 0, 0),
+    "the answered stress is applied with the wrong sign to the soft body": (1, 1, -1, 1),
+    "the answered stress is applied with the wrong sign to the hard body": (1, 1, 1, -1),
     "both masses must be twice those sent, or dt half of that sent": (.5, .5, .5, .5),
     "both masses must be half of those sent, or dt twice that sent": (2, 2, 2, 2),
     "mass_soft must be twice that sent": (.5, 1, .5, 1),
@@ -157,7 +159,9 @@ class ClosureCheck:
             f"step was answered with {answered[row, component]:.9g} m/s, and a host that applies the answered stress has "
             f"that jump but for rounding ({(ratio > 1).any(axis=1).sum()} of {len(ratio)} nodes differ). " +
             (f"One change explains it: {'; or: '.join(found)}."
-             if found else "No single mistake in signs, sides, masses or dt explains it."))
+             if found else "No single mistake in signs, sides, masses or dt explains it. Are stresses in Pa and masses in "
+             "kg/m2, is the answer applied times the area, is the jump that before the forces act? The guide's table of "
+             "hosts (client/README.md) has hosts that change velocities in other ways."))
         if self.mode == "error":
             raise ClosureError(Code.NOT_CLOSED, text,
                                'The step was not sent. Correct the host, or open with closure="warn".', "jump",

@@ -21,11 +21,14 @@ kill "$watcher"; exit "$code" """
 class Server:
     """Runs shearbus-server on an ipc endpoint in a private directory until close(), or until this process ends.
 
-    executable: its path; None: the environment's SHEARBUS_SERVER, or shearbus-server on PATH. state_dir: directory in
-    which sessions outlive the server; None: they end with it. arguments: more options of the program."""
+    executable: its path; None: the environment's SHEARBUS_SERVER, shearbus-server on PATH, or that of the installation
+    prefix of this package. state_dir: directory in which sessions outlive the server; None: they end with it.
+    arguments: more options of the program."""
 
     def __init__(self, executable=None, state_dir=None, arguments=()):
-        program = executable or os.environ.get("SHEARBUS_SERVER") or shutil.which("shearbus-server")
+        beside = os.path.join(os.path.dirname(__file__), *[".."] * 4, "bin", "shearbus-server")
+        program = (executable or os.environ.get("SHEARBUS_SERVER") or shutil.which("shearbus-server")
+                   or shutil.which(beside))
         if not program or not shutil.which(program):
             raise Unreachable(Code.UNREACHABLE, "no endpoint was given, and " +
                               (f"{program} is no program" if program else "no shearbus-server is on PATH"),
