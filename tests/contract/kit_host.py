@@ -18,7 +18,7 @@ spec = importlib.util.spec_from_file_location("host", SOURCE / "client/examples/
 example = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(example)
 
-STEPS = {"two_half_spaces": 100, "finite_plate": 250}
+STEPS = {"two_half_spaces": 100, "finite_plate": 350}
 DEPTH, PLATE_ZONES = 0.5e-3, 100  # of the plate, m
 RETRY_S = 0.1
 # Fault -> the check of the kit that must notice it, and the scenario that shows it.
@@ -32,6 +32,7 @@ FAULTS = {
     "pressure_in_gpa": ("pressure", "two_half_spaces"),
     "stress_of_the_first_step_for_ever": ("closure", "finite_plate"),
     "plate_without_a_back": ("jump", "finite_plate"),
+    "small_area": ("jump", "two_half_spaces"),
     "impedance_of_one_side": ("closure", "two_half_spaces"),
     "stick_stress_without_jump": ("far_stresses", "two_half_spaces"),
     "sequence_skips": ("sequence", "two_half_spaces"),
@@ -55,6 +56,8 @@ def run(endpoint, problem, fault=None):
     soft = example.Body(2703.0, 27.6e9, example.INITIAL_JUMP, +1, PLATE_ZONES if plate else steps, dt)
     hard = example.Body(7900.0, 77e9, 0.0, -1, steps, dt)
     masses = [body.half_mass * (2 if fault == "masses_of_whole_zones" else 1) for body in (soft, hard)]
+    area = 0.9 if fault == "small_area" else 1.0  # that the host takes for the area of a node, relative to the true one
+    masses = [mass / area for mass in masses]
     if fault == "sides_swapped":
         masses.reverse()
     bus = shearbus.open(example.SCENE,
@@ -68,8 +71,8 @@ def run(endpoint, problem, fault=None):
     for step in range(steps):
         length = dt if step > 0 or fault == "whole_first_step" else dt / 2
         jump = (soft.velocity[:, 0] - hard.velocity[:, 0])[nodes]
-        inputs = {"stress_soft": soft.stress[nodes, 0] * (-1 if fault == "sign_of_a_stress" else 1),
-                  "stress_hard": hard.stress[nodes, 0], "mass_soft": masses[0], "mass_hard": masses[1]}
+        inputs = {"stress_soft": soft.stress[nodes, 0] / area * (-1 if fault == "sign_of_a_stress" else 1),
+                  "stress_hard": hard.stress[nodes, 0] / area, "mass_soft": masses[0], "mass_hard": masses[1]}
         if fault in ("stick_form", "impedance_of_one_side", "stick_stress_without_jump"):
             z = 1 / (length * (1 / masses[0] + 1 / masses[1]))
             free = length * (inputs["stress_soft"] / masses[0] + inputs["stress_hard"] / masses[1])
@@ -79,6 +82,7 @@ def run(endpoint, problem, fault=None):
                           pressure=1.0 if fault == "pressure_in_gpa" else 1e9, step=step, **inputs)
         first = answer.stress[0] if first is None else first
         stress = answer.stress[0] if fault != "stress_of_the_first_step_for_ever" else first * 1.01
+        stress = stress * area
         soft.accelerate(length, stress)
         hard.accelerate(length, 0.0 if fault == "one_side_only" else stress)
         for body in (soft, hard):
