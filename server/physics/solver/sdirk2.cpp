@@ -40,10 +40,10 @@ std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& input
       highest[l] = std::max(highest[l], T[i * kLanes + l]);
     }
   }
+  const LaneMaterials soft(problem.options.soft, inputs);
   std::uint32_t out = 0;
   for (const int l : lanes_of(inputs.active)) {
-    const double T_melt = at_pressure(problem.options.soft, inputs.pressure[l]).melting_temperature;
-    if (!(highest[l] < T_melt) || !(lowest[l] >= coldest[l] * (1.0 - kRounding))) {
+    if (!(highest[l] < soft(l).melting_temperature) || !(lowest[l] >= coldest[l] * (1.0 - kRounding))) {
       out |= 1u << l;
     } else if (lowest[l] < coldest[l]) {
       for (std::ptrdiff_t i = first; i < rows; ++i) T[i * kLanes + l] = std::max(T[i * kLanes + l], coldest[l]);

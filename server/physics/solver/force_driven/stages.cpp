@@ -111,14 +111,13 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
 
   // 1. First stage: conduction, then stress and flux lane by lane.
   StagedLane lanes[kLanes];
-  Material soft[kLanes];
+  const LaneMaterials soft(problem.options.soft, inputs);
   double early_flux[kLanes] = {};
   conduct(first, n, T_old, T);
   for (const int l : lanes_of(solved)) {
-    soft[l] = at_pressure(problem.options.soft, inputs.pressure[l]);
     const double jump = inputs.velocity_jump[l];
     StagedLane& lane = lanes[l];
-    lane.limit = interface_strength(problem.interface, soft[l], inputs.pressure[l], inputs.effort);
+    lane.limit = interface_strength(problem.interface, soft(l), inputs.pressure[l], inputs.effort);
     lane.forcing = forcing_of(inputs, l);
     lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
     lane.jump_old = lane.direction * jump;
@@ -137,7 +136,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   for (const int l : lanes_of(solved)) {
     const bool found =
         second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]);
-    if (!found || !stays_solid(second, n, l, flux[l], soft[l].melting_temperature, T)) {
+    if (!found || !stays_solid(second, n, l, flux[l], soft(l).melting_temperature, T)) {
       drop(l);
       flux[l] = 0.0;
     }
