@@ -60,6 +60,7 @@ module shearbus
     type(c_ptr), private :: handle = c_null_ptr
     type(c_ptr), private :: ranks = c_null_ptr         ! of one session on root: the step of all ranks is then
     type(c_funptr), private :: step_of_all = c_null_funptr
+    integer(c_int8_t), allocatable, private :: bytes(:, :)  ! regimes and outcomes of the last answer, as they are sent
   contains
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
                           offer_32, offer_64, copy
@@ -91,7 +92,7 @@ module shearbus
     type(c_ptr) :: handle = c_null_ptr
   contains
     ! Bound here so that the submodule links to them: gfortran gives other private procedures no symbol.
-    procedure, private, nopass :: fresh_status, report, refuse, text_of, give_options, per_node, adopt_nodes, fields_of, &
+    procedure, private, nopass :: clear, report, refuse, text_of, give_options, per_node, adopt_nodes, fields_of, &
                                   make_columns, follow_nodes
   end type
   public :: shearbus_mpi_open, shearbus_mpi_restart, shearbus_mpi_redistribute, shearbus_mpi_dump, shearbus_mpi_agree, &
@@ -423,11 +424,12 @@ contains
     address = c_loc(bytes)
   end subroutine
 
-  function fresh_status() result(status)
-    type(c_status) :: status
+  ! Makes a status ready for a call. A function would copy its 2.7 kB in every step.
+  subroutine clear(status)
+    type(c_status), intent(inout) :: status
     status%size = c_sizeof(status)
     status%code = 0
-  end function
+  end subroutine
 
   ! Gives the outcome of a call to the caller; stops the program if the call failed and the caller has no stat.
   subroutine report(code, status, stat, msg)
@@ -509,7 +511,7 @@ contains
     type(c_options) :: options
     type(c_status) :: status
     integer(c_int) :: code
-    status = fresh_status()
+    call clear(status)
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                       connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
     call per_node(initial_temperature, size(nodes), temperatures, temperatures_at, code, status)
@@ -585,7 +587,7 @@ contains
     type(c_info) :: info
     type(c_status) :: status
     integer :: use
-    status = fresh_status()
+    call clear(status)
     info%size = c_sizeof(info)
     fields = 0
     do use = 0, 2
@@ -664,7 +666,7 @@ contains
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(c_status) :: status
-    status = fresh_status()
+    call clear(status)
     call report(c_close(self%handle, status), status, stat, msg)
   end subroutine
 
@@ -728,7 +730,7 @@ contains
     character(len=shearbus_ticket_length) :: text
     character(kind=c_char) :: bytes(80)
     type(c_status) :: status
-    status = fresh_status()
+    call clear(status)
     text = ''
     if (c_ticket(self%handle, bytes, status) == 0) text = text_of(bytes)
   end function
@@ -791,7 +793,6 @@ contains
     type(column_pointer) :: answers(columns_at_most)
     real(c_double), allocatable, target :: in(:, :), out(:, :)
     real(c_double), target :: nothing  ! address of a column without rows
-    integer(c_int8_t), allocatable, target :: regime(:), outcome(:)
     integer(c_int64_t), allocatable, target :: ids(:)
     integer, allocatable :: rows(:)
     type(c_request) :: request
@@ -801,7 +802,7 @@ contains
     integer(c_int) :: code
     logical :: masked
     integer :: i, count, n_in, n_out
-    status = fresh_status()
+    call clear(status)
     code = 0
     masked = present(mask)
     if (masked) then
@@ -811,7 +812,10 @@ contains
     count = self%n
     if (allocated(rows)) count = size(rows)
     if (masked) allocate (in(max(count, 1), columns_at_most), out(max(count, 1), columns_at_most))
-    allocate (regime(max(count, 1)), outcome(max(count, 1)))
+    if (allocated(self%bytes)) then
+      if (size(self%bytes, 1) < count) deallocate (self%bytes)
+    end if
+    if (.not. allocated(self%bytes)) allocate (self%bytes(max(count, 1), 2))
     request%size = c_sizeof(request)
     request%dt_s = dt
     request%time_s = time
@@ -855,8 +859,8 @@ contains
     call want(self%jump_new, 'jump_new', 33, 0)
     call want(self%jump_new2, 'jump_new2', 33, 1)
     call want(self%heat, 'heat', 36, 0)
-    outputs(n_out + 1) = c_column(34, 0, c_loc(regime), 0)
-    outputs(n_out + 2) = c_column(35, 0, c_loc(outcome), 0)
+    outputs(n_out + 1) = c_column(34, 0, c_loc(self%bytes(1, 1)), 0)
+    outputs(n_out + 2) = c_column(35, 0, c_loc(self%bytes(1, 2)), 0)
     request%inputs = c_loc(inputs)
     request%n_inputs = int(n_in, c_size_t)
     request%outputs = c_loc(outputs)
@@ -925,12 +929,12 @@ contains
       self%closure = answer%largest_closure
       self%layer_time = answer%layer_time
       if (.not. masked) then
-        self%regime = iand(int(regime(:count)), 255)
-        self%outcome = iand(int(outcome(:count)), 255)
+        self%regime = iand(int(self%bytes(:count, 1)), 255)
+        self%outcome = iand(int(self%bytes(:count, 2)), 255)
         return
       end if
-      self%regime(rows) = iand(int(regime(:count)), 255)
-      self%outcome(rows) = iand(int(outcome(:count)), 255)
+      self%regime(rows) = iand(int(self%bytes(:count, 1)), 255)
+      self%outcome(rows) = iand(int(self%bytes(:count, 2)), 255)
       do i = 1, n_out
         answers(i)%values(rows) = out(:count, i)
       end do
@@ -944,7 +948,7 @@ contains
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(c_status) :: status
-    status = fresh_status()
+    call clear(status)
     call report(c_commit(self%handle, status), status, stat, msg)
   end subroutine
 
@@ -953,7 +957,7 @@ contains
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(c_status) :: status
-    status = fresh_status()
+    call clear(status)
     call report(c_rollback(self%handle, status), status, stat, msg)
   end subroutine
 
@@ -963,7 +967,7 @@ contains
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(c_status) :: status
-    status = fresh_status()
+    call clear(status)
     call report(c_mark(self%handle, trim(name)//c_null_char, status), status, stat, msg)
   end subroutine
 
@@ -974,7 +978,7 @@ contains
     character(len=*), intent(inout), optional :: msg
     type(c_status) :: status
     integer(c_int) :: code
-    status = fresh_status()
+    call clear(status)
     code = c_rollback_to(self%handle, trim(name)//c_null_char, status)
     if (code == 0) call follow_nodes(self)
     call report(code, status, stat, msg)
@@ -990,7 +994,7 @@ contains
     type(c_ptr) :: address
     type(c_status) :: status
     integer(c_int) :: code
-    status = fresh_status()
+    call clear(status)
     call per_node(initial_temperature, size(nodes), temperatures, address, code, status)
     if (code == 0) code = c_register(self%handle, size(nodes, kind=c_size_t), nodes, address, status)
     if (code == 0) call follow_nodes(self)
@@ -1013,7 +1017,7 @@ contains
     character(len=*), intent(inout), optional :: msg
     type(c_status) :: status
     integer(c_int) :: code
-    status = fresh_status()
+    call clear(status)
     code = c_retire(self%handle, size(nodes, kind=c_size_t), nodes, status)
     if (code == 0) call follow_nodes(self)
     call report(code, status, stat, msg)
@@ -1037,7 +1041,7 @@ contains
     integer(c_int8_t) :: bytes(16)
     type(c_status) :: status
     integer(c_int) :: code
-    status = fresh_status()
+    call clear(status)
     transfer = ''
     code = c_offer(self%handle, size(nodes, kind=c_size_t), nodes, bytes, status)
     if (code == 0) then
@@ -1065,7 +1069,7 @@ contains
     integer :: numbers(16), fault
     type(c_status) :: status
     integer(c_int) :: code
-    status = fresh_status()
+    call clear(status)
     code = 0
     fault = 1
     if (len_trim(transfer) == shearbus_transfer_length) read (transfer, '(16z2)', iostat=fault) numbers

@@ -101,7 +101,7 @@ contains
     type(c_options) :: options
     type(c_status) :: status
     integer(c_int) :: code, root
-    status = fresh_status()
+    call clear(status)
     root = 0
     if (present(on_root)) root = merge(1, 0, on_root)
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
@@ -130,7 +130,7 @@ contains
     type(c_options) :: options
     type(c_status) :: status
     integer(c_int) :: code
-    status = fresh_status()
+    call clear(status)
     call give_options(options, texts, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                       secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
                       check_closure=check_closure, idle_limit=idle_limit)
@@ -145,7 +145,7 @@ contains
   module procedure shearbus_mpi_redistribute
     type(c_status) :: status
     integer(c_int) :: code
-    status = fresh_status()
+    call clear(status)
     code = 0
     if (size(new_owner) /= bus%n) call refuse(code, status, 'new_owner', size(new_owner), bus%n)
     code = c_mpi_agree(ranks%handle, code, status)
@@ -156,7 +156,7 @@ contains
 
   module procedure shearbus_mpi_dump
     type(c_status) :: status
-    status = fresh_status()
+    call clear(status)
     call report(c_mpi_dump(ranks%handle, bus%handle, trim(mark)//c_null_char, trim(manifest)//c_null_char, status), status, &
                 stat, msg)
   end procedure
@@ -165,7 +165,7 @@ contains
   module procedure shearbus_mpi_agree
     type(c_status) :: status
     integer :: i
-    status = fresh_status()
+    call clear(status)
     status%code = stat
     status%remedy(1) = c_null_char
     do i = 1, min(len_trim(msg), size(status%text) - 1)
@@ -178,7 +178,7 @@ contains
 
   module procedure shearbus_mpi_close
     type(c_status) :: status
-    status = fresh_status()
+    call clear(status)
     bus%step_of_all = c_null_funptr
     call report(c_mpi_close(ranks%handle, bus%handle, status), status, stat, msg)
   end procedure
