@@ -12,6 +12,7 @@
 
 #include "client/replay/log.hpp"
 #include "client/replay/table.hpp"
+#include "client/src/connection.hpp"
 #include "proto/wire/columns.hpp"
 
 namespace shearbus::replay {

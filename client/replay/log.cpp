@@ -92,15 +92,4 @@ std::span<const std::uint64_t> NodeOrder::rows_of(const wire::Request& step) con
   return step.batch.has(Field::kNodeId) ? step.batch.u64(Field::kNodeId) : std::span<const std::uint64_t>(ids_);
 }
 
-const char* verb_of(const wire::Request& request) {
-  return std::visit(
-      []<typename Body>(const Body&) {
-        if constexpr (wire::HasRows<const Body>)
-          return Body::kBody.name;
-        else
-          return "";
-      },
-      request.body);
-}
-
 }  // namespace shearbus::replay

@@ -51,7 +51,4 @@ class NodeOrder {
   std::vector<std::uint64_t> ids_;
 };
 
-// The name of a request's body: "downscale".
-const char* verb_of(const wire::Request& request);
-
 }  // namespace shearbus::replay

@@ -115,10 +115,14 @@ class Planner {
       const double allowed = 5e-7 * (rows[i].dt_s + std::abs(rows[i].time_s));
       plan_.host_times = rows[i].time_s > before && std::abs(rows[i].time_s - before - rows[i].dt_s) <= allowed;
     }
-    if (plan_.host_times) return;
+    if (!plan_.host_times) sum_times();
+  }
+
+  // Takes the sum of the steps' lengths as the end of each step.
+  void sum_times() {
     plan_.start_s = 0.0;
     double time = 0.0;
-    for (Row& row : rows) row.time_s = time += row.dt_s;
+    for (Row& row : plan_.rows) row.time_s = time += row.dt_s;
   }
 
   // Reads the log again for what all rows have in common. With a chosen node, only the rows that name it stay.
@@ -139,10 +143,7 @@ class Planner {
     if (plan_.rows.empty())
       throw Error({.code = Code::kInvalidValue,
                    .text = fmt::format("{} has no committed step of node {}", log_.name(), options_.node.value_or(0))});
-    if (plan_.host_times) return;
-    plan_.start_s = 0.0;
-    double time = 0.0;
-    for (Row& one : plan_.rows) one.time_s = time += one.dt_s;
+    if (!plan_.host_times) sum_times();
   }
 
   // Whether a step belongs into the table. Throws Error if its nodes are not those of the table.

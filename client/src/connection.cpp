@@ -32,18 +32,6 @@ constexpr int kSilentFailures = 3;               // failed handshakes in a row a
 constexpr std::chrono::seconds kFirstNotice{2};  // waiting time before the log says what a call waits for
 constexpr int kGoodbyeLingerMs = 100;            // longest time that an unsent closing request delays the program's end
 
-// The verb of a request, for instance "downscale".
-const char* verb_of(const wire::Request& request) {
-  return std::visit(
-      []<typename Body>(const Body&) {
-        if constexpr (wire::HasRows<const Body>)
-          return Body::kBody.name;
-        else
-          return "";
-      },
-      request.body);
-}
-
 // The bytes of a frame that was received, a zmq::message_t.
 std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
   if (!frame) return {};
@@ -79,6 +67,17 @@ void check_endpoint(const ClientOptions& options) {
 }
 
 }  // namespace
+
+const char* verb_of(const wire::Request& request) {
+  return std::visit(
+      []<typename Body>(const Body&) {
+        if constexpr (wire::HasRows<const Body>)
+          return Body::kBody.name;
+        else
+          return "";
+      },
+      request.body);
+}
 
 void SocketConnection::CloseSocket::operator()(void* socket) const {
   zmq_socket_monitor(socket, nullptr, 0);  // stops the events, which nobody reads any more

@@ -22,6 +22,9 @@ struct Received {
   std::chrono::nanoseconds round_trip{0};
 };
 
+// Returns the name of a request in the protocol, for instance "downscale"; empty for a request without a body.
+const char* verb_of(const wire::Request& request);
+
 // The interface between a session and its server. The production implementation uses a socket; tests use other
 // implementations.
 class Connection {
