@@ -1,5 +1,6 @@
 #include "server/server.hpp"
 
+#include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>
 
@@ -85,7 +86,7 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
       access_(options),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,
                .authorise = [this](const transport::Peer& peer) { return access_.judge(peer); },
-               .ipc_for_others = access_.for_other_users(),
+               .ipc_users = access_.other_users(),
                .curve_secret_key = access_.secret_key(),
                .insecure_plaintext = options.insecure_plaintext,
                .log = log.debug,
@@ -118,8 +119,8 @@ service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   return options;
 }
 
-// Once a second: notifies the watchdog, and warns the operator if soon no further client can connect because file
-// descriptors run out. Connected clients are still served.
+// Once a second: notifies the watchdog, and warns the operator of peers that were kept from using up file descriptors or
+// memory. Connected clients are still served.
 void Server::look_after() {
   const std::uint64_t now = monotonic_ns();
   if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;
@@ -127,10 +128,21 @@ void Server::look_after() {
   manager_->alive();
   const bool run_out = files_run_out();
   if (run_out != files_run_out_ && log_)
-    log_(run_out ? "ALARM: four fifths of the files this process may open are open; soon nobody can connect any more. "
-                   "Raise LimitNOFILE (ulimit -n), or find who opens so many connections"
-                 : "files can be opened again");
+    log_(run_out
+             ? "ALARM: four fifths of the files this process may open are open; new connections are closed at once. "
+               "Raise LimitNOFILE (ulimit -n), or find who opens so many connections"
+             : "files can be opened again");
   files_run_out_ = run_out;
+  const transport::GuardCounters guarded = transport::descriptor_guard_counters();
+  const auto report = [&](std::uint64_t now_closed, std::uint64_t& reported, const char* why) {
+    if (now_closed != reported && log_)
+      log_(fmt::format("REFUSED: {} connections closed: {}", now_closed - reported, why));
+    reported = now_closed;
+  };
+  report(guarded.out_of_descriptors, guarded_.out_of_descriptors,
+         "four fifths of the files this process may open are open");
+  report(guarded.too_many_bytes, guarded_.too_many_bytes, "their peers sent more than a handshake before it was done");
+  report(guarded.displaced, guarded_.displaced, "their peers did not begin to talk, and many others have come since");
 }
 
 void Server::complete_status(wire::ServerStatus& status) const {

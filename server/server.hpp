@@ -14,6 +14,7 @@
 #include "server/shard/task_pool.hpp"
 #include "server/store/posix_storage.hpp"
 #include "server/store/store.hpp"
+#include "server/transport/descriptor_guard.hpp"
 #include "server/transport/router.hpp"
 
 namespace shearbus::server {
@@ -61,7 +62,8 @@ class Server {
   std::function<void(const std::string&)> log_;
   ServiceManager* manager_ = nullptr;
   std::uint64_t looked_after_ns_ = 0;
-  bool files_run_out_ = false;  // whether the last report said that files run out
+  bool files_run_out_ = false;        // whether the last report said that files run out
+  transport::GuardCounters guarded_;  // those that were reported
 };
 
 }  // namespace shearbus::server

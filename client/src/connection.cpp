@@ -1,5 +1,6 @@
 #include "client/src/connection.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -137,6 +138,17 @@ void SocketConnection::connect() {
     socket.set(zmq::sockopt::curve_secretkey, options().secret_key);
   }
   watch_handshakes();
+  // libzmq would go on trying for ever.
+  if (options().endpoint.starts_with("ipc://") &&
+      ::faccessat(AT_FDCWD, options().endpoint.c_str() + std::strlen("ipc://"), W_OK, AT_EACCESS) != 0 &&
+      errno == EACCES) {
+    socket_.reset();
+    throw Error({.code = Code::kAuth,
+                 .text = fmt::format("{}: uid {} may not connect there", options().endpoint, ::geteuid()),
+                 .remedy = fmt::format("Run as the server's user, or have it started with --allow-uid {}, in a "
+                                       "directory that other users can enter.",
+                                       ::geteuid())});
+  }
   if (zmq_connect(socket_.get(), options().endpoint.c_str()) != 0) {
     const std::string why = zmq_strerror(zmq_errno());
     socket_.reset();

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "server/transport/descriptor_guard.hpp"
 #include "server/transport/endpoint.hpp"
 #include "server/transport/socket_path.hpp"
 
@@ -96,12 +97,18 @@ std::string Router::bind(const std::string& text) {
 }
 
 void Router::bind_ipc(const Endpoint& endpoint) {
-  SocketPath path(endpoint.path, !options_.ipc_for_others);
+  SocketPath path(endpoint.path, options_.ipc_users.empty());
   socket_.set(zmq::sockopt::curve_server, false);
   guard(Peer::Way::kIpc);
-  const Umask umask(options_.ipc_for_others ? 0 : 077);
-  socket_.bind(endpoint.text);
+  {
+    const Umask umask(077);
+    socket_.bind(endpoint.text);
+  }
   paths_.push_back(std::move(path));
+  if (!paths_.back().admit(options_.ipc_users) && options_.log_access)
+    options_.log_access("the file system of " + endpoint.path +
+                        " has no access lists: every user of this machine can connect there, and is refused then "
+                        "unless --allow-uid names the user");
 }
 
 void Router::bind_tcp(const Endpoint& endpoint) {
@@ -120,6 +127,7 @@ void Router::bind_tcp(const Endpoint& endpoint) {
 }
 
 void Router::guard(Peer::Way way) {
+  begin_descriptor_guard();
   if (!access_) access_ = std::make_unique<AccessHandler>(context_, options_.authorise, options_.log_access);
   AccessHandler::guard(socket_, way);
 }

@@ -40,7 +40,7 @@ struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
   int queued_messages_per_peer = 4;                     // a peer sends one request at a time; others are repeats
   Authorise authorise;                                  // decides who may connect by ipc and tcp
-  bool ipc_for_others = false;                          // other users may reach an ipc socket; `authorise` selects them
+  std::vector<std::uint32_t> ipc_users;                 // users who may reach an ipc socket besides the server's own
   std::string curve_secret_key;                         // key in Z85, with which tcp peers must have keys; empty: none
   bool insecure_plaintext = false;                      // allows tcp without keys, which is refused otherwise
   std::function<void(const std::string&)> log;          // gets a line per undeliverable answer; may be empty
