@@ -62,6 +62,10 @@ class Connection {
   // session owns the nodes.
   std::optional<wire::Request> opening_in_doubt;
 
+  // Most rows of a step or of one of its parts, as the server's welcome says.
+  std::size_t max_rows() const { return max_rows_; }
+  void set_max_rows(std::uint64_t rows) { max_rows_ = rows != 0 ? rows : wire::kMaxRowsPerMessage; }
+
   bool durable() const { return durable_; }  // whether sessions outlive the server, as its welcome says
   void set_durable(bool durable) { durable_ = durable; }
 
@@ -70,6 +74,7 @@ class Connection {
   std::uint64_t last_request_id_ = 0;  // 0: no first id has been chosen yet
   std::uint64_t claimant_ = 0;
   bool durable_ = false;
+  std::size_t max_rows_ = wire::kMaxRowsPerMessage;
 };
 
 class SocketConnection final : public Connection {

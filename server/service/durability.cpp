@@ -38,6 +38,16 @@ std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
   return {held, &held->reply};
 }
 
+Parts parts_from(const store::SessionImage& image, const shard::NodeTable& nodes) {
+  const std::span<const std::byte> frame = image.part_header;
+  wire::Request request;
+  wire::decode(std::span(&frame, 1), request);
+  Parts parts{.last = std::get<wire::Downscale>(request.body), .stepped = std::vector<bool>(nodes.size())};
+  for (const std::uint32_t row : image.part_rows) parts.stepped.at(nodes.slot_of(row)) = true;
+  parts.nodes = image.part_rows.size();
+  return parts;
+}
+
 // A hash of a reply without its times, to compare a replayed reply with the recorded one.
 std::uint64_t sum_of(const session::Session& conversation) {
   const wire::Reply& reply = *conversation.kept_reply();
@@ -125,6 +135,7 @@ void Service::restore(const store::Snapshot& snapshot) {
       member->idle_limit_s = image.idle_limit_s;
       member->shard = make_shard(std::move(model), image.node_ids, shard::checks_closure(image.committed));
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
+      if (!image.part_header.empty()) member->parts = parts_from(image, member->shard->nodes());
       member->marks = image.marks;
       member->domain = image.domain;
       ++metrics_.sessions;
@@ -191,6 +202,12 @@ store::Snapshot Service::snapshot() const {
       image.committed = member.shard->committed_states();
       image.marks = member.marks;
       if (member.shard->has_trial()) image.trial = member.shard->trial_states();
+      if (member.parts) {
+        const std::string part = wire::encode_header(wire::Request{.body = member.parts->last});
+        image.part_header = copy_of(std::as_bytes(std::span(part)));
+        for (std::uint32_t row = 0; row < member.shard->nodes().size(); ++row)
+          if (member.parts->stepped[member.shard->nodes().slot_of(row)]) image.part_rows.push_back(row);
+      }
     }
     snapshot.sessions.push_back(std::move(image));
   };
@@ -246,7 +263,7 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
   reply->body = wire::SessionResumed{.session = opened(member),
                                      .last_sequence = member.conversation.last_sequence(),
                                      .state_version = shard.state_version(),
-                                     .trial_stands = shard.has_trial(),
+                                     .trial_stands = member.trial_stands(),
                                      .claim = member.claim,
                                      .offers = offers_of(member)};
   reply->batch = node_column(shard.nodes().ids());

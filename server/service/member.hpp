@@ -2,9 +2,11 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "server/service/parts.hpp"
 #include "server/service/service.hpp"
 
 namespace shearbus::service {
@@ -25,9 +27,12 @@ struct Service::Member {
   std::uint64_t last_request_ns = 0;
   std::uint64_t idle_limit_s = 0;       // 0: none
   std::string closed_because;           // reason of a closed session; empty: none given
+  std::optional<Parts> parts;           // a step of which parts are missing
   std::vector<store::MarkImage> marks;  // oldest first
   wire::SessionClosed totals;
 
+  // Whether a trial stands that could be committed. A step of which parts are missing is none.
+  bool trial_stands() const { return shard->has_trial() && !parts; }
   std::uint64_t held_bytes() const;  // memory of states and marks  [bytes]
   Domain domain_it_is_in() const { return {identity, domain}; }
 };

@@ -296,6 +296,7 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
   if (rollback.to_mark.empty()) {
     keep(arrival, member.id, &member);
     member.shard->rollback();
+    member.parts.reset();
   } else {
     const auto to = std::ranges::find(member.marks, rollback.to_mark, &store::MarkImage::name);
     if (to == member.marks.end())
@@ -325,6 +326,7 @@ void Service::rollback_to(Member& member, const store::MarkImage& mark, const Ar
   }
   keep(arrival, member.id, &member);
 
+  member.parts.reset();
   metrics_.nodes += mark.node_ids.size() - before.nodes().size();
   metrics_.state_bytes -= member.held_bytes();
   if (other_nodes)

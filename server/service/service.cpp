@@ -193,8 +193,8 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   welcome.limits.max_sessions = options_.max_sessions;
   welcome.limits.max_state_bytes = options_.max_state_bytes;
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial",        "resume",  "mark",
-                          "domains",         "stick_form",   "absent_nodes", "closure", "idle_limit"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial",   "resume",     "mark", "domains",
+                          "stick_form",      "absent_nodes", "closure", "idle_limit", "parts"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
@@ -332,9 +332,12 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
     return reply;
   }
   if (std::holds_alternative<wire::Commit>(request.body)) {
-    if (!member.shard->has_trial())
-      throw Error(
-          {.code = Code::kNothingToCommit, .text = "no trial is standing", .remedy = "Send a trial step first."});
+    if (!member.trial_stands())
+      throw Error({.code = Code::kNothingToCommit,
+                   .text = member.parts ? fmt::format("parts of the step are missing: {} of {} have come",
+                                                      member.parts->last.part, member.parts->last.parts)
+                                        : "no trial is standing",
+                   .remedy = "Send a trial step first, with all of its parts."});
     keep(arrival, member.id, &member);
     member.shard->commit();
     reply->body = wire::Committed{.state_version = member.shard->state_version()};
@@ -366,8 +369,11 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   // 1. Do everything that can fail: checks, factorisation, memory, the journal.
   const physics::ModelOptions& options = shard.model().options();
   const std::vector<Field> wanted = check_wanted(step, options, shard.check_closure());
+  const bool further = step.part > 1;  // adds its rows to the trial of the parts before
+  check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
   const shard::Rows rows = check_step(step, request.batch, options, shard.nodes());
-  if (step.commit_previous && !shard.has_trial())
+  if (further) check_rows_of_part(request.batch, rows, *member.parts);
+  if (step.commit_previous && !member.trial_stands())
     throw Error({.code = Code::kNothingToCommit,
                  .text = "commit_previous is set, and no trial is standing",
                  .remedy = "Set it only after a trial that was neither committed nor rolled back."});
@@ -389,21 +395,30 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   std::uint64_t solver_started_ns = 0;
   shard::StepCount count;
   std::optional<shard::Shard::Attempt> attempt;
-  if (step.policy == wire::Policy::kAllOrNothing) {
+  std::optional<shard::Shard::Extension> extension;
+  const bool all_or_nothing = step.policy == wire::Policy::kAllOrNothing;
+  if (all_or_nothing || further) {
     solver_started_ns = options_.now_ns();
-    attempt = shard.attempt(rows, *operators, columns, step.commit_previous);
-    if (attempt->count.failed != 0) {
-      leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, step.commit_previous});
-      refuse_failed_step(request.batch, shard.nodes(), outcomes);
-    }
+    if (further)
+      count = extension.emplace(shard.extend(rows, *operators, columns, member.parts->stepped)).count;
+    else
+      count = attempt.emplace(shard.attempt(rows, *operators, columns, step.commit_previous)).count;
+    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, step.commit_previous});
+    if (count.failed != 0 && all_or_nothing) refuse_failed_step(request.batch, shard.nodes(), outcomes);
   }
+  const std::size_t stepped =
+      further && rows.others_are_open ? shard.nodes().size() - member.parts->nodes : shard.stepped_nodes(rows);
+  std::optional<Parts> parts;  // those that have come when this one has run, if others are missing
+  if (step.part == 1 && step.parts > 1)
+    parts.emplace(Parts{.last = step, .stepped = std::vector<bool>(shard.nodes().size())});
   keep(arrival, member.id, &member);
 
   // 2. Change the states. Nothing can fail from here to complete(), so states, sequence and kept reply stay consistent.
   if (step.commit_previous) shard.commit();
-  if (attempt) {
+  if (extension) {
+    shard.adopt(*extension);
+  } else if (attempt) {
     shard.adopt(*attempt);
-    count = attempt->count;
   } else {
     solver_started_ns = options_.now_ns();
     count = shard.step(rows, *operators, columns);
@@ -411,7 +426,10 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   }
   const std::uint64_t ended_ns = options_.now_ns();
   member.last_request_ns = ended_ns;  // a client is not idle while it waits
-  if (step.mode == wire::Mode::kAdvance) shard.commit();
+  if (further) parts = std::move(member.parts);
+  if (parts) parts->add(step, rows);
+  member.parts = step.part < step.parts ? std::move(parts) : std::nullopt;
+  if (step.mode == wire::Mode::kAdvance && !member.parts) shard.commit();
   if (shard.check_closure()) report_closure(member, step, request.batch, rows, count.closure, upscale);
   upscale.nodes = num_rows;
   upscale.flagged_nodes = count.flagged;
@@ -421,7 +439,6 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   member.conversation.complete(request.sequence, arrival.hash, reply);
 
   ++member.totals.requests;
-  const std::size_t stepped = shard.stepped_nodes(rows);
   member.totals.node_steps += stepped;
   member.totals.solver_ns += upscale.solver_ns;
   member.totals.asleep_node_steps += count.asleep;
@@ -492,6 +509,7 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   metrics_.nodes -= member.shard->nodes().size();
   metrics_.state_bytes -= member.held_bytes();
   member.marks.clear();
+  member.parts.reset();
   member.shard.reset();
   forget_transfers_of(member.domain_it_is_in());
   if (closed_.size() > kClosedSessionsKept) {

@@ -308,7 +308,12 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   check_times(step, options);
   check_columns_of_step(batch, options);
   shard::Rows rows = locate_rows(batch, nodes);
-  rows.others_are_open = !rows.all && step.absent_nodes == wire::AbsentNodes::kOpen;
+  if (const std::size_t count = rows.all ? nodes.size() : rows.slots.size(); count > wire::kMaxRowsPerMessage)
+    refuse(Code::kLimit, wire::name(Field::kNodeId),
+           fmt::format("a step of {} rows; a message has at most {}", count, wire::kMaxRowsPerMessage),
+           "Divide the step into parts (downscale.part and parts), which are committed as one.");
+  // The nodes that no part names are stepped with the last part.
+  rows.others_are_open = !rows.all && step.absent_nodes == wire::AbsentNodes::kOpen && step.part == step.parts;
   const auto row_ids = batch.u64(Field::kNodeId);
   for (const wire::ColumnRow& row : wire::column_rows())
     for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)

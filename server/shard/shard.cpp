@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <iterator>
 #include <mutex>
 
 #include "server/physics/solver/step_operators.hpp"
@@ -114,6 +115,7 @@ struct Shard::StepOf {
   const physics::StepOperators& operators;
   const StepColumns& columns;
   bool has_ledger;
+  const std::vector<bool>* stepped = nullptr;  // nodes that others_are_open does not mean; null: none
 };
 
 Shard::StepOf Shard::step_of(const Rows& rows, const physics::StepOperators& operators,
@@ -208,12 +210,54 @@ void Shard::adopt(const Attempt& attempt) {
   has_trial_ = true;
 }
 
+// A tile that the trial has not touched has no trial states yet, so its new states may be written where they belong. A
+// tile that earlier rows of the trial share gets its new states in memory of the extension.
+Shard::Extension Shard::extend(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
+                               const std::vector<bool>& stepped) {
+  StepOf step = step_of(rows, operators, columns);
+  step.stepped = &stepped;
+  const std::size_t doubles = layout_.doubles;
+  Extension extension;
+  std::vector<std::uint32_t> tiles;
+  tiles.reserve(std::max(num_tiles(), rows.slots.size()));
+  extension.touched_.reserve(num_tiles());
+  extension.shared_.reserve(std::min(num_tiles(), touched_.size()));
+  extension.states_ = make_states(extension.shared_.capacity() * doubles);
+  find_tiles(rows, tiles);
+  std::ranges::set_intersection(touched_, tiles, std::back_inserter(extension.shared_));
+  std::ranges::set_union(touched_, tiles, std::back_inserter(extension.touched_));
+  const auto place = [&](std::uint32_t tile) {
+    const auto found = std::ranges::lower_bound(extension.shared_, tile);
+    const bool shared = found != extension.shared_.end() && *found == tile;
+    return shared ? extension.states_.get() + (found - extension.shared_.begin()) * static_cast<std::ptrdiff_t>(doubles)
+                  : nullptr;
+  };
+  const auto trial = [&](std::uint32_t tile) { return buffer(tile, 1U - committed_[tile]); };
+  extension.count = step_tiles(
+      step, tiles, [&](std::size_t i) { return place(tiles[i]) != nullptr ? trial(tiles[i]) : committed(tiles[i]); },
+      [&](std::size_t i) {
+        double* const apart = place(tiles[i]);
+        return apart != nullptr ? apart : trial(tiles[i]);
+      });
+  return extension;
+}
+
+void Shard::adopt(const Extension& extension) {
+  const double* from = extension.states_.get();
+  for (const std::uint32_t tile : extension.shared_) {
+    std::copy_n(from, layout_.doubles, buffer(tile, 1U - committed_[tile]));
+    from += layout_.doubles;
+  }
+  touched_.assign(extension.touched_.begin(), extension.touched_.end());
+}
+
 StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* from, double* to) const {
   LaneRows lanes;
   for (int lane = 0; lane < kLanes; ++lane) {
     const std::size_t slot = tile * kLanes + lane;
     const bool has_row = step.rows_are_slots ? slot < nodes_.size() : row_of_slot_[slot] != kNoRow;
-    if (!has_row && step.others_are_open && slot < nodes_.size()) lanes.open |= 1U << lane;
+    if (!has_row && step.others_are_open && slot < nodes_.size() && (step.stepped == nullptr || !(*step.stepped)[slot]))
+      lanes.open |= 1U << lane;
     if (!has_row) continue;
     lanes.row[lane] = step.rows_are_slots ? static_cast<std::uint32_t>(slot) : row_of_slot_[slot];
     lanes.named |= 1U << lane;
@@ -221,6 +265,10 @@ StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* f
 
   physics::TileInputs in;
   in.active = lanes.named | lanes.open;
+  if (in.active == 0) {
+    std::copy_n(from, layout_.doubles, to);
+    return {};
+  }
   leave_open(lanes.open, in);
   for (const InputColumn& column : step.columns.inputs) gather(column.values, lanes, in.*column.member);
 

@@ -78,6 +78,14 @@ class Shard {
                   bool from_trial);
   void adopt(const Attempt& attempt);
 
+  // extend() computes the step of further nodes for the standing trial, from their committed states, and changes no
+  // state. adopt() adds the result to the trial and cannot fail; nothing may happen to the shard between the two calls.
+  // stepped[slot]: nodes that the trial has stepped. None of them is a row, and rows.others_are_open does not mean them.
+  class Extension;
+  Extension extend(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
+                   const std::vector<bool>& stepped);
+  void adopt(const Extension& extension);
+
   // Number of nodes that a step of these rows includes.
   std::size_t stepped_nodes(const Rows& rows) const {
     return rows.all || rows.others_are_open ? nodes_.size() : rows.slots.size();
@@ -172,6 +180,17 @@ class Shard::Attempt {
   friend class Shard;
   std::vector<std::uint32_t> tiles_;
   Block states_;  // [tile][TileStates::doubles]
+};
+
+class Shard::Extension {
+ public:
+  StepCount count;
+
+ private:
+  friend class Shard;
+  std::vector<std::uint32_t> touched_;  // tiles of the trial and of the extension, ascending
+  std::vector<std::uint32_t> shared_;   // tiles of both, ascending
+  Block states_;                        // new states of the shared tiles: [tile][TileStates::doubles]
 };
 
 class Shard::NodeChange {

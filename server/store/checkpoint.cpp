@@ -112,6 +112,10 @@ void put_session(hid_t parent, const SessionImage& session, std::uint64_t order)
   put_ids(group, session.node_ids);
   put_states(group, "committed", session.committed);
   if (session.trial) put_states(group, "trial", *session.trial);
+  if (!session.part_header.empty()) {
+    put_numbers(group, "part_header", session.part_header, session.part_header.size());
+    put_numbers(group, "part_rows", session.part_rows, session.part_rows.size());
+  }
   put_number(group, "marks", session.marks.size());
   for (std::size_t i = 0; i < session.marks.size(); ++i) {
     const hdf5::Group mark = make_group(group, mark_name(i));
@@ -146,6 +150,10 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   session.node_ids = ids_of(group);
   session.committed = states_of(group, "committed");
   if (has_child(group, "trial")) session.trial = states_of(group, "trial");
+  if (has_child(group, "part_header")) {
+    session.part_header = numbers_of<std::byte>(group, "part_header");
+    session.part_rows = numbers_of<std::uint32_t>(group, "part_rows");
+  }
   for (std::uint64_t i = 0, marks = number_of(group, "marks"); i < marks; ++i) {
     const hdf5::Group mark = open_group(group, mark_name(i));
     session.marks.push_back({.name = text_of(mark, "name"),

@@ -53,7 +53,9 @@ struct SessionImage {
   std::uint64_t state_version = 0;
   shard::States committed;
   std::optional<shard::States> trial;
-  std::vector<MarkImage> marks;  // oldest first
+  std::vector<std::byte> part_header;    // header frame of the last part of a step of which parts are missing, or empty
+  std::vector<std::uint32_t> part_rows;  // rows of the nodes of the parts that have come, ascending
+  std::vector<MarkImage> marks;          // oldest first
 };
 
 // A capsule records a failed step of one node, with all inputs needed to repeat the step for this node alone.
