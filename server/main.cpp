@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/limits.hpp"
 #include "proto/wire/program.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
@@ -47,6 +48,14 @@ void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option_function<std::uint64_t>(
          "--state-memory-mb", [&](const std::uint64_t& mb) { options.max_state_bytes = mb << 20; },
          "Memory for the states of all sessions, in MB; by default three quarters of the machine's")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30));
+  app.add_option("--sessions-per-user", options.sessions_per_user,
+                 "Sessions that one user, or key, may have open, except operators; by default three quarters of all")
+      ->check(CLI::Range(std::size_t{1}, shearbus::wire::kMaxSessions));
+  app.add_option_function<std::uint64_t>(
+         "--memory-per-user-mb", [&](const std::uint64_t& mb) { options.state_bytes_per_user = mb << 20; },
+         "Memory for the states of one user's sessions, in MB, except operators'; by default three quarters of the "
+         "memory for all")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30));
   app.add_option("--state-dir", options.state_dir,
                  "Directory in which sessions outlive the server; without one they end with it")
@@ -84,7 +93,8 @@ void add_options(CLI::App& app, ServerOptions& options) {
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
   app.add_option("--log-file", options.log_file, "Where to say it; by default standard error");
-  app.set_version_flag("--version", std::string("shearbus-server ") + SHEARBUS_VERSION);
+  app.set_version_flag(
+      "--version", fmt::format("shearbus-server {}, numerics {}", SHEARBUS_VERSION, shearbus::store::kNumericsVersion));
 }
 
 void start_log(const ServerOptions& options) {

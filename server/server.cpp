@@ -55,10 +55,18 @@ store::Durability durability_from(const std::string& word) {
   throw std::invalid_argument("durability \"" + word + "\" is not known; use none, process or power");
 }
 
+// A user leaves a quarter of the sessions and of the memory to others.
+constexpr std::uint64_t quota(std::uint64_t wanted, std::uint64_t whole) {
+  return wanted != 0 ? std::min(wanted, whole) : whole - whole / 4;
+}
+
 service::ServiceOptions service_options(const ServerOptions& options, std::uint64_t epoch, const Log& log) {
+  const std::uint64_t memory = options.max_state_bytes != 0 ? options.max_state_bytes : three_quarters_of_memory();
   return {.epoch = epoch,
           .server_version = SHEARBUS_VERSION,
-          .max_state_bytes = options.max_state_bytes != 0 ? options.max_state_bytes : three_quarters_of_memory(),
+          .max_state_bytes = memory,
+          .max_sessions_per_user = quota(options.sessions_per_user, wire::kMaxSessions),
+          .max_state_bytes_per_user = quota(options.state_bytes_per_user, memory),
           .nodes_per_task = options.nodes_per_task,
           .now_ns = monotonic_ns,
           .log = log.info};

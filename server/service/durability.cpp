@@ -126,7 +126,7 @@ void Service::restore(const store::Snapshot& snapshot) {
     member->conversation.complete(image.last_sequence, image.last_hash, reply_from(image));
     member->totals = {.requests = image.requests, .node_steps = image.node_steps, .solver_ns = image.solver_ns};
     if (!image.open) {
-      closed_.push_back(image.id);
+      closed_[image.identity].push_back(image.id);
     } else {
       SceneModel made = scene_model(image.scene, "the checkpoint's scene");
       physics::Model model(made.options);
@@ -211,7 +211,8 @@ store::Snapshot Service::snapshot() const {
     }
     snapshot.sessions.push_back(std::move(image));
   };
-  for (const wire::SessionId& id : closed_) add(*members_.at(id));
+  for (const auto& [identity, ids] : closed_)
+    for (const wire::SessionId& id : ids) add(*members_.at(id));
   for (const auto& [id, member] : members_)
     if (member->shard) add(*member);
   for (const auto& [id, transfer] : transfers_) snapshot.transfers.push_back(transfer);

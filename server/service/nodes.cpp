@@ -150,7 +150,7 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   const physics::Model& model = shard.model();
   const auto temperatures = check_initial_temperatures(batch, model.options());
   const std::size_t after = shard.nodes().size() + ids.size();
-  check_memory(shard.bytes_for(after) - shard.state_bytes(), after);
+  check_memory(shard.bytes_for(after) - shard.state_bytes(), after, arrival.caller, member.identity);
   auto change = shard.adding(ids, temperatures);
   keep(arrival, member.id, &member);
   apply(member, std::move(change), reply);
@@ -184,7 +184,7 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
                  .remedy = "Wait until some are accepted, or offer more nodes at once."});
   const shard::Rows rows = check_leaving_nodes(batch, shard.nodes());
   const auto ids = batch.u64(Field::kNodeId);
-  check_memory(kept_bytes(shard, ids.size()), ids.size());
+  check_memory(kept_bytes(shard, ids.size()), ids.size(), arrival.caller, member.identity);
   std::map<wire::TransferId, store::TransferImage> made;
   made.emplace(offer.transfer_id, store::TransferImage{.id = offer.transfer_id,
                                                        .giver = member.id,
@@ -232,7 +232,7 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
   check_session_size(after);
   const std::uint64_t grown = shard.bytes_for(after) - shard.state_bytes();
   const std::uint64_t freed = kept_bytes(transfer.states);
-  check_memory(grown > freed ? grown - freed : 0, after);
+  check_memory(grown > freed ? grown - freed : 0, after, arrival.caller, member.identity);
   const std::vector<double> initial(transfer.node_ids.size(), model.options().initial_temperature);
   auto change = shard.adding(transfer.node_ids, initial, &transfer.states);
   reply.batch = node_column(transfer.node_ids);
@@ -274,7 +274,7 @@ void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arriva
   if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
   const std::uint64_t freed = gone == member.marks.end() ? 0 : kept_bytes(gone->states);
   const std::uint64_t wanted = kept_bytes(shard, shard.nodes().size());
-  check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size());
+  check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size(), arrival.caller, member.identity);
   auto& answer = reply.body.emplace<wire::Marked>();
   answer.state_version = shard.state_version();
   for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
@@ -320,7 +320,8 @@ void Service::rollback_to(Member& member, const store::MarkImage& mark, const Ar
   if (mark.node_ids != before.nodes().ids()) {
     check_owners(member.domain_it_is_in(), &member, mark.sequence, mark.node_ids);
     const std::uint64_t wanted = before.bytes_for(mark.node_ids.size());
-    check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size());
+    check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size(),
+                 arrival.caller, member.identity);
     other_nodes = make_shard(physics::Model(before.model().options()), mark.node_ids, before.check_closure());
     other_nodes->restore(mark.states, nullptr, mark.state_version);
   }

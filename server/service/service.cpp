@@ -51,6 +51,8 @@ void Service::log(const std::string& line) const noexcept try {
 std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) noexcept try {
   if (failed()) return std::nullopt;
   ++metrics_.requests;
+  User& asking = user(caller.identity);
+  ++asking.requests;
   auto reply = std::make_shared<wire::Reply>();
   reply->epoch = epoch_;
   kept_ = false;
@@ -72,6 +74,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
   }
   if (!reply->status.ok()) {
     ++metrics_.refused;
+    ++asking.refused;
     if (const auto code = static_cast<std::size_t>(reply->status.code); code < Metrics::kCodes) ++times_.refusals[code];
     reply->body = std::monostate{};
     reply->batch = wire::Batch();
@@ -122,7 +125,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     return reply;
   }
   if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
-    reply->body = status();
+    reply->body = status_for(caller);
     return reply;
   }
   if (const auto* look = std::get_if<wire::Inspect>(&request.body)) {
@@ -192,6 +195,9 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   welcome.server_version = options_.server_version;
   welcome.limits.max_sessions = options_.max_sessions;
   welcome.limits.max_state_bytes = options_.max_state_bytes;
+  welcome.limits.max_sessions_per_user = caller.is_operator ? options_.max_sessions : options_.max_sessions_per_user;
+  welcome.limits.max_state_bytes_per_user =
+      caller.is_operator ? options_.max_state_bytes : options_.max_state_bytes_per_user;
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
   welcome.capabilities = {"velocity_driven", "force_driven", "trial",   "resume",     "mark", "domains",
                           "stick_form",      "absent_nodes", "closure", "idle_limit", "parts"};
@@ -231,15 +237,18 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
     if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
     if (verdict.triage == session::Triage::kProcess)
       throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
+    ++user(arrival.caller.identity).replayed;
     return repeat(*known->second);
   }
   check_may_open(request);
+  check_session_quota(arrival.caller);
   const auto node_ids = check_opening_nodes(request.batch, open.domain);
   check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
   SceneModel made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
   const std::vector<double> temperatures = check_initial_temperatures(request.batch, made.options);
   physics::Model model(made.options);
-  check_memory(shard::Shard::bytes_for(model, node_ids.size(), open.check_closure), node_ids.size());
+  check_memory(shard::Shard::bytes_for(model, node_ids.size(), open.check_closure), node_ids.size(), arrival.caller,
+               arrival.caller.identity);
 
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
@@ -298,7 +307,9 @@ wire::SessionOpened Service::opened(const Member& member) const {
           .scene_name = member.scene_name};
 }
 
-void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
+void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller,
+                           std::string_view owner) const {
+  check_memory_quota(wanted, nodes, caller, owner);
   if (metrics_.state_bytes > options_.max_state_bytes || wanted > options_.max_state_bytes - metrics_.state_bytes)
     throw Error({.code = Code::kLimit,
                  .text = fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
@@ -319,7 +330,10 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   member.last_request_ns = arrival.started_ns;
-  if (verdict.triage == session::Triage::kResend) return repeat(member);  // the kept reply is sent in any epoch
+  if (verdict.triage == session::Triage::kResend) {
+    ++user(arrival.caller.identity).replayed;
+    return repeat(member);  // the kept reply is sent in any epoch
+  }
   check_epoch(request, &member);
   if (!member.shard)
     throw Error({.code = Code::kUnknownSession,
@@ -444,6 +458,10 @@ void Service::downscale(Member& member, const wire::Downscale& step, const Arriv
   member.totals.asleep_node_steps += count.asleep;
   metrics_.node_steps += stepped;
   metrics_.solver_ns += upscale.solver_ns;
+  if (const auto owner = users_.find(arrival.caller.identity); owner != users_.end()) {
+    owner->second.node_steps += stepped;
+    owner->second.solver_ns += upscale.solver_ns;
+  }
   times_.solver.add(upscale.solver_ns);
 }
 
@@ -502,7 +520,8 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
                   close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
                   1e-9 * static_cast<double>(totals.solver_ns)));
-  closed_.push_back(member.id);
+  std::deque<wire::SessionId>& closed = closed_[member.identity];
+  closed.push_back(member.id);
   member.closed_because = std::move(because);
   reply.body = totals;
   --metrics_.sessions;
@@ -512,9 +531,9 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   member.parts.reset();
   member.shard.reset();
   forget_transfers_of(member.domain_it_is_in());
-  if (closed_.size() > kClosedSessionsKept) {
-    members_.erase(closed_.front());
-    closed_.pop_front();
+  if (closed.size() > kClosedSessionsKept) {
+    members_.erase(closed.front());
+    closed.pop_front();
   }
 }
 

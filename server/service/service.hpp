@@ -45,6 +45,8 @@ struct ServiceOptions {
   std::string server_version;
   std::uint64_t max_state_bytes = std::uint64_t{8} << 30;  // limit of the memory of all sessions' states
   std::size_t max_sessions = wire::kMaxSessions;
+  std::size_t max_sessions_per_user = wire::kMaxSessions;  // quotas of a user who is no operator
+  std::uint64_t max_state_bytes_per_user = std::uint64_t{8} << 30;
   std::size_t nodes_per_task = 512;
   std::function<std::uint64_t()> now_ns;                     // a monotonic clock
   std::function<void(const std::string&)> log;               // writes one line of the log; may be empty
@@ -112,7 +114,8 @@ class Service : private store::Recovery {
   wire::SessionInfo info_of(const Member& member) const;
   void check_epoch(const wire::Request& request, const Member* member) const;
   void check_may_open(const wire::Request& request) const;
-  void check_memory(std::uint64_t wanted, std::size_t nodes) const;
+  // Refuses states that the server, or the quota of the user `owner`, has no memory for.
+  void check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
   ReplyPtr repeat(const Member& member);
   void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
   void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
@@ -121,6 +124,25 @@ class Service : private store::Recovery {
   // Makes a shard whose nodes have the model's initial temperature.
   std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
                                            bool check_closure) const;
+
+  // users.cpp: quotas and counters of users.
+  struct Usage {
+    std::size_t sessions = 0;
+    std::uint64_t nodes = 0;
+    std::uint64_t state_bytes = 0;
+  };
+  struct User {  // counters since the start of the server
+    std::uint64_t requests = 0;
+    std::uint64_t refused = 0;
+    std::uint64_t replayed = 0;
+    std::uint64_t node_steps = 0;
+    std::uint64_t solver_ns = 0;
+  };
+  Usage usage_of(std::string_view identity) const;
+  void check_session_quota(const Caller& caller) const;
+  void check_memory_quota(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
+  wire::ServerStatus status_for(const Caller& caller) const;
+  User& user(std::string_view identity);
 
   // capsules.cpp: failure capsules of nodes without an answer.
   struct FailedStep {
@@ -157,7 +179,7 @@ class Service : private store::Recovery {
 
   void log(const std::string& line) const noexcept;
 
-  static constexpr std::size_t kClosedSessionsKept = 256;
+  static constexpr std::size_t kClosedSessionsKept = 4096;  // of each user; about 2 kB each
 
   ServiceOptions options_;
   shard::TaskPool& pool_;
@@ -171,9 +193,10 @@ class Service : private store::Recovery {
   bool shutting_down_ = false;
   bool draining_ = false;
   bool exit_when_drained_ = false;
-  Members members_;                                             // all open sessions and the last closed ones
-  std::deque<wire::SessionId> closed_;                          // ids of closed sessions, oldest first
-  std::map<wire::TransferId, store::TransferImage> transfers_;  // offered nodes, which no session owns
+  Members members_;  // all open sessions and the last closed ones
+  std::map<std::string, std::deque<wire::SessionId>, std::less<>> closed_;  // by identity, oldest first
+  std::map<wire::TransferId, store::TransferImage> transfers_;              // offered nodes, which no session owns
+  std::map<std::string, User, std::less<>> users_;                          // by identity
   wire::ServerStatus metrics_;
   Metrics times_;
   struct Current {  // the request that is being answered

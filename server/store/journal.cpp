@@ -69,6 +69,7 @@ bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment)
   segment.first_index = header.first_index;
   segment.store = header.store;
   segment.settled = header.settled;
+  segment.numerics = header.numerics;
   return true;
 }
 
@@ -112,14 +113,18 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
 }  // namespace
 
 JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index,
-                             bool durable, const StoreId& store)
+                             bool durable, const StoreId& store, std::uint16_t numerics)
     : file_(storage.create(segment_name(number))),
       number_(number),
       first_index_(first_index),
       next_index_(first_index),
       durable_(durable) {
-  SegmentHeader header{
-      .number = number, .epoch = epoch, .first_index = first_index, .store = store, .settled = first_index};
+  SegmentHeader header{.numerics = numerics,
+                       .number = number,
+                       .epoch = epoch,
+                       .first_index = first_index,
+                       .store = store,
+                       .settled = first_index};
   header.sum = header_sum_ = sum_of_header(header);
   header.settled_sum = sum_of_settled(header.settled, header.sum);
   const std::array parts = {bytes_of(header)};

@@ -31,7 +31,7 @@ class JournalWriter {
   // Creates the file. With `durable` the name and the header are on the disk when the constructor returns. A file that
   // cannot be finished is removed.
   JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable,
-                const StoreId& store = {});
+                const StoreId& store = {}, std::uint16_t numerics = 0);
 
   // Throws StorageError. If no_space() is true the file is unchanged and the call may be repeated; after any other
   // failure the journal must not be used.
@@ -63,7 +63,8 @@ struct Segment {
   std::uint64_t number = 0;
   std::uint64_t epoch = 0;
   std::uint64_t first_index = 0;
-  StoreId store{};            // id of the directory that the segment belongs to
+  StoreId store{};  // id of the directory that the segment belongs to
+  std::uint16_t numerics = 0;
   std::uint64_t settled = 0;  // index behind the last record that was settled; such records may have been answered
   std::vector<Record> records;
   std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete

@@ -130,6 +130,7 @@ void Store::recover(Recovery& recovery) {
     recover_from(found, recovery);
   } catch (const std::exception& fault) {
     const std::string text = fault.what();
+    if (dynamic_cast<const OtherNumerics*>(&fault) != nullptr) throw;
     if (options_.accept_empty) return start_empty(found, recovery, text);
     if (dynamic_cast<const DamagedFile*>(&fault) == nullptr || text.ends_with(kOfLoss)) throw;
     throw DamagedFile(text + kOfRestoring);
@@ -308,6 +309,13 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
     lost.clear();
     for (const Record& record : segment->records) {
       if (record.index < next_index_) continue;
+      if (segment->numerics != options_.numerics)
+        throw OtherNumerics(file + ": record " + std::to_string(record.index) +
+                            " and those after it were answered by numerics " + std::to_string(segment->numerics) +
+                            ", and this server has numerics " + std::to_string(options_.numerics) +
+                            ". Start the server whose --version says numerics " + std::to_string(segment->numerics) +
+                            " and stop it cleanly (SIGTERM): it leaves a checkpoint and nothing to replay. Then start "
+                            "this one");
       recovery.replay(record, segment->epoch);
       ++next_index_;
       ++counters_.replayed;
@@ -409,8 +417,9 @@ void Store::start_segment() {
   const Found found = find();
   while (found.names.contains(segment_name(next_segment_))) ++next_segment_;
   const std::uint64_t number = next_segment_++;
-  auto journal = std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
-                                                 options_.durability == Durability::kPower, identity_.id);
+  auto journal =
+      std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
+                                      options_.durability == Durability::kPower, identity_.id, options_.numerics);
   StoreIdentity identity = identity_;
   identity.last_segment = number;
   identity.first_index = next_index_;

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "server/physics/numerics.hpp"
 #include "server/store/journal.hpp"
 #include "server/store/snapshot.hpp"
 #include "server/store/storage.hpp"
@@ -28,10 +29,13 @@ enum class Durability {
 };
 const char* name(Durability durability);
 
+using physics::kNumericsVersion;
+
 struct StoreOptions {
   Durability durability = Durability::kProcess;
   std::uint64_t epoch = 1;                                    // random number of this start of the server
   std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;  // journal size at which a checkpoint is due
+  std::uint16_t numerics = kNumericsVersion;                  // version of the numerics that answers requests
   std::size_t max_capsules = 16;  // largest number of failure capsules in the directory; later ones are not written
   StoreId fresh_id{};             // id that a new directory gets; random
   bool accept_empty = false;      // rename unusable files and start without states, instead of refusing to start

@@ -236,6 +236,23 @@ TEST(Kill, MinusNineUnderLoadLosesNothing) {
   RecordProperty("requests", static_cast<int>(requests.load()));
 }
 
+TEST(Kill, ACleanStopLeavesNothingToReplay) {
+  Incarnations server;
+  server.start();
+  const auto nodes = support::node_ids(16);
+  Client client({.endpoint = server.endpoint()});
+  Session session = client.open(support::text_of(support::force_scene()), "scene", nodes);
+  for (int step = 0; step < 3; ++step)
+    session.advance(support::step_columns(Strategy::kForceDriven, nodes, step), {.dt_s = 1e-9});
+  EXPECT_EQ(server.terminate(), 0);
+  server.start();
+  EXPECT_NE(server.log_text().find("restored checkpoint-"), std::string::npos) << server.log_text();
+  EXPECT_EQ(server.log_text().find("replayed"), std::string::npos) << server.log_text();
+  EXPECT_EQ(
+      session.advance(support::step_columns(Strategy::kForceDriven, nodes, 3), {.dt_s = 1e-9}).upscale().state_version,
+      4u);
+}
+
 TEST(Kill, ASuccessorWithTheTicketGoesOnWhereTheDeadClientWas) {
   Incarnations server;
   server.start();
