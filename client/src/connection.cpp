@@ -29,6 +29,7 @@ constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
+constexpr int kFramesBeforeLook = 90;            // most frames read from a socket since it was found empty
 constexpr int kSilentFailures = 3;               // handshakes failed in a row after which a wrong key is reported
 constexpr std::chrono::seconds kFirstNotice{2};  // waiting time after which the log is told what is waited for
 constexpr int kGoodbyeLingerMs = 100;            // longest time that an unsent closing request delays the program's end
@@ -118,6 +119,7 @@ void Connection::pause(std::chrono::milliseconds time) {
 
 void SocketConnection::connect() {
   refusal_ = {};
+  frames_read_ = 0;
   void* context = own_context_ ? own_context_.get() : options().context;
   socket_.reset(zmq_socket(context, ZMQ_DEALER));
   if (!socket_) unreachable(options(), fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
@@ -282,25 +284,36 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
   return !has_payload || send_frame(batch.bytes(), false);
 }
 
-// Waits for the reply to `request_id` and skips replies to earlier requests. Returns false if `until` passed first.
+// Waits for the reply to `request_id` and skips replies to earlier requests. Returns false if `until` passed first, or
+// if the request must be sent again on a fresh socket.
+//
+// libzmq 4.3.4 aborts the process (fq.cpp:112) if it notices, between two frames of a message that has arrived whole, that
+// the connection is lost: with ZMQ_IMMEDIATE it then gives up the rest of the message. While messages arrive it looks for
+// such notices at every hundredth call of zmq_msg_recv() on a socket, counted from the last call that found nothing. So
+// each message is preceded by a call that finds nothing; where one never does, the socket is replaced in time.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
-  while (wait(ZMQ_POLLIN, until)) {
+  for (;;) {
+    if (frames_read_ > kFramesBeforeLook) return false;
     std::array<std::shared_ptr<zmq::message_t>, wire::kMaxFrames + 1> frames;
     std::array<std::span<const std::byte>, wire::kMaxFrames + 1> views;
     std::size_t count = 0;
-    for (bool more = true; more;) {
+    for (bool more = true; more && count < frames.size();) {  // decode() refuses three frames
       auto frame = std::make_shared<zmq::message_t>();
       if (zmq_msg_recv(frame->handle(), socket_.get(), ZMQ_DONTWAIT) < 0) {
         if (zmq_errno() == EINTR) continue;
         if (zmq_errno() == EAGAIN) break;
         unreachable(options(), zmq_strerror(zmq_errno()));
       }
+      ++frames_read_;
       more = frame->more();
-      if (count == frames.size()) continue;  // surplus frames are dropped; decode() refuses three frames
       views[count] = {static_cast<const std::byte*>(frame->data()), frame->size()};
       frames[count++] = std::move(frame);
     }
-    if (count == 0) continue;
+    if (count == 0) {
+      frames_read_ = 0;
+      if (!wait(ZMQ_POLLIN, until)) return false;
+      continue;
+    }
     try {
       received.reply = wire::Reply();
       wire::decode(std::span(views.data(), count), received.reply);
@@ -316,7 +329,6 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     answered_ = true;
     return true;
   }
-  return false;
 }
 
 void SocketConnection::post(const wire::Request& request) {

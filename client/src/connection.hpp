@@ -126,6 +126,7 @@ class SocketConnection final : public Connection {
   std::unique_ptr<void, CloseSocket>
       socket_;               // null after a timeout, so that a late reply cannot be mistaken for another
   wire::Status refusal_;     // why the server refused the connection; OK if it did not
+  int frames_read_ = 0;      // frames read from socket_ since it was found empty
   int silent_failures_ = 0;  // consecutive handshakes that failed without a reason
 };
 

@@ -20,6 +20,7 @@ REPORT_AFTER_S = 2.0  # time after which a waiting call says whom it waits for
 MAX_PAYLOAD_BYTES = 32 * 1024 * 1024
 Z85 = frozenset(b"0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#")
 
+FRAMES_BEFORE_LOOK = 90  # most frames read from a socket since it was found empty
 NOW, MORE = int(zmq.DONTWAIT), int(zmq.DONTWAIT | zmq.SNDMORE)
 
 log = logging.getLogger("shearbus")
@@ -131,7 +132,11 @@ class Connection:
                 self._give_up(sent, started)
 
     def _connect(self):
-        self._refusal = None
+        self._refusal, self._frames_read = None, 0
+        path = self.endpoint.removeprefix("ipc://")
+        if path != self.endpoint and os.path.exists(path) and not os.access(path, os.W_OK, effective_ids=True):
+            raise AuthError(Code.AUTH, f"{self.endpoint}: uid {os.geteuid()} may not connect there",
+                            f"Run as the server's user, or have it started with --allow-uid {os.geteuid()}.")
         socket = zmq.Context.instance().socket(zmq.DEALER)
         try:
             for option, value in ((zmq.IMMEDIATE, 1), (zmq.LINGER, 0), (zmq.MAXMSGSIZE, MAX_PAYLOAD_BYTES),
@@ -182,11 +187,22 @@ class Connection:
 
     def _receive(self, request_id, until, started):
         """Waits for the reply to `request_id` and skips replies to earlier requests. Returns None if `until` passed
-        first."""
-        while self._wait(self._incoming, until):
-            frames = [self._socket.recv(NOW, copy=False)]
-            while frames[-1].more:
+        first, or if the request must be sent again on a fresh socket.
+
+        libzmq 4.3.4 aborts the process (fq.cpp:112) if it notices between two frames of a message that the connection is
+        lost. While messages arrive it looks for that at every hundredth recv() of a socket, counted from the last one
+        that found nothing. So each message is preceded by a recv() that finds nothing."""
+        while self._frames_read <= FRAMES_BEFORE_LOOK:
+            try:
+                frames = [self._socket.recv(NOW, copy=False)]
+            except zmq.Again:
+                self._frames_read = 0
+                if not self._wait(self._incoming, until):
+                    return None
+                continue
+            while frames[-1].more and len(frames) < 3:
                 frames.append(self._socket.recv(NOW, copy=False))
+            self._frames_read += len(frames)
             received = time.monotonic()
             try:
                 answer = header.REPLY_HEADER.decode(frames[0].bytes)
