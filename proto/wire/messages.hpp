@@ -26,6 +26,7 @@ enum Outcome : std::uint8_t {
   kSubstepped = 1,
   kMultipleRoots = 2,
   kOutsideDomain = 4,
+  kOverBudget = 16,
   kAsleep = 32,
   kFirstOrder = 64,
   kFailed = 128,
@@ -194,6 +195,8 @@ struct Limits {
   std::uint64_t max_marks = kMaxMarks;
   std::uint64_t max_frames = kMaxFrames;
   std::uint64_t max_state_bytes = 0;
+  std::uint64_t max_work_budget = 0;
+  std::uint64_t max_replay_work = 0;
 
   static void fields(auto&& v, auto& m) {
     v(1, "max_header_bytes", m.max_header_bytes);
@@ -203,6 +206,8 @@ struct Limits {
     v(5, "max_marks", m.max_marks);
     v(20, "max_frames", m.max_frames);
     v(21, "max_state_bytes", m.max_state_bytes);
+    v(22, "max_work_budget", m.max_work_budget);
+    v(23, "max_replay_work", m.max_replay_work);
   }
 };
 struct Welcome {
