@@ -30,9 +30,10 @@ constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
 constexpr int kFramesBeforeLook = 90;            // most frames read from a socket since it was found empty
-constexpr int kSilentFailures = 3;               // handshakes failed in a row after which a wrong key is reported
-constexpr std::chrono::seconds kFirstNotice{2};  // waiting time after which the log is told what is waited for
-constexpr int kGoodbyeLingerMs = 100;            // longest time that an unsent closing request delays the program's end
+constexpr int kSilentFailures = 3;  // handshakes failed in a row after which a wrong key is reported
+constexpr std::chrono::milliseconds kRecoveryPause{200};  // time between two requests to a server that recovers
+constexpr std::chrono::seconds kFirstNotice{2};           // waiting time after which the log is told what is waited for
+constexpr int kGoodbyeLingerMs = 100;  // longest time that an unsent closing request delays the program's end
 
 // The name of what a request asks for: "downscale".
 const char* verb_of(const wire::Request& request) {
@@ -358,7 +359,7 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
 
 Received SocketConnection::exchange(const wire::Request& request, std::chrono::milliseconds deadline) {
   const auto started = Clock::now();
-  const auto last_moment = started + deadline;
+  auto last_moment = started + deadline;
   const std::string header = wire::encode_header(request);
   bool under_way = posted_ && posted_->request_id == request.request_id;
   const auto asked = under_way ? posted_->at : started;
@@ -375,6 +376,12 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
     sent = true;
     Received received;
     if (receive(request.request_id, std::min(last_moment, Clock::now() + options().retry_after), received)) {
+      if (received.reply.status.code == Code::kRecovering && options().wait_for_recovery) {
+        // The server is at work and answers when it has recovered: the deadline begins anew.
+        recovering(received.reply.status);
+        last_moment = Clock::now() + deadline;
+        continue;
+      }
       received.round_trip = Clock::now() - asked;
       return received;
     }
@@ -382,6 +389,14 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
     if (!refusal_.ok()) refused(sent);
     if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);
   }
+}
+
+// Waits a moment and says from time to time for what.
+void SocketConnection::recovering(const wire::Status& status) {
+  pause(kRecoveryPause);
+  if (!options().log || Clock::now() < waiting_.next_notice) return;
+  waiting_.next_notice = Clock::now() + kFirstNotice;
+  options().log(fmt::format("waiting for the server at {}: {}", options().endpoint, status.text));
 }
 
 void SocketConnection::give_up(bool sent, Clock::duration waited) const {

@@ -115,6 +115,7 @@ class SocketConnection final : public Connection {
   Received exchange(const wire::Request& request, std::chrono::milliseconds deadline);
   bool receive(std::uint64_t request_id, Clock::time_point until, Received& received);
   void handshake_failed(int event, std::uint32_t detail);
+  void recovering(const wire::Status& status);
   [[noreturn]] void refused(bool sent) const;
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 

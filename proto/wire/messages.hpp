@@ -26,6 +26,7 @@ enum Outcome : std::uint8_t {
   kSubstepped = 1,
   kMultipleRoots = 2,
   kOutsideDomain = 4,
+  kOverBudget = 16,
   kAsleep = 32,
   kFirstOrder = 64,
   kFailed = 128,
@@ -198,6 +199,8 @@ struct Limits {
   std::uint64_t max_marks = kMaxMarks;
   std::uint64_t max_frames = kMaxFrames;
   std::uint64_t max_state_bytes = 0;
+  std::uint64_t max_work_budget = 0;
+  std::uint64_t max_replay_work = 0;
   std::uint64_t max_rows_per_message = kMaxRowsPerMessage;
   std::uint64_t max_sessions_per_user = kMaxSessions;
   std::uint64_t max_state_bytes_per_user = 0;
@@ -210,6 +213,8 @@ struct Limits {
     v(5, "max_marks", m.max_marks);
     v(20, "max_frames", m.max_frames);
     v(21, "max_state_bytes", m.max_state_bytes);
+    v(22, "max_work_budget", m.max_work_budget);
+    v(23, "max_replay_work", m.max_replay_work);
     v(30, "max_rows_per_message", m.max_rows_per_message);
     v(31, "max_sessions_per_user", m.max_sessions_per_user);
     v(32, "max_state_bytes_per_user", m.max_state_bytes_per_user);

@@ -48,8 +48,11 @@ void Service::log(const std::string& line) const noexcept try {
 } catch (const std::exception&) {
 }
 
-std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) noexcept try {
+std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, Turn* turn) noexcept try {
+  if (turn != nullptr) *turn = Turn::kAnswered;
   if (failed()) return std::nullopt;
+  may_wait_ = turn != nullptr;
+  turn_ = Turn::kAnswered;
   ++metrics_.requests;
   User& asking = user(caller.identity);
   ++asking.requests;
@@ -66,6 +69,12 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
     reply->status = {.code = Code::kInternal,
                      .text = fmt::format("the server could not run the request: {}", fault.what()),
                      .remedy = "Nothing was changed. Tell the maintainers of the server."};
+  }
+  if (turn_ != Turn::kAnswered) {
+    --metrics_.requests;
+    --asking.requests;
+    *turn = turn_;
+    return std::nullopt;
   }
   if (kept_) failed_ = true;  // the request is in the journal but has not run: states and journal differ
   if (failed()) {
@@ -156,7 +165,9 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
 void Service::check_epoch(const wire::Request& request, const Member* member) const {
   const std::uint64_t expected = member != nullptr && member->epoch != 0 ? member->epoch : epoch_;
   if (request.epoch == 0 || request.epoch == expected || replaying_) return;
-  if (request.epoch - epoch_ <= claims_)
+  const bool superseded =
+      member != nullptr && std::ranges::find(member->superseded, request.epoch) != member->superseded.end();
+  if (superseded || request.epoch - epoch_ <= claims_)
     throw Error({.code = Code::kSuperseded,
                  .text = "the session was resumed since by a client that showed its token",
                  .remedy = "Leave it to that one."});
@@ -198,6 +209,8 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   welcome.limits.max_sessions_per_user = caller.is_operator ? options_.max_sessions : options_.max_sessions_per_user;
   welcome.limits.max_state_bytes_per_user =
       caller.is_operator ? options_.max_state_bytes : options_.max_state_bytes_per_user;
+  if (store_ != nullptr) welcome.limits.max_replay_work = static_cast<std::uint64_t>(store_->checkpoint_work());
+  welcome.limits.max_work_budget = static_cast<std::uint64_t>(options_.max_work_budget);
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
   welcome.capabilities = {"velocity_driven", "force_driven", "trial",   "resume",     "mark", "domains",
                           "stick_form",      "absent_nodes", "closure", "idle_limit", "parts"};
@@ -245,6 +258,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   const auto node_ids = check_opening_nodes(request.batch, open.domain);
   check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
   SceneModel made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
+  check_work_budget(made.options);
   const std::vector<double> temperatures = check_initial_temperatures(request.batch, made.options);
   physics::Model model(made.options);
   check_memory(shard::Shard::bytes_for(model, node_ids.size(), open.check_closure), node_ids.size(), arrival.caller,
@@ -253,6 +267,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
   member->identity = arrival.caller.identity;
+  member->owner_epoch = epoch_;
   member->opened_ns = member->last_request_ns = arrival.started_ns;
   member->resume_token = open.resume_token;
   member->domain = open.domain;
@@ -307,6 +322,16 @@ wire::SessionOpened Service::opened(const Member& member) const {
           .scene_name = member.scene_name};
 }
 
+// What was granted once is in the journal and is granted again by every server that replays it.
+void Service::check_work_budget(const physics::ModelOptions& options) const {
+  if (replaying_ || options_.max_work_budget == 0.0 || options.work_budget <= options_.max_work_budget) return;
+  throw Error({.code = Code::kLimit,
+               .text = fmt::format("work_budget = {:g}: this server grants at most {:g} evaluations for a node's step",
+                                   options.work_budget, options_.max_work_budget),
+               .remedy = "Ask for less, or have the server started with a larger --max-work-budget.",
+               .field = "work_budget"});
+}
+
 void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller,
                            std::string_view owner) const {
   check_memory_quota(wanted, nodes, caller, owner);
@@ -317,7 +342,7 @@ void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller
                  .remedy = "Use a graded grid with fewer cells, close sessions, or give the server more memory."});
 }
 
-Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const ReplyPtr& reply) {
+Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end()) {
@@ -341,10 +366,8 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
                  .remedy = "Open a new session."});
   if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
 
-  if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
-    downscale(member, *step, arrival, reply);
-    return reply;
-  }
+  if (std::holds_alternative<wire::Downscale>(request.body)) return downscale(member, arrival, reply);
+  if (must_wait(member)) return reply;
   if (std::holds_alternative<wire::Commit>(request.body)) {
     if (!member.trial_stands())
       throw Error({.code = Code::kNothingToCommit,
@@ -377,125 +400,12 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   return reply;
 }
 
-void Service::downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply) {
-  const wire::Request& request = arrival.request;
-  shard::Shard& shard = *member.shard;
-  // 1. Do everything that can fail: checks, factorisation, memory, the journal.
-  const physics::ModelOptions& options = shard.model().options();
-  const std::vector<Field> wanted = check_wanted(step, options, shard.check_closure());
-  const bool further = step.part > 1;  // adds its rows to the trial of the parts before
-  check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
-  const shard::Rows rows = check_step(step, request.batch, options, shard.nodes());
-  if (further) check_rows_of_part(request.batch, rows, *member.parts);
-  if (step.commit_previous && !member.trial_stands())
-    throw Error({.code = Code::kNothingToCommit,
-                 .text = "commit_previous is set, and no trial is standing",
-                 .remedy = "Set it only after a trial that was neither committed nor rolled back."});
-  const auto operators = shard.operators(step.dt_s);
-  const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
-  reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
-  auto& upscale = reply->body.emplace<wire::Upscale>();
-  shard::StepColumns columns = step_columns(request.batch, reply->batch, step.dt_s);
-  columns.host_time = step.time_s;
-  const std::uint64_t version_before = shard.state_version() + (step.commit_previous ? 1 : 0);
-  if (shard.check_closure() && version_before == 0) upscale.warnings = unit_warnings(step, request.batch);
-  std::vector<std::uint8_t> unasked(
-      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // receives the outcomes if the reply has no column for them
-  if (!unasked.empty())
-    columns.outputs.emplace_back(
-        shard::AnswerColumn<std::uint8_t, std::uint8_t>{&physics::TileOutputs::outcome, std::span(unasked)});
-  const std::span<const std::uint8_t> outcomes =
-      unasked.empty() ? reply->batch.u8(Field::kOutcome) : std::span(unasked);
-  std::uint64_t solver_started_ns = 0;
-  shard::StepCount count;
-  std::optional<shard::Shard::Attempt> attempt;
-  std::optional<shard::Shard::Extension> extension;
-  const bool all_or_nothing = step.policy == wire::Policy::kAllOrNothing;
-  if (all_or_nothing || further) {
-    solver_started_ns = options_.now_ns();
-    if (further)
-      count = extension.emplace(shard.extend(rows, *operators, columns, member.parts->stepped)).count;
-    else
-      count = attempt.emplace(shard.attempt(rows, *operators, columns, step.commit_previous)).count;
-    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, step.commit_previous});
-    if (count.failed != 0 && all_or_nothing) refuse_failed_step(request.batch, shard.nodes(), outcomes);
-  }
-  const std::size_t stepped =
-      further && rows.others_are_open ? shard.nodes().size() - member.parts->nodes : shard.stepped_nodes(rows);
-  std::optional<Parts> parts;  // those that have come when this one has run, if others are missing
-  if (step.part == 1 && step.parts > 1)
-    parts.emplace(Parts{.last = step, .stepped = std::vector<bool>(shard.nodes().size())});
-  keep(arrival, member.id, &member);
-
-  // 2. Change the states. Nothing can fail from here to complete(), so states, sequence and kept reply stay consistent.
-  if (step.commit_previous) shard.commit();
-  if (extension) {
-    shard.adopt(*extension);
-  } else if (attempt) {
-    shard.adopt(*attempt);
-  } else {
-    solver_started_ns = options_.now_ns();
-    count = shard.step(rows, *operators, columns);
-    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, false});
-  }
-  const std::uint64_t ended_ns = options_.now_ns();
-  member.last_request_ns = ended_ns;  // a client is not idle while it waits
-  if (further) parts = std::move(member.parts);
-  if (parts) parts->add(step, rows);
-  member.parts = step.part < step.parts ? std::move(parts) : std::nullopt;
-  if (step.mode == wire::Mode::kAdvance && !member.parts) shard.commit();
-  if (shard.check_closure()) report_closure(member, step, request.batch, rows, count.closure, upscale);
-  upscale.nodes = num_rows;
-  upscale.flagged_nodes = count.flagged;
-  upscale.state_version = shard.state_version();
-  upscale.solver_ns = ended_ns - solver_started_ns;
-  upscale.service_ns = ended_ns - arrival.started_ns;
-  member.conversation.complete(request.sequence, arrival.hash, reply);
-
-  ++member.totals.requests;
-  member.totals.node_steps += stepped;
-  member.totals.solver_ns += upscale.solver_ns;
-  member.totals.asleep_node_steps += count.asleep;
-  metrics_.node_steps += stepped;
-  metrics_.solver_ns += upscale.solver_ns;
-  if (const auto owner = users_.find(arrival.caller.identity); owner != users_.end()) {
-    owner->second.node_steps += stepped;
-    owner->second.solver_ns += upscale.solver_ns;
-  }
-  times_.solver.add(upscale.solver_ns);
-}
-
-// Fails to report, if there is no memory for a warning, rather than to answer: the step has run.
-void Service::report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
-                             const shard::Rows& rows, const shard::Closure& closure,
-                             wire::Upscale& upscale) const noexcept try {
-  const shard::Shard& shard = *member.shard;
-  const std::uint64_t version = shard.state_version();
-  if (rows.all ? shard.nodes().size() == 0 : rows.slots.empty()) return;
-  const auto node_of = [&](std::size_t row) {
-    return rows.all ? shard.nodes().ids()[row] : batch.u64(Field::kNodeId)[row];
-  };
-  upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
-  upscale.closure_node = node_of(closure.row);
-  upscale.layer_time_s = shard.layer_time(rows.all ? shard.nodes().slot_of(closure.row) : rows.slots[closure.row]);
-  constexpr std::uint64_t kWatched = 101;  // commits after which times are not compared any more
-  if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
-  upscale.warnings.push_back(fmt::format(
-      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
-      "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
-      "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
-      "impedance",
-      closure.host_time_step, node_of(closure.time_row), step.dt_s, upscale.closure_node, upscale.layer_time_s,
-      step.time_s));
-} catch (const std::exception&) {
-}
-
 // The request that closes a session is an operator's, so it is journaled, and a recovery closes the session again.
 // After a recovery the time without a request counts from the recovery.
 void Service::close_idle_sessions() noexcept try {
   std::vector<wire::Request> closings;
   for (const auto& [id, member] : members_) {
-    if (!member->shard || member->idle_limit_s == 0) continue;
+    if (!member->shard || member->running || member->idle_limit_s == 0) continue;
     const double idle_s = 1e-9 * static_cast<double>(options_.now_ns() - member->last_request_ns);
     if (idle_s < static_cast<double>(member->idle_limit_s)) continue;
     closings.push_back({.session_id = id,

@@ -271,6 +271,16 @@ void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
            "Nothing was changed. Try a shorter step, or POLICY_ACCEPT, with which such nodes keep their states.");
   const std::uint64_t first = ids.front();
   const std::size_t failed = ids.size();
+  const auto over_budget =
+      std::ranges::count_if(outcomes, [](std::uint8_t outcome) { return (outcome & wire::kOverBudget) != 0; });
+  if (over_budget != 0)
+    refuse(Code::kStepFailed, "downscale.policy",
+           fmt::format("node {} has no answer to this step ({} of {} rows): {} needed more work than the scene's "
+                       "work_budget",
+                       first, failed, outcomes.size(), over_budget),
+           "Nothing was changed. Try a shorter step or a larger tolerance, or open the session with a larger "
+           "work_budget.",
+           std::move(ids));
   refuse(Code::kStepFailed, "downscale.policy",
          fmt::format("node {} has no answer to this step ({} of {} rows)", first, failed, outcomes.size()),
          "Nothing was changed. Try a shorter step, or POLICY_ACCEPT, with which these nodes keep their states.",

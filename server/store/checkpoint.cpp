@@ -23,16 +23,6 @@ std::uint64_t sum_of_footer(const CheckpointFooter& footer) {
   return XXH3_64bits(&footer, offsetof(CheckpointFooter, sum));
 }
 
-std::string hexadecimal(const SessionKey& key) {
-  constexpr const char* kDigits = "0123456789abcdef";
-  std::string text;
-  for (const std::uint8_t byte : key) {
-    text += kDigits[byte >> 4];
-    text += kDigits[byte & 15];
-  }
-  return text;
-}
-
 SessionKey key_from(const std::string& text) {
   const auto digit = [&](char c) -> unsigned {
     if (c >= '0' && c <= '9') return static_cast<unsigned>(c - '0');
@@ -101,6 +91,12 @@ void put_session(hid_t parent, const SessionImage& session, std::uint64_t order)
   put_number(group, "requests", session.requests);
   put_number(group, "node_steps", session.node_steps);
   put_number(group, "solver_ns", session.solver_ns);
+  if (session.owner_epoch != 0) put_number(group, "owner_epoch", session.owner_epoch);
+  if (session.claim != 0) {
+    put_number(group, "claim", session.claim);
+    put_number(group, "claimant", session.claimant);
+    put_numbers(group, "superseded_epochs", session.superseded, session.superseded.size());
+  }
   put_text(group, "identity", session.identity);
   put_text(group, "resume_token", hexadecimal(session.resume_token));
   put_text(group, "domain", session.domain);
@@ -141,6 +137,12 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   session.resume_token = key_from(text_of(group, "resume_token"));
   session.domain = text_of(group, "domain");
   if (has_attribute(group, "idle_limit_s")) session.idle_limit_s = number_of(group, "idle_limit_s");
+  if (has_attribute(group, "owner_epoch")) session.owner_epoch = number_of(group, "owner_epoch");
+  if (has_attribute(group, "claim")) {
+    session.claim = number_of(group, "claim");
+    session.claimant = number_of(group, "claimant");
+    session.superseded = numbers_of<std::uint64_t>(group, "superseded_epochs");
+  }
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
   session.state_version = number_of(group, "state_version");
@@ -259,6 +261,24 @@ TransferImage transfer_of(hid_t parent, const std::string& name) {
           .states = states_of(group, "states")};
 }
 
+void put_pending(hid_t parent, const PendingRequest& request, std::uint64_t order) {
+  const hdf5::Group group = make_group(parent, std::to_string(order));
+  put_text(group, "session", hexadecimal(request.session));
+  put_number(group, "epoch", request.epoch);
+  put_number(group, "previous_committed", request.previous_committed ? 1 : 0);
+  put_numbers(group, "header_frame", request.header_frame, request.header_frame.size());
+  put_numbers(group, "payload_frame", request.payload_frame, request.payload_frame.size());
+}
+
+PendingRequest pending_of(hid_t parent, std::uint64_t order) {
+  const hdf5::Group group = open_group(parent, std::to_string(order));
+  return {.session = key_from(text_of(group, "session")),
+          .epoch = number_of(group, "epoch"),
+          .previous_committed = number_of(group, "previous_committed") != 0,
+          .header_frame = numbers_of<std::byte>(group, "header_frame"),
+          .payload_frame = numbers_of<std::byte>(group, "payload_frame")};
+}
+
 }  // namespace
 
 std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t generation) {
@@ -281,6 +301,10 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
     if (!closed.empty()) put_closed(file, closed);
     const hdf5::Group transfers = make_group(file, "transfers");
     for (const TransferImage& transfer : snapshot.transfers) put_transfer(transfers, transfer);
+    if (!snapshot.pending.empty()) {
+      const hdf5::Group pending = make_group(file, "pending");
+      for (std::size_t i = 0; i < snapshot.pending.size(); ++i) put_pending(pending, snapshot.pending[i], i);
+    }
   }
   std::vector<std::byte> bytes = bytes_of_image(file);
   CheckpointFooter footer{
@@ -335,6 +359,11 @@ Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t gene
     }
     const hdf5::Group transfers = open_group(opened, "transfers");
     for (const std::string& child : children_of(transfers)) snapshot.transfers.push_back(transfer_of(transfers, child));
+    if (has_child(opened, "pending")) {
+      const hdf5::Group pending = open_group(opened, "pending");
+      const std::size_t count = children_of(pending).size();
+      for (std::size_t i = 0; i < count; ++i) snapshot.pending.push_back(pending_of(pending, i));
+    }
     return snapshot;
   } catch (const Hdf5Error& fault) {
     throw DamagedFile(name + ": its hash is right, but " + fault.what());

@@ -98,6 +98,15 @@ struct CheckpointFooter {
 };
 static_assert(sizeof(CheckpointFooter) == 72);
 
+inline std::string hexadecimal(const std::array<std::uint8_t, 16>& id) {
+  std::string text;
+  for (const std::uint8_t byte : id) {
+    text += "0123456789abcdef"[byte >> 4];
+    text += "0123456789abcdef"[byte & 15];
+  }
+  return text;
+}
+
 inline std::string segment_name(std::uint64_t number);
 inline std::string checkpoint_name(std::uint64_t generation);
 inline std::string capsule_name(std::uint64_t number);

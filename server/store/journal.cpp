@@ -114,18 +114,19 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
 
 JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index,
                              bool durable, const StoreId& store, std::uint16_t numerics)
-    : file_(storage.create(segment_name(number))),
-      number_(number),
-      first_index_(first_index),
-      next_index_(first_index),
+    : JournalWriter(
+          storage, segment_name(number),
+          {.numerics = numerics, .number = number, .epoch = epoch, .first_index = first_index, .store = store},
+          durable) {}
+
+JournalWriter::JournalWriter(Storage& storage, const std::string& name, SegmentHeader header, bool durable)
+    : file_(storage.create(name)),
+      number_(header.number),
+      first_index_(header.first_index),
+      next_index_(header.first_index),
       durable_(durable) {
-  SegmentHeader header{.numerics = numerics,
-                       .number = number,
-                       .epoch = epoch,
-                       .first_index = first_index,
-                       .store = store,
-                       .settled = first_index};
   header.sum = header_sum_ = sum_of_header(header);
+  header.settled = header.first_index;
   header.settled_sum = sum_of_settled(header.settled, header.sum);
   const std::array parts = {bytes_of(header)};
   bytes_ = sizeof header;
@@ -135,7 +136,7 @@ JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64
     file_->sync();
     storage.sync_directory();
   } catch (const std::exception&) {
-    discard(storage, segment_name(number));
+    discard(storage, name);
     throw;
   }
 }

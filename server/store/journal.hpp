@@ -14,7 +14,8 @@
 
 namespace shearbus::store {
 
-// A request as it arrived. A record read from a file points into the bytes of the file.
+// A request as it arrived. A record read from a file points into the bytes of the file. A record without a header frame
+// is a proof: it holds only the hash of the session's last reply.
 struct Record {
   SessionKey session{};
   std::uint64_t sequence = 0;
@@ -32,6 +33,8 @@ class JournalWriter {
   // cannot be finished is removed.
   JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable,
                 const StoreId& store = {}, std::uint16_t numerics = 0);
+  // Likewise, a file of any name with the numbers, epoch and id of `header`.
+  JournalWriter(Storage& storage, const std::string& name, SegmentHeader header, bool durable);
 
   // Throws StorageError. If no_space() is true the file is unchanged and the call may be repeated; after any other
   // failure the journal must not be used.

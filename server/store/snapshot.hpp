@@ -46,6 +46,10 @@ struct SessionImage {
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
+  std::uint64_t claim = 0;  // number of the last granted claim; 0: none yet
+  std::uint64_t claimant = 0;
+  std::uint64_t owner_epoch = 0;          // epoch of the client that owns the session; 0: not known
+  std::vector<std::uint64_t> superseded;  // epochs of clients that owned it before
 
   // The members below are set for open sessions only.
   std::string scene;  // effective scene, as TOML
@@ -78,12 +82,22 @@ struct Capsule {
   std::vector<CapsuleValue> answer;  // reply columns of the failed step
 };
 
+// A journaled request whose step was being computed when the snapshot was made. The states are those before the step.
+struct PendingRequest {
+  SessionKey session{};
+  std::uint64_t epoch = 0;          // of the server that journaled it
+  bool previous_committed = false;  // the trial that the request commits has been committed
+  std::vector<std::byte> header_frame;
+  std::vector<std::byte> payload_frame;  // empty: the request has none
+};
+
 struct Snapshot {
   StoreId store{};                     // id of the state directory
   std::uint64_t next_index = 0;        // index of the first journal record that is not in these states
   std::string server_version;          // version of the server that wrote the checkpoint
   std::vector<SessionImage> sessions;  // closed sessions in the order in which they were closed
   std::vector<TransferImage> transfers;
+  std::vector<PendingRequest> pending;  // in the order of the journal
 };
 
 }  // namespace shearbus::store

@@ -17,6 +17,7 @@ HANDSHAKES = (zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_NO_DETA
               | zmq.EVENT_HANDSHAKE_FAILED_AUTH)
 SILENT_FAILURES = 3  # handshakes failed in a row after which a wrong key is reported
 REPORT_AFTER_S = 2.0  # time after which a waiting call says whom it waits for
+RECOVERY_PAUSE_S = 0.2  # time between two requests to a server that recovers
 MAX_PAYLOAD_BYTES = 32 * 1024 * 1024
 Z85 = frozenset(b"0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#")
 
@@ -122,6 +123,14 @@ class Connection:
             reply = self._receive(request_id, min(last_moment, time.monotonic() + self.retry_after), started)
             if reply is not None:
                 status = reply.header.status
+                if status is not None and status.code == Code.RECOVERING:
+                    # The server is at work and answers when it has recovered: the deadline begins anew.
+                    if time.monotonic() >= self._report_at:
+                        log.warning("waiting for the server at %s: %s", self.endpoint, status.text)
+                        self._report_at = time.monotonic() + REPORT_AFTER_S
+                    time.sleep(RECOVERY_PAUSE_S)
+                    last_moment = time.monotonic() + (self.reply_deadline if deadline is None else deadline)
+                    continue
                 if status is None or status.code != Code.OK:
                     raise _refusal_of(status)
                 return reply

@@ -209,7 +209,8 @@ STATUS = Message("Status", ("code", 1, "uint"), ("text", 2, "string"), ("remedy"
                  ("node_ids", 5, "fixed64", True), ("last_sequence", 6, "uint"))
 LIMITS = Message("Limits", ("max_header_bytes", 1, "uint"), ("max_payload_bytes", 2, "uint"),
                  ("max_nodes_per_session", 3, "uint"), ("max_sessions", 4, "uint"), ("max_marks", 5, "uint"),
-                 ("max_frames", 20, "uint"), ("max_state_bytes", 21, "uint"), ("max_rows_per_message", 30, "uint"),
+                 ("max_frames", 20, "uint"), ("max_state_bytes", 21, "uint"), ("max_work_budget", 22, "uint"),
+                 ("max_replay_work", 23, "uint"), ("max_rows_per_message", 30, "uint"),
                  ("max_sessions_per_user", 31, "uint"), ("max_state_bytes_per_user", 32, "uint"))
 
 HELLO = Message("Hello", ("oldest_major", 1, "uint"), ("newest_major", 2, "uint"), ("client_name", 3, "string"))

@@ -17,6 +17,8 @@ enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
 inline constexpr double kShortestControlledStep = 1e-12;  // shortest dt of a host if the model has a tolerance  [s]
+// Default of ModelOptions::work_budget: some seconds of one core.
+inline constexpr double kWorkBudget = 3e8;
 inline constexpr int kMaxInertiaCells = 1000;  // most cells of a layer with inertia, whose step works on the stack
 inline constexpr int kMaxSleepCells = 900;     // most cells of both bodies together in a model with sleep
 // A far boundary "half_space" adds at most 49 vertices to a body: each added cell is 1.3 times as wide as the cell
@@ -41,6 +43,10 @@ struct ModelOptions {
   // Largest error of T0 relative to T_melt - initial_temperature. Steps are divided until the estimated error is
   // smaller. discretised() gives the grid and the methods for a tolerance.
   std::optional<double> tolerance;
+
+  // Most work of a node in one step, in evaluations (work.hpp). A step under a tolerance that needs more ends without an
+  // answer (kOverBudget).
+  double work_budget = kWorkBudget;
 
   int tangential_components = 1;  // components of slip and stress: 1, or 2 without INTERFACE_SLIP and inertia
 

@@ -16,7 +16,8 @@ using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInp
                              double* trial, TileOutputs& outputs);
 
 // One step through the chain components > tolerance > sleep > solver. Writes the whole of `trial`; inactive lanes and
-// lanes without an answer (outcome kFailed) keep their state.
+// lanes without an answer (outcome kFailed) keep their state. A model with a tolerance may do it in pieces
+// (divided_tile.hpp).
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs);
 
