@@ -80,7 +80,8 @@ class Shard {
 
   // extend() computes the step of further nodes for the standing trial, from their committed states, and changes no
   // state. adopt() adds the result to the trial and cannot fail; nothing may happen to the shard between the two calls.
-  // stepped[slot]: nodes that the trial has stepped. None of them is a row, and rows.others_are_open does not mean them.
+  // stepped[slot]: nodes that the trial has stepped. None of them is a row, and rows.others_are_open does not mean
+  // them.
   class Extension;
   Extension extend(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                    const std::vector<bool>& stepped);
