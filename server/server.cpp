@@ -174,8 +174,8 @@ service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   return options;
 }
 
-// Once a second: notifies the watchdog, and warns the operator of peers that were kept from using up file descriptors or
-// memory. Connected clients are still served.
+// Once a second: notifies the watchdog, and warns the operator of peers that were kept from using up file descriptors
+// or memory. Connected clients are still served.
 void Server::look_after() {
   const std::uint64_t now = monotonic_ns();
   if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;

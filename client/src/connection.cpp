@@ -288,10 +288,11 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
 // Waits for the reply to `request_id` and skips replies to earlier requests. Returns false if `until` passed first, or
 // if the request must be sent again on a fresh socket.
 //
-// libzmq 4.3.4 aborts the process (fq.cpp:112) if it notices, between two frames of a message that has arrived whole, that
-// the connection is lost: with ZMQ_IMMEDIATE it then gives up the rest of the message. While messages arrive it looks for
-// such notices at every hundredth call of zmq_msg_recv() on a socket, counted from the last call that found nothing. So
-// each message is preceded by a call that finds nothing; where one never does, the socket is replaced in time.
+// libzmq 4.3.4 aborts the process (fq.cpp:112) if it notices, between two frames of a message that has arrived whole,
+// that the connection is lost: with ZMQ_IMMEDIATE it then gives up the rest of the message. While messages arrive it
+// looks for such notices at every hundredth call of zmq_msg_recv() on a socket, counted from the last call that found
+// nothing. So each message is preceded by a call that finds nothing; where one never does, the socket is replaced in
+// time.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   for (;;) {
     if (frames_read_ > kFramesBeforeLook) return false;

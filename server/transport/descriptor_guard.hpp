@@ -2,13 +2,13 @@
 //
 // libzmq 4.3.4 has no limit of its own for either. If accept() finds no free descriptor, its ipc listener aborts the
 // process (the assertion in ipc_listener.cpp lacks EMFILE, in later versions, too); and the largest size of a message,
-// 32 MiB, holds before the handshake as well. Nothing that libzmq offers runs between one accept() and the next: when an
-// event of its monitor is read, the flood is over. Therefore descriptor_guard.cpp defines accept4(), recv() and send() in
-// front of those of the C library. They do what they always do, except for sockets accepted after begin():
+// 32 MiB, holds before the handshake as well. Nothing that libzmq offers runs between one accept() and the next: when
+// an event of its monitor is read, the flood is over. Therefore descriptor_guard.cpp defines accept4(), recv() and
+// send() in front of those of the C library. They do what they always do, except for sockets accepted after begin():
 //
 // - A connection whose descriptor would be one of the last fifth is closed at once. Files of the server need the fifth.
-// - A connection that is not admitted yet may send kBytesBeforeAdmission. If it sends more, it is closed. libzmq sends the
-//   command READY of ZMTP 3 to a peer when it has admitted the peer.
+// - A connection that is not admitted yet may send kBytesBeforeAdmission. If it sends more, it is closed. libzmq sends
+//   the command READY of ZMTP 3 to a peer when it has admitted the peer.
 // - A connection that is still not admitted after kUnadmittedConnections later ones is closed.
 //
 // A library loaded with dlopen cannot replace functions of the C library; a server in such a library listens to its own

@@ -108,8 +108,8 @@ SocketPath& SocketPath::operator=(SocketPath&& other) noexcept {
   std::swap(lock_, other.lock_);
   return *this;
 }
-// The attribute is the access list of the kernel: a header, and entries in the order of their tags and user ids. Only the
-// owner and the named users may write, which a connection needs; the mask bounds what an entry of a user can give.
+// The attribute is the access list of the kernel: a header, and entries in the order of their tags and user ids. Only
+// the owner and the named users may write, which a connection needs; the mask bounds what an entry of a user can give.
 bool SocketPath::admit(std::vector<std::uint32_t> users) const {
   if (users.empty()) return true;
   std::sort(users.begin(), users.end());

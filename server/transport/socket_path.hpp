@@ -20,8 +20,8 @@ class SocketPath {
   SocketPath& operator=(SocketPath&& other) noexcept;
   ~SocketPath();
 
-  // Lets these users connect to the socket, which exists, in addition to its owner. Returns false if the file system has
-  // no access lists; then every user can connect. Throws std::runtime_error on other faults.
+  // Lets these users connect to the socket, which exists, in addition to its owner. Returns false if the file system
+  // has no access lists; then every user can connect. Throws std::runtime_error on other faults.
   bool admit(std::vector<std::uint32_t> users) const;
 
  private:

@@ -1,5 +1,5 @@
-// Closed sessions are remembered (P2): a repeated close_session is answered, and a late copy of an opening opens nothing,
-// however many sessions others close meanwhile, and after a restart.
+// Closed sessions are remembered (P2): a repeated close_session is answered, and a late copy of an opening opens
+// nothing, however many sessions others close meanwhile, and after a restart.
 #include <gtest/gtest.h>
 
 #include "tests/support/durable_server.hpp"

@@ -1,5 +1,5 @@
-// Servers that die between the parts of a step, with a store in memory and no sockets. The answers must have the bits of
-// a server that never dies.
+// Servers that die between the parts of a step, with a store in memory and no sockets. The answers must have the bits
+// of a server that never dies.
 #include <gtest/gtest.h>
 
 #include <vector>

@@ -198,9 +198,9 @@ class Connection:
         """Waits for the reply to `request_id` and skips replies to earlier requests. Returns None if `until` passed
         first, or if the request must be sent again on a fresh socket.
 
-        libzmq 4.3.4 aborts the process (fq.cpp:112) if it notices between two frames of a message that the connection is
-        lost. While messages arrive it looks for that at every hundredth recv() of a socket, counted from the last one
-        that found nothing. So each message is preceded by a recv() that finds nothing."""
+        libzmq 4.3.4 aborts the process (fq.cpp:112) if it notices between two frames of a message that the connection
+        is lost. While messages arrive it looks for that at every hundredth recv() of a socket, counted from the last
+        one that found nothing. So each message is preceded by a recv() that finds nothing."""
         while self._frames_read <= FRAMES_BEFORE_LOOK:
             try:
                 frames = [self._socket.recv(NOW, copy=False)]

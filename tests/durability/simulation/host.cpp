@@ -15,31 +15,19 @@ Host::Host(World& world, Tally& tally, Ledger& ledger, support::ServiceHarness& 
       strategy_(strategy),
       connection_(std::make_shared<SimulatedConnection>(world)),
       client_(insist([&] { return Client(std::shared_ptr<Connection>(connection_)); })),
-      reference_connection_(std::make_shared<DirectConnection>(reference)),
-      reference_client_(reference_connection_),
+      reference_client_(std::make_shared<DirectConnection>(reference)),
       session_(insist([&] {
         return client_.open(support::text_of(support::scene_of(strategy_)), "scene", first_nodes(), {.domain = "run"});
       })),
       reference_(reference_client_.open(support::text_of(support::scene_of(strategy_)), "scene", first_nodes(),
                                         {.domain = "run"})) {
   ledger_.add(reference_.node_ids());
-  divide_steps(true);
-}
-
-// The steps of every other host are in parts.
-void Host::divide_steps(bool divided) {
-  const std::size_t rows = divided && number_ % 2 == 1 ? 4 : 0;
-  connection_->set_max_rows(rows);
-  reference_connection_->set_max_rows(rows);
 }
 
 void Host::act() {
   ++tally_.calls;
-  // A client that dies, or is refused, in the middle of a step in parts leaves other numbers of requests.
-  divide_steps(false);
   if (world_.chance(10)) return die_and_be_succeeded();
   if (world_.chance(12)) return ask_nonsense();
-  divide_steps(true);
   if (world_.chance(12)) return mark();
   if (!marks_.empty() && world_.chance(15)) return go_back();
   if (world_.chance(3)) return change_nodes();

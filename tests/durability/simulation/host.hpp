@@ -56,7 +56,6 @@ class Host {
   std::vector<std::uint64_t> first_nodes() const { return support::node_ids(3 + 6 * number_, 100 * (number_ + 1)); }
 
   std::vector<std::uint64_t> some_nodes();
-  void divide_steps(bool divided);
 
   // Makes `call` on the session and `expected` on the reference session. Both must end with the same status code, which
   // is returned.
@@ -102,7 +101,6 @@ class Host {
   Strategy strategy_;
   std::shared_ptr<SimulatedConnection> connection_;
   Client client_;
-  std::shared_ptr<DirectConnection> reference_connection_;
   Client reference_client_;
   Session session_;
   Session reference_;
