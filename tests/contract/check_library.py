@@ -48,13 +48,14 @@ def main():
     parser.add_argument("--library", type=pathlib.Path, required=True)
     parser.add_argument("--header", type=pathlib.Path, required=True)
     parser.add_argument("--needs", required=True, help="names of the allowed libraries, comma-separated, without .so")
+    parser.add_argument("--columns-header", type=pathlib.Path, help="shearbus/columns.h of the build")
     parser.add_argument("--columns", type=pathlib.Path, help="proto/wire/columns.inc")
     parser.add_argument("--schema", type=pathlib.Path, help="proto/shearbus/v1/envelope.proto")
     options = parser.parse_args()
     header = options.header.read_text()
     faults = list(library_faults(options.library, header, set(options.needs.split(","))))
     if options.columns:
-        faults += number_faults(header, options.columns.read_text(), options.schema.read_text())
+        faults += number_faults(header + options.columns_header.read_text(), options.columns.read_text(), options.schema.read_text())
     print("\n".join(faults) if faults else f"{options.library.name} shows what its header says")
     return 1 if faults else 0
 

@@ -116,41 +116,9 @@ typedef struct shearbus_status {
 
 /* ---- columns ---- */
 
-/* Columns of a step. The numbers are those of shearbus.v1.Field, the meanings stand in proto/wire/columns.inc. */
-enum {
-  /* inputs, all double */
-  SHEARBUS_VELOCITY_JUMP = 10,            /* m/s, V_soft - V_hard; tangential */
-  SHEARBUS_PRESSURE = 11,                 /* Pa, compression positive; P <= 0: no contact */
-  SHEARBUS_STRESS_SOFT = 12,              /* Pa, shear stress half a zone inside the soft body; tangential */
-  SHEARBUS_STRESS_HARD = 13,              /* Pa, shear stress half a zone inside the hard body; tangential */
-  SHEARBUS_MASS_SOFT = 14,                /* kg/m2, of the soft half zone that moves with the interface */
-  SHEARBUS_MASS_HARD = 15,                /* kg/m2, of the hard half zone that moves with the interface */
-  SHEARBUS_SOFT_SHEAR_RATE = 16,          /* 1/s */
-  SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17, /* 1/s */
-  /* stick form of a force-driven step, in place of the columns 12 to 15 */
-  SHEARBUS_STICK_STRESS = 18, /* Pa, traction that would make the new jump zero; tangential */
-  SHEARBUS_IMPEDANCE = 19,    /* Pa s/m, Z = 1 / (dt (1/m_soft + 1/m_hard)) */
-  /* outputs, double except for the regime and the outcome, which are uint8_t */
-  SHEARBUS_SHEAR_STRESS = 30,          /* Pa; positive when the jump is: it pulls the soft body back; tangential */
-  SHEARBUS_SLIDING_VELOCITY = 31,      /* m/s, slip at the interface; tangential */
-  SHEARBUS_INTERFACE_TEMPERATURE = 32, /* K */
-  SHEARBUS_VELOCITY_JUMP_NEW = 33,     /* m/s, half a step later; force-driven; tangential */
-  SHEARBUS_REGIME = 34,                /* uint8_t: 0 open, 1 stick, 2 Coulomb, 3 Tresca, 4 melting */
-  SHEARBUS_OUTCOME = 35,               /* uint8_t: 0, or a sum of SHEARBUS_OUTCOME_ bits */
-  SHEARBUS_FRICTION_HEAT = 36,         /* J/m2, heat that entered the layer in the step */
-  /* outputs of the energy ledger, J/m2 */
-  SHEARBUS_INTERFACE_WORK = 40,
-  SHEARBUS_HEAT_TO_SOFT = 41,
-  SHEARBUS_HEAT_TO_HARD = 42,
-  SHEARBUS_PLASTIC_WORK = 43,
-  SHEARBUS_STORED_HEAT_SOFT = 44,
-  SHEARBUS_STORED_HEAT_HARD = 45,
-  SHEARBUS_ELASTIC_ENERGY = 46,
-  SHEARBUS_HEAT_RESIDUAL = 47,
-  SHEARBUS_ENERGY_RESIDUAL = 48,
-  SHEARBUS_ERROR_ESTIMATE = 60, /* 1; scenes with a tolerance */
-  SHEARBUS_CLOSURE = 61         /* m/s, jump of the request less the jump answered before; tangential */
-};
+/* Columns of a step: SHEARBUS_VELOCITY_JUMP and the like. All are double, except for the regime (0 open, 1 stick,
+ * 2 Coulomb, 3 Tresca, 4 melting) and the outcome (0, or a sum of the bits below), which are uint8_t. */
+#include "shearbus/columns.h"
 
 enum {
   SHEARBUS_OUTCOME_SUBSTEPPED = 1,

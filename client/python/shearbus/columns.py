@@ -1,6 +1,8 @@
-"""The columns of the protocol, one row each. tests/contract/python_tables.py holds the rows to proto/wire/columns.inc
-and to the .proto files, so a new column fails the test until it has a row here. Nothing else in the package lists
-columns: which of them a step needs, and which its reply brings, is what the server answers when a session is opened."""
+"""The columns of the protocol, read from columns.inc, which the server and the C library are built from. Nothing else in
+the package lists columns: which of them a step needs, and which its reply brings, is what the server answers when a
+session is opened."""
+import pathlib
+import re
 from typing import NamedTuple
 
 import numpy
@@ -24,41 +26,23 @@ class Column(NamedTuple):
         return self.short_name or self.quantity
 
 
-COLUMNS = (
-    Column(1, "node_id", "node_id", "", UINT64),
-    Column(2, "initial_temperature_k", "initial_temperature", "K"),
-    # of a request
-    Column(10, "velocity_jump_m_per_s", "velocity_jump", "m/s", tangential=True, short_name="jump"),
-    Column(11, "pressure_pa", "pressure", "Pa"),
-    Column(12, "stress_soft_pa", "stress_soft", "Pa", tangential=True),
-    Column(13, "stress_hard_pa", "stress_hard", "Pa", tangential=True),
-    Column(14, "mass_soft_kg_per_m2", "mass_soft", "kg/m2"),
-    Column(15, "mass_hard_kg_per_m2", "mass_hard", "kg/m2"),
-    Column(16, "soft_shear_rate_per_s", "soft_shear_rate", "1/s"),
-    Column(17, "soft_plastic_strain_rate_per_s", "soft_plastic_strain_rate", "1/s"),
-    Column(18, "stick_stress_pa", "stick_stress", "Pa", tangential=True),
-    Column(19, "impedance_pa_s_per_m", "impedance", "Pa s/m"),
-    # of a reply
-    Column(30, "shear_stress_pa", "shear_stress", "Pa", tangential=True, short_name="stress"),
-    Column(31, "sliding_velocity_m_per_s", "sliding_velocity", "m/s", tangential=True, short_name="slip"),
-    Column(32, "interface_temperature_k", "interface_temperature", "K", short_name="temperature"),
-    Column(33, "velocity_jump_new_m_per_s", "velocity_jump_new", "m/s", tangential=True, short_name="jump_new"),
-    Column(36, "friction_heat_j_per_m2", "friction_heat", "J/m2"),
-    Column(34, "regime", "regime", "", UINT8),
-    Column(35, "outcome", "outcome", "", UINT8),
-    # of a reply on request: the energy ledger, the error estimate and the closure
-    Column(40, "interface_work_j_per_m2", "interface_work", "J/m2"),
-    Column(41, "heat_to_soft_j_per_m2", "heat_to_soft", "J/m2"),
-    Column(42, "heat_to_hard_j_per_m2", "heat_to_hard", "J/m2"),
-    Column(43, "plastic_work_j_per_m2", "plastic_work", "J/m2"),
-    Column(44, "stored_heat_soft_j_per_m2", "stored_heat_soft", "J/m2"),
-    Column(45, "stored_heat_hard_j_per_m2", "stored_heat_hard", "J/m2"),
-    Column(46, "elastic_energy_j_per_m2", "elastic_energy", "J/m2"),
-    Column(47, "heat_residual_j_per_m2", "heat_residual", "J/m2"),
-    Column(48, "energy_residual_j_per_m2", "energy_residual", "J/m2"),
-    Column(60, "error_estimate", "error_estimate", "1"),
-    Column(61, "closure_m_per_s", "closure", "m/s", tangential=True),
-)
+SHORT_NAME = {"velocity_jump": "jump", "shear_stress": "stress", "sliding_velocity": "slip",
+              "interface_temperature": "temperature", "velocity_jump_new": "jump_new"}
+ELEMENT = {"Float64": FLOAT64, "Uint64": UINT64, "Uint8": UINT8}
+
+
+def _rows(text):
+    """Yields the columns of the rows of columns.inc, each a macro call whose arguments the head of the file names."""
+    for macro, call in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER)\((.*?)\)$", text, re.M | re.S):
+        arguments = [a.strip().strip('"') for a in re.findall(r'(?:"[^"]*"|[^,"])+', call)]
+        if macro == "LEDGER":
+            del arguments[1]  # the term of the ledger
+        number, wire_name, quantity, unit = arguments[1:5]
+        yield Column(int(number), wire_name, quantity, unit, ELEMENT.get(arguments[5], FLOAT64),
+                     macro == "EXCHANGE" or "Tangential" in arguments[5:7], SHORT_NAME.get(quantity, ""))
+
+
+COLUMNS = tuple(_rows(pathlib.Path(__file__).with_name("columns.inc").read_text(encoding="utf-8")))
 # The stick form of a force-driven request has the columns of the second row in place of those of the first.
 FAR_FIELD_FORM = ("stress_soft", "stress_hard", "mass_soft", "mass_hard")
 STICK_FORM = ("stick_stress", "impedance")
