@@ -21,7 +21,7 @@ namespace {
 
 constexpr int kLookAfterMs = 1'000;
 constexpr double kSliceWork = 1e6;  // work of each thread between two looks at the socket, about 10 ms  [evaluations]
-constexpr std::uint64_t kFinishNs = 1'000'000'000;  // longest time for steps being computed when the server is stopped
+constexpr std::uint64_t kFinishNs = 5'000'000'000;  // longest time for steps being computed when the server is stopped
 constexpr std::uint64_t kLookWhileReplayingNs = 10'000'000;
 constexpr std::size_t kRefusedAtStop = 4 * wire::kMaxSessions;  // largest number of requests refused at the end
 
@@ -253,7 +253,8 @@ void Server::run(int stop_fd, ServiceManager* manager) {
                                       [&] {
                                         if (manager != nullptr) look_after();
                                         service_.close_idle_sessions();
-                                    service_.prove_last_replies();
+                                        service_.prove_last_replies();
+                                        end_if_failed();
                                         checkpoint_if_due();
                                         return !service_.drained();
                                       },
@@ -268,7 +269,7 @@ void Server::run(int stop_fd, ServiceManager* manager) {
   }
   // Steps that end soon are answered. A longer step ends with this server: the next one finds it in the journal.
   const std::uint64_t stopped_ns = monotonic_ns();
-  while (service_.computing() && monotonic_ns() - stopped_ns < kFinishNs)
+  while (service_.computing() && monotonic_ns() - stopped_ns < kFinishNs && ::poll(&stop, 1, 0) == 0)
     if (work()) router_.answer_held(handler);
   service_.begin_shutdown();
   router_.answer_waiting(handler, kRefusedAtStop);

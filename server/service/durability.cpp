@@ -376,8 +376,10 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
     throw Error({.code = Code::kResumeRefused,
                  .text = "the resume token is not the one the session was opened with",
                  .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
-  if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
-    if (request.epoch != epoch_)  // the numbering of claims starts again with every start of the server
+  // A claim is repeated only within the epoch of the server that granted it.
+  const bool repeated = member.epoch != 0 && resume.claim == member.claim && resume.claimant == member.claimant;
+  if (resume.claim != 0 && !repeated) {
+    if (request.epoch != epoch_)
       throw Error({.code = Code::kEpoch,
                    .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
                    .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});

@@ -27,6 +27,7 @@ using wire::Code;
 using wire::Mode;
 using wire::Strategy;
 
+constexpr std::array<std::uint8_t, 2> kSessions = {1, 2};
 constexpr std::size_t kNodes = 40;  // five tiles, so a step has at least as many slices as the server makes of it
 
 // A request as the router keeps it.
@@ -119,6 +120,7 @@ TEST(Slices, EveryKindOfStepHasTheBitsOfAStepComputedAtOnce) {
       DurableServer whole(other_disk);
       v1::Scene scene = support::scene_of(strategy);
       scene.mutable_layer()->clear_cells();
+      scene.mutable_layer()->clear_grading();
       scene.set_tolerance(1e-3);
       wire::Request open = ServiceHarness::opening(scene, support::node_ids(kNodes));
       ASSERT_EQ(sliced.insist(open).code(), Code::kOk);
@@ -145,7 +147,7 @@ TEST(Slices, EveryKindOfStepHasTheBitsOfAStepComputedAtOnce) {
 TEST(Slices, OthersAreAnsweredAndTheSessionItselfWaitsInLine) {
   MemoryStorage disk;
   SlicedServer server(disk);
-  for (const std::uint8_t session : {1, 2}) server.insist(opening(session));
+  for (const std::uint8_t session : kSessions) server.insist(opening(session));
   const Message slow(step(1, 1));
   Turn turn{};
   ASSERT_FALSE(server.ask(slow, &turn));
@@ -182,7 +184,7 @@ TEST(Slices, AServerThatDiesWithinAStepLosesNothing) {
     MemoryStorage disk;
     {
       SlicedServer server(disk);
-      for (const std::uint8_t session : {1, 2}) server.insist(opening(session));
+      for (const std::uint8_t session : kSessions) server.insist(opening(session));
       server.insist(step(1, 1, Strategy::kVelocityDriven, Mode::kTrial));
       wire::Request slow = step(2, 1);
       std::get<wire::Downscale>(slow.body).commit_previous = true;
@@ -263,7 +265,7 @@ TEST(LeftOut, ASessionIsSetAsideAndTheOthersKeepEveryBit) {
   MemoryStorage disk;
   {
     SlicedServer server(disk);
-    for (const std::uint8_t session : {1, 2}) server.insist(opening(session));
+    for (const std::uint8_t session : kSessions) server.insist(opening(session));
     server.insist(step(1, 1));
     server.insist(step(1, 2));
     ASSERT_TRUE(server.service.checkpoint());
@@ -291,9 +293,9 @@ TEST(LeftOut, ARecordTakesTheRestOfItsSessionWithIt) {
   MemoryStorage disk;
   {
     SlicedServer server(disk);
-    for (const std::uint8_t session : {1, 2}) server.insist(opening(session));
+    for (const std::uint8_t session : kSessions) server.insist(opening(session));
     for (std::uint64_t i = 1; i <= 3; ++i)
-      for (const std::uint8_t session : {1, 2}) server.insist(step(i, session));
+      for (const std::uint8_t session : kSessions) server.insist(step(i, session));
   }
   { SlicedServer server(disk, 78, {.leave_out = {.records = {5}}}); }  // request 2 of session 2
   ASSERT_EQ(dropped_files(disk).size(), 1u);
@@ -346,6 +348,7 @@ TEST(Claims, OfASuccessorSurviveARestart) {
     wire::Request next = step(1, 1);
     next.epoch = of_successor;
     EXPECT_EQ(server.ask(next).code(), Code::kEpoch) << "the successor resumes";
+    EXPECT_EQ(server.ask(claim(700, 1, 5)).code(), Code::kEpoch) << "a claim of the server before";
     const auto asked = server.ask(claim(0, 0, 0));
     EXPECT_EQ(std::get<wire::SessionResumed>(asked.reply.body).claim, 1u);
     const auto again = server.ask(claim(900, 2, 5));
