@@ -48,8 +48,10 @@ std::string Access::public_key() const {
   return key.data();
 }
 
-bool Access::for_other_users() const {
-  return std::any_of(uids_.begin(), uids_.end(), [](std::uint32_t uid) { return uid != ::geteuid(); });
+std::vector<std::uint32_t> Access::other_users() const {
+  std::vector<std::uint32_t> others = uids_;
+  std::erase(others, ::geteuid());
+  return others;
 }
 
 void Access::read_authorized_keys() {

@@ -24,7 +24,7 @@ class Access {
 
   const std::string& secret_key() const { return secret_key_; }  // the server's secret key; empty: it has none
   std::string public_key() const;                                // public key of the server, for its clients
-  bool for_other_users() const;
+  std::vector<std::uint32_t> other_users() const;                // admitted users except the server's own
 
   // Decides whether a peer may connect. Called on a thread of the transport. Reads the file of authorised keys again
   // after a change; while the file cannot be read, no key is admitted.

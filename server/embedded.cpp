@@ -58,6 +58,7 @@ class StopEvent {
 struct Embedded::Impl {
   explicit Impl(const ServerOptions& options) : server(options) {
     server.bind(kEndpoint);
+    server.recover();
     thread = std::thread([this] {
       try {
         server.run(stop.file());

@@ -97,6 +97,11 @@ void ServiceManager::alive() {
   if (watchdog_us_ != 0) send("WATCHDOG=1");
 }
 
+void ServiceManager::recovering(int percent) {
+  send("EXTEND_TIMEOUT_USEC=" + std::to_string(kCheckpointUs) + "\nSTATUS=recovering, " + std::to_string(percent) +
+       " %");
+}
+
 void ServiceManager::checkpoint_begins() {
   if (stopping_) send("EXTEND_TIMEOUT_USEC=" + std::to_string(kCheckpointUs));
   if (watchdog_us_ != 0) send("WATCHDOG_USEC=" + std::to_string(kCheckpointUs));

@@ -31,6 +31,8 @@ class ServiceManager {
   // Tells the watchdog of the service manager that the server works. Must be called only by the loop that answers
   // requests, once a second, so that a stuck loop is noticed.
   void alive();
+  // Tells the manager to wait longer for ready().
+  void recovering(int percent);
   // Between these two calls the watchdog waits longer, because no request is answered during a checkpoint.
   void checkpoint_begins();
   void checkpoint_ends();

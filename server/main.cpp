@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/limits.hpp"
 #include "proto/wire/program.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
@@ -44,9 +45,22 @@ void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--nodes-per-task", options.nodes_per_task, "Steps of fewer nodes are solved on one thread")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  app.add_option("--max-work-budget", options.max_work_budget,
+                 "Largest work_budget of a scene: the most work of a node in one step, in evaluations of a cell, of "
+                 "which a core makes some 1e8 a second")
+      ->check(CLI::Range(3e8, 1e15))
+      ->capture_default_str();
   app.add_option_function<std::uint64_t>(
          "--state-memory-mb", [&](const std::uint64_t& mb) { options.max_state_bytes = mb << 20; },
          "Memory for the states of all sessions, in MB; by default three quarters of the machine's")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30));
+  app.add_option("--sessions-per-user", options.sessions_per_user,
+                 "Sessions that one user, or key, may have open, except operators; by default three quarters of all")
+      ->check(CLI::Range(std::size_t{1}, shearbus::wire::kMaxSessions));
+  app.add_option_function<std::uint64_t>(
+         "--memory-per-user-mb", [&](const std::uint64_t& mb) { options.state_bytes_per_user = mb << 20; },
+         "Memory for the states of one user's sessions, in MB, except operators'; by default three quarters of the "
+         "memory for all")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30));
   app.add_option("--state-dir", options.state_dir,
                  "Directory in which sessions outlive the server; without one they end with it")
@@ -62,11 +76,25 @@ void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--checkpoint-after", options.checkpoint_after_mb, "MB of journal between two checkpoints")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 20))
       ->capture_default_str();
+  app.add_option("--checkpoint-work", options.checkpoint_work,
+                 "Work of the solver between two checkpoints, in evaluations of a cell, of which a core makes some 1e8 "
+                 "a second: bounds the time that a restart takes")
+      ->check(CLI::Range(1e6, 1e18))
+      ->capture_default_str();
   app.add_option(
          "--capsules", options.max_capsules,
          "Failure capsules kept in --state-dir, of nodes that had no answer; shearbus-replay --capsule runs one again")
       ->check(CLI::Range(std::size_t{0}, std::size_t{10'000}))
       ->capture_default_str();
+  app.add_option("--drop-session", options.drop_sessions,
+                 "Recover without this session, given by the first 8 or more digits of its id, repeatable. Its states "
+                 "and requests are set aside in files dropped-*; the other sessions are untouched")
+      ->type_name("ID");
+  app.add_option(
+         "--drop-record", options.drop_records,
+         "Recover without this record of the journal and the later ones of its session, repeatable: the session "
+         "stands before it")
+      ->type_name("NUMBER");
   app.add_flag("--accept-empty", options.accept_empty,
                "Where the state directory cannot be used, set its files aside and start without states");
   auto* const record =
@@ -93,7 +121,8 @@ void add_options(CLI::App& app, ServerOptions& options) {
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
   app.add_option("--log-file", options.log_file, "Where to say it; by default standard error");
-  app.set_version_flag("--version", std::string("shearbus-server ") + SHEARBUS_VERSION);
+  app.set_version_flag(
+      "--version", fmt::format("shearbus-server {}, numerics {}", SHEARBUS_VERSION, shearbus::store::kNumericsVersion));
 }
 
 void start_log(const ServerOptions& options) {
@@ -140,9 +169,9 @@ void run(const ServerOptions& options) {
       options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
       options.state_dir.empty()
           ? "none: sessions end with the server"
-          : fmt::format("{}, durability {}{}, a checkpoint every {} s or {} MB", options.state_dir, options.durability,
-                        options.accept_empty ? " (accept empty)" : "", options.checkpoint_every_s,
-                        options.checkpoint_after_mb),
+          : fmt::format("{}, durability {}{}, a checkpoint every {} s, {} MB or {:g} evaluations", options.state_dir,
+                        options.durability, options.accept_empty ? " (accept empty)" : "", options.checkpoint_every_s,
+                        options.checkpoint_after_mb, options.checkpoint_work),
       options.record_dir.empty() ? "none" : options.record_dir, options.log_level);
   {
     Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },
@@ -151,7 +180,14 @@ void run(const ServerOptions& options) {
       spdlog::info("clients by tcp need this server key: {}", server.access().public_key());
     if (options.insecure_plaintext)
       spdlog::warn("INSECURE: whoever reaches a tcp address of this server is served, unknown and unencrypted");
-    for (const std::string& endpoint : options.endpoints) spdlog::info("listening on {}", server.bind(endpoint));
+    std::vector<std::string> bound;
+    for (const std::string& endpoint : options.endpoints) bound.push_back(server.bind(endpoint));
+    if (!server.recover(stop_fd, &manager)) {
+      spdlog::info("stopped during the recovery; the next server begins it again");
+      ::close(stop_fd);
+      return;
+    }
+    for (const std::string& endpoint : bound) spdlog::info("listening on {}", endpoint);
     manager.ready(fmt::format("listening on {}", fmt::join(options.endpoints, ", ")));
     server.run(stop_fd, &manager);
     const auto status = server.status();

@@ -1,5 +1,6 @@
 #include "server/server.hpp"
 
+#include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>
 
@@ -19,6 +20,9 @@ namespace shearbus::server {
 namespace {
 
 constexpr int kLookAfterMs = 1'000;
+constexpr double kSliceWork = 1e6;  // work of each thread between two looks at the socket, about 10 ms  [evaluations]
+constexpr std::uint64_t kFinishNs = 5'000'000'000;  // longest time for steps being computed when the server is stopped
+constexpr std::uint64_t kLookWhileReplayingNs = 10'000'000;
 constexpr std::size_t kRefusedAtStop = 4 * wire::kMaxSessions;  // largest number of requests refused at the end
 
 std::uint64_t monotonic_ns() {
@@ -54,11 +58,21 @@ store::Durability durability_from(const std::string& word) {
   throw std::invalid_argument("durability \"" + word + "\" is not known; use none, process or power");
 }
 
+// A user leaves a quarter of the sessions and of the memory to others.
+constexpr std::uint64_t quota(std::uint64_t wanted, std::uint64_t whole) {
+  return wanted != 0 ? std::min(wanted, whole) : whole - whole / 4;
+}
+
 service::ServiceOptions service_options(const ServerOptions& options, std::uint64_t epoch, const Log& log) {
+  const std::uint64_t memory = options.max_state_bytes != 0 ? options.max_state_bytes : three_quarters_of_memory();
   return {.epoch = epoch,
           .server_version = SHEARBUS_VERSION,
-          .max_state_bytes = options.max_state_bytes != 0 ? options.max_state_bytes : three_quarters_of_memory(),
+          .max_state_bytes = memory,
+          .max_sessions_per_user = quota(options.sessions_per_user, wire::kMaxSessions),
+          .max_state_bytes_per_user = quota(options.state_bytes_per_user, memory),
           .nodes_per_task = options.nodes_per_task,
+          .slice_work = kSliceWork,
+          .max_work_budget = options.max_work_budget,
           .now_ns = monotonic_ns,
           .log = log.info};
 }
@@ -67,8 +81,10 @@ store::StoreOptions store_options(const ServerOptions& options, std::uint64_t ep
   return {.durability = durability_from(options.durability),
           .epoch = epoch,
           .checkpoint_bytes = options.checkpoint_after_mb << 20,
+          .checkpoint_work = options.checkpoint_work,
           .max_capsules = options.max_capsules,
           .fresh_id = random_store_id(),
+          .leave_out = {.sessions = options.drop_sessions, .records = options.drop_records},
           .accept_empty = options.accept_empty,
           .log = log.info};
 }
@@ -91,27 +107,67 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
       access_(options),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,
                .authorise = [this](const transport::Peer& peer) { return access_.judge(peer); },
-               .ipc_for_others = access_.for_other_users(),
+               .ipc_users = access_.other_users(),
                .curve_secret_key = access_.secret_key(),
                .insecure_plaintext = options.insecure_plaintext,
                .log = log.debug,
                .log_access = log.info}),
       checkpoint_every_ns_(static_cast<std::uint64_t>(1e9 * options.checkpoint_every_s)),
       last_checkpoint_ns_(monotonic_ns()),
-      log_(log.info) {
-  service_.recover();
+      log_(log.info) {}
+
+bool Server::recover(int stop_fd, ServiceManager* manager) {
+  if (!store_) return true;
+  stop_fd_ = stop_fd;
+  manager_ = manager;
+  looked_at_socket_ns_ = looked_after_ns_ = monotonic_ns();
+  try {
+    service_.recover();
+  } catch (const store::Interrupted&) {
+    return false;
+  }
+  return true;
+}
+
+// Called between the requests that are replayed, and between the slices of their steps.
+void Server::while_replaying() {
+  const std::uint64_t now = monotonic_ns();
+  if (now - looked_at_socket_ns_ < kLookWhileReplayingNs) return;
+  looked_at_socket_ns_ = now;
+  pollfd stop{.fd = stop_fd_, .events = POLLIN, .revents = 0};
+  if (stop_fd_ >= 0 && ::poll(&stop, 1, 0) > 0) throw store::Interrupted();
+  router_.answer_waiting(
+      [this](transport::Frames frames, std::string_view) {
+        std::vector<transport::OutFrame> sent;
+        if (auto reply = service_.refuse_while_recovering(frames)) {
+          auto header = std::make_shared<const std::string>(std::move(reply->header));
+          sent.push_back({std::as_bytes(std::span(*header)), header});
+        }
+        return transport::Answer(std::move(sent));
+      },
+      kRefusedAtStop);
+  if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;
+  looked_after_ns_ = now;
+  const int percent = static_cast<int>(100.0 * store_->share_replayed());
+  const std::string at = store_->replaying();
+  if (log_)
+    log_("recovering: " + std::to_string(percent) + " % of the journal is replayed" + (at.empty() ? "" : ", at ") + at);
+  if (manager_ != nullptr) manager_->recovering(percent);
 }
 
 // Writes a checkpoint if one is due. Called between requests, after the last answer has been sent, and while no
 // requests arrive.
 void Server::checkpoint_if_due() {
-  if (!store_ || !store_->changed_since_checkpoint()) return;
+  if (!store_) return;
+  service_.end_checkpoint(false);
+  if (service_.checkpointing() || !store_->changed_since_checkpoint()) return;
   const std::uint64_t now = monotonic_ns();
   if (!store_->checkpoint_due() && now - last_checkpoint_ns_ < checkpoint_every_ns_) return;
-  service_.checkpoint();
+  service_.begin_checkpoint();
 }
 
 service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
+  options.while_replaying = [this] { while_replaying(); };
   options.complete_status = [this](wire::ServerStatus& status) { complete_status(status); };
   if (recorder_)
     options.exchanged = [this](service::Frames request, const service::ReplyFrames& reply) {
@@ -131,8 +187,8 @@ service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   return options;
 }
 
-// Once a second: notifies the watchdog, and warns the operator if soon no further client can connect because file
-// descriptors run out. Connected clients are still served.
+// Once a second: notifies the watchdog, and warns the operator of peers that were kept from using up file descriptors
+// or memory. Connected clients are still served.
 void Server::look_after() {
   const std::uint64_t now = monotonic_ns();
   if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;
@@ -140,10 +196,21 @@ void Server::look_after() {
   manager_->alive();
   const bool run_out = files_run_out();
   if (run_out != files_run_out_ && log_)
-    log_(run_out ? "ALARM: four fifths of the files this process may open are open; soon nobody can connect any more. "
-                   "Raise LimitNOFILE (ulimit -n), or find who opens so many connections"
-                 : "files can be opened again");
+    log_(run_out
+             ? "ALARM: four fifths of the files this process may open are open; new connections are closed at once. "
+               "Raise LimitNOFILE (ulimit -n), or find who opens so many connections"
+             : "files can be opened again");
   files_run_out_ = run_out;
+  const transport::GuardCounters guarded = transport::descriptor_guard_counters();
+  const auto report = [&](std::uint64_t now_closed, std::uint64_t& reported, const char* why) {
+    if (now_closed != reported && log_)
+      log_(fmt::format("REFUSED: {} connections closed: {}", now_closed - reported, why));
+    reported = now_closed;
+  };
+  report(guarded.out_of_descriptors, guarded_.out_of_descriptors,
+         "four fifths of the files this process may open are open");
+  report(guarded.too_many_bytes, guarded_.too_many_bytes, "their peers sent more than a handshake before it was done");
+  report(guarded.displaced, guarded_.displaced, "their peers did not begin to talk, and many others have come since");
 }
 
 void Server::complete_status(wire::ServerStatus& status) const {
@@ -163,29 +230,49 @@ void Server::complete_status(wire::ServerStatus& status) const {
   status.max_open_files = use.max_open_files;
 }
 
+void Server::end_if_failed() const {
+  if (service_.failed())
+    throw std::runtime_error(
+        "requests can no longer be kept; the server ends, and the next one takes up what was kept");
+}
+
 void Server::run(int stop_fd, ServiceManager* manager) {
   manager_ = manager;
   const transport::Handler handler = [this](transport::Frames frames, std::string_view user) {
     std::vector<transport::OutFrame> sent;
-    if (auto reply = service_.handle(frames, Access::caller(user))) {
+    service::Turn turn{};
+    if (auto reply = service_.handle(frames, Access::caller(user), &turn)) {
       auto header = std::make_shared<const std::string>(std::move(reply->header));
       sent.push_back({std::as_bytes(std::span(*header)), header});
       if (reply->has_payload) sent.push_back({reply->payload, std::move(reply->owner)});
-    } else if (service_.failed()) {
-      throw std::runtime_error(
-          "requests can no longer be kept; the server ends, and the next one takes up what was kept");
+    } else if (turn != service::Turn::kAnswered) {
+      return transport::Answer(turn == service::Turn::kComputing ? transport::Answer::Kind::kKept
+                                                                 : transport::Answer::Kind::kHeld);
+    } else {
+      end_if_failed();
     }
-    return sent;
+    return transport::Answer(std::move(sent));
+  };
+  const auto work = [this] {
+    const bool complete = service_.work();
+    end_if_failed();
+    return complete;
   };
   // A server program checks itself and its state directory periodically; an embedded server without a state directory
   // only waits.
   const bool sleeps = manager == nullptr && !store_;
-  const transport::Pulse pulse = {.every_ms = sleeps ? -1 : kLookAfterMs, .beat = [&] {
-                                    if (manager != nullptr) look_after();
-                                    service_.close_idle_sessions();
-                                    checkpoint_if_due();
-                                    return !service_.drained();
-                                  }};
+  const transport::Pulse pulse = {.every_ms = sleeps ? -1 : kLookAfterMs,
+                                  .beat =
+                                      [&] {
+                                        if (manager != nullptr) look_after();
+                                        service_.close_idle_sessions();
+                                        service_.prove_last_replies();
+                                        end_if_failed();
+                                        checkpoint_if_due();
+                                        return !service_.drained();
+                                      },
+                                  .busy = [this] { return service_.computing(); },
+                                  .work = work};
   router_.run(handler, stop_fd, pulse);
   if (manager != nullptr) manager->stopping();
   pollfd stop{.fd = stop_fd, .events = POLLIN, .revents = 0};
@@ -193,9 +280,14 @@ void Server::run(int stop_fd, ServiceManager* manager) {
     std::array<char, 128> asked;  // content of stop_fd, not used: the description of a signal, or an event counter
     static_cast<void>(::read(stop_fd, asked.data(), asked.size()) < 0);
   }
+  // Steps that end soon are answered. A longer step ends with this server: the next one finds it in the journal.
+  const std::uint64_t stopped_ns = monotonic_ns();
+  while (service_.computing() && monotonic_ns() - stopped_ns < kFinishNs && ::poll(&stop, 1, 0) == 0)
+    if (work()) router_.answer_held(handler);
   service_.begin_shutdown();
   router_.answer_waiting(handler, kRefusedAtStop);
   // A second stop request skips the last checkpoint, because the journal holds everything.
+  service_.end_checkpoint(true);
   const bool in_haste = ::poll(&stop, 1, 0) > 0 && store_ && store_->journaling();
   if (store_ && store_->changed_since_checkpoint() && !in_haste) service_.checkpoint();
 }

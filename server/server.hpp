@@ -15,6 +15,7 @@
 #include "server/shard/task_pool.hpp"
 #include "server/store/posix_storage.hpp"
 #include "server/store/store.hpp"
+#include "server/transport/descriptor_guard.hpp"
 #include "server/transport/router.hpp"
 
 namespace shearbus::server {
@@ -27,11 +28,16 @@ struct Log {
 
 class Server {
  public:
-  // Recovers the contents of the state directory. Throws if they cannot be used.
+  // Takes the state directory. Throws if it is another server's.
   explicit Server(const ServerOptions& options, const Log& log = {});
 
   // Binds an endpoint and returns it as bound, with its port if "*" was given. Throws what Router::bind() throws.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }
+
+  // Recovers the contents of the state directory; called once, before run(). Meanwhile every request is refused with
+  // RECOVERING. Returns false if `stop_fd` became readable before the end; nothing was changed then. Throws if the
+  // directory cannot be used.
+  bool recover(int stop_fd = -1, ServiceManager* manager = nullptr);
 
   // Answers requests until `stop_fd` is readable, or until no session is left after an operator has asked the server to
   // end with the last session. Then refuses waiting requests with SHUTTING_DOWN and writes a last checkpoint. Throws
@@ -47,6 +53,8 @@ class Server {
  private:
   Server(const ServerOptions& options, const Log& log, std::uint64_t epoch);
   void checkpoint_if_due();
+  void while_replaying();
+  void end_if_failed() const;  // throws std::runtime_error
   service::ServiceOptions with_hooks(service::ServiceOptions options);
   void look_after();
   void complete_status(wire::ServerStatus& status) const;
@@ -62,8 +70,11 @@ class Server {
   std::uint64_t last_checkpoint_ns_;
   std::function<void(const std::string&)> log_;
   ServiceManager* manager_ = nullptr;
+  int stop_fd_ = -1;  // during a recovery
+  std::uint64_t looked_at_socket_ns_ = 0;
   std::uint64_t looked_after_ns_ = 0;
-  bool files_run_out_ = false;  // true if the last report said that files run out
+  bool files_run_out_ = false;        // true if the last report said that files run out
+  transport::GuardCounters guarded_;  // the guard's counters in the last report
 };
 
 }  // namespace shearbus::server

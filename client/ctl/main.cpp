@@ -66,7 +66,8 @@ shearbus::Client connect(const Options& options) {
                            .secret_key = server.secret_key,
                            .name = "shearbus-ctl",
                            .connect_deadline = deadline,
-                           .reply_deadline = deadline});
+                           .reply_deadline = deadline,
+                           .wait_for_recovery = false});
 }
 
 void ping(const Options& options) {

@@ -30,6 +30,7 @@ Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(c
     Received received = connection_->call(request, connection_->options().connect_deadline);
     welcome_ = std::move(body_of<wire::Welcome>(received));
     connection_->set_durable(welcome_.durability != "none");
+    connection_->set_max_rows(welcome_.limits.max_rows_per_message);
   } catch (const Error& fault) {
     if (fault.status().code != Code::kUnknownOutcome) throw;
     // `hello` changes nothing on the server, so its unknown outcome means that no server answered.

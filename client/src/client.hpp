@@ -59,6 +59,7 @@ struct ClientOptions {
   std::chrono::milliseconds connect_deadline{5'000};  // deadline of connecting and the first exchange
   std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
+  bool wait_for_recovery = true;  // a call to a server that recovers its sessions waits as long as that takes
   CheckClosure check_closure = CheckClosure::kWarn;
   // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for; and with
   // "warning: " followed by a warning about a step. Without a log function the warnings go to standard error.

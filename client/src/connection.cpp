@@ -1,5 +1,6 @@
 #include "client/src/connection.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -28,9 +29,11 @@ constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kHandshakeMs = 5'000;
-constexpr int kSilentFailures = 3;               // failed handshakes in a row after which a wrong key is reported
-constexpr std::chrono::seconds kFirstNotice{2};  // waiting time before the log says what a call waits for
-constexpr int kGoodbyeLingerMs = 100;            // longest time that an unsent closing request delays the program's end
+constexpr int kFramesBeforeLook = 90;  // most frames read from a socket since it was found empty
+constexpr int kSilentFailures = 3;     // failed handshakes in a row after which a wrong key is reported
+constexpr std::chrono::milliseconds kRecoveryPause{200};  // time between two requests to a server that recovers
+constexpr std::chrono::seconds kFirstNotice{2};           // waiting time before the log says what a call waits for
+constexpr int kGoodbyeLingerMs = 100;  // longest time that an unsent closing request delays the program's end
 
 // The bytes of a frame that was received, a zmq::message_t.
 std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
@@ -150,6 +153,7 @@ void Connection::pause(std::chrono::milliseconds time) {
 
 void SocketConnection::connect() {
   refusal_ = {};
+  frames_read_ = 0;
   void* context = own_context_ ? own_context_.get() : options().context;
   socket_.reset(zmq_socket(context, ZMQ_DEALER));
   if (!socket_) unreachable(options(), fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
@@ -170,6 +174,17 @@ void SocketConnection::connect() {
     socket.set(zmq::sockopt::curve_secretkey, options().secret_key);
   }
   watch_handshakes();
+  // libzmq would go on trying for ever.
+  if (options().endpoint.starts_with("ipc://") &&
+      ::faccessat(AT_FDCWD, options().endpoint.c_str() + std::strlen("ipc://"), W_OK, AT_EACCESS) != 0 &&
+      errno == EACCES) {
+    socket_.reset();
+    throw Error({.code = Code::kAuth,
+                 .text = fmt::format("{}: uid {} may not connect there", options().endpoint, ::geteuid()),
+                 .remedy = fmt::format("Run as the server's user, or have it started with --allow-uid {}, in a "
+                                       "directory that other users can enter.",
+                                       ::geteuid())});
+  }
   if (zmq_connect(socket_.get(), options().endpoint.c_str()) != 0) {
     const std::string why = zmq_strerror(zmq_errno());
     socket_.reset();
@@ -304,25 +319,37 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
   return !has_payload || send_frame(batch.bytes(), false);
 }
 
-// Waits for the reply to `request_id` and skips replies to earlier requests. Returns false if `until` passed first.
+// Waits for the reply to `request_id` and skips replies to earlier requests. Returns false if `until` passed first, or
+// if the request must be sent again on a fresh socket.
+//
+// libzmq 4.3.4 aborts the process (fq.cpp:112) if it notices, between two frames of a message that has arrived whole,
+// that the connection is lost: with ZMQ_IMMEDIATE it then gives up the rest of the message. While messages arrive it
+// looks for such notices at every hundredth call of zmq_msg_recv() on a socket, counted from the last call that found
+// nothing. So each message is preceded by a call that finds nothing; where one never does, the socket is replaced in
+// time.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
-  while (wait(ZMQ_POLLIN, until)) {
+  for (;;) {
+    if (frames_read_ > kFramesBeforeLook) return false;
     std::array<std::shared_ptr<zmq::message_t>, wire::kMaxFrames + 1> frames;
     std::array<std::span<const std::byte>, wire::kMaxFrames + 1> views;
     std::size_t count = 0;
-    for (bool more = true; more;) {
+    for (bool more = true; more && count < frames.size();) {  // decode() refuses three frames
       auto frame = std::make_shared<zmq::message_t>();
       if (zmq_msg_recv(frame->handle(), socket_.get(), ZMQ_DONTWAIT) < 0) {
         if (zmq_errno() == EINTR) continue;
         if (zmq_errno() == EAGAIN) break;
         unreachable(options(), zmq_strerror(zmq_errno()));
       }
+      ++frames_read_;
       more = frame->more();
-      if (count == frames.size()) continue;  // drop frames after the third: decode() refuses even three
       views[count] = {static_cast<const std::byte*>(frame->data()), frame->size()};
       frames[count++] = std::move(frame);
     }
-    if (count == 0) continue;
+    if (count == 0) {
+      frames_read_ = 0;
+      if (!wait(ZMQ_POLLIN, until)) return false;
+      continue;
+    }
     try {
       received.reply = wire::Reply();
       wire::decode(std::span(views.data(), count), received.reply);
@@ -339,7 +366,6 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     answered_ = true;
     return true;
   }
-  return false;
 }
 
 void SocketConnection::post(const wire::Request& request) {
@@ -369,7 +395,7 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
 
 Received SocketConnection::exchange(const wire::Request& request, std::chrono::milliseconds deadline) {
   const auto started = Clock::now();
-  const auto last_moment = started + deadline;
+  auto last_moment = started + deadline;
   const std::string header = wire::encode_header(request);
   bool under_way = posted_ && posted_->request_id == request.request_id;
   const auto asked = under_way ? posted_->at : started;
@@ -387,6 +413,12 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
     sent = true;
     Received received;
     if (receive(request.request_id, std::min(last_moment, Clock::now() + options().retry_after), received)) {
+      if (received.reply.status.code == Code::kRecovering && options().wait_for_recovery) {
+        // The server is at work and answers when it has recovered: the deadline begins anew.
+        recovering(received.reply.status);
+        last_moment = Clock::now() + deadline;
+        continue;
+      }
       received.round_trip = Clock::now() - asked;
       if (recorder_) record(header, request.batch, view_of(reply_header_frame_), view_of(received.payload_frame));
       return received;
@@ -396,6 +428,14 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
     if (!refusal_.ok()) refused(sent);
     if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);
   }
+}
+
+// Waits a moment and says from time to time for what.
+void SocketConnection::recovering(const wire::Status& status) {
+  pause(kRecoveryPause);
+  if (!options().log || Clock::now() < waiting_.next_notice) return;
+  waiting_.next_notice = Clock::now() + kFirstNotice;
+  options().log(fmt::format("waiting for the server at {}: {}", options().endpoint, status.text));
 }
 
 void SocketConnection::give_up(bool sent, Clock::duration waited) const {

@@ -66,6 +66,10 @@ class Connection {
   // session owns the nodes.
   std::optional<wire::Request> opening_in_doubt;
 
+  // Most rows of a step or of one of its parts, as the server's welcome says.
+  std::size_t max_rows() const { return max_rows_; }
+  void set_max_rows(std::uint64_t rows) { max_rows_ = rows != 0 ? rows : wire::kMaxRowsPerMessage; }
+
   bool durable() const { return durable_; }  // true if the server's welcome says that sessions outlive the server
   void set_durable(bool durable) { durable_ = durable; }
 
@@ -74,6 +78,7 @@ class Connection {
   std::uint64_t last_request_id_ = 0;  // 0: no first id has been chosen yet
   std::uint64_t claimant_ = 0;
   bool durable_ = false;
+  std::size_t max_rows_ = wire::kMaxRowsPerMessage;
 };
 
 class SocketConnection final : public Connection {
@@ -117,6 +122,7 @@ class SocketConnection final : public Connection {
   Received exchange(const wire::Request& request, std::chrono::milliseconds deadline);
   bool receive(std::uint64_t request_id, Clock::time_point until, Received& received);
   void handshake_failed(int event, std::uint32_t detail);
+  void recovering(const wire::Status& status);
   [[noreturn]] void refused(bool sent) const;
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
@@ -130,6 +136,7 @@ class SocketConnection final : public Connection {
   std::unique_ptr<void, CloseSocket>
       socket_;               // null after a timeout, so that a late reply cannot be mistaken for another
   wire::Status refusal_;     // why the server refused the connection; OK if it did not
+  int frames_read_ = 0;      // frames read from socket_ since it was found empty
   int silent_failures_ = 0;  // consecutive handshakes that failed without a reason
 };
 

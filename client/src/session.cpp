@@ -5,6 +5,7 @@
 #include <chrono>
 #include <random>
 
+#include "proto/wire/codec.hpp"
 #include "proto/wire/columns.hpp"
 
 namespace shearbus {
@@ -180,7 +181,7 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
                                  .step = options.step,
                                  .attempt = options.attempt,
                                  .mode = mode,
-                                 .commit_previous = options.commit_previous,
+                                 .commit_previous = options.commit_previous && !previous_committed,
                                  .wanted = wanted,
                                  .policy = options.policy,
                                  .absent_nodes = options.absent_nodes};
@@ -191,6 +192,7 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
 const StepResult& Session::Impl::exchange_step(wire::Request request) {
   // exchange() leaves the request as it was sent.
   Received received = exchange(std::move(request), [](Received& reply) { body_of<wire::Upscale>(reply); });
+  previous_committed = false;
   if (closure)
     closure->answered(request.batch, received.reply.batch, body_of<wire::Upscale>(received), step_options,
                       std::get<wire::Downscale>(request.body).mode);
@@ -201,7 +203,123 @@ const StepResult& Session::Impl::exchange_step(wire::Request request) {
 }
 
 const StepResult& Session::Impl::step(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+  if (needs_parts(columns)) return step_in_parts(columns, options, mode, std::nullopt);
   return exchange_step(step_request(columns, options, mode));
+}
+
+// Columns of unequal length are sent undivided: the server refuses them with a reason.
+bool Session::Impl::needs_parts(const Batch& columns) const {
+  const auto& all = columns.columns();
+  return !all.empty() && all.front().count > connection->max_rows() &&
+         std::ranges::all_of(all, [&](const wire::Column& column) { return column.count == all.front().count; });
+}
+
+wire::Request Session::Impl::part_request(const Batch& columns, const wire::Downscale& step, std::uint32_t part) const {
+  const std::size_t rows = columns.columns().front().count;
+  const std::size_t first = (part - 1) * connection->max_rows();
+  const std::size_t count = std::min(connection->max_rows(), rows - first);
+  std::vector<Field> fields = {Field::kNodeId};
+  for (const wire::Column& column : columns.columns())
+    if (column.field != Field::kNodeId && column.component == 0) fields.push_back(column.field);
+  wire::Request request = next_request();
+  wire::Downscale& body = request.body.emplace<wire::Downscale>(step);
+  body.part = part;
+  body.parts = static_cast<std::uint32_t>((rows + connection->max_rows() - 1) / connection->max_rows());
+  body.commit_previous = step.commit_previous && part == 1 && !previous_committed;
+  request.batch = Batch::of(fields, count, opened.tangential_components);
+  const std::span<const std::uint64_t> ids = columns.has(Field::kNodeId) ? columns.u64(Field::kNodeId) : node_ids;
+  std::ranges::copy(ids.subspan(first, count), request.batch.u64(Field::kNodeId).begin());
+  for (const wire::Column& column : columns.columns())
+    if (column.field != Field::kNodeId)
+      std::ranges::copy(columns.f64(column.field, column.component).subspan(first, count),
+                        request.batch.f64(column.field, column.component).begin());
+  return request;
+}
+
+// Copies the answers of a part to their rows of the whole reply.
+void Session::Impl::adopt_part(const Received& part, std::size_t first_row) {
+  Batch& whole = in_parts->reply.batch;
+  const Batch& rows = part.reply.batch;
+  for (const wire::Column& column : whole.columns()) {
+    const auto at = static_cast<std::ptrdiff_t>(first_row);
+    if (column.element == wire::Element::kUint8)
+      std::ranges::copy(rows.u8(column.field), whole.u8(column.field).begin() + at);
+    else
+      std::ranges::copy(rows.f64(column.field, column.component),
+                        whole.f64(column.field, column.component).begin() + at);
+  }
+  const auto& answer = std::get<wire::Upscale>(part.reply.body);
+  auto& sum = std::get<wire::Upscale>(in_parts->reply.body);
+  if (sum.nodes == 0 || answer.largest_closure_m_per_s > sum.largest_closure_m_per_s) {
+    sum.largest_closure_m_per_s = answer.largest_closure_m_per_s;
+    sum.closure_node = answer.closure_node;
+    sum.layer_time_s = answer.layer_time_s;
+  }
+  sum.nodes += answer.nodes;
+  sum.state_version = answer.state_version;
+  sum.solver_ns += answer.solver_ns;
+  sum.service_ns += answer.service_ns;
+  sum.flagged_nodes += answer.flagged_nodes;
+  sum.warnings.insert(sum.warnings.end(), answer.warnings.begin(), answer.warnings.end());
+  in_parts->round_trip += part.round_trip;
+  ++in_parts->answered;
+}
+
+// A step of more rows than a message holds. If a part has no answer in time, a repetition of the call goes on with that
+// part. If a part is refused, the parts before it are dropped. `first`: part 1, if it was posted.
+const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
+                                               std::optional<wire::Request> first) {
+  const auto step = std::get<wire::Downscale>(first ? first->body : step_request(columns, options, mode).body);
+  const std::size_t rows = columns.columns().front().count;
+  wire::Downscale whole = step;
+  whole.part = whole.parts = 0;
+  whole.commit_previous = options.commit_previous;
+  const std::string header = wire::encode_header(wire::Request{.body = whole});
+  const std::array<std::span<const std::byte>, 2> bytes = {std::as_bytes(std::span(header)), columns.bytes()};
+  const std::uint64_t hash = wire::hash_of(bytes);
+  if (!in_parts || in_parts->hash != hash) {
+    in_parts.emplace().hash = hash;
+    in_parts->reply.body = wire::Upscale{};
+    in_parts->reply.batch =
+        Batch::of(wanted.empty() ? opened.reply_columns : wanted, rows, opened.tangential_components);
+  }
+  const auto parts = static_cast<std::uint32_t>((rows + connection->max_rows() - 1) / connection->max_rows());
+  try {
+    while (in_parts->answered < parts) {
+      const std::uint32_t part = in_parts->answered + 1;
+      wire::Request request = first ? std::move(*first) : part_request(columns, whole, part);
+      first.reset();
+      const std::size_t count = request.batch.columns().front().count;
+      Received received = exchange(std::move(request), [&](Received& reply) {
+        if (body_of<wire::Upscale>(reply).nodes != count)
+          throw Error({.code = Code::kUnexpectedReply, .text = "the reply to a part of a step has other rows"});
+      });
+      adopt_part(received, (part - 1) * connection->max_rows());
+    }
+  } catch (const Error& fault) {
+    const Code code = fault.status().code;
+    const bool goes_on = in_doubt || code == Code::kUnreachable || code == Code::kAuth;
+    if (goes_on) throw;  // the same call goes on
+    const bool begun = in_parts->answered != 0;
+    in_parts.reset();
+    if (!begun) throw;
+    previous_committed = options.commit_previous;
+    try {
+      exchange<wire::RolledBack>(wire::Rollback{});
+    } catch (const Error&) {
+      // The next step drops the parts, too.
+    }
+    throw;
+  }
+  previous_committed = false;
+  if (closure)
+    closure->answered(columns, in_parts->reply.batch, std::get<wire::Upscale>(in_parts->reply.body), step_options,
+                      mode);
+  result.payload_frame_.reset();
+  result.reply_ = std::move(in_parts->reply);
+  result.round_trip_ = in_parts->round_trip;
+  in_parts.reset();
+  return result;
 }
 
 Batch Session::Impl::columns(std::span<const Field> optional_columns, Form form, bool with_node_ids,
@@ -251,7 +369,14 @@ const StepResult& Session::trial(const Batch& request, const StepOptions& step) 
 }
 
 void Session::Impl::start(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+  started_in_parts.reset();
   wire::Request started = step_request(columns, options, mode);
+  if (needs_parts(columns)) {
+    started_in_parts.emplace(Started{view_of(columns), mode});
+    // A repetition of an interrupted step goes on with the part that was not answered, in finish_trial().
+    if (in_parts) return;
+    started = part_request(columns, std::get<wire::Downscale>(started.body), 1);
+  }
   if (started.request_id == 0) started.request_id = connection->next_request_id();
   const InDoubt same{started.request_id, started.epoch};
   try {
@@ -274,6 +399,12 @@ void Session::start_advance(const Batch& request, const StepOptions& step) {
 }
 
 const StepResult& Session::finish_trial() {
+  if (impl_->started_in_parts) {
+    const Session::Impl::Started started = std::move(*impl_->started_in_parts);
+    impl_->started_in_parts.reset();
+    return impl_->step_in_parts(started.columns, impl_->step_options, started.mode,
+                                std::exchange(impl_->posted, std::nullopt));
+  }
   if (!impl_->posted)
     throw Error({.code = Code::kInvalidValue,
                  .text = "finish_trial() without start_trial()",

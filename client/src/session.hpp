@@ -93,6 +93,28 @@ struct Session::Impl {
   void adopt_position(Received& where);
   void remove_nodes(std::span<const std::uint64_t> nodes);
 
+  // A step in parts that began and has not ended.
+  struct StepInParts {
+    std::uint64_t hash = 0;      // of the step, to recognise its repetition
+    std::uint32_t answered = 0;  // number of parts
+    wire::Reply reply;           // to the whole step, as far as it was answered
+    std::chrono::nanoseconds round_trip{0};
+  };
+  std::optional<StepInParts> in_parts;
+  // A step in parts failed after its first part had committed the trial before: a repetition must not commit again.
+  bool previous_committed = false;
+  struct Started {  // the step of start_trial() or start_advance(), if it is in parts
+    Batch columns;  // a view
+    wire::Mode mode;
+  };
+  std::optional<Started> started_in_parts;
+
+  bool needs_parts(const Batch& columns) const;
+  wire::Request part_request(const Batch& columns, const wire::Downscale& step, std::uint32_t part) const;
+  const StepResult& step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
+                                  std::optional<wire::Request> first);
+  void adopt_part(const Received& part, std::size_t first_row);
+
   wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode);
   const StepResult& exchange_step(wire::Request request);
   const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode);

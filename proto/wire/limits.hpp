@@ -14,8 +14,10 @@ inline constexpr std::uint32_t kProtocolMinor = 0;
 inline constexpr std::size_t kSessionIdBytes = 16;
 inline constexpr std::size_t kMaxFrames = 2;  // frames of one message: header and payload
 inline constexpr std::size_t kMaxColumns = 32;
-inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;  // bytes of the widest row of a request or reply
-inline constexpr std::size_t kMaxNodesPerSession = 200'000;
+inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;    // bytes of the widest row of a request or reply
+inline constexpr std::size_t kMaxBytesPerNewNode = std::size_t{2} * 8;  // node_id and initial_temperature_k
+inline constexpr std::size_t kMaxRowsPerMessage = 200'000;              // rows of a step or of one of its parts
+inline constexpr std::size_t kMaxNodesPerSession = 2'000'000;
 inline constexpr std::size_t kMaxSessions = 1'024;
 // largest number of marks of a session; a mark holds a copy of the session's states
 inline constexpr std::size_t kMaxMarks = 2;
@@ -31,7 +33,8 @@ inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;
 // length of a scene, or of the list of its faults
 inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;
 
-static_assert(kMaxNodesPerSession * kMaxBytesPerNode <= kMaxPayloadBytes);
+static_assert(kMaxRowsPerMessage * kMaxBytesPerNode <= kMaxPayloadBytes);
+static_assert(kMaxNodesPerSession * kMaxBytesPerNewNode <= kMaxPayloadBytes);
 static_assert(kMaxHeaderBytes <= kMaxPayloadBytes);
 static_assert(kMaxSceneBytes + 16 * kMaxTextBytes <= kMaxHeaderBytes);
 

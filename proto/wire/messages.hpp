@@ -26,6 +26,7 @@ enum Outcome : std::uint8_t {
   kSubstepped = 1,
   kMultipleRoots = 2,
   kOutsideDomain = 4,
+  kOverBudget = 16,
   kAsleep = 32,
   kFirstOrder = 64,
   kFailed = 128,
@@ -77,6 +78,8 @@ struct Downscale {
   bool commit_previous = false;
   std::vector<Field> wanted;  // columns that the reply is to have; empty: the default columns
   Policy policy = Policy::kUnspecified;
+  std::uint32_t part = 0;   // number of this part of a step in parts, from 1 on; 0: the step is not divided
+  std::uint32_t parts = 0;  // number of parts
   AbsentNodes absent_nodes = AbsentNodes::kKeep;
 
   static void fields(auto&& v, auto& m) {
@@ -88,6 +91,8 @@ struct Downscale {
     v(6, "commit_previous", m.commit_previous);
     v(7, "wanted", at_most(kMaxColumns, m.wanted));
     v(8, "policy", m.policy);
+    v(9, "part", m.part);
+    v(10, "parts", m.parts);
     v(11, "absent_nodes", m.absent_nodes);
   }
 };
@@ -194,6 +199,11 @@ struct Limits {
   std::uint64_t max_marks = kMaxMarks;
   std::uint64_t max_frames = kMaxFrames;
   std::uint64_t max_state_bytes = 0;
+  std::uint64_t max_work_budget = 0;
+  std::uint64_t max_replay_work = 0;
+  std::uint64_t max_rows_per_message = kMaxRowsPerMessage;
+  std::uint64_t max_sessions_per_user = kMaxSessions;
+  std::uint64_t max_state_bytes_per_user = 0;
 
   static void fields(auto&& v, auto& m) {
     v(1, "max_header_bytes", m.max_header_bytes);
@@ -203,6 +213,11 @@ struct Limits {
     v(5, "max_marks", m.max_marks);
     v(20, "max_frames", m.max_frames);
     v(21, "max_state_bytes", m.max_state_bytes);
+    v(22, "max_work_budget", m.max_work_budget);
+    v(23, "max_replay_work", m.max_replay_work);
+    v(30, "max_rows_per_message", m.max_rows_per_message);
+    v(31, "max_sessions_per_user", m.max_sessions_per_user);
+    v(32, "max_state_bytes_per_user", m.max_state_bytes_per_user);
   }
 };
 struct Welcome {

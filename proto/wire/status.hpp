@@ -46,6 +46,7 @@ enum class Code : std::uint16_t {
   kNoSpace = 402,
   kDraining = 403,
   kCheckpointFailed = 404,
+  kRecovering = 405,
   kUnreachable = 500,      // no connection to the endpoint before the deadline
   kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
   kUnexpectedReply = 502,  // the reply does not answer the request

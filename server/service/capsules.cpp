@@ -26,19 +26,21 @@ std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t
 }  // namespace
 
 // Writes a capsule for each node without an answer. Errors are logged only: the step is answered without a capsule.
-void Service::leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
-                             const shard::Rows& rows, const FailedStep& failed) noexcept try {
+void Service::leave_capsules(const Member& member, const RunningStep& running, const FailedStep& failed) noexcept try {
   if (store_ == nullptr || replaying_) return;
+  end_checkpoint(true);  // HDF5 is for one thread at a time
   const shard::Shard& shard = *member.shard;
+  const wire::Downscale& step = running.step();
+  const shard::Rows& rows = running.rows;
   std::size_t room = store_->capsule_room();
   for (std::size_t row = 0; row < failed.outcomes.size() && room > 0; ++row) {
     if ((failed.outcomes[row] & wire::kFailed) == 0) continue;
     const std::uint32_t slot = rows.all ? shard.nodes().slot_of(row) : rows.slots[row];
-    const auto named = arrival.request.batch.u64(wire::Field::kNodeId);
+    const auto named = running.request.batch.u64(wire::Field::kNodeId);
     const std::uint64_t node = rows.all ? shard.nodes().ids()[row] : named[row];
     const std::string file = store_->leave_capsule({.server_version = options_.server_version,
                                                     .session = member.id,
-                                                    .sequence = arrival.request.sequence,
+                                                    .sequence = running.request.sequence,
                                                     .scene = member.scene,
                                                     .node_id = node,
                                                     .dt_s = step.dt_s,
@@ -46,7 +48,7 @@ void Service::leave_capsules(const Member& member, const wire::Downscale& step, 
                                                     .step = step.step,
                                                     .attempt = step.attempt,
                                                     .state = shard.states_of(std::span(&slot, 1), failed.from_trial),
-                                                    .inputs = values_of(arrival.request.batch, row),
+                                                    .inputs = values_of(running.request.batch, row),
                                                     .answer = values_of(failed.answer, row)});
     log(fmt::format("node {} of session {} has no answer to step {}: {}", node, short_name(member.id), step.step,
                     file));

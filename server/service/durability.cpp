@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <new>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <variant>
 
@@ -19,6 +22,9 @@ using wire::Code;
 using wire::Error;
 
 namespace {
+
+constexpr const char* kNoMemoryForCheckpoint =
+    "the checkpoint found no memory; the ones before and the journal hold everything";
 
 std::vector<std::byte> copy_of(std::span<const std::byte> bytes) {
   return {bytes.begin(), bytes.end()};
@@ -36,6 +42,16 @@ std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
   const std::array<std::span<const std::byte>, 2> frames = {image.reply_header, held->payload};
   wire::decode(std::span(frames).first(wire::declares_payload(image.reply_header) ? 2 : 1), held->reply);
   return {held, &held->reply};
+}
+
+Parts parts_from(const store::SessionImage& image, const shard::NodeTable& nodes) {
+  const std::span<const std::byte> frame = image.part_header;
+  wire::Request request;
+  wire::decode(std::span(&frame, 1), request);
+  Parts parts{.last = std::get<wire::Downscale>(request.body), .stepped = std::vector<bool>(nodes.size())};
+  for (const std::uint32_t row : image.part_rows) parts.stepped.at(nodes.slot_of(row)) = true;
+  parts.nodes = image.part_rows.size();
+  return parts;
 }
 
 // A hash of a reply without its times, to compare a replayed reply with the recorded one.
@@ -68,12 +84,13 @@ void make_repeat(wire::Reply& reply) {
 
 // Writes the request to the journal. After this call the request must run and must not fail, because a recovery replays
 // it.
-void Service::keep(const Arrival& arrival, const wire::SessionId& session, const Member* member) {
+void Service::keep(const Arrival& arrival, const wire::SessionId& session, const Member* member,
+                   std::optional<std::uint64_t> sequence) {
   if (store_ == nullptr || replaying_) return;
   try {
     timed(options_.now_ns, times_.journal_append, [&] {
       store_->append({.session = session,
-                      .sequence = arrival.request.sequence,
+                      .sequence = sequence.value_or(arrival.request.sequence),
                       .previous_reply = member != nullptr ? sum_of(member->conversation) : 0,
                       .header_frame = arrival.frames[0],
                       .payload_frame = arrival.frames.size() > 1 ? arrival.frames[1] : std::span<const std::byte>(),
@@ -95,8 +112,55 @@ void Service::recover() {
   store_->recover(*this);
   replaying_ = false;
   epoch_ = options_.epoch;
+  claims_ = 0;
+  for (const auto& [id, member] : members_) {
+    member->epoch = 0;
+    member->proven_sequence = member->conversation.last_sequence();
+  }
+  if (store_->left_something_out() && !checkpoint())
+    throw store::StorageError("the states without what was dropped could not be kept", EIO);
   times_ = {};
   metrics_.node_steps = metrics_.solver_ns = 0;  // these steps were counted by the server that first ran the requests
+}
+
+void Service::prove_last_replies() noexcept try {
+  constexpr std::uint64_t kQuietNs = 1'000'000'000;
+  if (store_ == nullptr || !store_->journaling() || failed()) return;
+  bool proven = false;
+  const std::uint64_t now_ns = options_.now_ns();
+  for (const auto& [id, member] : members_) {
+    const std::uint64_t last = member->conversation.last_sequence();
+    if (!member->shard || member->running || member->proven_sequence == last) continue;
+    if (now_ns - member->last_request_ns < kQuietNs) continue;
+    store_->append({.session = id, .sequence = last, .previous_reply = sum_of(member->conversation)});
+    member->proven_sequence = last;
+    proven = true;
+  }
+  if (proven) settle();
+} catch (const std::exception& fault) {  // a final failure of the journal ends the server; a full disk is tried again
+  log(std::string("the last reply of a session could not be proven: ") + fault.what());
+}
+
+std::optional<ReplyFrames> Service::refuse_while_recovering(Frames frames) const noexcept try {
+  wire::Request request;
+  wire::Reply reply;
+  reply.epoch = options_.epoch;
+  try {
+    wire::decode(frames, request);
+    throw Error({.code = Code::kRecovering,
+                 .text = fmt::format("the server replays the requests since its last checkpoint: {:.0f} % are done",
+                                     100.0 * store_->share_replayed()),
+                 .remedy = "Wait, and send the same request again. To leave out a session that takes too long, stop "
+                           "the server and start it with --drop-session."});
+  } catch (const Error& fault) {
+    reply.status = fault.status();
+  }
+  reply.request_id = request.request_id;
+  reply.session_id = request.session_id;
+  reply.sequence = request.sequence;
+  return ReplyFrames{.header = wire::encode_header(reply), .payload = {}, .owner = {}};
+} catch (const std::exception&) {
+  return std::nullopt;
 }
 
 void Service::clear() {
@@ -114,9 +178,13 @@ void Service::restore(const store::Snapshot& snapshot) {
     member->opened_ns = member->last_request_ns = started_ns_;
     member->resume_token = image.resume_token;
     member->conversation.complete(image.last_sequence, image.last_hash, reply_from(image));
+    member->claim = image.claim;
+    member->claimant = image.claimant;
+    member->owner_epoch = image.owner_epoch;
+    member->superseded = image.superseded;
     member->totals = {.requests = image.requests, .node_steps = image.node_steps, .solver_ns = image.solver_ns};
     if (!image.open) {
-      closed_.push_back(image.id);
+      closed_[image.identity].push_back(image.id);
     } else {
       SceneModel made = scene_model(image.scene, "the checkpoint's scene");
       physics::Model model(made.options);
@@ -125,6 +193,7 @@ void Service::restore(const store::Snapshot& snapshot) {
       member->idle_limit_s = image.idle_limit_s;
       member->shard = make_shard(std::move(model), image.node_ids, shard::checks_closure(image.committed));
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
+      if (!image.part_header.empty()) member->parts = parts_from(image, member->shard->nodes());
       member->marks = image.marks;
       member->domain = image.domain;
       ++metrics_.sessions;
@@ -138,6 +207,22 @@ void Service::restore(const store::Snapshot& snapshot) {
     metrics_.state_bytes += kept_bytes(transfer.states);
     transfers_.emplace(transfer.id, transfer);
   }
+  for (const store::PendingRequest& request : snapshot.pending) {
+    previous_committed_ = request.previous_committed;
+    run_again(request.header_frame, request.payload_frame, {}, request.epoch);
+    previous_committed_ = false;
+  }
+}
+
+// Runs a request that has run before, or was begun, on a server of the given epoch.
+void Service::run_again(std::span<const std::byte> header, std::span<const std::byte> payload,
+                        std::string_view identity, std::uint64_t epoch) {
+  epoch_ = epoch;
+  const std::array<std::span<const std::byte>, 2> frames = {header, payload};
+  auto fresh = std::make_shared<wire::Reply>();
+  fresh->epoch = epoch;
+  if (answer(std::span(frames).first(wire::declares_payload(header) ? 2 : 1), {.identity = identity}, fresh) != fresh)
+    throw Error({.code = Code::kSequenceReused, .text = "it has run already"});
 }
 
 void Service::replay(const store::Record& record, std::uint64_t epoch) {
@@ -152,14 +237,11 @@ void Service::replay(const store::Record& record, std::uint64_t epoch) {
         "replaying the one before gave other numbers than the server answered with. Recover with the build that wrote "
         "it, "
         "on the same kind of machine");
-  epoch_ = epoch;
-  const std::array<std::span<const std::byte>, 2> frames = {record.header_frame, record.payload_frame};
-  auto fresh = std::make_shared<wire::Reply>();
-  fresh->epoch = epoch;
+  if (options_.while_replaying) options_.while_replaying();
+  if (record.header_frame.empty()) return;
+  granted_epoch_ = record.sequence;
   try {
-    if (answer(std::span(frames).first(wire::declares_payload(record.header_frame) ? 2 : 1),
-               {.identity = record.identity}, fresh) != fresh)
-      refuse("it stands in the journal twice");
+    run_again(record.header_frame, record.payload_frame, record.identity, epoch);
   } catch (const Error& fault) {
     refuse(std::string("it is refused now: ") + fault.what());
   }
@@ -181,7 +263,11 @@ store::Snapshot Service::snapshot() const {
                               .reply_payload = copy_of(kept.batch.bytes()),
                               .requests = member.totals.requests,
                               .node_steps = member.totals.node_steps,
-                              .solver_ns = member.totals.solver_ns};
+                              .solver_ns = member.totals.solver_ns,
+                              .claim = member.claim,
+                              .claimant = member.claimant,
+                              .owner_epoch = member.owner_epoch,
+                              .superseded = member.superseded};
     if (member.shard) {
       image.domain = member.domain;
       image.idle_limit_s = member.idle_limit_s;
@@ -191,13 +277,28 @@ store::Snapshot Service::snapshot() const {
       image.committed = member.shard->committed_states();
       image.marks = member.marks;
       if (member.shard->has_trial()) image.trial = member.shard->trial_states();
+      if (member.parts) {
+        const std::string part = wire::encode_header(wire::Request{.body = member.parts->last});
+        image.part_header = copy_of(std::as_bytes(std::span(part)));
+        for (std::uint32_t row = 0; row < member.shard->nodes().size(); ++row)
+          if (member.parts->stepped[member.shard->nodes().slot_of(row)]) image.part_rows.push_back(row);
+      }
     }
     snapshot.sessions.push_back(std::move(image));
   };
-  for (const wire::SessionId& id : closed_) add(*members_.at(id));
+  for (const auto& [identity, ids] : closed_)
+    for (const wire::SessionId& id : ids) add(*members_.at(id));
   for (const auto& [id, member] : members_)
     if (member->shard) add(*member);
   for (const auto& [id, transfer] : transfers_) snapshot.transfers.push_back(transfer);
+  for (const Member* member : journaled_) {
+    const RunningStep& running = *member->running;
+    snapshot.pending.push_back({.session = member->id,
+                                .epoch = epoch_,
+                                .previous_committed = running.step().commit_previous,
+                                .header_frame = copy_of(running.frames[0]),
+                                .payload_frame = copy_of(running.frames[1])});
+  }
   return snapshot;
 }
 
@@ -212,16 +313,62 @@ void Service::change_scene(const wire::SessionId& session, const std::string& sc
 
 bool Service::checkpoint() {
   if (store_ == nullptr || failed()) return false;
+  end_checkpoint(true);
   if (options_.around_checkpoint) options_.around_checkpoint(true);
   bool written = false;
   try {
     written = timed(options_.now_ns, times_.checkpoint, [&] { return store_->checkpoint(snapshot()); });
   } catch (const std::bad_alloc&) {
-    log("the checkpoint found no memory; the ones before and the journal hold everything");
+    log(kNoMemoryForCheckpoint);
   }
   if (options_.around_checkpoint) options_.around_checkpoint(false);
   if (written) last_checkpoint_ns_ = options_.now_ns();
   return written;
+}
+
+void Service::begin_checkpoint() {
+  if (store_ == nullptr || failed() || job_) return;
+  if (options_.around_checkpoint) options_.around_checkpoint(true);
+  job_started_ns_ = options_.now_ns();
+  try {
+    job_ = store_->begin_checkpoint(snapshot());
+    aside_.start([this] { store_->write(*job_); });
+  } catch (const std::system_error&) {
+    store_->write(*job_);
+  } catch (const std::bad_alloc&) {
+    log(kNoMemoryForCheckpoint);
+    if (options_.around_checkpoint) options_.around_checkpoint(false);
+  }
+}
+
+void Service::end_checkpoint(bool wait) noexcept try {
+  if (!job_ || (!wait && !aside_.done())) return;
+  aside_.wait();
+  const bool written = store_->end_checkpoint(*job_);
+  job_.reset();
+  const std::uint64_t now = options_.now_ns();
+  times_.checkpoint.add(now - job_started_ns_);
+  if (options_.around_checkpoint) options_.around_checkpoint(false);
+  if (written) last_checkpoint_ns_ = now;
+} catch (const std::exception& fault) {
+  log(std::string("a checkpoint could not be completed: ") + fault.what());
+}
+
+// Lets the claimant own the session. The claim is journaled, so that the clients before it stay superseded after a
+// restart. Its record has the granted epoch as its sequence.
+void Service::grant(Member& member, const wire::ResumeSession& resume, const Arrival& arrival) {
+  constexpr std::size_t kMostRemembered = 32;
+  std::vector<std::uint64_t> superseded = member.superseded;
+  for (const std::uint64_t epoch : {member.owner_epoch, epoch_})
+    if (epoch != 0 && std::ranges::find(superseded, epoch) == superseded.end()) superseded.push_back(epoch);
+  if (superseded.size() > kMostRemembered) superseded.erase(superseded.begin(), superseded.end() - kMostRemembered);
+  const std::uint64_t granted = replaying_ ? granted_epoch_ : epoch_ + claims_ + 1;
+  keep(arrival, member.id, &member, granted);
+  ++claims_;
+  member.superseded = std::move(superseded);
+  member.claim = resume.claim;
+  member.claimant = resume.claimant;
+  member.epoch = member.owner_epoch = granted;
 }
 
 Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply) {
@@ -233,12 +380,15 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                  .remedy = "Open a new session and start again from the host's last restart point."});
   Member& member = *found->second;
   check_identity(member, arrival.caller);
+  if (must_wait(member)) return reply;
   if (member.resume_token == wire::ResumeToken{} || !same_token(member.resume_token, resume.resume_token))
     throw Error({.code = Code::kResumeRefused,
                  .text = "the resume token is not the one the session was opened with",
                  .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
-  if (resume.claim != 0 && (resume.claim != member.claim || resume.claimant != member.claimant)) {
-    if (request.epoch != epoch_)  // the numbering of claims starts again with every start of the server
+  // A claim is repeated only within the epoch of the server that granted it.
+  const bool repeated = member.epoch != 0 && resume.claim == member.claim && resume.claimant == member.claimant;
+  if (resume.claim != 0 && !repeated) {
+    if (request.epoch != epoch_)
       throw Error({.code = Code::kEpoch,
                    .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
                    .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});
@@ -247,15 +397,13 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
           {.code = Code::kSuperseded,
            .text = fmt::format("claim {} of the session, after claim {} was granted", resume.claim, member.claim),
            .remedy = "Ask where the session stands, and claim it if its client is known to be gone."});
-    member.claim = resume.claim;
-    member.claimant = resume.claimant;
-    member.epoch = epoch_ + ++claims_;
+    grant(member, resume, arrival);
   }
   const shard::Shard& shard = *member.shard;
   reply->body = wire::SessionResumed{.session = opened(member),
                                      .last_sequence = member.conversation.last_sequence(),
                                      .state_version = shard.state_version(),
-                                     .trial_stands = shard.has_trial(),
+                                     .trial_stands = member.trial_stands(),
                                      .claim = member.claim,
                                      .offers = offers_of(member)};
   reply->batch = node_column(shard.nodes().ids());

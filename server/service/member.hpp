@@ -1,36 +1,18 @@
 // A session and its states. Included only by the source files of the service.
 #pragma once
 
+#include <array>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "server/service/parts.hpp"
 #include "server/service/service.hpp"
 
 namespace shearbus::service {
-
-struct Service::Member {
-  wire::SessionId id{};
-  std::string identity;  // identity that opened the session; only this identity and operators may use the session
-  wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
-  std::uint64_t claim = 0;           // number of the last granted claim of a client (resume_session); 0: none yet
-  std::uint64_t claimant = 0;        // random number of the client to which the last claim was granted
-  std::uint64_t epoch = 0;           // epoch that requests must carry since the last claim; 0: no claim yet
-  session::Session conversation;
-  std::unique_ptr<shard::Shard> shard;  // null after the session has been closed
-  std::string domain;                   // name of the session's domain; empty: none
-  std::string scene_name;
-  std::string scene;            // scene with all defaults filled in, as TOML
-  std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
-  std::uint64_t last_request_ns = 0;
-  std::uint64_t idle_limit_s = 0;       // the session is closed after this time without a request; 0: never
-  std::string closed_because;           // why the session was closed; empty: no reason given
-  std::vector<store::MarkImage> marks;  // marks of the session, oldest first
-  wire::SessionClosed totals;
-
-  std::uint64_t held_bytes() const;  // memory of states and marks  [bytes]
-  Domain domain_it_is_in() const { return {identity, domain}; }
-};
 
 // A request being answered.
 struct Service::Arrival {
@@ -39,6 +21,61 @@ struct Service::Arrival {
   wire::Request request;
   std::uint64_t hash = 0;  // hash of the frames
   std::uint64_t started_ns = 0;
+};
+
+// A step being computed. Its columns point into the batches of the request and of the reply.
+struct Service::RunningStep {
+  wire::Request request;
+  std::uint64_t hash = 0;                            // hash of the request's frames
+  std::array<std::span<const std::byte>, 2> frames;  // while the step waits for work()
+  std::uint64_t started_ns = 0;
+  ReplyPtr reply;
+  shard::Rows rows;
+  std::shared_ptr<const physics::StepOperators> operators;
+  shard::StepColumns columns;
+  std::vector<std::uint8_t> unasked;  // the outcomes, if the reply has no column for them
+  std::shared_ptr<shard::Shard::StepRun> run;
+  std::uint64_t solver_ns = 0;
+  std::uint64_t ended_ns = 0;  // of the last slice
+  bool further = false;        // the step adds its rows to the trial of the parts before
+  std::optional<Parts> parts;  // of part 1: those that have come when it has run, if others are missing
+  bool kept = false;           // the request is in the journal
+  bool done = false;
+
+  const wire::Downscale& step() const { return std::get<wire::Downscale>(request.body); }
+  std::span<const std::uint8_t> outcomes() const;
+};
+
+struct Service::Member {
+  wire::SessionId id{};
+  std::string identity;  // identity that opened the session; only this identity and operators may use the session
+  wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
+  std::uint64_t claim = 0;           // number of the last granted claim of a client (resume_session); 0: none yet
+  std::uint64_t claimant = 0;        // random number of the client to which the last claim was granted
+  std::uint64_t epoch = 0;           // epoch that requests must carry since the last claim; 0: no claim yet
+  // Epoch of the client that owns the session, which may be one of an earlier server, and epochs of the clients that
+  // owned the session before, newest last.
+  std::uint64_t owner_epoch = 0;
+  std::vector<std::uint64_t> superseded;
+  session::Session conversation;
+  std::unique_ptr<shard::Shard> shard;   // null after the session has been closed
+  std::unique_ptr<RunningStep> running;  // null if no step is being computed
+  std::string domain;                    // name of the session's domain; empty: none
+  std::string scene_name;
+  std::string scene;            // scene with all defaults filled in, as TOML
+  std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
+  std::uint64_t last_request_ns = 0;
+  std::uint64_t proven_sequence = 0;    // last request whose reply's hash is in the journal, or in a checkpoint
+  std::uint64_t idle_limit_s = 0;       // the session is closed after this time without a request; 0: never
+  std::string closed_because;           // why the session was closed; empty: no reason given
+  std::optional<Parts> parts;           // a step of which parts are missing
+  std::vector<store::MarkImage> marks;  // marks of the session, oldest first
+  wire::SessionClosed totals;
+
+  // Whether a trial stands that could be committed. A step of which parts are missing is none.
+  bool trial_stands() const { return shard->has_trial() && !parts; }
+  std::uint64_t held_bytes() const;  // memory of states and marks  [bytes]
+  Domain domain_it_is_in() const { return {identity, domain}; }
 };
 
 // Turns a reply into the answer to a repeated request: without times, so that it has the same bytes whether or not the

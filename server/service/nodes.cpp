@@ -151,7 +151,7 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   const physics::Model& model = shard.model();
   const auto temperatures = check_initial_temperatures(batch, model.options());
   const std::size_t after = shard.nodes().size() + ids.size();
-  check_memory(shard.bytes_for(after) - shard.state_bytes(), after);
+  check_memory(shard.bytes_for(after) - shard.state_bytes(), after, arrival.caller, member.identity);
   auto change = shard.adding(ids, temperatures);
   keep(arrival, member.id, &member);
   apply(member, std::move(change), reply);
@@ -185,7 +185,7 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
                  .remedy = "Wait until some are accepted, or offer more nodes at once."});
   const shard::Rows rows = check_leaving_nodes(batch, shard.nodes());
   const auto ids = batch.u64(Field::kNodeId);
-  check_memory(kept_bytes(shard, ids.size()), ids.size());
+  check_memory(kept_bytes(shard, ids.size()), ids.size(), arrival.caller, member.identity);
   std::map<wire::TransferId, store::TransferImage> made;
   made.emplace(offer.transfer_id, store::TransferImage{.id = offer.transfer_id,
                                                        .giver = member.id,
@@ -233,7 +233,7 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
   check_session_size(after);
   const std::uint64_t grown = shard.bytes_for(after) - shard.state_bytes();
   const std::uint64_t freed = kept_bytes(transfer.states);
-  check_memory(grown > freed ? grown - freed : 0, after);
+  check_memory(grown > freed ? grown - freed : 0, after, arrival.caller, member.identity);
   const std::vector<double> initial(transfer.node_ids.size(), model.options().initial_temperature);
   auto change = shard.adding(transfer.node_ids, initial, &transfer.states);
   reply.batch = node_column(transfer.node_ids);
@@ -275,7 +275,7 @@ void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arriva
   if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
   const std::uint64_t freed = gone == member.marks.end() ? 0 : kept_bytes(gone->states);
   const std::uint64_t wanted = kept_bytes(shard, shard.nodes().size());
-  check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size());
+  check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size(), arrival.caller, member.identity);
   auto& answer = reply.body.emplace<wire::Marked>();
   answer.state_version = shard.state_version();
   for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
@@ -297,6 +297,7 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
   if (rollback.to_mark.empty()) {
     keep(arrival, member.id, &member);
     member.shard->rollback();
+    member.parts.reset();
   } else {
     const auto to = std::ranges::find(member.marks, rollback.to_mark, &store::MarkImage::name);
     if (to == member.marks.end())
@@ -320,12 +321,14 @@ void Service::rollback_to(Member& member, const store::MarkImage& mark, const Ar
   if (mark.node_ids != before.nodes().ids()) {
     check_owners(member.domain_it_is_in(), &member, mark.sequence, mark.node_ids);
     const std::uint64_t wanted = before.bytes_for(mark.node_ids.size());
-    check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size());
+    check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size(),
+                 arrival.caller, member.identity);
     other_nodes = make_shard(physics::Model(before.model().options()), mark.node_ids, before.check_closure());
     other_nodes->restore(mark.states, nullptr, mark.state_version);
   }
   keep(arrival, member.id, &member);
 
+  member.parts.reset();
   metrics_.nodes += mark.node_ids.size() - before.nodes().size();
   metrics_.state_bytes -= member.held_bytes();
   if (other_nodes)

@@ -84,7 +84,7 @@ wire::SessionInfo Service::info_of(const Member& member) const {
           .nodes = shard.nodes().size(),
           .last_sequence = member.conversation.last_sequence(),
           .state_version = shard.state_version(),
-          .trial_stands = shard.has_trial(),
+          .trial_stands = member.trial_stands(),
           .age_ns = now_ns - member.opened_ns,
           .idle_ns = now_ns - member.last_request_ns,
           .state_bytes = shard.state_bytes(),

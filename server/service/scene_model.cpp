@@ -162,7 +162,15 @@ SceneModel convert(v1::Scene& scene) {
     fill_junctions(*scene.mutable_junctions(), options.soft);
     options.junctions = junctions_of(scene.junctions(), options);
   }
-  if (scene.has_tolerance()) options = physics::discretised(options, scene.tolerance());
+  if (scene.has_tolerance()) {
+    options = physics::discretised(options, scene.tolerance());
+    if (!scene.has_work_budget()) scene.set_work_budget(physics::kWorkBudget);
+    options.work_budget = scene.work_budget();
+  } else if (scene.has_work_budget()) {
+    refuse("work_budget",
+           "work_budget goes with a tolerance, which divides steps: without one no step is divided freely",
+           "Leave it out, or give a tolerance.");
+  }
   refuse_what_excludes_each_other(options);
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());

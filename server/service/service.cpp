@@ -48,9 +48,14 @@ void Service::log(const std::string& line) const noexcept try {
 } catch (const std::exception&) {
 }
 
-std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) noexcept try {
+std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, Turn* turn) noexcept try {
+  if (turn != nullptr) *turn = Turn::kAnswered;
   if (failed()) return std::nullopt;
+  may_wait_ = turn != nullptr;
+  turn_ = Turn::kAnswered;
   ++metrics_.requests;
+  User& asking = user(caller.identity);
+  ++asking.requests;
   auto reply = std::make_shared<wire::Reply>();
   reply->epoch = epoch_;
   kept_ = false;
@@ -65,6 +70,12 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
                      .text = fmt::format("the server could not run the request: {}", fault.what()),
                      .remedy = "Nothing was changed. Tell the maintainers of the server."};
   }
+  if (turn_ != Turn::kAnswered) {
+    --metrics_.requests;
+    --asking.requests;
+    *turn = turn_;
+    return std::nullopt;
+  }
   if (kept_) failed_ = true;  // the request is in the journal but has not run: states and journal differ
   if (failed()) {
     log(fmt::format("FAILED: {}: {}", wire::name(reply->status.code), reply->status.text));
@@ -72,6 +83,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller) 
   }
   if (!reply->status.ok()) {
     ++metrics_.refused;
+    ++asking.refused;
     if (const auto code = static_cast<std::size_t>(reply->status.code); code < Metrics::kCodes) ++times_.refusals[code];
     reply->body = std::monostate{};
     reply->batch = wire::Batch();
@@ -123,7 +135,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     return reply;
   }
   if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
-    reply->body = status();
+    reply->body = status_for(caller);
     return reply;
   }
   if (const auto* look = std::get_if<wire::Inspect>(&request.body)) {
@@ -154,7 +166,9 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
 void Service::check_epoch(const wire::Request& request, const Member* member) const {
   const std::uint64_t expected = member != nullptr && member->epoch != 0 ? member->epoch : epoch_;
   if (request.epoch == 0 || request.epoch == expected || replaying_) return;
-  if (request.epoch - epoch_ <= claims_)
+  const bool superseded =
+      member != nullptr && std::ranges::find(member->superseded, request.epoch) != member->superseded.end();
+  if (superseded || request.epoch - epoch_ <= claims_)
     throw Error({.code = Code::kSuperseded,
                  .text = "the session was resumed since by a client that showed its token",
                  .remedy = "Leave it to that one."});
@@ -193,9 +207,14 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   welcome.server_version = options_.server_version;
   welcome.limits.max_sessions = options_.max_sessions;
   welcome.limits.max_state_bytes = options_.max_state_bytes;
+  welcome.limits.max_sessions_per_user = caller.is_operator ? options_.max_sessions : options_.max_sessions_per_user;
+  welcome.limits.max_state_bytes_per_user =
+      caller.is_operator ? options_.max_state_bytes : options_.max_state_bytes_per_user;
+  if (store_ != nullptr) welcome.limits.max_replay_work = static_cast<std::uint64_t>(store_->checkpoint_work());
+  welcome.limits.max_work_budget = static_cast<std::uint64_t>(options_.max_work_budget);
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial",        "resume",  "mark",
-                          "domains",         "stick_form",   "absent_nodes", "closure", "idle_limit"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial",   "resume",     "mark", "domains",
+                          "stick_form",      "absent_nodes", "closure", "idle_limit", "parts"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
@@ -232,19 +251,24 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
     if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
     if (verdict.triage == session::Triage::kProcess)
       throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
+    ++user(arrival.caller.identity).replayed;
     return repeat(*known->second);
   }
   check_may_open(request);
+  check_session_quota(arrival.caller);
   const auto node_ids = check_opening_nodes(request.batch, open.domain);
   check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
   SceneModel made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
+  check_work_budget(made.options);
   const std::vector<double> temperatures = check_initial_temperatures(request.batch, made.options);
   physics::Model model(made.options);
-  check_memory(shard::Shard::bytes_for(model, node_ids.size(), open.check_closure), node_ids.size());
+  check_memory(shard::Shard::bytes_for(model, node_ids.size(), open.check_closure), node_ids.size(), arrival.caller,
+               arrival.caller.identity);
 
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
   member->identity = arrival.caller.identity;
+  member->owner_epoch = epoch_;
   member->opened_ns = member->last_request_ns = arrival.started_ns;
   member->resume_token = open.resume_token;
   member->domain = open.domain;
@@ -299,7 +323,19 @@ wire::SessionOpened Service::opened(const Member& member) const {
           .scene_name = member.scene_name};
 }
 
-void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
+// What was granted once is in the journal and is granted again by every server that replays it.
+void Service::check_work_budget(const physics::ModelOptions& options) const {
+  if (replaying_ || options_.max_work_budget == 0.0 || options.work_budget <= options_.max_work_budget) return;
+  throw Error({.code = Code::kLimit,
+               .text = fmt::format("work_budget = {:g}: this server grants at most {:g} evaluations for a node's step",
+                                   options.work_budget, options_.max_work_budget),
+               .remedy = "Ask for less, or have the server started with a larger --max-work-budget.",
+               .field = "work_budget"});
+}
+
+void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller,
+                           std::string_view owner) const {
+  check_memory_quota(wanted, nodes, caller, owner);
   if (metrics_.state_bytes > options_.max_state_bytes || wanted > options_.max_state_bytes - metrics_.state_bytes)
     throw Error({.code = Code::kLimit,
                  .text = fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
@@ -307,7 +343,7 @@ void Service::check_memory(std::uint64_t wanted, std::size_t nodes) const {
                  .remedy = "Use a graded grid with fewer cells, close sessions, or give the server more memory."});
 }
 
-Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const ReplyPtr& reply) {
+Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end()) {
@@ -320,7 +356,10 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   check_identity(member, arrival.caller);
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   member.last_request_ns = arrival.started_ns;
-  if (verdict.triage == session::Triage::kResend) return repeat(member);  // whatever the request's epoch
+  if (verdict.triage == session::Triage::kResend) {
+    ++user(arrival.caller.identity).replayed;
+    return repeat(member);  // whatever the request's epoch
+  }
   check_epoch(request, &member);
   if (!member.shard)
     throw Error({.code = Code::kUnknownSession,
@@ -328,14 +367,15 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
                  .remedy = "Open a new session."});
   if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
 
-  if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
-    downscale(member, *step, arrival, reply);
-    return reply;
-  }
+  if (std::holds_alternative<wire::Downscale>(request.body)) return downscale(member, arrival, reply);
+  if (must_wait(member)) return reply;
   if (std::holds_alternative<wire::Commit>(request.body)) {
-    if (!member.shard->has_trial())
-      throw Error(
-          {.code = Code::kNothingToCommit, .text = "no trial is standing", .remedy = "Send a trial step first."});
+    if (!member.trial_stands())
+      throw Error({.code = Code::kNothingToCommit,
+                   .text = member.parts ? fmt::format("parts of the step are missing: {} of {} have come",
+                                                      member.parts->last.part, member.parts->last.parts)
+                                        : "no trial is standing",
+                   .remedy = "Send a trial step first, with all of its parts."});
     keep(arrival, member.id, &member);
     member.shard->commit();
     reply->body = wire::Committed{.state_version = member.shard->state_version()};
@@ -361,108 +401,12 @@ Service::ReplyPtr Service::answer_in_session(const Arrival& arrival, const Reply
   return reply;
 }
 
-void Service::downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply) {
-  const wire::Request& request = arrival.request;
-  shard::Shard& shard = *member.shard;
-  // 1. Do everything that can fail: checks, factorisation, memory, the journal.
-  const physics::ModelOptions& options = shard.model().options();
-  const std::vector<Field> wanted = check_wanted(step, options, shard.check_closure());
-  const shard::Rows rows = check_step(step, request.batch, options, shard.nodes());
-  if (step.commit_previous && !shard.has_trial())
-    throw Error({.code = Code::kNothingToCommit,
-                 .text = "commit_previous is set, and no trial is standing",
-                 .remedy = "Set it only after a trial that was neither committed nor rolled back."});
-  const auto operators = shard.operators(step.dt_s);
-  const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
-  reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
-  auto& upscale = reply->body.emplace<wire::Upscale>();
-  shard::StepColumns columns = step_columns(request.batch, reply->batch, step.dt_s);
-  columns.host_time = step.time_s;
-  const std::uint64_t version_before = shard.state_version() + (step.commit_previous ? 1 : 0);
-  if (shard.check_closure() && version_before == 0) upscale.warnings = unit_warnings(step, request.batch);
-  std::vector<std::uint8_t> unasked(
-      reply->batch.has(Field::kOutcome) ? 0 : num_rows);  // receives the outcomes if the reply has no column for them
-  if (!unasked.empty())
-    columns.outputs.emplace_back(
-        shard::AnswerColumn<std::uint8_t, std::uint8_t>{&physics::TileOutputs::outcome, std::span(unasked)});
-  const std::span<const std::uint8_t> outcomes =
-      unasked.empty() ? reply->batch.u8(Field::kOutcome) : std::span(unasked);
-  std::uint64_t solver_started_ns = 0;
-  shard::StepCount count;
-  std::optional<shard::Shard::Attempt> attempt;
-  if (step.policy == wire::Policy::kAllOrNothing) {
-    solver_started_ns = options_.now_ns();
-    attempt = shard.attempt(rows, *operators, columns, step.commit_previous);
-    if (attempt->count.failed != 0) {
-      leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, step.commit_previous});
-      refuse_failed_step(request.batch, shard.nodes(), outcomes);
-    }
-  }
-  keep(arrival, member.id, &member);
-
-  // 2. Change the states. Nothing can fail from here to complete(), so states, sequence and kept reply stay consistent.
-  if (step.commit_previous) shard.commit();
-  if (attempt) {
-    shard.adopt(*attempt);
-    count = attempt->count;
-  } else {
-    solver_started_ns = options_.now_ns();
-    count = shard.step(rows, *operators, columns);
-    if (count.failed != 0) leave_capsules(member, step, arrival, rows, {reply->batch, outcomes, false});
-  }
-  const std::uint64_t ended_ns = options_.now_ns();
-  member.last_request_ns = ended_ns;  // a client is not idle while it waits
-  if (step.mode == wire::Mode::kAdvance) shard.commit();
-  if (shard.check_closure()) report_closure(member, step, request.batch, rows, count.closure, upscale);
-  upscale.nodes = num_rows;
-  upscale.flagged_nodes = count.flagged;
-  upscale.state_version = shard.state_version();
-  upscale.solver_ns = ended_ns - solver_started_ns;
-  upscale.service_ns = ended_ns - arrival.started_ns;
-  member.conversation.complete(request.sequence, arrival.hash, reply);
-
-  ++member.totals.requests;
-  const std::size_t stepped = shard.stepped_nodes(rows);
-  member.totals.node_steps += stepped;
-  member.totals.solver_ns += upscale.solver_ns;
-  member.totals.asleep_node_steps += count.asleep;
-  metrics_.node_steps += stepped;
-  metrics_.solver_ns += upscale.solver_ns;
-  times_.solver.add(upscale.solver_ns);
-}
-
-// Adds to the reply the largest difference between a jump of the host and the answered one, and a warning if the host's
-// times do not fit dt. Without memory for the warning the reply goes without it, because the step has run.
-void Service::report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
-                             const shard::Rows& rows, const shard::Closure& closure,
-                             wire::Upscale& upscale) const noexcept try {
-  const shard::Shard& shard = *member.shard;
-  const std::uint64_t version = shard.state_version();
-  if (rows.all ? shard.nodes().size() == 0 : rows.slots.empty()) return;
-  const auto node_of = [&](std::size_t row) {
-    return rows.all ? shard.nodes().ids()[row] : batch.u64(Field::kNodeId)[row];
-  };
-  upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
-  upscale.closure_node = node_of(closure.row);
-  upscale.layer_time_s = shard.layer_time(rows.all ? shard.nodes().slot_of(closure.row) : rows.slots[closure.row]);
-  constexpr std::uint64_t kWatched = 101;  // number of commits after which the host's time is no longer checked
-  if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
-  upscale.warnings.push_back(fmt::format(
-      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
-      "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
-      "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
-      "impedance",
-      closure.host_time_step, node_of(closure.time_row), step.dt_s, upscale.closure_node, upscale.layer_time_s,
-      step.time_s));
-} catch (const std::exception&) {
-}
-
 // Closes each idle session by a request that the server makes itself, as an operator. The request is journaled, so a
 // recovery closes the session again. After a recovery the time without a request counts from the recovery.
 void Service::close_idle_sessions() noexcept try {
   std::vector<wire::Request> closings;
   for (const auto& [id, member] : members_) {
-    if (!member->shard || member->idle_limit_s == 0) continue;
+    if (!member->shard || member->running || member->idle_limit_s == 0) continue;
     const double idle_s = 1e-9 * static_cast<double>(options_.now_ns() - member->last_request_ns);
     if (idle_s < static_cast<double>(member->idle_limit_s)) continue;
     closings.push_back({.session_id = id,
@@ -487,18 +431,20 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
                   close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
                   1e-9 * static_cast<double>(totals.solver_ns)));
-  closed_.push_back(member.id);
+  std::deque<wire::SessionId>& closed = closed_[member.identity];
+  closed.push_back(member.id);
   member.closed_because = std::move(because);
   reply.body = totals;
   --metrics_.sessions;
   metrics_.nodes -= member.shard->nodes().size();
   metrics_.state_bytes -= member.held_bytes();
   member.marks.clear();
+  member.parts.reset();
   member.shard.reset();
   forget_transfers_of(member.domain_it_is_in());
-  if (closed_.size() > kClosedSessionsKept) {
-    members_.erase(closed_.front());
-    closed_.pop_front();
+  if (closed.size() > kClosedSessionsKept) {
+    members_.erase(closed.front());
+    closed.pop_front();
   }
 }
 

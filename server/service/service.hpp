@@ -13,6 +13,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/messages.hpp"
@@ -40,15 +41,28 @@ struct Caller {
   bool is_operator = false;   // may act in any session and on the server itself
 };
 
+// What became of a request.
+enum class Turn {
+  kAnswered,   // it was answered, or never will be
+  kComputing,  // its step is computed in slices: ask again after work() has returned true, with the same frames, which
+               // must stay where they are in memory
+  kWaiting,    // it waits for the step of another request: ask again after work() has returned true
+};
+
 struct ServiceOptions {
   std::uint64_t epoch = 1;  // random number that identifies this start of the server; not 0
   std::string server_version;
   std::uint64_t max_state_bytes = std::uint64_t{8} << 30;  // limit of the memory of all sessions' states
   std::size_t max_sessions = wire::kMaxSessions;
+  std::size_t max_sessions_per_user = wire::kMaxSessions;  // quotas of a user who is no operator
+  std::uint64_t max_state_bytes_per_user = std::uint64_t{8} << 30;
   std::size_t nodes_per_task = 512;
+  double slice_work = 0.0;       // work of each thread in one slice of a step  [evaluations]; 0: steps are not sliced
+  double max_work_budget = 0.0;  // largest work_budget of a scene; 0: any
   std::function<std::uint64_t()> now_ns;                     // a monotonic clock
   std::function<void(const std::string&)> log;               // writes one line of the log; may be empty
   std::function<void(wire::ServerStatus&)> complete_status;  // adds counters from outside of the service; may be empty
+  std::function<void()> while_replaying;  // called often during a recovery; may throw store::Interrupted; may be empty
   std::function<void(bool begins)> around_checkpoint;  // called before (true) and after a checkpoint; may be empty
   std::function<void(Frames request, const ReplyFrames& reply)> exchanged;  // called with every answer; may be empty
 };
@@ -60,12 +74,22 @@ class Service : private store::Recovery {
   Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store = nullptr);
   ~Service() override;
 
-  // Restores the sessions of the store. Called once, before the first request. Throws if the store cannot be used.
+  // Restores the sessions of the store. Called once, before the first request. Throws if the store cannot be used, and
+  // store::Interrupted if ServiceOptions::while_replaying does.
   void recover();
+  // The answer to any request while recover() runs: RECOVERING, with what has been done.
+  std::optional<ReplyFrames> refuse_while_recovering(Frames frames) const noexcept;
 
   // Returns the answer to one request. Never throws. The result is empty if the request has run but there was no memory
   // for its answer (the client repeats the request and gets the answer then), and always once failed() is true.
-  std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}) noexcept;
+  // With `turn` a long step is computed in slices, between which other requests are answered; without it the answer
+  // comes at once, and no step may be waiting for work().
+  std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}, Turn* turn = nullptr) noexcept;
+
+  // Computes one slice of a waiting step, of each in turn. Returns true if a step is complete, so that requests which
+  // wait can be asked again.
+  bool work() noexcept;
+  bool computing() const { return !computing_.empty(); }  // whether steps wait for work()
 
   // Continues a session under another scene, with its states. For programs that replay a part of a session with other
   // laws. Throws Error for a scene at fault, std::invalid_argument for a scene whose layers have other states; the
@@ -78,12 +102,21 @@ class Service : private store::Recovery {
 
   // Writes the states of all sessions to the store. False without a store, or if writing failed.
   bool checkpoint();
+  // The same while requests are answered: begin_checkpoint() copies the states, another thread writes them, and
+  // end_checkpoint(), called between requests, completes a checkpoint that is written, or with `wait` waits for it.
+  void begin_checkpoint();
+  void end_checkpoint(bool wait) noexcept;
+  bool checkpointing() const { return job_ != nullptr; }
 
   // True if an operator has asked the server to end with the last session and no session is open any more.
   bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
 
   // Closes the sessions that have been idle for as long as their clients allowed. Called between requests.
   void close_idle_sessions() noexcept;
+
+  // Journals the hash of the last reply of each session that has been quiet for a second, so that a recovery can compare
+  // it, as the next request of the session would. Called between requests.
+  void prove_last_replies() noexcept;
 
   // Refuses every later request with SHUTTING_DOWN.
   void begin_shutdown() { shutting_down_ = true; }
@@ -95,6 +128,7 @@ class Service : private store::Recovery {
   // repeated close_session, and a late copy of the request that opened the session cannot open it again.
   struct Member;
   struct Arrival;
+  struct RunningStep;
   // Sessions of one identity with the same domain name; a session without a name is in no domain.
   struct Domain {
     std::string_view identity;
@@ -105,7 +139,7 @@ class Service : private store::Recovery {
   using ReplyPtr = std::shared_ptr<wire::Reply>;
 
   ReplyPtr answer(Frames frames, const Caller& caller, const ReplyPtr& reply);
-  ReplyPtr answer_in_session(const Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr answer_in_session(Arrival& arrival, const ReplyPtr& reply);
   void hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const;
   ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply);
@@ -118,9 +152,18 @@ class Service : private store::Recovery {
   wire::SessionInfo info_of(const Member& member) const;
   void check_epoch(const wire::Request& request, const Member* member) const;
   void check_may_open(const wire::Request& request) const;
-  void check_memory(std::uint64_t wanted, std::size_t nodes) const;
+  void check_work_budget(const physics::ModelOptions& options) const;
+  // Refuses states that the server, or the quota of the user `owner`, has no memory for.
+  void check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
   ReplyPtr repeat(const Member& member);
-  void downscale(Member& member, const wire::Downscale& step, const Arrival& arrival, const ReplyPtr& reply);
+  // steps.cpp: a step, from its checks to its answer.
+  ReplyPtr downscale(Member& member, Arrival& arrival, const ReplyPtr& reply);
+  std::unique_ptr<RunningStep> begin_step(Member& member, Arrival& arrival, const ReplyPtr& reply);
+  bool slice(Member& member);
+  void end_step(Member& member, RunningStep& running, const Arrival& arrival);
+  bool must_wait(const Member& member);
+  void wait_for_work(Member& member, Frames frames);
+  void report_budget(const Member& member, std::uint64_t nodes, wire::Upscale& upscale) const noexcept;
   void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
                       const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) const noexcept;
   wire::SessionOpened opened(const Member& member) const;
@@ -128,14 +171,33 @@ class Service : private store::Recovery {
   std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
                                            bool check_closure) const;
 
+  // Defined in users.cpp: quotas and counters of users.
+  struct Usage {
+    std::size_t sessions = 0;
+    std::uint64_t nodes = 0;
+    std::uint64_t state_bytes = 0;
+  };
+  struct User {  // counters since the start of the server
+    std::uint64_t requests = 0;
+    std::uint64_t refused = 0;
+    std::uint64_t replayed = 0;
+    std::uint64_t node_steps = 0;
+    std::uint64_t solver_ns = 0;
+    std::uint64_t turn_ns = 0;  // time of the solver, from which the order of the users' slices follows
+  };
+  Usage usage_of(std::string_view identity) const;
+  void check_session_quota(const Caller& caller) const;
+  void check_memory_quota(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
+  wire::ServerStatus status_for(const Caller& caller) const;
+  User& user(std::string_view identity);
+
   // Defined in capsules.cpp: writes failure capsules of the nodes for which a step found no answer.
   struct FailedStep {
     const wire::Batch& answer;
     std::span<const std::uint8_t> outcomes;
     bool from_trial;  // true if the step started from a waiting trial, which its request commits first
   };
-  void leave_capsules(const Member& member, const wire::Downscale& step, const Arrival& arrival,
-                      const shard::Rows& rows, const FailedStep& failed) noexcept;
+  void leave_capsules(const Member& member, const RunningStep& running, const FailedStep& failed) noexcept;
 
   // Defined in nodes.cpp: the functions that change which nodes a session has, and those of marks.
   static constexpr std::uint64_t kNoneWithdrawn = std::numeric_limits<std::uint64_t>::max();
@@ -154,32 +216,42 @@ class Service : private store::Recovery {
   void withdraw_offers(Member& member, std::uint64_t after_sequence);
   void close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival, wire::Reply& reply);
 
-  void keep(const Arrival& arrival, const wire::SessionId& session, const Member* member);
+  void keep(const Arrival& arrival, const wire::SessionId& session, const Member* member,
+            std::optional<std::uint64_t> sequence = {});
+  void grant(Member& member, const wire::ResumeSession& resume, const Arrival& arrival);
   void settle();
   store::Snapshot snapshot() const;
   void restore(const store::Snapshot& snapshot) override;
+  void run_again(std::span<const std::byte> header, std::span<const std::byte> payload, std::string_view identity,
+                 std::uint64_t epoch);
   void replay(const store::Record& record, std::uint64_t epoch) override;
   void clear() override;
 
   void log(const std::string& line) const noexcept;
 
-  static constexpr std::size_t kClosedSessionsKept = 256;
+  static constexpr std::size_t kClosedSessionsKept = 4096;  // of each user; about 2 kB each
 
   ServiceOptions options_;
   shard::TaskPool& pool_;
   store::Store* store_;
   std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that ran the request first
   std::uint64_t claims_ = 0;  // number of granted claims (resume_session); claim i has the epoch epoch_ + i
-  bool replaying_ = false;    // true while a recovery runs the requests of the journal again
-  bool kept_ = false;         // true while the present request is in the journal and has not run
+  std::uint64_t granted_epoch_ = 0;  // during a recovery: epoch of the claim that is replayed
+  bool replaying_ = false;           // true while a recovery runs the requests of the journal again
+  bool kept_ = false;                // true while the present request is in the journal and has not run
+  bool may_wait_ = false;            // true if the present request may be answered later
+  Turn turn_ = Turn::kAnswered;      // turn of the present request
+  std::deque<Member*> computing_;    // sessions whose step waits for work(), the next one first
+  std::vector<Member*> journaled_;   // sessions whose request is in the journal, in its order
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
   bool draining_ = false;
   bool exit_when_drained_ = false;
-  Members members_;                                             // all open sessions and the last closed ones
-  std::deque<wire::SessionId> closed_;                          // ids of closed sessions, oldest first
-  std::map<wire::TransferId, store::TransferImage> transfers_;  // offered nodes, which no session owns
+  Members members_;  // all open sessions and the last closed ones
+  std::map<std::string, std::deque<wire::SessionId>, std::less<>> closed_;  // by identity, oldest first
+  std::map<wire::TransferId, store::TransferImage> transfers_;              // offered nodes, which no session owns
+  std::map<std::string, User, std::less<>> users_;                          // by identity
   wire::ServerStatus metrics_;
   Metrics times_;
   struct Current {  // the request that is being answered
@@ -187,6 +259,10 @@ class Service : private store::Recovery {
     std::uint64_t started_ns = 0;
   } current_;
   std::uint64_t last_checkpoint_ns_ = 0;
+  bool previous_committed_ = false;  // during a recovery: the trial that the request commits is committed already
+  std::shared_ptr<store::Store::CheckpointJob> job_;  // the checkpoint being written by aside_
+  std::uint64_t job_started_ns_ = 0;
+  shard::Aside aside_;
 };
 
 }  // namespace shearbus::service

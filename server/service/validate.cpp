@@ -271,6 +271,16 @@ void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
            "Nothing was changed. Try a shorter step, or POLICY_ACCEPT, with which such nodes keep their states.");
   const std::uint64_t first = ids.front();
   const std::size_t failed = ids.size();
+  const auto over_budget =
+      std::ranges::count_if(outcomes, [](std::uint8_t outcome) { return (outcome & wire::kOverBudget) != 0; });
+  if (over_budget != 0)
+    refuse(Code::kStepFailed, "downscale.policy",
+           fmt::format("node {} has no answer to this step ({} of {} rows): {} needed more work than the scene's "
+                       "work_budget",
+                       first, failed, outcomes.size(), over_budget),
+           "Nothing was changed. Try a shorter step or a larger tolerance, or open the session with a larger "
+           "work_budget.",
+           std::move(ids));
   refuse(Code::kStepFailed, "downscale.policy",
          fmt::format("node {} has no answer to this step ({} of {} rows)", first, failed, outcomes.size()),
          "Nothing was changed. Try a shorter step, or POLICY_ACCEPT, with which these nodes keep their states.",
@@ -308,7 +318,12 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   check_times(step, options);
   check_columns_of_step(batch, options);
   shard::Rows rows = locate_rows(batch, nodes);
-  rows.others_are_open = !rows.all && step.absent_nodes == wire::AbsentNodes::kOpen;
+  if (const std::size_t count = rows.all ? nodes.size() : rows.slots.size(); count > wire::kMaxRowsPerMessage)
+    refuse(Code::kLimit, wire::name(Field::kNodeId),
+           fmt::format("a step of {} rows; a message has at most {}", count, wire::kMaxRowsPerMessage),
+           "Divide the step into parts (downscale.part and parts), which are committed as one.");
+  // The nodes that no part names are stepped with the last part.
+  rows.others_are_open = !rows.all && step.absent_nodes == wire::AbsentNodes::kOpen && step.part == step.parts;
   const auto row_ids = batch.u64(Field::kNodeId);
   for (const wire::ColumnRow& row : wire::column_rows())
     for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)

@@ -1,8 +1,12 @@
 #include "server/shard/shard.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <functional>
+#include <iterator>
+#include <limits>
 #include <mutex>
+#include <optional>
 
 #include "server/physics/solver/step_operators.hpp"
 
@@ -16,13 +20,7 @@ namespace {
 // step, and one block is copied quickly.
 constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
-// For each lane (node) of one tile, its row in the request of the step. Only the rows of the lanes `named` are valid.
-struct LaneRows {
-  std::uint32_t row[kLanes] = {};
-  std::uint32_t named = 0;  // bit i: the node of lane i has a row in the request
-  std::uint32_t open = 0;   // bit i: the node of lane i has no row in the request and is stepped as an open contact
-  bool has(int lane) const { return (named >> lane & 1U) != 0; }
-};
+constexpr double kNodeWork = 32.0;  // work of a node-step that solves nothing, measured roughly  [evaluations]
 
 // Makes these lanes open contacts without forces: all inputs stay 0 except the masses, by which the step divides. No
 // answer depends on the values of these masses.
@@ -30,12 +28,13 @@ void leave_open(std::uint32_t lanes, physics::TileInputs& in) {
   for (const int lane : physics::lanes_of(lanes)) in.mass_soft[lane] = in.mass_hard[lane] = 1.0;
 }
 
+template <typename LaneRows>
 void gather(std::span<const double> column, const LaneRows& lanes, double* values) {
   for (int lane = 0; lane < kLanes; ++lane)
     if (lanes.has(lane)) values[lane] = column[lanes.row[lane]];
 }
 
-template <typename From, typename To>
+template <typename From, typename LaneRows, typename To>
 void scatter(const From* values, const LaneRows& lanes, std::span<To> column) {
   for (int lane = 0; lane < kLanes; ++lane)
     if (lanes.has(lane)) column[lanes.row[lane]] = static_cast<To>(values[lane]);
@@ -107,6 +106,14 @@ std::shared_ptr<const physics::StepOperators> Shard::operators(double dt) {
   return operators_.front().second;
 }
 
+// For each lane (node) of one tile, its row in the request of the step. Only the rows of the lanes `named` are valid.
+struct Shard::LaneRows {
+  std::uint32_t row[kLanes] = {};
+  std::uint32_t named = 0;  // bit i: the node of lane i has a row in the request
+  std::uint32_t open = 0;   // bit i: the node of lane i has no row in the request and is stepped as an open contact
+  bool has(int lane) const { return (named >> lane & 1U) != 0; }
+};
+
 // The arguments of a step that all tiles share.
 struct Shard::StepOf {
   std::size_t num_nodes;
@@ -115,13 +122,50 @@ struct Shard::StepOf {
   const physics::StepOperators& operators;
   const StepColumns& columns;
   bool has_ledger;
+  const std::vector<bool>* stepped = nullptr;  // nodes that others_are_open does not mean; null: none
 };
 
-Shard::StepOf Shard::step_of(const Rows& rows, const physics::StepOperators& operators,
-                             const StepColumns& columns) const {
-  return {stepped_nodes(rows), rows.all && nodes_.slots_are_rows(), rows.others_are_open, operators, columns,
-          columns.has_ledger()};
-}
+// The step of one tile.
+struct Shard::TileStep {
+  std::size_t tile = 0;
+  const double* from = nullptr;
+  double* to = nullptr;
+  LaneRows lanes;
+  double work[kLanes] = {};
+  physics::TileInputs in;
+  physics::TileOutputs out;
+};
+
+class Shard::StepRun {
+ public:
+  // A tile whose step is divided into substeps, and may be interrupted between them. One for each thread.
+  struct Divided {
+    explicit Divided(const physics::Model& model) : step(model) {}
+    TileStep tile;
+    physics::DividedStep step;
+    double spent = 0.0;  // work of the interrupted tile so far
+    bool interrupted = false;
+  };
+
+  StepRun(const StepOf& step_of, const Rows& of) : step(step_of), rows(of) {}
+
+  bool done() const {
+    return next >= tiles->size() && std::ranges::none_of(divided, [](const auto& seat) { return seat->interrupted; });
+  }
+
+  StepOf step;
+  const Rows& rows;
+  std::optional<Attempt> attempt;                     // absent: a step
+  bool extends = false;                               // the attempt is added to the trial
+  std::vector<std::uint32_t> touched;                 // memory for the tiles of trial and attempt together
+  const std::vector<std::uint32_t>* tiles = nullptr;  // set by begin()
+  unsigned threads = 1;
+  std::size_t grain = 1;                          // number of tiles that a thread takes at a time
+  std::vector<std::unique_ptr<Divided>> divided;  // of a model with a tolerance, for each thread; else empty
+  std::atomic<std::size_t> next{0};               // place in `tiles` of the next tile that no thread has taken
+  std::mutex counting;
+  StepCount count;  // of the tiles that are done
+};
 
 // Lists the tiles that hold a node of the step. Also fills row_of_slot_, the row of the request for each slot, unless
 // the request has every node and the row of every node equals its slot.
@@ -142,113 +186,209 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   tiles.erase(std::unique(tiles.begin(), tiles.end()), tiles.end());
 }
 
-// Steps each tile, on one thread or several; tiles are independent. `from(i)` and `to(i)` are the states of tiles[i]
-// before and after the step.
-template <typename From, typename To>
-StepCount Shard::step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from,
-                            const To& to) {
-  StepCount count;
-  std::mutex counting;
-  const auto step_range = [&](std::size_t first, std::size_t last) {
-    StepCount here;
-    for (std::size_t i = first; i < last; ++i) here += step_tile(step, tiles[i], from(i), to(i));
-    const std::lock_guard lock(counting);
-    count += here;
+std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const physics::StepOperators& operators,
+                                                const StepColumns& columns) {
+  auto run = std::make_shared<StepRun>(StepOf{stepped_nodes(rows), rows.all && nodes_.slots_are_rows(),
+                                              rows.others_are_open, operators, columns, columns.has_ledger()},
+                                       rows);
+  const std::size_t tasks = run->step.num_nodes / std::max<std::size_t>(options_.nodes_per_task, 1);
+  run->threads = static_cast<unsigned>(std::clamp<std::size_t>(tasks, 1, pool_.threads()));
+  if (!model_.options().tolerance) return run;
+  for (unsigned seat = 0; seat < run->threads; ++seat)
+    run->divided.push_back(std::make_unique<StepRun::Divided>(model_));
+  return run;
+}
+
+std::shared_ptr<Shard::StepRun> Shard::prepare(const Rows& rows, const physics::StepOperators& operators,
+                                               const StepColumns& columns) {
+  return prepared(rows, operators, columns);
+}
+
+std::shared_ptr<Shard::StepRun> Shard::prepare_attempt(const Rows& rows, const physics::StepOperators& operators,
+                                                       const StepColumns& columns, bool from_trial) {
+  auto run = prepared(rows, operators, columns);
+  Attempt& attempt = run->attempt.emplace();
+  attempt.tiles.reserve(std::max(num_tiles(), rows.slots.size()));
+  attempt.states = make_states(std::min(num_tiles(), run->step.num_nodes) * layout_.doubles);
+  attempt.start = committed_;
+  for (const std::uint32_t tile : touched_)
+    if (from_trial) attempt.start[tile] = static_cast<std::uint8_t>(1 - attempt.start[tile]);
+  return run;
+}
+
+// A tile of the trial starts from its trial states: there the lanes of other nodes have their committed states.
+std::shared_ptr<Shard::StepRun> Shard::prepare_extension(const Rows& rows, const physics::StepOperators& operators,
+                                                         const StepColumns& columns, const std::vector<bool>& stepped) {
+  auto run = prepare_attempt(rows, operators, columns, true);
+  run->step.stepped = &stepped;
+  run->extends = true;
+  run->touched.reserve(num_tiles());
+  return run;
+}
+
+void Shard::begin(StepRun& run) {
+  if (!run.attempt) rollback();
+  std::vector<std::uint32_t>& tiles = run.attempt ? run.attempt->tiles : touched_;
+  find_tiles(run.rows, tiles);
+  run.tiles = &tiles;
+  // Nodes differ in cost (a melting node needs more iterations), so each thread gets several ranges. A thread looks
+  // after each range whether its slice is over.
+  constexpr std::size_t kRangesPerThread = 8;
+  constexpr std::size_t kMostTiles = 64;
+  if (run.divided.empty())
+    run.grain = std::clamp<std::size_t>(tiles.size() / (run.threads * kRangesPerThread), 1, kMostTiles);
+}
+
+// The seats of a step are the places of its threads. A thread may take several seats, one after the other.
+bool Shard::work(StepRun& run, double work) {
+  const auto seats = [&](std::size_t first, std::size_t last) {
+    for (std::size_t seat = first; seat < last; ++seat) run_seat(run, seat, work);
   };
-  const std::size_t tasks = step.num_nodes / std::max<std::size_t>(options_.nodes_per_task, 1);
-  if (tasks <= 1) {
-    step_range(0, tiles.size());
+  if (run.threads == 1) {
+    run_seat(run, 0, work);
   } else {
-    // Nodes differ in cost (a melting node needs more iterations), so each thread gets several ranges.
-    constexpr std::size_t kRangesPerThread = 8;
-    const auto threads = static_cast<unsigned>(std::min<std::size_t>(tasks, pool_.threads()));
-    const std::size_t grain = std::max<std::size_t>(1, tiles.size() / (threads * kRangesPerThread));
-    pool_.run(tiles.size(), grain, threads, std::cref(step_range));
+    pool_.run(run.threads, 1, run.threads, std::cref(seats));
   }
-  for (const std::uint32_t tile : tiles)
-    if (!step.rows_are_slots) std::fill_n(row_of_slot_.begin() + std::ptrdiff_t{tile} * kLanes, kLanes, kNoRow);
-  return count;
+  if (!run.done()) return false;
+  for (const std::uint32_t tile : *run.tiles)
+    if (!run.step.rows_are_slots) std::fill_n(row_of_slot_.begin() + std::ptrdiff_t{tile} * kLanes, kLanes, kNoRow);
+  return true;
+}
+
+void Shard::run_seat(StepRun& run, std::size_t seat, double work) {
+  StepCount here;
+  StepRun::Divided* divided = run.divided.empty() ? nullptr : run.divided[seat].get();
+  TileStep whole;
+  TileStep& tile = divided != nullptr ? divided->tile : whole;
+  std::size_t at = 0, end = 0;  // places of the tiles that this thread has taken
+  double left = work;
+  // A thread completes the tiles that it has taken; only a divided step is interrupted, of a tile that was taken alone.
+  while (left > 0.0 || at != end) {
+    const bool resumes = divided != nullptr && divided->interrupted;
+    if (!resumes) {
+      if (at == end) {
+        at = run.next.fetch_add(run.grain, std::memory_order_relaxed);
+        end = std::min(at + run.grain, run.tiles->size());
+        if (at >= end) break;
+      }
+      tile.tile = (*run.tiles)[at];
+      tile.from = buffer(tile.tile, run.attempt ? run.attempt->start[tile.tile] : committed_[tile.tile]);
+      tile.to = run.attempt ? run.attempt->states.get() + at * layout_.doubles
+                            : buffer(tile.tile, 1U - committed_[tile.tile]);
+      ++at;
+      begin_tile(run.step, tile);
+      if (tile.in.active == 0) {
+        std::copy_n(tile.from, layout_.doubles, tile.to);
+        continue;
+      }
+    }
+    double spent_before = 0.0;
+    if (divided == nullptr) {
+      model_.advance(run.step.operators, tile.in, tile.from, tile.to, tile.out);
+    } else {
+      spent_before = resumes ? divided->spent : 0.0;
+      if (!resumes) divided->step.begin(run.step.operators, tile.in, tile.from, tile.to, tile.out);
+      divided->interrupted = !divided->step.run(left);
+      divided->spent = spent_before + left;
+      if (divided->interrupted) break;
+    }
+    const StepCount done = end_tile(run.step, tile);
+    here += done;
+    left -= done.work - spent_before;
+  }
+  const std::lock_guard lock(run.counting);
+  run.count += here;
+}
+
+StepCount Shard::count_of(const StepRun& run) {
+  return run.count;
+}
+
+void Shard::finish(StepRun& run) {
+  if (run.extends) {
+    const Attempt& attempt = *run.attempt;
+    for (std::size_t i = 0; i < attempt.tiles.size(); ++i)
+      std::copy_n(attempt.states.get() + i * layout_.doubles, layout_.doubles,
+                  buffer(attempt.tiles[i], 1U - committed_[attempt.tiles[i]]));
+    std::ranges::set_union(touched_, attempt.tiles, std::back_inserter(run.touched));
+    touched_.assign(run.touched.begin(), run.touched.end());
+  } else if (run.attempt) {
+    adopt(*run.attempt);
+  } else {
+    has_trial_ = true;
+  }
 }
 
 StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns) {
-  rollback();
-  find_tiles(rows, touched_);
-  const StepOf step = step_of(rows, operators, columns);
-  const StepCount count = step_tiles(
-      step, touched_, [&](std::size_t i) { return committed(touched_[i]); },
-      [&](std::size_t i) { return buffer(touched_[i], 1U - committed_[touched_[i]]); });
-  has_trial_ = true;
-  return count;
+  const auto run = prepare(rows, operators, columns);
+  begin(*run);
+  while (!work(*run, std::numeric_limits<double>::infinity())) {
+  }
+  finish(*run);
+  return run->count;
 }
 
 Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                               bool from_trial) {
-  const StepOf step = step_of(rows, operators, columns);
-  const std::size_t doubles = layout_.doubles;
-  Attempt attempt;
-  attempt.tiles_.reserve(std::max(num_tiles(), rows.slots.size()));
-  attempt.states_ = make_states(std::min(num_tiles(), step.num_nodes) * doubles);
-  std::vector<std::uint8_t> begin = committed_;
-  for (const std::uint32_t tile : touched_)
-    if (from_trial) begin[tile] = static_cast<std::uint8_t>(1 - begin[tile]);
-  find_tiles(rows, attempt.tiles_);
-  attempt.count = step_tiles(
-      step, attempt.tiles_, [&](std::size_t i) { return buffer(attempt.tiles_[i], begin[attempt.tiles_[i]]); },
-      [&](std::size_t i) { return attempt.states_.get() + i * doubles; });
-  return attempt;
+  const auto run = prepare_attempt(rows, operators, columns, from_trial);
+  begin(*run);
+  while (!work(*run, std::numeric_limits<double>::infinity())) {
+  }
+  run->attempt->count = run->count;
+  return std::move(*run->attempt);
 }
 
 void Shard::adopt(const Attempt& attempt) {
   rollback();
   const std::size_t doubles = layout_.doubles;
-  for (std::size_t i = 0; i < attempt.tiles_.size(); ++i) {
-    const std::uint32_t tile = attempt.tiles_[i];
+  for (std::size_t i = 0; i < attempt.tiles.size(); ++i) {
+    const std::uint32_t tile = attempt.tiles[i];
     touched_.push_back(tile);
-    std::copy_n(attempt.states_.get() + i * doubles, doubles, buffer(tile, 1U - committed_[tile]));
+    std::copy_n(attempt.states.get() + i * doubles, doubles, buffer(tile, 1U - committed_[tile]));
   }
   has_trial_ = true;
 }
 
-StepCount Shard::step_tile(const StepOf& step, std::size_t tile, const double* from, double* to) const {
-  LaneRows lanes;
+void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
+  LaneRows& lanes = tile.lanes = {};
   for (int lane = 0; lane < kLanes; ++lane) {
-    const std::size_t slot = tile * kLanes + lane;
+    const std::size_t slot = tile.tile * kLanes + lane;
     const bool has_row = step.rows_are_slots ? slot < nodes_.size() : row_of_slot_[slot] != kNoRow;
-    if (!has_row && step.others_are_open && slot < nodes_.size()) lanes.open |= 1U << lane;
+    if (!has_row && step.others_are_open && slot < nodes_.size() && (step.stepped == nullptr || !(*step.stepped)[slot]))
+      lanes.open |= 1U << lane;
     if (!has_row) continue;
     lanes.row[lane] = step.rows_are_slots ? static_cast<std::uint32_t>(slot) : row_of_slot_[slot];
     lanes.named |= 1U << lane;
   }
-
-  physics::TileInputs in;
+  physics::TileInputs& in = tile.in = {};
   in.active = lanes.named | lanes.open;
+  in.work = tile.work;
+  std::fill_n(tile.work, kLanes, kNodeWork);
   leave_open(lanes.open, in);
   for (const InputColumn& column : step.columns.inputs) gather(column.values, lanes, in.*column.member);
-
-  physics::TileOutputs out;
-  physics::TileLedger ledger;
-  model_.advance(step.operators, in, from, to, out);
-  if (step.has_ledger) model_.record_energy(step.operators, in, out, from, to, ledger);
-  for (const OutputColumn& column : step.columns.outputs)
-    std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), lanes, answer.values); }, column);
-  StepCount count = count_of(out, in.active);
-  if (layout_.check_closure()) {
-    double difference[2][kLanes];
-    count.closure = exchange(layout_, {step.operators.dt(), step.columns.host_time}, in, out, lanes.named, lanes.open,
-                             lanes.row, from, to, difference);
-    for (int component = 0; component < 2; ++component)
-      if (const std::span<double> column = step.columns.closure[component]; !column.empty())
-        scatter(difference[component], lanes, column);
-  }
-  return count;
 }
 
-StepCount Shard::count_of(const physics::TileOutputs& out, std::uint32_t active) {
+StepCount Shard::end_tile(const StepOf& step, TileStep& tile) const {
+  const physics::TileOutputs& out = tile.out;
+  physics::TileLedger ledger;
+  if (step.has_ledger) model_.record_energy(step.operators, tile.in, out, tile.from, tile.to, ledger);
+  for (const OutputColumn& column : step.columns.outputs)
+    std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), tile.lanes, answer.values); }, column);
   StepCount count;
-  for (const int lane : physics::lanes_of(active)) {
+  for (const int lane : physics::lanes_of(tile.in.active)) {
     if ((out.outcome[lane] & ~physics::kAsleep) != 0) ++count.flagged;
     if ((out.outcome[lane] & physics::kFailed) != 0) ++count.failed;
     if ((out.outcome[lane] & physics::kAsleep) != 0) ++count.asleep;
+    if ((out.outcome[lane] & physics::kOverBudget) != 0) ++count.over_budget;
+    count.work += tile.work[lane];
+  }
+  if (layout_.check_closure()) {
+    double difference[2][kLanes];
+    count.closure = exchange(layout_, {step.operators.dt(), step.columns.host_time}, tile.in, out, tile.lanes.named,
+                             tile.lanes.open, tile.lanes.row, tile.from, tile.to, difference);
+    for (int component = 0; component < 2; ++component)
+      if (const std::span<double> column = step.columns.closure[component]; !column.empty())
+        scatter(difference[component], tile.lanes, column);
   }
   return count;
 }
@@ -257,6 +397,8 @@ StepCount& StepCount::operator+=(const StepCount& other) {
   flagged += other.flagged;
   failed += other.failed;
   asleep += other.asleep;
+  over_budget += other.over_budget;
+  work += other.work;
   closure += other.closure;
   return *this;
 }

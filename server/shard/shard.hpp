@@ -21,10 +21,12 @@ namespace shearbus::shard {
 
 // Numbers of nodes in a step, by outcome.
 struct StepCount {
-  std::uint64_t flagged = 0;  // nodes with an outcome bit other than kAsleep
-  std::uint64_t failed = 0;   // flagged nodes for which the solver found no answer
-  std::uint64_t asleep = 0;   // nodes at rest, which were not solved
-  Closure closure;            // differences between sent and answered velocity jumps; set if the shard checks closure
+  std::uint64_t flagged = 0;      // nodes with an outcome bit other than kAsleep
+  std::uint64_t failed = 0;       // flagged nodes for which the solver found no answer
+  std::uint64_t asleep = 0;       // nodes at rest, which were not solved
+  std::uint64_t over_budget = 0;  // failed nodes that needed more work than their budget
+  double work = 0.0;              // in evaluations (physics/solver/work.hpp)
+  Closure closure;  // differences between sent and answered velocity jumps; set if the shard checks closure
 
   StepCount& operator+=(const StepCount& other);
 };
@@ -74,10 +76,29 @@ class Shard {
   // attempt() computes a step without changing any state of the shard. The step starts from the trial states if
   // `from_trial`, else from the committed states. adopt() makes the result of the attempt the trial and cannot fail. If
   // the attempt started from a trial, that trial must be committed before adopt().
-  class Attempt;
+  struct Attempt;
   Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
                   bool from_trial);
   void adopt(const Attempt& attempt);
+
+  // step() and attempt() in slices, so that the caller can do other things in between. prepare() and
+  // prepare_attempt() allocate all that the step needs and change nothing. After begin(), work() is called until it
+  // returns true: each thread of the step computes until it has done about so many evaluations. Until finish() no other member may change the shard, and
+  // the arguments of prepare() must live. A run that is abandoned has changed no committed state.
+  class StepRun;
+  std::shared_ptr<StepRun> prepare(const Rows& rows, const physics::StepOperators& operators,
+                                   const StepColumns& columns);
+  std::shared_ptr<StepRun> prepare_attempt(const Rows& rows, const physics::StepOperators& operators,
+                                           const StepColumns& columns, bool from_trial);
+  // Prepares the step of further nodes for the standing trial, from their committed states; finish() then adds them to
+  // it. stepped[slot]: nodes that the trial has stepped. None of them is a row, and rows.others_are_open does not mean
+  // them.
+  std::shared_ptr<StepRun> prepare_extension(const Rows& rows, const physics::StepOperators& operators,
+                                             const StepColumns& columns, const std::vector<bool>& stepped);
+  void begin(StepRun& run);
+  bool work(StepRun& run, double work);
+  static StepCount count_of(const StepRun& run);  // of the tiles that are done
+  void finish(StepRun& run);                      // makes the new states the trial
 
   // Number of nodes that a step of these rows includes.
   std::size_t stepped_nodes(const Rows& rows) const {
@@ -138,12 +159,14 @@ class Shard {
   void check_states(const States& states, std::size_t nodes) const;
   void put_states(const States& states, bool of_trial);
   struct StepOf;
-  StepOf step_of(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns) const;
+  struct TileStep;
+  struct LaneRows;
+  std::shared_ptr<StepRun> prepared(const Rows& rows, const physics::StepOperators& operators,
+                                    const StepColumns& columns);
   void find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles);
-  template <typename From, typename To>
-  StepCount step_tiles(const StepOf& step, const std::vector<std::uint32_t>& tiles, const From& from, const To& to);
-  StepCount step_tile(const StepOf& step, std::size_t tile, const double* from, double* to) const;
-  static StepCount count_of(const physics::TileOutputs& out, std::uint32_t active);
+  void run_seat(StepRun& run, std::size_t seat, double work);
+  void begin_tile(const StepOf& step, TileStep& tile) const;
+  StepCount end_tile(const StepOf& step, TileStep& tile) const;
 
   static constexpr std::uint32_t kNoRow = 0xffffffff;
 
@@ -166,14 +189,11 @@ class Shard {
   std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;
 };
 
-class Shard::Attempt {
- public:
+struct Shard::Attempt {
   StepCount count;
-
- private:
-  friend class Shard;
-  std::vector<std::uint32_t> tiles_;
-  Block states_;  // states after the step of the tiles in `tiles_`: [tile][TileStates::doubles]
+  std::vector<std::uint32_t> tiles;
+  Block states;                     // states after the step of the tiles in `tiles`: [tile][TileStates::doubles]
+  std::vector<std::uint8_t> start;  // number of the buffer from which each tile of the shard starts
 };
 
 class Shard::NodeChange {

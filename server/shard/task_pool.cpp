@@ -60,6 +60,24 @@ void TaskPool::work() {
   }
 }
 
+void Aside::start(std::function<void()> job) {
+  wait();
+  done_ = false;
+  try {
+    thread_ = std::thread([this, job = std::move(job)] {
+      job();
+      done_ = true;
+    });
+  } catch (...) {
+    done_ = true;
+    throw;
+  }
+}
+
+void Aside::wait() {
+  if (thread_.joinable()) thread_.join();
+}
+
 void TaskPool::take_ranges() {
   try {
     for (;;) {

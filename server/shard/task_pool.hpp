@@ -50,4 +50,23 @@ class TaskPool {
   std::atomic<std::size_t> next_{0};
 };
 
+// Makes one job at a time on a thread of its own, which lives as long as the job.
+class Aside {
+ public:
+  Aside() = default;
+  Aside(const Aside&) = delete;
+  Aside& operator=(const Aside&) = delete;
+  ~Aside() { wait(); }
+
+  // Starts a job, which must not throw, after the job before it has ended. Throws std::system_error if there is no
+  // thread to be had.
+  void start(std::function<void()> job);
+  bool done() const { return done_; }  // whether the last job has ended
+  void wait();
+
+ private:
+  std::thread thread_;
+  std::atomic<bool> done_{true};
+};
+
 }  // namespace shearbus::shard

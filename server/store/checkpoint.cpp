@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cstring>
+#include <span>
+#include <stdexcept>
 
 #include "server/store/hdf5_image.hpp"
 
@@ -19,16 +21,6 @@ std::array<std::uint64_t, 2> sum_of_image(Bytes image) {
 
 std::uint64_t sum_of_footer(const CheckpointFooter& footer) {
   return XXH3_64bits(&footer, offsetof(CheckpointFooter, sum));
-}
-
-std::string hexadecimal(const SessionKey& key) {
-  constexpr const char* kDigits = "0123456789abcdef";
-  std::string text;
-  for (const std::uint8_t byte : key) {
-    text += kDigits[byte >> 4];
-    text += kDigits[byte & 15];
-  }
-  return text;
 }
 
 SessionKey key_from(const std::string& text) {
@@ -94,24 +86,32 @@ std::vector<std::uint64_t> ids_of(hid_t group) {
 void put_session(hid_t parent, const SessionImage& session, std::uint64_t order) {
   const hdf5::Group group = make_group(parent, hexadecimal(session.id));
   put_number(group, "order", order);
-  put_number(group, "open", session.open ? 1 : 0);
   put_number(group, "last_sequence", session.last_sequence);
   put_number(group, "last_request_xxh3", session.last_hash);
   put_number(group, "requests", session.requests);
   put_number(group, "node_steps", session.node_steps);
   put_number(group, "solver_ns", session.solver_ns);
+  if (session.owner_epoch != 0) put_number(group, "owner_epoch", session.owner_epoch);
+  if (session.claim != 0) {
+    put_number(group, "claim", session.claim);
+    put_number(group, "claimant", session.claimant);
+    put_numbers(group, "superseded_epochs", session.superseded, session.superseded.size());
+  }
   put_text(group, "identity", session.identity);
   put_text(group, "resume_token", hexadecimal(session.resume_token));
   put_text(group, "domain", session.domain);
   if (session.idle_limit_s != 0) put_number(group, "idle_limit_s", session.idle_limit_s);
   put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
-  if (!session.open) return;
   put_number(group, "state_version", session.state_version);
   put_text_dataset(group, "scene_toml", session.scene);  // not an attribute, which holds at most 64 kB
   put_ids(group, session.node_ids);
   put_states(group, "committed", session.committed);
   if (session.trial) put_states(group, "trial", *session.trial);
+  if (!session.part_header.empty()) {
+    put_numbers(group, "part_header", session.part_header, session.part_header.size());
+    put_numbers(group, "part_rows", session.part_rows, session.part_rows.size());
+  }
   put_number(group, "marks", session.marks.size());
   for (std::size_t i = 0; i < session.marks.size(); ++i) {
     const hdf5::Group mark = make_group(group, mark_name(i));
@@ -128,7 +128,6 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   SessionImage session;
   session.id = key_from(name);
   order = number_of(group, "order");
-  session.open = number_of(group, "open") != 0;
   session.last_sequence = number_of(group, "last_sequence");
   session.last_hash = number_of(group, "last_request_xxh3");
   session.requests = number_of(group, "requests");
@@ -138,14 +137,23 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   session.resume_token = key_from(text_of(group, "resume_token"));
   session.domain = text_of(group, "domain");
   if (has_attribute(group, "idle_limit_s")) session.idle_limit_s = number_of(group, "idle_limit_s");
+  if (has_attribute(group, "owner_epoch")) session.owner_epoch = number_of(group, "owner_epoch");
+  if (has_attribute(group, "claim")) {
+    session.claim = number_of(group, "claim");
+    session.claimant = number_of(group, "claimant");
+    session.superseded = numbers_of<std::uint64_t>(group, "superseded_epochs");
+  }
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
-  if (!session.open) return session;
   session.state_version = number_of(group, "state_version");
   session.scene = text_in_dataset(group, "scene_toml");
   session.node_ids = ids_of(group);
   session.committed = states_of(group, "committed");
   if (has_child(group, "trial")) session.trial = states_of(group, "trial");
+  if (has_child(group, "part_header")) {
+    session.part_header = numbers_of<std::byte>(group, "part_header");
+    session.part_rows = numbers_of<std::uint32_t>(group, "part_rows");
+  }
   for (std::uint64_t i = 0, marks = number_of(group, "marks"); i < marks; ++i) {
     const hdf5::Group mark = open_group(group, mark_name(i));
     session.marks.push_back({.name = text_of(mark, "name"),
@@ -155,6 +163,79 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
                              .states = states_of(mark, "states")});
   }
   return session;
+}
+
+// Closed sessions are many and small, so each of their quantities is one dataset.
+void put_closed(hid_t parent, const std::vector<const SessionImage*>& sessions) {
+  const hdf5::Group group = make_group(parent, "closed");
+  const std::size_t rows = sessions.size();
+  std::vector<std::uint8_t> ids;
+  std::vector<std::byte> headers;
+  std::string identities;  // a line for each, in the order of their first session
+  std::vector<std::string> known;
+  std::vector<std::uint64_t> identity, sequence, hash, requests, node_steps, solver_ns, header_end;
+  for (const SessionImage* closed : sessions) {
+    const SessionImage& session = *closed;
+    ids.insert(ids.end(), session.id.begin(), session.id.end());
+    if (known.empty() || known.back() != session.identity) {
+      known.push_back(session.identity);
+      identities += session.identity + "\n";
+    }
+    identity.push_back(known.size() - 1);
+    sequence.push_back(session.last_sequence);
+    hash.push_back(session.last_hash);
+    requests.push_back(session.requests);
+    node_steps.push_back(session.node_steps);
+    solver_ns.push_back(session.solver_ns);
+    headers.insert(headers.end(), session.reply_header.begin(), session.reply_header.end());
+    header_end.push_back(headers.size());
+  }
+  put_text_dataset(group, "identities", identities);
+  put_numbers(group, "id", ids, rows, ids.size() / rows);
+  put_numbers(group, "identity", identity, rows);
+  put_numbers(group, "last_sequence", sequence, rows);
+  put_numbers(group, "last_request_xxh3", hash, rows);
+  put_numbers(group, "requests", requests, rows);
+  put_numbers(group, "node_steps", node_steps, rows);
+  put_numbers(group, "solver_ns", solver_ns, rows);
+  put_numbers(group, "reply_header", headers, headers.size());
+  put_numbers(group, "reply_header_end", header_end, rows);
+}
+
+std::vector<SessionImage> closed_in(hid_t parent) {
+  if (!has_child(parent, "closed")) return {};
+  const hdf5::Group group = open_group(parent, "closed");
+  std::vector<std::string> identities;
+  const std::string lines = text_in_dataset(group, "identities");
+  for (std::size_t begin = 0; begin < lines.size(); begin = lines.find('\n', begin) + 1)
+    identities.push_back(lines.substr(begin, lines.find('\n', begin) - begin));
+  const auto ids = numbers_of<std::uint8_t>(group, "id");
+  const auto headers = numbers_of<std::byte>(group, "reply_header");
+  const auto number = [&](const char* name) { return numbers_of<std::uint64_t>(group, name); };
+  const auto identity = number("identity"), sequence = number("last_sequence"), hash = number("last_request_xxh3"),
+             requests = number("requests"), node_steps = number("node_steps"), solver_ns = number("solver_ns"),
+             header_end = number("reply_header_end");
+  std::vector<SessionImage> sessions(identity.size());
+  std::uint64_t begin = 0;
+  for (std::size_t i = 0; i < sessions.size(); ++i) {
+    SessionImage& session = sessions[i];
+    const std::uint64_t end = header_end.at(i);
+    if (begin > end || end > headers.size() || (i + 1) * session.id.size() > ids.size())
+      throw Hdf5Error("find the closed sessions");
+    std::copy_n(ids.begin() + static_cast<std::ptrdiff_t>(i * session.id.size()), session.id.size(),
+                session.id.begin());
+    session.open = false;
+    session.identity = identities.at(identity[i]);
+    session.last_sequence = sequence.at(i);
+    session.last_hash = hash.at(i);
+    session.requests = requests.at(i);
+    session.node_steps = node_steps.at(i);
+    session.solver_ns = solver_ns.at(i);
+    session.reply_header.assign(headers.begin() + static_cast<std::ptrdiff_t>(begin),
+                                headers.begin() + static_cast<std::ptrdiff_t>(end));
+    begin = end;
+  }
+  return sessions;
 }
 
 void put_transfer(hid_t parent, const TransferImage& transfer) {
@@ -180,6 +261,24 @@ TransferImage transfer_of(hid_t parent, const std::string& name) {
           .states = states_of(group, "states")};
 }
 
+void put_pending(hid_t parent, const PendingRequest& request, std::uint64_t order) {
+  const hdf5::Group group = make_group(parent, std::to_string(order));
+  put_text(group, "session", hexadecimal(request.session));
+  put_number(group, "epoch", request.epoch);
+  put_number(group, "previous_committed", request.previous_committed ? 1 : 0);
+  put_numbers(group, "header_frame", request.header_frame, request.header_frame.size());
+  put_numbers(group, "payload_frame", request.payload_frame, request.payload_frame.size());
+}
+
+PendingRequest pending_of(hid_t parent, std::uint64_t order) {
+  const hdf5::Group group = open_group(parent, std::to_string(order));
+  return {.session = key_from(text_of(group, "session")),
+          .epoch = number_of(group, "epoch"),
+          .previous_committed = number_of(group, "previous_committed") != 0,
+          .header_frame = numbers_of<std::byte>(group, "header_frame"),
+          .payload_frame = numbers_of<std::byte>(group, "payload_frame")};
+}
+
 }  // namespace
 
 std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t generation) {
@@ -192,9 +291,20 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
   put_number(file, "next_index", snapshot.next_index);
   {
     const hdf5::Group sessions = make_group(file, "sessions");
-    for (std::size_t i = 0; i < snapshot.sessions.size(); ++i) put_session(sessions, snapshot.sessions[i], i);
+    std::vector<const SessionImage*> closed;
+    std::uint64_t order = 0;
+    for (const SessionImage& session : snapshot.sessions)
+      if (session.open)
+        put_session(sessions, session, order++);
+      else
+        closed.push_back(&session);
+    if (!closed.empty()) put_closed(file, closed);
     const hdf5::Group transfers = make_group(file, "transfers");
     for (const TransferImage& transfer : snapshot.transfers) put_transfer(transfers, transfer);
+    if (!snapshot.pending.empty()) {
+      const hdf5::Group pending = make_group(file, "pending");
+      for (std::size_t i = 0; i < snapshot.pending.size(); ++i) put_pending(pending, snapshot.pending[i], i);
+    }
   }
   std::vector<std::byte> bytes = bytes_of_image(file);
   CheckpointFooter footer{
@@ -238,18 +348,27 @@ Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t gene
     snapshot.next_index = number_of(opened, "next_index");
     const hdf5::Group sessions = open_group(opened, "sessions");
     const auto names = children_of(sessions);
-    snapshot.sessions.resize(names.size());
+    snapshot.sessions = closed_in(opened);
+    const std::size_t closed = snapshot.sessions.size();
+    snapshot.sessions.resize(closed + names.size());
     for (const std::string& child : names) {
       std::uint64_t order = 0;
       SessionImage session = session_of(sessions, child, order);
       if (order >= names.size()) throw Hdf5Error("order the sessions");
-      snapshot.sessions[order] = std::move(session);
+      snapshot.sessions[closed + order] = std::move(session);
     }
     const hdf5::Group transfers = open_group(opened, "transfers");
     for (const std::string& child : children_of(transfers)) snapshot.transfers.push_back(transfer_of(transfers, child));
+    if (has_child(opened, "pending")) {
+      const hdf5::Group pending = open_group(opened, "pending");
+      const std::size_t count = children_of(pending).size();
+      for (std::size_t i = 0; i < count; ++i) snapshot.pending.push_back(pending_of(pending, i));
+    }
     return snapshot;
   } catch (const Hdf5Error& fault) {
     throw DamagedFile(name + ": its hash is right, but " + fault.what());
+  } catch (const std::out_of_range&) {
+    throw DamagedFile(name + ": its hash is right, but its lists of closed sessions have unequal lengths");
   }
 }
 

@@ -97,6 +97,8 @@ std::string difference(const SessionImage& a, const SessionImage& b) {
   text = difference(where + ", state version", a.state_version, b.state_version);
   if (text.empty()) text = difference(where, a.committed, b.committed, a.node_ids);
   if (text.empty() && a.trial.has_value() != b.trial.has_value()) text = where + ": a trial stands in one only";
+  if (text.empty() && (a.part_header != b.part_header || a.part_rows != b.part_rows))
+    text = where + ": other parts of a step have come";
   if (text.empty() && a.trial) text = difference(where + ", trial", *a.trial, *b.trial, a.node_ids);
   return text.empty() ? difference_of_marks(where, a, b) : text;
 }

@@ -19,7 +19,13 @@ class DamagedFile : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint32_t kJournalVersion = 3;
+// Thrown for a journal whose requests another version of the numerics must replay. No file is damaged.
+class OtherNumerics : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+inline constexpr std::uint16_t kJournalVersion = 3;
 inline constexpr std::uint32_t kCheckpointVersion = 3;
 inline constexpr std::uint32_t kIdentityVersion = 1;
 inline constexpr std::uint32_t kCapsuleVersion = 1;
@@ -49,7 +55,8 @@ inline constexpr const char* kIdentityName = "store";
 // Header at the start of every journal segment.
 struct SegmentHeader {
   std::array<char, 8> magic = kJournalMagic;
-  std::uint32_t version = kJournalVersion;
+  std::uint16_t version = kJournalVersion;
+  std::uint16_t numerics = 0;  // version of the numerics that answered the requests
   std::uint32_t header_bytes = 80;
   std::uint64_t number = 0;       // number of the segment, as in its file name
   std::uint64_t epoch = 0;        // epoch of the server that wrote the segment, as in the replies that it sent
@@ -91,6 +98,15 @@ struct CheckpointFooter {
   std::uint64_t sum = 0;  // XXH3-64 of the fields above
 };
 static_assert(sizeof(CheckpointFooter) == 72);
+
+inline std::string hexadecimal(const std::array<std::uint8_t, 16>& id) {
+  std::string text;
+  for (const std::uint8_t byte : id) {
+    text += "0123456789abcdef"[byte >> 4];
+    text += "0123456789abcdef"[byte & 15];
+  }
+  return text;
+}
 
 inline std::string segment_name(std::uint64_t number);
 inline std::string checkpoint_name(std::uint64_t generation);

@@ -69,6 +69,7 @@ bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment)
   segment.first_index = header.first_index;
   segment.store = header.store;
   segment.settled = header.settled;
+  segment.numerics = header.numerics;
   return true;
 }
 
@@ -112,15 +113,20 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
 }  // namespace
 
 JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index,
-                             bool durable, const StoreId& store)
-    : file_(storage.create(segment_name(number))),
-      number_(number),
-      first_index_(first_index),
-      next_index_(first_index),
+                             bool durable, const StoreId& store, std::uint16_t numerics)
+    : JournalWriter(
+          storage, segment_name(number),
+          {.numerics = numerics, .number = number, .epoch = epoch, .first_index = first_index, .store = store},
+          durable) {}
+
+JournalWriter::JournalWriter(Storage& storage, const std::string& name, SegmentHeader header, bool durable)
+    : file_(storage.create(name)),
+      number_(header.number),
+      first_index_(header.first_index),
+      next_index_(header.first_index),
       durable_(durable) {
-  SegmentHeader header{
-      .number = number, .epoch = epoch, .first_index = first_index, .store = store, .settled = first_index};
   header.sum = header_sum_ = sum_of_header(header);
+  header.settled = header.first_index;
   header.settled_sum = sum_of_settled(header.settled, header.sum);
   const std::array parts = {bytes_of(header)};
   bytes_ = sizeof header;
@@ -130,7 +136,7 @@ JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64
     file_->sync();
     storage.sync_directory();
   } catch (const std::exception&) {
-    discard(storage, segment_name(number));
+    discard(storage, name);
     throw;
   }
 }

@@ -14,7 +14,8 @@
 
 namespace shearbus::store {
 
-// A request as it arrived. A record read from a file points into the bytes of the file.
+// A request as it arrived. A record read from a file points into the bytes of the file. A record without a header frame
+// is a proof: it holds only the hash of the session's last reply.
 struct Record {
   SessionKey session{};
   std::uint64_t sequence = 0;
@@ -31,7 +32,9 @@ class JournalWriter {
   // Creates the file. With `durable` the name and the header are on the disk when the constructor returns. A file that
   // cannot be finished is removed.
   JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable,
-                const StoreId& store = {});
+                const StoreId& store = {}, std::uint16_t numerics = 0);
+  // Likewise, a file of any name with the numbers, epoch and id of `header`.
+  JournalWriter(Storage& storage, const std::string& name, SegmentHeader header, bool durable);
 
   // Throws StorageError. If no_space() is true the file is unchanged and the call may be repeated; after any other
   // failure the journal must not be used.
@@ -64,8 +67,9 @@ struct Segment {
   std::uint64_t number = 0;
   std::uint64_t epoch = 0;
   std::uint64_t first_index = 0;
-  StoreId store{};            // id of the directory that the segment belongs to
-  std::uint64_t settled = 0;  // records before this index are settled: their requests may have been answered
+  StoreId store{};             // id of the directory that the segment belongs to
+  std::uint16_t numerics = 0;  // version of the numerics that ran the requests
+  std::uint64_t settled = 0;   // records before this index are settled: their requests may have been answered
   std::vector<Record> records;
   std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete
   bool torn = false;              // true if the last record is incomplete; its request was then never answered

@@ -175,7 +175,10 @@ std::vector<std::byte> PosixStorage::read(const std::string& name) {
 }
 
 std::unique_ptr<File> PosixStorage::create(const std::string& name) {
-  hold_lock();
+  {
+    const std::lock_guard holding(holding_);
+    hold_lock();
+  }
   const int file = ::openat(directory_, name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) throw StorageError("cannot make " + name, errno);
   return std::make_unique<PosixFile>(file, name);

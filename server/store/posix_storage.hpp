@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <mutex>
 
 #include "server/store/storage.hpp"
 
@@ -32,6 +33,7 @@ class PosixStorage final : public Storage {
   std::filesystem::path path_;
   int directory_ = -1;
   int lock_ = -1;
+  std::mutex holding_;  // a checkpoint may be written by another thread
 };
 
 }  // namespace shearbus::store

@@ -46,6 +46,10 @@ struct SessionImage {
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
+  std::uint64_t claim = 0;  // number of the last granted claim; 0: none yet
+  std::uint64_t claimant = 0;
+  std::uint64_t owner_epoch = 0;          // epoch of the client that owns the session; 0: not known
+  std::vector<std::uint64_t> superseded;  // epochs of clients that owned it before
 
   // The following members are set for open sessions only, as are `domain` and `idle_limit_s`.
   std::string scene;  // effective scene, as TOML
@@ -53,7 +57,9 @@ struct SessionImage {
   std::uint64_t state_version = 0;
   shard::States committed;
   std::optional<shard::States> trial;
-  std::vector<MarkImage> marks;  // marks of the session, oldest first
+  std::vector<std::byte> part_header;    // header frame of the last part of a step of which parts are missing, or empty
+  std::vector<std::uint32_t> part_rows;  // rows of the nodes of the parts that have come, ascending
+  std::vector<MarkImage> marks;          // marks of the session, oldest first
 };
 
 // One column of a capsule. A capsule records a failed step of one node, with all inputs needed to repeat the step for
@@ -77,12 +83,22 @@ struct Capsule {
   std::vector<CapsuleValue> answer;  // reply columns of the failed step
 };
 
+// A journaled request whose step was being computed when the snapshot was made. The states are those before the step.
+struct PendingRequest {
+  SessionKey session{};
+  std::uint64_t epoch = 0;          // of the server that journaled it
+  bool previous_committed = false;  // the trial that the request commits has been committed
+  std::vector<std::byte> header_frame;
+  std::vector<std::byte> payload_frame;  // empty: the request has none
+};
+
 struct Snapshot {
   StoreId store{};                     // id of the state directory
   std::uint64_t next_index = 0;        // index of the first journal record whose effect is not yet in the sessions
   std::string server_version;          // version of the server that wrote the checkpoint
   std::vector<SessionImage> sessions;  // first the closed sessions, in the order of closing; then the open ones
   std::vector<TransferImage> transfers;
+  std::vector<PendingRequest> pending;  // in the order of the journal
 };
 
 }  // namespace shearbus::store

@@ -38,15 +38,6 @@ std::optional<std::uint64_t> number_in(const std::string& file, std::string_view
   return number;
 }
 
-std::string hexadecimal(const StoreId& id) {
-  std::string text;
-  for (const std::uint8_t byte : id) {
-    text += "0123456789abcdef"[byte >> 4];
-    text += "0123456789abcdef"[byte & 15];
-  }
-  return text;
-}
-
 std::uint64_t sum_of(const StoreIdentity& identity) {
   return XXH3_64bits(&identity, offsetof(StoreIdentity, sum));
 }
@@ -86,7 +77,14 @@ struct Store::Found {
   std::set<std::string> names;  // names of all files
 };
 
-Store::Store(Storage& storage, StoreOptions options) : storage_(storage), options_(std::move(options)) {}
+Store::Store(Storage& storage, StoreOptions options)
+    : storage_(storage), options_(std::move(options)), left_out_(options_.leave_out) {}
+
+std::string Store::replaying() const {
+  if (replaying_ == nullptr) return {};
+  return "record " + std::to_string(replaying_->index) + ", request " + std::to_string(replaying_->sequence) +
+         " of session " + hexadecimal(replaying_->session).substr(0, 8);
+}
 
 void Store::log(const std::string& line) const {
   if (options_.log) options_.log(line);
@@ -130,7 +128,8 @@ void Store::recover(Recovery& recovery) {
     recover_from(found, recovery);
   } catch (const std::exception& fault) {
     const std::string text = fault.what();
-    if (options_.accept_empty) return start_empty(found, recovery, text);
+    if (dynamic_cast<const OtherNumerics*>(&fault) != nullptr) throw;
+    if (options_.accept_empty && !left_out_.wanted()) return start_empty(found, recovery, text);
     if (dynamic_cast<const DamagedFile*>(&fault) == nullptr || text.ends_with(kOfLoss)) throw;
     throw DamagedFile(text + kOfRestoring);
   }
@@ -140,6 +139,11 @@ void Store::recover_from(const Found& found, Recovery& recovery) {
   const bool identified = read_identity(found);
   const Restored restored = restore_newest(found, recovery);
   const bool lost = replay_segments(found, restored, recovery);
+  if (left_out_.wanted()) {
+    left_out_.check_found();
+    log(left_out_.set_aside(storage_, identity_.id));
+    changed_ = true;
+  }
   next_segment_ = std::max(identity_.last_segment, segments_.empty() ? 0 : segments_.back().number) + 1;
   next_generation_ = std::max(identity_.last_checkpoint, checkpoints_.empty() ? 0 : checkpoints_.back().number) + 1;
   if (!identified) {
@@ -235,6 +239,7 @@ Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
     restored.faults += (restored.faults.empty() ? "" : "; ") + last + " is missing";
   }
   if (!newest) return restored;
+  left_out_.take(*newest);
   recovery.restore(*newest);
   log("restored " + checkpoint_name(checkpoints_.back().number) + ": " + std::to_string(newest->sessions.size()) +
       " sessions");
@@ -299,7 +304,10 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
   Missed missed;          // fault of a segment after the last usable one
   std::string lost;       // message about settled records that are missing at the end of the journal; empty: none
   std::uint64_t end = 0;  // index after the last record of the segments read so far
+  double segments_read = 0.0;
+  const auto num_segments = static_cast<double>(found.segments.size());
   for (const std::uint64_t number : found.segments) {
+    share_replayed_ = segments_read++ / num_segments;
     const std::string file = segment_name(number);
     std::vector<std::byte> bytes;
     const auto segment = segment_in(file, number, bytes, missed);
@@ -310,9 +318,20 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
     lost.clear();
     for (const Record& record : segment->records) {
       if (record.index < next_index_) continue;
-      recovery.replay(record, segment->epoch);
+      if (segment->numerics != options_.numerics)
+        throw OtherNumerics(file + ": record " + std::to_string(record.index) +
+                            " and those after it were answered by numerics " + std::to_string(segment->numerics) +
+                            ", and this server has numerics " + std::to_string(options_.numerics) +
+                            ". Start the server whose --version says numerics " + std::to_string(segment->numerics) +
+                            " and stop it cleanly (SIGTERM): it leaves a checkpoint and nothing to replay. Then start "
+                            "this one");
+      const auto place = static_cast<double>(record.index - segment->first_index);
+      share_replayed_ = (segments_read - 1.0 + place / static_cast<double>(segment->records.size())) / num_segments;
+      replaying_ = &record;
+      if (!left_out_.take(record)) recovery.replay(record, segment->epoch);
+      replaying_ = nullptr;
       ++next_index_;
-      ++counters_.replayed;
+      if (!record.header_frame.empty()) ++counters_.replayed;
     }
     end = segment->next_index();
     if (segment->settled > std::max(end, restored.next_index))
@@ -373,7 +392,7 @@ void Store::start_empty(const Found& found, Recovery& recovery, const std::strin
 }
 
 // Writes a new file, or removes what could be written of it and throws. A file that exists already stays.
-void Store::write_new(const std::string& file, Bytes bytes, bool synced) {
+void Store::write_new(const std::string& file, Bytes bytes, bool synced) const {
   std::unique_ptr<File> opened;
   try {
     opened = storage_.create(file);
@@ -411,8 +430,9 @@ void Store::start_segment() {
   const Found found = find();
   while (found.names.contains(segment_name(next_segment_))) ++next_segment_;
   const std::uint64_t number = next_segment_++;
-  auto journal = std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
-                                                 options_.durability == Durability::kPower, identity_.id);
+  auto journal =
+      std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
+                                      options_.durability == Durability::kPower, identity_.id, options_.numerics);
   StoreIdentity identity = identity_;
   identity.last_segment = number;
   identity.first_index = next_index_;
@@ -473,27 +493,78 @@ void Store::settle() {
 }
 
 bool Store::checkpoint_due() const {
-  return changed_ && !failed_ && bytes_since_checkpoint_ >= std::max(options_.checkpoint_bytes, retry_at_bytes_);
+  return changed_ && !failed_ &&
+         (bytes_since_checkpoint_ >= std::max(options_.checkpoint_bytes, retry_at_bytes_) ||
+          work_since_checkpoint_ >= std::max(options_.checkpoint_work, retry_at_work_));
 }
 
+struct Store::CheckpointJob {
+  Snapshot snapshot;
+  std::uint64_t generation = 0;
+  std::uint64_t bytes_before = 0;  // journal size and work since the checkpoint before
+  double work_before = 0.0;
+  std::uint64_t size = 0;  // of the file
+  bool named = false;      // the file may have its name
+  std::string fault;       // empty: the checkpoint is sound
+};
+
 bool Store::checkpoint(Snapshot snapshot) {
-  snapshot.next_index = next_index_;
+  const auto job = begin_checkpoint(std::move(snapshot));
+  write(*job);
+  return end_checkpoint(*job);
+}
+
+// Later records begin a new segment, so that the segments before it can be removed once they are not needed.
+std::shared_ptr<Store::CheckpointJob> Store::begin_checkpoint(Snapshot snapshot) {
+  auto job = std::make_shared<CheckpointJob>();
+  job->snapshot = std::move(snapshot);
+  job->snapshot.next_index = next_index_;
+  job->snapshot.store = identity_.id;
+  job->bytes_before = std::exchange(bytes_since_checkpoint_, 0);
+  job->work_before = std::exchange(work_since_checkpoint_, 0.0);
+  changed_ = false;
+  if (journal_ && journal_->next_index() != journal_->first_index()) journal_.reset();
   try {
-    write_checkpoint(snapshot);
+    const Found found = find();
+    while (found.names.contains(checkpoint_name(next_generation_))) ++next_generation_;
   } catch (const std::exception& fault) {
+    job->fault = fault.what();
+  }
+  // After a failure a file with this generation may exist with unknown contents, so the number is not reused.
+  job->generation = next_generation_++;
+  return job;
+}
+
+void Store::write(CheckpointJob& job) const try {
+  if (!job.fault.empty()) return;
+  const std::string file = checkpoint_name(job.generation);
+  const std::string unfinished = file + std::string(kUnfinished);
+  write_new(unfinished, checkpoint_bytes(job.snapshot, job.generation), true);
+  job.named = true;
+  storage_.rename(unfinished, file);
+  storage_.sync_directory();
+  job.size = verified_image(storage_.read(file), file, job.generation).size() + sizeof(CheckpointFooter);
+} catch (const std::exception& fault) {
+  job.fault = *fault.what() != '\0' ? fault.what() : "unknown fault";
+}
+
+bool Store::end_checkpoint(CheckpointJob& job) {
+  if (!job.fault.empty()) {
+    if (job.named) attempts_.push_back(job.generation);
+    bytes_since_checkpoint_ += job.bytes_before;
+    work_since_checkpoint_ += job.work_before;
+    changed_ = true;
     ++counters_.checkpoints_failed;
-    // After a failure a file with this generation may exist with unknown contents, so the number is not reused.
-    ++next_generation_;
     retry_at_bytes_ = bytes_since_checkpoint_ + options_.checkpoint_bytes / 8 + 1;
-    log(std::string("the checkpoint could not be written: ") + fault.what() +
-        "; the ones before and the journal hold everything");
+    retry_at_work_ = work_since_checkpoint_ + options_.checkpoint_work / 8;
+    log("the checkpoint could not be written: " + job.fault + "; the ones before and the journal hold everything");
     return false;
   }
-  bytes_since_checkpoint_ = 0;
   retry_at_bytes_ = 0;
-  changed_ = false;
+  retry_at_work_ = 0.0;
   ++counters_.checkpoints;
-  if (journal_ && journal_->next_index() != journal_->first_index()) journal_.reset();
+  counters_.checkpoint_bytes = job.size;
+  checkpoints_.push_back({job.generation, job.snapshot.next_index});
   try {
     StoreIdentity identity = identity_;
     identity.last_checkpoint = checkpoints_.back().number;
@@ -504,24 +575,6 @@ bool Store::checkpoint(Snapshot snapshot) {
     log(std::string("old files could not be put away: ") + fault.what());
   }
   return true;
-}
-
-void Store::write_checkpoint(Snapshot& snapshot) {
-  const Found found = find();
-  while (found.names.contains(checkpoint_name(next_generation_))) ++next_generation_;
-  const std::uint64_t generation = next_generation_;
-  const std::string file = checkpoint_name(generation);
-  const std::string unfinished = file + std::string(kUnfinished);
-  snapshot.store = identity_.id;
-  write_new(unfinished, checkpoint_bytes(snapshot, generation), true);
-  attempts_.push_back(generation);
-  storage_.rename(unfinished, file);
-  storage_.sync_directory();
-  const Bytes image = verified_image(storage_.read(file), file, generation);
-  attempts_.pop_back();
-  counters_.checkpoint_bytes = image.size() + sizeof(CheckpointFooter);
-  checkpoints_.push_back({generation, snapshot.next_index});
-  ++next_generation_;
 }
 
 std::size_t Store::capsule_room() {

@@ -15,7 +15,9 @@
 #include <string>
 #include <vector>
 
+#include "server/physics/numerics.hpp"
 #include "server/store/journal.hpp"
+#include "server/store/left_out.hpp"
 #include "server/store/snapshot.hpp"
 #include "server/store/storage.hpp"
 
@@ -28,16 +30,25 @@ enum class Durability {
 };
 const char* name(Durability durability);
 
+using physics::kNumericsVersion;
+
 struct StoreOptions {
   Durability durability = Durability::kProcess;
   std::uint64_t epoch = 1;  // random number that identifies this start of the server
   // a checkpoint is due when the journal has grown by this size since the last one  [bytes]
   std::uint64_t checkpoint_bytes = std::uint64_t{256} << 20;
+  double checkpoint_work = 3e9;  // a checkpoint is due after this work of journaled requests  [evaluations]
+  std::uint16_t numerics = kNumericsVersion;  // version of the numerics that answers requests
   std::size_t max_capsules = 16;  // largest number of failure capsules in the directory; later ones are not written
   StoreId fresh_id{};             // random id that a new directory gets
+  LeaveOut leave_out;             // sessions and records that the recovery leaves out and sets aside
   bool accept_empty = false;      // rename unusable files and start without states, instead of refusing to start
   std::function<void(const std::string&)> log;  // lines for the operator; may be empty
 };
+
+// Thrown by a Recovery that shall not go on. It is no std::exception, so nobody takes it for damage: no file is changed,
+// and the next start begins again.
+struct Interrupted {};
 
 // Receives the recovered states and requests.
 class Recovery {
@@ -64,6 +75,12 @@ class Store {
   // Must be called once, before any other member. Throws DamagedFile or StorageError if files cannot be used and
   // accept_empty is not set. An exception thrown by `recovery` counts as damage.
   void recover(Recovery& recovery);
+  double share_replayed() const { return share_replayed_; }  // of the records that recover() replays, 0 to 1
+  std::string replaying() const;                             // which record that is, for the log; empty: none yet
+
+  // Whether the recovery has left something out. The caller must write a checkpoint before it answers requests, or the
+  // next recovery would find it again.
+  bool left_something_out() const { return left_out_.wanted(); }
 
   // Records a request before it is executed. Throws StorageError: if no_space() is true nothing was recorded and a
   // later call may succeed; any other failure is final.
@@ -72,11 +89,20 @@ class Store {
   void settle();
   bool failed() const { return failed_; }  // true after a failure that no retry can repair: no request may be answered
 
+  // Adds the work of a request that has been run or replayed  [evaluations].
+  void add_work(double work) { work_since_checkpoint_ += work; }
+  double checkpoint_work() const { return options_.checkpoint_work; }
   bool checkpoint_due() const;
   bool changed_since_checkpoint() const { return changed_; }
   // Writes a snapshot of the present state, reads it back for verification and removes files that are no longer needed.
   // Returns false if it could not be written; the older checkpoints and the journal then still hold everything.
   bool checkpoint(Snapshot snapshot);
+  // checkpoint() in three parts. write() touches only the files of the checkpoint, so another thread may make it while
+  // requests are recorded; it never throws. One job at a time.
+  struct CheckpointJob;
+  std::shared_ptr<CheckpointJob> begin_checkpoint(Snapshot snapshot);
+  void write(CheckpointJob& job) const;
+  bool end_checkpoint(CheckpointJob& job);
 
   // capsule_room() is the number of failure capsules that may still be written; leave_capsule() writes one and returns
   // its file name. Both throw StorageError; the answers do not depend on capsules.
@@ -113,11 +139,10 @@ class Store {
   bool replay_segments(const Found& found, const Restored& restored, Recovery& recovery);
   std::string unused_suffix(const Found& found, const std::vector<std::string>& files) const;
   void start_empty(const Found& found, Recovery& recovery, const std::string& fault);
-  void write_new(const std::string& file, Bytes bytes, bool synced);
+  void write_new(const std::string& file, Bytes bytes, bool synced) const;
   void write_identity(StoreIdentity identity);
   void publish_identity(const StoreIdentity& identity);
   void start_segment();
-  void write_checkpoint(Snapshot& snapshot);
   void prune();
   void log(const std::string& line) const;
 
@@ -129,7 +154,12 @@ class Store {
   std::uint64_t next_segment_ = 1;
   std::uint64_t next_generation_ = 1;
   std::uint64_t bytes_since_checkpoint_ = 0;
-  std::uint64_t retry_at_bytes_ = 0;  // bytes_since_checkpoint_ at which a failed checkpoint is tried again
+  std::uint64_t retry_at_bytes_ = 0;    // bytes_since_checkpoint_ at which a failed checkpoint is tried again
+  double work_since_checkpoint_ = 0.0;  // [evaluations]
+  double retry_at_work_ = 0.0;          // work_since_checkpoint_ at which a failed checkpoint is tried again
+  double share_replayed_ = 0.0;
+  const Record* replaying_ = nullptr;
+  LeftOut left_out_;
   bool changed_ = false;
   bool failed_ = false;
   struct Kept {

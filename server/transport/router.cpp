@@ -7,14 +7,16 @@
 #include <stdexcept>
 #include <utility>
 
+#include "server/transport/descriptor_guard.hpp"
 #include "server/transport/endpoint.hpp"
 #include "server/transport/socket_path.hpp"
 
 namespace shearbus::transport {
 namespace {
 
-constexpr std::size_t kMaxFrames = 2;  // largest number of frames of a request, without the routing id
-constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;  // largest frame that is copied  [bytes]
+constexpr std::size_t kCopiedUpTo = std::size_t{16} * 1024;       // largest frame that is copied  [bytes]
+constexpr std::size_t kMostWaiting = 1024;                        // most messages that wait for others
+constexpr std::size_t kMostWaitingBytes = std::size_t{64} << 20;  // and their size
 constexpr int kAnswersBeforePoll = 8;  // number of answers after which the stop signal is checked again
 
 // longest queue of pending connections; the kernel drops further connection attempts, which the peers then repeat
@@ -96,12 +98,18 @@ std::string Router::bind(const std::string& text) {
 }
 
 void Router::bind_ipc(const Endpoint& endpoint) {
-  SocketPath path(endpoint.path, !options_.ipc_for_others);
+  SocketPath path(endpoint.path, options_.ipc_users.empty());
   socket_.set(zmq::sockopt::curve_server, false);
   guard(Peer::Way::kIpc);
-  const Umask umask(options_.ipc_for_others ? 0 : 077);
-  socket_.bind(endpoint.text);
+  {
+    const Umask umask(077);
+    socket_.bind(endpoint.text);
+  }
   paths_.push_back(std::move(path));
+  if (!paths_.back().admit(options_.ipc_users) && options_.log_access)
+    options_.log_access("the file system of " + endpoint.path +
+                        " has no access lists: every user of this machine can connect there, and is refused then "
+                        "unless --allow-uid names the user");
 }
 
 void Router::bind_tcp(const Endpoint& endpoint) {
@@ -120,6 +128,7 @@ void Router::bind_tcp(const Endpoint& endpoint) {
 }
 
 void Router::guard(Peer::Way way) {
+  begin_descriptor_guard();
   if (!access_) access_ = std::make_unique<AccessHandler>(context_, options_.authorise, options_.log_access);
   AccessHandler::guard(socket_, way);
 }
@@ -127,13 +136,15 @@ void Router::guard(Peer::Way way) {
 void Router::run(const Handler& handler, int stop_fd, const Pulse& pulse) {
   std::array<zmq::pollitem_t, 2> items = {{{socket_.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, stop_fd, ZMQ_POLLIN, 0}}};
   for (;;) {
-    if (zmq_poll(items.data(), static_cast<int>(items.size()), pulse.every_ms) < 0) {
+    const bool busy = pulse.busy && pulse.busy();
+    if (zmq_poll(items.data(), static_cast<int>(items.size()), busy ? 0 : pulse.every_ms) < 0) {
       if (zmq_errno() == EINTR) continue;
       throw zmq::error_t();
     }
     if ((items[1].revents & ZMQ_POLLIN) != 0) return;
     for (int i = 0; i < kAnswersBeforePoll && answer_one(handler); ++i) {
     }
+    if (busy && pulse.work()) answer_held(handler);
     if (pulse.beat && !pulse.beat()) return;
   }
 }
@@ -143,36 +154,75 @@ void Router::answer_waiting(const Handler& handler, std::size_t limit) {
   }
 }
 
+std::size_t Router::Message::bytes() const {
+  std::size_t sum = 0;
+  for (const zmq::message_t& frame : frames) sum += frame.size();
+  return sum;
+}
+
 // Receives one message and answers it. Returns false if no message waits.
 bool Router::answer_one(const Handler& handler) {
-  zmq::message_t peer;
-  if (!receive(peer)) return false;
-  // Keep one frame more than the limit, so that the handler sees that the limit is exceeded; drop the rest as it
-  // arrives.
-  std::array<zmq::message_t, kMaxFrames + 1> frames;
-  std::size_t count = 0;
-  bool more = peer.more();
+  if (!next_) next_ = std::make_unique<Message>();
+  Message& message = *next_;
+  if (!receive(message.peer)) return false;
+  message.count = 0;
+  bool more = message.peer.more();
   while (more) {
     zmq::message_t surplus;
-    zmq::message_t& frame = count < frames.size() ? frames[count++] : surplus;
+    zmq::message_t& frame = message.count < message.frames.size() ? message.frames[message.count++] : surplus;
     if (!receive(frame)) break;  // libzmq delivers whole messages, so the remaining frames are available
     more = frame.more();
   }
   ++counters_.received;
   // A message without a user is dropped unless it comes from this process: its sender has not passed the access
   // handler.
-  const char* user = count != 0 ? property(frames[0], "User-Id") : nullptr;
-  if (user == nullptr && (!serves_own_process_ || count == 0 || property(frames[0], "Peer-Address") != nullptr)) {
+  const char* user = message.count != 0 ? property(message.frames[0], "User-Id") : nullptr;
+  if (user == nullptr &&
+      (!serves_own_process_ || message.count == 0 || property(message.frames[0], "Peer-Address") != nullptr)) {
     ++counters_.without_user;
     return true;
   }
-
-  std::array<std::span<const std::byte>, kMaxFrames + 1> views;
-  for (std::size_t i = 0; i < count; ++i)
-    views[i] = {static_cast<const std::byte*>(frames[i].data()), frames[i].size()};
-  const std::vector<OutFrame> answer = handler(Frames(views.data(), count), user != nullptr ? user : "");
-  if (!answer.empty()) send(peer, answer);
+  message.user = user != nullptr ? user : "";
+  const Answer answer = ask(handler, message);
+  if (answer.kind != Answer::Kind::kDone)
+    hold(std::move(next_), answer.kind);
+  else if (!answer.frames.empty())
+    send(message.peer, answer.frames);
   return true;
+}
+
+Answer Router::ask(const Handler& handler, const Message& message) {
+  std::array<std::span<const std::byte>, kMaxFrames + 1> views;
+  for (std::size_t i = 0; i < message.count; ++i)
+    views[i] = {static_cast<const std::byte*>(message.frames[i].data()), message.frames[i].size()};
+  return handler(Frames(views.data(), message.count), message.user);
+}
+
+void Router::hold(std::unique_ptr<Message> message, Answer::Kind kind) {
+  message->must_stay = message->must_stay || kind == Answer::Kind::kKept;
+  if (!message->must_stay) {
+    const std::size_t bytes = message->bytes();
+    if (waiting_ == kMostWaiting || bytes > kMostWaitingBytes - waiting_bytes_) {
+      ++counters_.dropped;
+      return;
+    }
+    ++waiting_;
+    waiting_bytes_ += bytes;
+  }
+  held_.push_back(std::move(message));
+}
+
+void Router::answer_held(const Handler& handler) {
+  std::deque<std::unique_ptr<Message>> held = std::move(held_);
+  held_.clear();
+  waiting_ = waiting_bytes_ = 0;
+  for (std::unique_ptr<Message>& message : held) {
+    const Answer answer = ask(handler, *message);
+    if (answer.kind != Answer::Kind::kDone)
+      hold(std::move(message), answer.kind);
+    else if (!answer.frames.empty())
+      send(message->peer, answer.frames);
+  }
 }
 
 bool Router::receive(zmq::message_t& frame) {

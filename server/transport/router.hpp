@@ -2,8 +2,10 @@
 // interpret the bytes. It belongs to one thread, which need not be the constructing thread.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -26,21 +28,39 @@ struct OutFrame {
 };
 
 using Frames = std::span<const std::span<const std::byte>>;
+// What a handler makes of a message.
+struct Answer {
+  enum class Kind {
+    kDone,  // the frames are the answer; without frames there is none
+    kKept,  // the message is needed where it is in memory, and is handed to the handler again
+    kHeld   // the message is handed to the handler again; it may be dropped, because its sender will repeat it
+  };
+  Answer(std::vector<OutFrame> answer = {}) : frames(std::move(answer)) {}  // NOLINT: an answer is its frames
+  explicit Answer(Kind what) : kind(what) {}
+
+  Kind kind = Kind::kDone;
+  std::vector<OutFrame> frames;
+};
 // Answers a message. `user` is the name that the access handler gave the peer; it is empty for a peer inside this
-// process. A result without frames means no answer.
-using Handler = std::function<std::vector<OutFrame>(Frames, std::string_view user)>;
+// process.
+using Handler = std::function<Answer(Frames, std::string_view user)>;
 
 // Work that the router does between requests.
 struct Pulse {
   int every_ms = -1;           // longest wait between two calls of `beat`; -1: called after requests only
   std::function<bool()> beat;  // does the work and returns false to end the run; may be empty
+  // Work that goes on while messages arrive. While busy() the router does not wait for messages, and calls work() after
+  // it has answered those that there are. After work() has returned true it hands messages to the handler again. May be
+  // empty.
+  std::function<bool()> busy;
+  std::function<bool()> work;
 };
 
 struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
   int queued_messages_per_peer = 4;                     // most messages queued for a peer: a request and its repeats
   Authorise authorise;                                  // decides who may connect by ipc and tcp
-  bool ipc_for_others = false;                          // other users may reach an ipc socket; `authorise` selects them
+  std::vector<std::uint32_t> ipc_users;                 // users who may reach an ipc socket besides the server's own
   std::string curve_secret_key;     // the server's secret key in Z85; tcp peers then need keys, too; empty: no keys
   bool insecure_plaintext = false;  // allows tcp without keys, which is refused otherwise
   std::function<void(const std::string&)> log;         // gets a line per undeliverable answer; may be empty
@@ -53,6 +73,7 @@ struct RouterCounters {
   std::uint64_t peer_gone = 0;     // number of answers to a peer that had disconnected
   std::uint64_t peer_full = 0;     // number of answers to a peer that does not read
   std::uint64_t without_user = 0;  // number of messages dropped because their peer was never admitted
+  std::uint64_t dropped = 0;       // number of messages dropped because too many waited already
 };
 
 class Router {
@@ -72,6 +93,9 @@ class Router {
   // first.
   void run(const Handler& handler, int stop_fd, const Pulse& pulse = {});
 
+  // Hands the messages that wait to the handler again, in the order of their arrival.
+  void answer_held(const Handler& handler);
+
   // Answers the requests that have arrived, at most `limit`, and returns.
   void answer_waiting(const Handler& handler, std::size_t limit);
 
@@ -79,10 +103,23 @@ class Router {
   const AccessHandler* access() const { return access_.get(); }  // null if no ipc or tcp endpoint is bound
 
  private:
+  static constexpr std::size_t kMaxFrames = 2;  // largest number of frames of a request, without the routing id
+  // A message as received. One frame more than the limit is kept, so that the handler sees that the limit is exceeded.
+  struct Message {
+    zmq::message_t peer;
+    std::array<zmq::message_t, kMaxFrames + 1> frames;
+    std::size_t count = 0;
+    std::string user;
+    bool must_stay = false;  // the handler needs the message in memory
+    std::size_t bytes() const;
+  };
+
   void bind_ipc(const Endpoint& endpoint);
   void bind_tcp(const Endpoint& endpoint);
   void guard(Peer::Way way);  // makes the access handler judge every peer of the endpoint that is bound next
   bool answer_one(const Handler& handler);
+  Answer ask(const Handler& handler, const Message& message);
+  void hold(std::unique_ptr<Message> message, Answer::Kind kind);
   bool receive(zmq::message_t& frame);
   void send(zmq::message_t& peer, const std::vector<OutFrame>& frames);
 
@@ -92,6 +129,10 @@ class Router {
   std::unique_ptr<AccessHandler> access_;
   zmq::socket_t socket_;
   bool serves_own_process_ = false;
+  std::unique_ptr<Message> next_;              // receives the next message
+  std::deque<std::unique_ptr<Message>> held_;  // messages that are handed to the handler again, oldest first
+  std::size_t waiting_ = 0;                    // number of those that may be dropped, and their size
+  std::size_t waiting_bytes_ = 0;
   RouterCounters counters_;
 };
 

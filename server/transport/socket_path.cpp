@@ -1,12 +1,16 @@
 #include "server/transport/socket_path.hpp"
 
 #include <fcntl.h>
+#include <linux/posix_acl.h>
+#include <linux/posix_acl_xattr.h>
 #include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <sys/xattr.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstdio>
@@ -105,6 +109,28 @@ SocketPath& SocketPath::operator=(SocketPath&& other) noexcept {
   std::swap(lock_, other.lock_);
   return *this;
 }
+// The attribute is the access list of the kernel: a header, and entries in the order of their tags and user ids. Only
+// the owner and the named users may write, which a connection needs; the mask bounds what an entry of a user can give.
+bool SocketPath::admit(std::vector<std::uint32_t> users) const {
+  if (users.empty()) return true;
+  std::sort(users.begin(), users.end());
+  users.erase(std::unique(users.begin(), users.end()), users.end());
+  constexpr std::uint16_t kUse = ACL_READ | ACL_WRITE;
+  constexpr auto kNobody = static_cast<std::uint32_t>(ACL_UNDEFINED_ID);
+  std::vector<posix_acl_xattr_entry> entries = {{ACL_USER_OBJ, kUse, kNobody}};
+  for (const std::uint32_t user : users) entries.push_back({ACL_USER, kUse, user});
+  entries.push_back({ACL_GROUP_OBJ, 0, kNobody});
+  entries.push_back({ACL_MASK, kUse, kNobody});
+  entries.push_back({ACL_OTHER, 0, kNobody});
+  const posix_acl_xattr_header header{POSIX_ACL_XATTR_VERSION};
+  std::string list(reinterpret_cast<const char*>(&header), sizeof header);
+  list.append(reinterpret_cast<const char*>(entries.data()), entries.size() * sizeof entries[0]);
+  if (::setxattr(path_.c_str(), "system.posix_acl_access", list.data(), list.size(), 0) == 0) return true;
+  if (errno != EOPNOTSUPP || ::chmod(path_.c_str(), 0777) != 0)
+    throw std::runtime_error("cannot let other users connect to " + path_ + ": " + std::strerror(errno));
+  return false;
+}
+
 // Removes the socket's file, which libzmq leaves behind; while the lock is held no other server can own it. The lock
 // file stays, because removing it would race with a server that has just opened it.
 SocketPath::~SocketPath() {

@@ -2,7 +2,9 @@
 // listening server.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
 namespace shearbus::transport {
 
@@ -17,6 +19,10 @@ class SocketPath {
   SocketPath(SocketPath&& other) noexcept;
   SocketPath& operator=(SocketPath&& other) noexcept;
   ~SocketPath();
+
+  // Lets these users connect to the socket, which exists, in addition to its owner. Returns false if the file system
+  // has no access lists; then every user can connect. Throws std::runtime_error on other faults.
+  bool admit(std::vector<std::uint32_t> users) const;
 
  private:
   std::string path_;

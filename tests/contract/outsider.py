@@ -214,7 +214,7 @@ class Outsider(unittest.TestCase):
         self.assertEqual((welcome.protocol_major, welcome.durability), (1, "none"))
         self.assertEqual(welcome.limits.max_header_bytes, 512 * 1024)
         self.assertEqual(welcome.limits.max_payload_bytes, 32 * 1024 * 1024)
-        self.assertEqual(welcome.limits.max_nodes_per_session, 200_000)
+        self.assertEqual(welcome.limits.max_nodes_per_session, 2_000_000)
         self.assertLessEqual({"velocity_driven", "force_driven", "trial"}, set(welcome.capabilities))
         self.assertNotEqual(reply.header.epoch, 0)
         self.assertEqual(welcome.access, "key" if OPTIONS.key else "uid")

@@ -152,6 +152,33 @@ class Steps(Live):
         self.assertEqual(list(rest.nodes), [2**64 - 1, 3])
         self.assertEqual((rest.temperature[1], one.temperature[0], rest.temperature[0]), tuple(expected))
 
+    def test_a_step_of_more_rows_than_a_message_holds_is_divided_into_parts(self):
+        for scene in (VELOCITY_DRIVEN, TWO_COMPONENTS):
+            nodes = numpy.arange(23)
+            whole, divided = self.open(scene, nodes), self.open(scene, nodes)
+            divided._max_rows = 5
+            jump = numpy.linspace(-100, 100, nodes.size)
+            if scene is TWO_COMPONENTS:
+                jump = numpy.stack([jump, jump[::-1]], axis=1)
+            for step in range(3):
+                x, y = (bus.step(1e-9, jump=jump * (step + 1), pressure=11.2e9) for bus in (whole, divided))
+                self.assertEqual((x.state_version, x.columns), (y.state_version, y.columns))
+                for name in x.columns:
+                    numpy.testing.assert_array_equal(getattr(x, name), getattr(y, name))
+            some = nodes[::-2]
+            with divided.trial(1e-9, nodes=some, jump=jump[: some.size], pressure=11.2e9) as trial:
+                trial.reject()
+            x, y = (bus.step(1e-9, nodes=some, jump=jump[: some.size], pressure=11.2e9) for bus in (whole, divided))
+            numpy.testing.assert_array_equal(x.temperature, y.temperature)
+            # The last part is refused: the parts before it are dropped.
+            far_away = numpy.append(some[:-1], 1000)
+            self.assert_refused(shearbus.ContentError, "UNKNOWN_NODE", lambda: divided.step(
+                1e-9, nodes=far_away, jump=jump[: some.size], pressure=11.2e9), nodes=[1000])
+            divided.retire(nodes[:1])
+            whole.retire(nodes[:1])
+            x, y = (bus.step(1e-9, jump=jump[1:], pressure=11.2e9) for bus in (whole, divided))
+            numpy.testing.assert_array_equal(x.temperature, y.temperature)
+
     def test_two_components_are_an_extra_axis(self):
         bus = self.open(TWO_COMPONENTS)
         jump = numpy.array([[100.0, 0.0], [0.0, 100.0], [60.0, 80.0]])

@@ -24,7 +24,7 @@ BYTES_PER_LINE = 16
 OF_THE_RUN = {  # fields that differ from run to run, from machine to machine and from release to release
     "ReplyHeader": ("epoch",),
     "Welcome": ("server_version", "durability", "access"),
-    "Limits": ("max_state_bytes",),
+    "Limits": ("max_state_bytes", "max_state_bytes_per_user"),
     "Upscale": ("solver_ns", "service_ns"),
 }
 PAGE = None

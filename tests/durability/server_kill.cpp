@@ -12,6 +12,7 @@
 #include <random>
 #include <thread>
 
+#include "client/src/connection.hpp"
 #include "server/embedded.hpp"
 #include "shearbus_places.hpp"
 #include "tests/support/scenes.hpp"
@@ -77,8 +78,12 @@ class Host {
   Host(const std::string& endpoint, Strategy strategy, std::size_t nodes, unsigned seed)
       : strategy_(strategy),
         random_(seed),
-        client_({.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 100ms}),
-        twin_client_({.endpoint = embedded_.endpoint(), .context = embedded_.context()}),
+        connection_(std::make_shared<SocketConnection>(
+            ClientOptions{.endpoint = endpoint, .reply_deadline = 60s, .retry_after = 100ms})),
+        client_(connection_),
+        twin_connection_(std::make_shared<SocketConnection>(
+            ClientOptions{.endpoint = embedded_.endpoint(), .context = embedded_.context()})),
+        twin_client_(twin_connection_),
         domain_("host " + std::to_string(seed)),
         session_(client_.open(support::text_of(support::scene_of(strategy)), "scene", support::node_ids(nodes),
                               {.domain = domain_})),
@@ -86,7 +91,10 @@ class Host {
                                 {.domain = domain_})),
         partner_(client_.open(support::text_of(support::scene_of(strategy)), "scene", {}, {.domain = domain_})),
         partner_twin_(
-            twin_client_.open(support::text_of(support::scene_of(strategy)), "scene", {}, {.domain = domain_})) {}
+            twin_client_.open(support::text_of(support::scene_of(strategy)), "scene", {}, {.domain = domain_})) {
+    if (seed == 1)  // steps in parts
+      for (const auto& connection : {connection_, twin_connection_}) connection->set_max_rows(17);
+  }
 
   void step() {
     const int number = static_cast<int>(steps_++);
@@ -167,7 +175,9 @@ class Host {
   Strategy strategy_;
   std::mt19937 random_;
   server::Embedded embedded_;
+  std::shared_ptr<SocketConnection> connection_;
   Client client_;
+  std::shared_ptr<SocketConnection> twin_connection_;
   Client twin_client_;
   std::string domain_;
   Session session_;
@@ -224,6 +234,23 @@ TEST(Kill, MinusNineUnderLoadLosesNothing) {
             << " nodes moved; lost or run twice: " << (testing::Test::HasFailure() ? "SOME" : "0") << "\n";
   RecordProperty("kills", kills);
   RecordProperty("requests", static_cast<int>(requests.load()));
+}
+
+TEST(Kill, ACleanStopLeavesNothingToReplay) {
+  Incarnations server;
+  server.start();
+  const auto nodes = support::node_ids(16);
+  Client client({.endpoint = server.endpoint()});
+  Session session = client.open(support::text_of(support::force_scene()), "scene", nodes);
+  for (int step = 0; step < 3; ++step)
+    session.advance(support::step_columns(Strategy::kForceDriven, nodes, step), {.dt_s = 1e-9});
+  EXPECT_EQ(server.terminate(), 0);
+  server.start();
+  EXPECT_NE(server.log_text().find("restored checkpoint-"), std::string::npos) << server.log_text();
+  EXPECT_EQ(server.log_text().find("replayed"), std::string::npos) << server.log_text();
+  EXPECT_EQ(
+      session.advance(support::step_columns(Strategy::kForceDriven, nodes, 3), {.dt_s = 1e-9}).upscale().state_version,
+      4u);
 }
 
 TEST(Kill, ASuccessorWithTheTicketGoesOnWhereTheDeadClientWas) {

@@ -228,15 +228,43 @@ TEST_F(Keys, AStolenTicketIsOfNoUseWithAnotherKey) {
   EXPECT_EQ(olga.resume(ticket).last_sequence(), 2u);
 }
 
+TEST_F(Keys, OneUserCannotTakeWhatOthersNeed) {
+  authorize(alice_.public_key + "\n" + mallory_.public_key + "\n" + operator_.public_key + " operator\n");
+  server::ServerOptions limited = options();
+  limited.sessions_per_user = 3;
+  RunningServer server(limited, {"tcp://127.0.0.1:*"});
+  const std::string& tcp = server.endpoint("tcp");
+  Client mallory(client_options(tcp, mallory_));
+  EXPECT_EQ(mallory.welcome().limits.max_sessions_per_user, 3u);
+  std::vector<Session> taken;
+  try {
+    for (;;) taken.push_back(mallory.open(support::text_of(support::force_scene()), "scene", kNodes));
+  } catch (const Error& fault) {
+    EXPECT_EQ(fault.status().code, Code::kLimit);
+    EXPECT_THAT(fault.what(), HasSubstr("--sessions-per-user"));
+  }
+  EXPECT_EQ(taken.size(), 3u);
+  Client alice(client_options(tcp, alice_));
+  Session session = alice.open(support::text_of(support::force_scene()), "scene", kNodes);
+  EXPECT_EQ(alice.server_status().sessions, 1u) << "she sees her own";
+  EXPECT_EQ(Client(client_options(tcp, operator_)).server_status().sessions, 4u);
+}
+
 TEST_F(Keys, OptionsThatDoNotGoTogetherAreRefusedWithTheReason) {
   wire::write_public_key(scratch_ / "loose.secret", {server_keys_.secret_key, ""});
   const std::string secret = scratch_ / "server.secret";
   const std::string list = scratch_ / "authorized";
+  const std::string foreign = scratch_ / "foreign";
+  std::filesystem::copy_file(list, foreign);
+  // Only root can give a file away; for others the list stays their own, and they are refused for its mode.
+  const bool given = ::chown(foreign.c_str(), 65534, 65534) == 0;
+  if (!given) ::chmod(foreign.c_str(), 0666);
   const struct {
     std::vector<std::string> arguments;
     std::string reason;
   } cases[] = {
       {{}, "--curve-secret and --authorized-keys"},
+      {{"--curve-secret", secret, "--authorized-keys", foreign}, given ? "belongs to uid 65534" : "others can write"},
       {{"--curve-secret", secret}, "go together"},
       {{"--authorized-keys", list}, "go together"},
       {{"--curve-secret", secret, "--authorized-keys", list, "--insecure-plaintext"}, "without effect"},
@@ -347,7 +375,17 @@ TEST(Users, AnotherUserIsServedWhereTheListNamesHimAndHasSessionsOfHisOwn) {
   Client root({.endpoint = bus.ipc()});
   EXPECT_NO_THROW(root.resume(ticket)) << "the server's own user is an operator";
   EXPECT_THAT(server.log(), HasSubstr("opened by uid 65533"));
-  EXPECT_THAT(server.log(), HasSubstr("uid 65534 is not among --allow-uid"));
+  // The kernel keeps others away from the socket: they cannot even open a connection.
+  EXPECT_EQ(as_user(kStranger,
+                    [&] {
+                      try {
+                        const support::RawStream stream(bus.ipc());
+                      } catch (const std::runtime_error&) {
+                        ::_exit(errno == EACCES ? 0 : 5);
+                      }
+                      ::_exit(6);
+                    }),
+            0);
 }
 
 TEST(Users, ADirectoryOthersCanEnterIsNoPlaceForASocket) {

@@ -124,6 +124,73 @@ TEST(Abuse, WhereNoFileIsLeftTheConnectedAreServedAndItPassesByItself) {
 }
 #endif
 
+// libzmq aborts a process whose ipc listener finds no free file descriptor.
+#if !defined(__SANITIZE_ADDRESS__)
+TEST(Abuse, AFloodByIpcClosesItsOwnConnectionsAndEndsNoServer) {
+  const ScratchDirectory scratch;
+  const std::string log = scratch / "log";
+  const std::string start = "ulimit -n 256; exec " SHEARBUS_BINARY_DIR "/bin/shearbus-server --bind " + scratch.ipc();
+  support::Process server({"/bin/sh", "-c", start}, log);
+  Client client({.endpoint = scratch.ipc()});
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  std::vector<RawStream> silent;
+  for (int i = 0; i < 400; ++i) silent.emplace_back(scratch.ipc());
+  for (int i = 0; i < 20; ++i) EXPECT_NO_THROW(step(session, i));
+  const wire::ServerStatus status = client.server_status();
+  EXPECT_LT(status.open_files, 210u) << "a fifth of the 256 descriptors stays free for files";
+  const auto logged = [&] { return support::text_of(log).find("REFUSED: ") != std::string::npos; };
+  for (const auto end = Clock::now() + 5s; !logged() && Clock::now() < end;) std::this_thread::sleep_for(20ms);
+  EXPECT_TRUE(logged()) << support::text_of(log);
+  // The handshake's time limit closes the others, and then a new client is served.
+  EXPECT_NO_THROW(Client({.endpoint = scratch.ipc(), .connect_deadline = 20s}).server_status());
+  server.signal(SIGTERM);
+  EXPECT_EQ(server.exit_code(10s), 0);
+}
+#endif
+
+// The largest message is 32 MiB, and libzmq allows that before the handshake, too.
+TEST(Abuse, PeersWithoutAKeyHoldNoMemory) {
+  const ScratchDirectory scratch;
+  const KeyPair server_keys = make_key_pair();
+  const KeyPair client_keys = make_key_pair();
+  wire::write_secret_key(scratch / "secret", server_keys.secret_key);
+  wire::write_public_key(scratch / "list", {client_keys.public_key, ""});
+  ServerProcess server({"--bind", scratch.ipc(), "--bind", "tcp://127.0.0.1:*", "--curve-secret", scratch / "secret",
+                        "--authorized-keys", scratch / "list"});
+  ASSERT_TRUE(server.ready()) << server.log();
+  Client watcher({.endpoint = scratch.ipc()});
+  const std::uint64_t before = watcher.server_status().resident_bytes;
+
+  // ZMTP 3 with CURVE as its mechanism, then a command of 32 MB minus its last byte.
+  std::string greeting(
+      "\xff\0\0\0\0\0\0\0\x01\x7f\x03\x01"
+      "CURVE",
+      17);
+  greeting.resize(64, '\0');
+  const std::string long_command("\x06\0\0\0\0\x01\xf0\0\0", 9);
+  const std::string megabyte(std::size_t{1} << 20, 'x');
+  constexpr int kPeers = 16;
+  std::vector<RawStream> peers;
+  std::uint64_t largest = before;
+  for (int i = 0; i < kPeers; ++i) {
+    RawStream& peer = peers.emplace_back(server.tcp_endpoint());
+    peer.send(greeting);
+    peer.send(long_command);
+    for (int sent = 0; sent < 30 && peer.send(megabyte); ++sent) {
+    }
+    largest = std::max(largest, watcher.server_status().resident_bytes);
+  }
+  RecordProperty("held_mib", std::to_string((largest - before) >> 20));
+  EXPECT_LT(largest - before, std::uint64_t{64} << 20);
+  ClientOptions honest{.endpoint = server.tcp_endpoint()};
+  honest.server_key = server_keys.public_key;
+  honest.secret_key = client_keys.secret_key;
+  Client client(honest);
+  const auto nodes = support::node_ids(20'000);  // its messages are larger than what a stranger may send
+  Session session = client.open(support::text_of(support::force_scene()), "scene", nodes);
+  EXPECT_NO_THROW(session.advance(support::step_columns(Strategy::kForceDriven, nodes, 0), {.dt_s = 1e-9}));
+}
+
 // A client process that stops for longer than the heartbeat allows is disconnected. When the process runs again, the
 // client reconnects and continues.
 TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {

@@ -15,7 +15,7 @@ namespace shearbus::support {
 struct DurableServer {
   explicit DurableServer(store::Storage& disk, store::Durability durability = store::Durability::kProcess,
                          std::uint64_t epoch = 77, unsigned threads = 1,
-                         std::uint64_t max_state_bytes = std::uint64_t{8} << 30)
+                         std::uint64_t max_state_bytes = std::uint64_t{8} << 30, double slice_work = 0.0)
       : store(disk, {.durability = durability, .epoch = epoch}),
         pool(threads),
         service({.epoch = epoch,
@@ -23,14 +23,16 @@ struct DurableServer {
                  .max_state_bytes = max_state_bytes,
                  .max_sessions = std::size_t{1} << 16,
                  .nodes_per_task = 4,
+                 .slice_work = slice_work,
                  .now_ns = [this] { return ++clock; }},
                 pool, &store) {
     service.recover();
   }
 
-  // Returns the service's answer, or nothing if the service does not answer.
-  std::optional<Answer> try_ask(service::Frames frames, const service::Caller& caller = {}) {
-    auto answered = service.handle(frames, caller);
+  // Returns the service's answer, or nothing if the service does not answer, with `turn` perhaps not yet.
+  std::optional<Answer> try_ask(service::Frames frames, const service::Caller& caller = {},
+                                service::Turn* turn = nullptr) {
+    auto answered = service.handle(frames, caller, turn);
     if (!answered) return std::nullopt;
     Answer answer{.frames = std::move(*answered), .reply = {}};
     const std::span<const std::byte> sent[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};

@@ -113,6 +113,7 @@ inline std::vector<std::pair<std::string, Request>> requests() {
       step_columns(3));
   add("downscale_absent_nodes_open",
       Downscale{.dt_s = 1e-9, .mode = Mode::kAdvance, .absent_nodes = AbsentNodes::kOpen}, step_columns(2));
+  add("downscale_part", Downscale{.dt_s = 1e-9, .part = 2, .parts = 3}, step_columns(2));
   add("commit", Commit{});
   add("rollback", Rollback{});
   add("close_session", CloseSession{.reason = "done"});

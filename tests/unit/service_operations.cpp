@@ -30,7 +30,7 @@ wire::Request asking(decltype(wire::Request::body) body, wire::SessionId session
 }
 
 wire::ServerStatus status_of(ServiceHarness& harness) {
-  return std::get<wire::ServerStatus>(harness.ask(asking(wire::ServerStatusQuery{})).reply.body);
+  return std::get<wire::ServerStatus>(harness.ask(asking(wire::ServerStatusQuery{}), kOperator).reply.body);
 }
 
 std::uint64_t count_of(const wire::ServerStatus& status, const std::string& name, const std::string& verb = "") {

@@ -86,6 +86,7 @@ enum {
   SHEARBUS_NO_SPACE = 402,
   SHEARBUS_DRAINING = 403,
   SHEARBUS_CHECKPOINT_FAILED = 404,
+  SHEARBUS_RECOVERING = 405,
   SHEARBUS_UNREACHABLE = 500,      /* no connection before the deadline; the request was not sent */
   SHEARBUS_UNKNOWN_OUTCOME = 501,  /* no answer before the deadline */
   SHEARBUS_UNEXPECTED_REPLY = 502, /* the peer is no shearbus server of this version */
@@ -125,6 +126,7 @@ enum {
   SHEARBUS_OUTCOME_SUBSTEPPED = 1,
   SHEARBUS_OUTCOME_MULTIPLE_ROOTS = 2,
   SHEARBUS_OUTCOME_OUTSIDE_DOMAIN = 4,
+  SHEARBUS_OUTCOME_OVER_BUDGET = 16, /* with FAILED: the step needed more work than the scene's work_budget */
   SHEARBUS_OUTCOME_ASLEEP = 32,
   SHEARBUS_OUTCOME_FIRST_ORDER = 64,
   SHEARBUS_OUTCOME_FAILED = 128 /* the node has no answer and keeps its state */

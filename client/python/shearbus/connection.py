@@ -20,9 +20,11 @@ SILENT_FAILURES = 3  # handshakes failed in a row after which a wrong key is rep
 SMALL_BYTES = 1 << 16  # frames up to this size are copied, which is quicker than views of them
 RECEIVE_MS = 100  # a receive waits so long before handshakes and deadlines are looked at
 REPORT_AFTER_S = 2.0  # time after which a waiting call says whom it waits for
+RECOVERY_PAUSE_S = 0.2  # time between two requests to a server that recovers
 MAX_PAYLOAD_BYTES = 32 * 1024 * 1024
 Z85 = frozenset(b"0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#")
 
+FRAMES_BEFORE_LOOK = 90  # most frames read from a socket since it was found empty
 NOW, MORE = int(zmq.DONTWAIT), int(zmq.DONTWAIT | zmq.SNDMORE)
 
 log = logging.getLogger("shearbus")
@@ -132,6 +134,15 @@ class Connection:
             sent = True
             received = self._receive(request_id, min(last_moment, time.monotonic() + self.retry_after), started)
             if received is not None:
+                status = received[0].header.status
+                if status is not None and status.code == Code.RECOVERING:
+                    # The server is at work and answers when it has recovered: the deadline begins anew.
+                    if time.monotonic() >= self._report_at:
+                        log.warning("waiting for the server at %s: %s", self.endpoint, status.text)
+                        self._report_at = time.monotonic() + REPORT_AFTER_S
+                    time.sleep(RECOVERY_PAUSE_S)
+                    last_moment = time.monotonic() + (self.reply_deadline if deadline is None else deadline)
+                    continue
                 return received
             self.close()
             if self._refusal:
@@ -140,7 +151,11 @@ class Connection:
                 self._give_up(sent, started)
 
     def _connect(self):
-        self._refusal = None
+        self._refusal, self._frames_read = None, 0
+        path = self.endpoint.removeprefix("ipc://")
+        if path != self.endpoint and os.path.exists(path) and not os.access(path, os.W_OK, effective_ids=True):
+            raise AuthError(Code.AUTH, f"{self.endpoint}: uid {os.geteuid()} may not connect there",
+                            f"Run as the server's user, or have it started with --allow-uid {os.geteuid()}.")
         socket = zmq.Context.instance().socket(zmq.DEALER)
         try:
             for option, value in ((zmq.IMMEDIATE, 1), (zmq.LINGER, 0), (zmq.MAXMSGSIZE, MAX_PAYLOAD_BYTES),
@@ -198,12 +213,24 @@ class Connection:
         return self._socket.recv(NOW) if self._wait(self._incoming, until) else None
 
     def _receive(self, request_id, until, started):
-        """Waits for the reply to `request_id` and skips replies to earlier requests. Returns the Reply and its
-        frames, or None if `until` passed first."""
-        while (first := self._first_frame(until)) is not None:
+        """Waits for the reply to `request_id` and skips replies to earlier requests. Returns the Reply and its frames,
+        or None if `until` passed first or the request must be sent again on a fresh socket.
+
+        libzmq 4.3.4 aborts the process (fq.cpp:112) if it notices between two frames of a message that the connection
+        is lost. While messages arrive it looks for that at every hundredth recv() of a socket, counted from the last
+        recv() that found nothing. So each message is preceded by a recv() that finds nothing."""
+        while self._frames_read <= FRAMES_BEFORE_LOOK:
+            try:
+                first = self._socket.recv(NOW)
+            except zmq.Again:
+                self._frames_read = 0
+                first = self._first_frame(until)
+                if first is None:
+                    return None
             frames = []
-            while self._socket.rcvmore:
+            while self._socket.rcvmore and len(frames) < 2:
                 frames.append(self._socket.recv(NOW, copy=False))
+            self._frames_read += 1 + len(frames)
             received = time.monotonic()
             try:
                 answer = header.REPLY_HEADER.decode(first)

@@ -209,7 +209,9 @@ STATUS = Message("Status", ("code", 1, "uint"), ("text", 2, "string"), ("remedy"
                  ("node_ids", 5, "fixed64", True), ("last_sequence", 6, "uint"))
 LIMITS = Message("Limits", ("max_header_bytes", 1, "uint"), ("max_payload_bytes", 2, "uint"),
                  ("max_nodes_per_session", 3, "uint"), ("max_sessions", 4, "uint"), ("max_marks", 5, "uint"),
-                 ("max_frames", 20, "uint"), ("max_state_bytes", 21, "uint"))
+                 ("max_frames", 20, "uint"), ("max_state_bytes", 21, "uint"), ("max_work_budget", 22, "uint"),
+                 ("max_replay_work", 23, "uint"), ("max_rows_per_message", 30, "uint"),
+                 ("max_sessions_per_user", 31, "uint"), ("max_state_bytes_per_user", 32, "uint"))
 
 HELLO = Message("Hello", ("oldest_major", 1, "uint"), ("newest_major", 2, "uint"), ("client_name", 3, "string"))
 OPEN_SESSION = Message("OpenSession", ("scene", 1, "string"), ("session_id", 2, "bytes"), ("resume_token", 3, "bytes"),
@@ -217,7 +219,8 @@ OPEN_SESSION = Message("OpenSession", ("scene", 1, "string"), ("session_id", 2, 
                        ("idle_limit_s", 7, "uint"))
 DOWNSCALE = Message("Downscale", ("dt_s", 1, "double"), ("time_s", 2, "double"), ("step", 3, "uint"),
                     ("attempt", 4, "uint"), ("mode", 5, "uint"), ("commit_previous", 6, "bool"),
-                    ("wanted", 7, "numbers"), ("policy", 8, "uint"), ("absent_nodes", 11, "uint"))
+                    ("wanted", 7, "numbers"), ("policy", 8, "uint"), ("part", 9, "uint"), ("parts", 10, "uint"),
+                    ("absent_nodes", 11, "uint"))
 COMMIT = Message("Commit")
 ROLLBACK = Message("Rollback", ("to_mark", 1, "string"))
 CLOSE_SESSION = Message("CloseSession", ("reason", 1, "string"))

@@ -4,6 +4,7 @@ import difflib
 import operator
 import os
 import time
+import types
 
 import numpy
 
@@ -21,6 +22,7 @@ ALL_OR_NOTHING = 2  # Policy
 ABSENT_NODES = {"keep": 0, "open": 1}
 STRATEGY = {1: "velocity_driven", 2: "force_driven"}
 FLOAT = numpy.dtype(float)
+MAX_ROWS = 200_000  # of a message, where the server does not say
 PAUSE_S = 0.1  # between two attempts while the server restarts
 
 
@@ -33,7 +35,7 @@ class Regime:
 class Outcome:
     """Bits of the column `outcome`; 0 is success without qualification."""
 
-    SUBSTEPPED, MULTIPLE_ROOTS, OUTSIDE_DOMAIN, ASLEEP, FIRST_ORDER, FAILED = 1, 2, 4, 32, 64, 128
+    SUBSTEPPED, MULTIPLE_ROOTS, OUTSIDE_DOMAIN, OVER_BUDGET, ASLEEP, FIRST_ORDER, FAILED = 1, 2, 4, 16, 32, 64, 128
 
 
 # -- from values to a payload --
@@ -269,6 +271,9 @@ class Session:
                 f"{connection.connect_deadline:g} s",
                 "Is it a shearbus server, and is it busy with a long step?") from None
         self.durable = self.welcome.durability != "none"
+        self._max_rows = self.welcome.limits.max_rows_per_message or MAX_ROWS
+        self._parts = None  # a step in parts without an end: its hashes, and the replies so far
+        self._previous_committed = False  # part 1 of a step that failed has committed the trial before
 
     # -- requests --
 
@@ -481,7 +486,12 @@ class Session:
         watched = self._closure.mode != "off"
         if watched:
             self._closure.compare(columns, frame, rows, nodes is not None, body["dt_s"], commit_previous)
-        reply = self._exchange("downscale", body, "upscale", columns, frame)
+        body["commit_previous"] = commit_previous and not self._previous_committed
+        if frame.shape[1] > self._max_rows:
+            reply = self._in_parts(body, columns, frame, rows)
+        else:
+            reply = self._exchange("downscale", body, "upscale", columns, frame)
+        self._previous_committed = False
         answer = Answer(reply, rows) if mode == ADVANCE else Trial(reply, rows, self)
         for warning in reply.header.upscale.warnings:
             self._closure.tell(warning)
@@ -494,6 +504,38 @@ class Session:
                 self.history._commit()
             self.history._add(body, columns, frame, answer, committed=mode == ADVANCE)
         return answer
+
+    def _in_parts(self, body, columns, frame, rows):
+        """Makes a step of more rows than a message holds, in parts that the server commits as one. If a part has no
+        answer in time, a repetition of the call goes on with that part. If a part is refused, the parts before it are
+        dropped. Returns the replies as one."""
+        count, limit = frame.shape[1], self._max_rows
+        parts = -(-count // limit)
+        step = xxh3(repr((sorted(body.items()), columns)).encode()), xxh3(memoryview(frame).cast("B"))
+        if self._parts is None or self._parts[0] != step:
+            self._parts = step, []
+        replies = self._parts[1]
+        values = frame[1:] if columns[0][0] == NODE_ID.number else frame
+        columns = (NODE_ID.number, 0), *columns[len(frame) - len(values):]
+        try:
+            while len(replies) < parts:
+                part = slice(len(replies) * limit, min(count, (len(replies) + 1) * limit))
+                piece = numpy.empty((len(columns), part.stop - part.start))
+                piece[0].view(numpy.uint64)[:] = rows[part]
+                piece[1:] = values[:, part]
+                numbered = {**body, "part": len(replies) + 1, "parts": parts,
+                            "commit_previous": body["commit_previous"] and not replies}
+                replies.append(self._exchange("downscale", numbered, "upscale", columns, piece))
+        except Error as fault:
+            if self._doubt is None and fault.code not in (Code.UNREACHABLE, Code.AUTH):
+                self._parts = None
+                if replies:
+                    self._previous_committed = body["commit_previous"]
+                    with contextlib.suppress(Error):  # the next step drops the parts, too
+                        self._exchange("rollback", {}, "rolled_back")
+            raise
+        self._parts = None
+        return _joined(replies)
 
     def step(self, dt, *, nodes=None, absent_nodes="keep", time=0.0, step=0, attempt=0, all_or_nothing=False,
              want=None, **values):
@@ -643,6 +685,40 @@ class Session:
 def _frozen(array):
     array.setflags(write=False)
     return array
+
+
+def _joined(replies):
+    """Returns the replies to the parts of a step as one reply."""
+    layouts, last = [reply.header.payload.columns.parts for reply in replies], replies[-1].header.upscale
+    rows = sum(next(iter(layout.values()))[0].count for layout in layouts)
+    size, columns = 0, {}
+    for name, places in layouts[0].items():
+        columns[name] = []
+        for place in places:
+            columns[name].append(types.SimpleNamespace(element=place.element, count=rows, offset_bytes=size))
+            size += -(-rows * DTYPE[place.element].itemsize // 8) * 8
+    payload = numpy.empty(size // 8).view(numpy.uint8)
+    done = 0
+    for reply, layout in zip(replies, layouts):
+        for name, places in layout.items():
+            for place, whole in zip(places, columns[name]):
+                size = DTYPE[place.element].itemsize
+                begin = whole.offset_bytes + done * size
+                payload[begin : begin + place.count * size] = numpy.frombuffer(
+                    reply.payload, numpy.uint8, place.count * size, place.offset_bytes)
+        done += place.count
+    upscales = [reply.header.upscale for reply in replies]
+    worst = max(upscales, key=lambda upscale: upscale.largest_closure_m_per_s)
+    upscale = types.SimpleNamespace(
+        state_version=last.state_version, solver_ns=sum(one.solver_ns for one in upscales),
+        service_ns=sum(one.service_ns for one in upscales), flagged_nodes=sum(one.flagged_nodes for one in upscales),
+        largest_closure_m_per_s=worst.largest_closure_m_per_s, closure_node=worst.closure_node,
+        layer_time_s=worst.layer_time_s, warnings=[warning for one in upscales for warning in one.warnings])
+    header = types.SimpleNamespace(
+        upscale=upscale, replayed=any(reply.header.replayed for reply in replies),
+        payload=types.SimpleNamespace(columns=types.SimpleNamespace(parts=columns)))
+    return types.SimpleNamespace(header=header, payload=memoryview(payload),
+                                 round_trip_s=sum(reply.round_trip_s for reply in replies))
 
 
 def _ids_of(reply):

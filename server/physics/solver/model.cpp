@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "server/physics/material/strength.hpp"
@@ -10,6 +11,7 @@
 #include "server/physics/solver/around/ledger.hpp"
 #include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/around/tolerance.hpp"
+#include "server/physics/solver/divided_tile.hpp"
 #include "server/physics/solver/parts.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -113,6 +115,13 @@ std::vector<std::string> Model::warnings() const {
         "when that forms depends on cells and dt; compare several before trusting the stress after it");
   }
   if (o.tolerance) warnings.push_back(discretisation_of(o, impl_->modes ? impl_->modes->rate.size() : 0));
+  constexpr double kCostlyStep = 3e5, kCostlyControlledStep = 3e7;  // about 3 ms and 0.3 s of a core
+  if (const double work = hard_step_work(*impl_); work > (o.tolerance ? kCostlyControlledStep : kCostlyStep)) {
+    warnings.push_back(text_of("costly: a step may need ", Digits{2, work},
+                               " evaluations of a cell for each node, of which a core makes some 1e8 a second; ",
+                               o.tolerance ? "a larger tolerance needs fewer cells and substeps"
+                                           : "fewer cells, graded towards the interface, need less"));
+  }
   if (o.initial_temperature >= o.soft.melting_temperature) {
     warnings.push_back(text_of("the initial temperature (", o.initial_temperature,
                                " K) is not below the soft body's melting temperature (", o.soft.melting_temperature,
@@ -176,6 +185,26 @@ std::shared_ptr<const StepOperators> Model::operators(double dt) const {
 void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
                     TileOutputs& outputs) const {
   advance_tile(*impl_, operators, inputs, committed, trial, outputs);
+}
+
+struct DividedStep::Impl {
+  explicit Impl(const Problem& of) : problem(of), accepted(of.layout.doubles) {}
+  const Problem& problem;
+  std::vector<double> accepted;
+  std::optional<DividedTile> step;
+};
+
+DividedStep::DividedStep(const Model& model) : impl_(std::make_unique<Impl>(*model.impl_)) {}
+DividedStep::DividedStep(DividedStep&&) noexcept = default;
+DividedStep::~DividedStep() = default;
+
+void DividedStep::begin(const StepOperators& operators, const TileInputs& inputs, const double* committed,
+                        double* trial, TileOutputs& outputs) {
+  impl_->step.emplace(impl_->problem, operators, inputs, committed, trial, outputs, impl_->accepted.data());
+}
+
+bool DividedStep::run(double work) {
+  return impl_->step->run(work);
 }
 
 void Model::record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,

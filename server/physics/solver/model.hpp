@@ -54,6 +54,27 @@ class Model {
                      const double* committed, const double* trial, TileLedger& ledger) const;
 
  private:
+  friend class DividedStep;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// One step of a tile at a time, as by Model::advance, but in pieces: for a model with a tolerance, whose steps are
+// divided into substeps. Which pieces does not change the answer. The model must outlive this object.
+class DividedStep {
+ public:
+  explicit DividedStep(const Model& model);
+  DividedStep(DividedStep&&) noexcept;
+  ~DividedStep();
+
+  // Begins a step. All arguments must live until the step is done.
+  void begin(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
+             TileOutputs& outputs);
+  // Goes on until the step is done, which the result tells, or all lanes together have done more than this work, in
+  // evaluations. May be called by another thread than before.
+  bool run(double work);
+
+ private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

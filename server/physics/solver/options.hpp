@@ -17,6 +17,8 @@ enum class Drive { kLayerShear, kInterfaceSlip };
 enum class TimeIntegrator { kBackwardEuler, kSdirk2 };
 
 inline constexpr double kShortestControlledStep = 1e-12;  // shortest dt of a host if the model has a tolerance  [s]
+// Default of ModelOptions::work_budget, which takes a core some seconds  [evaluations].
+inline constexpr double kWorkBudget = 3e8;
 // Largest number of cells of a layer with inertia: the arrays of its step are on the stack.
 inline constexpr int kMaxInertiaCells = 1000;
 inline constexpr int kMaxSleepCells = 900;  // largest number of cells of both bodies together in a model with sleep
@@ -45,6 +47,10 @@ struct ModelOptions {
   // Largest error of T0 relative to T_melt - initial_temperature. A step is divided into substeps until its estimated
   // error is smaller. Absent: steps are not divided for accuracy. discretised() chooses a grid and methods that fit.
   std::optional<double> tolerance;
+
+  // Largest work of a node in one step, in evaluations (work.hpp). A step under a tolerance that needs more ends without
+  // an answer (kOverBudget).
+  double work_budget = kWorkBudget;
 
   int tangential_components = 1;  // components of slip and stress: 1 or 2; 2 not with INTERFACE_SLIP or inertia
 

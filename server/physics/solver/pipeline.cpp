@@ -1,13 +1,14 @@
 #include "server/physics/solver/pipeline.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include "server/physics/solver/around/sleep.hpp"
-#include "server/physics/solver/around/tolerance.hpp"
-#include "server/physics/solver/around/two_components.hpp"
+#include "server/physics/solver/divided_tile.hpp"
 #include "server/physics/solver/force_driven/flowing_step.hpp"
 #include "server/physics/solver/force_driven/stages.hpp"
 #include "server/physics/solver/force_driven/step.hpp"
+#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/velocity_driven/at_rest.hpp"
 #include "server/physics/solver/velocity_driven/balance.hpp"
 #include "server/physics/solver/velocity_driven/inertia.hpp"
@@ -58,24 +59,34 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   }
 }
 
-// Link 2 of the chain in pipeline.hpp: divides the step until the estimated error of T0 is below the tolerance.
-void advance_accurately(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                        const double* committed, double* trial, TileOutputs& outputs) {
-  if (problem.options.tolerance) {
-    advance_controlled(problem, operators, advance_once, inputs, committed, trial, outputs);
-  } else {
-    advance_once(problem, operators, inputs, committed, trial, outputs);
-  }
+}  // namespace
+
+DividedTile::DividedTile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                         const double* committed, double* trial, TileOutputs& outputs, double* accepted)
+    : problem_(problem), inputs_(inputs), committed_(committed), trial_(trial), outputs_(outputs) {
+  if (problem.options.tangential_components == 2) scalar_.emplace(problem, operators, inputs, committed);
+  step_.emplace(problem, operators, advance_once, scalar_ ? scalar_->inputs() : inputs, committed, trial, outputs,
+                accepted);
 }
 
-}  // namespace
+bool DividedTile::run(double work) {
+  if (!step_->run(work)) return false;
+  if (scalar_) scalar_->turn(problem_, inputs_, committed_, trial_, outputs_);
+  return true;
+}
 
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs) {
-  if (problem.options.tangential_components == 2) {
-    advance_two_components(problem, operators, advance_accurately, inputs, committed, trial, outputs);
+  if (problem.options.tolerance) {
+    DividedTile(problem, operators, inputs, committed, trial, outputs,
+                scratch_tile(Scratch::kAccepted, problem.layout.doubles))
+        .run(std::numeric_limits<double>::infinity());
+  } else if (problem.options.tangential_components == 2) {
+    const ScalarStep scalar(problem, operators, inputs, committed);
+    advance_once(problem, operators, scalar.inputs(), committed, trial, outputs);
+    scalar.turn(problem, inputs, committed, trial, outputs);
   } else {
-    advance_accurately(problem, operators, inputs, committed, trial, outputs);
+    advance_once(problem, operators, inputs, committed, trial, outputs);
   }
 }
 

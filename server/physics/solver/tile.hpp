@@ -15,6 +15,7 @@ enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca 
 inline constexpr std::uint8_t kSubstepped = 1;
 inline constexpr std::uint8_t kMultipleRoots = 2;
 inline constexpr std::uint8_t kOutsideDomain = 4;
+inline constexpr std::uint8_t kOverBudget = 16;  // with kFailed: the step needed more work than its budget
 inline constexpr std::uint8_t kAsleep = 32;      // the node was at rest and was not solved
 inline constexpr std::uint8_t kFirstOrder = 64;  // backward Euler, because the second-order step did not apply
 inline constexpr std::uint8_t kFailed = 128;
@@ -22,11 +23,12 @@ inline constexpr std::uint8_t kFailed = 128;
 // The inputs of the host for one step of one tile. Lanes that are not active may hold any finite number: it affects no
 // answer. Members `second_` are second tangential components: they are read only if a model has two.
 struct TileInputs {
-  const double* stress_before = nullptr;            // stress before the step, [kLanes]; null: committed stress  [Pa]
-  SearchEffort* effort = nullptr;                   // counters of search effort, to which a step adds; null: no counts
-  std::uint32_t active = 0;                         // bit i: lane i takes the step
-  alignas(64) double velocity_jump[kLanes] = {};    // jump [V]; force-driven: jump before the step, at n-1/2  [m/s]
-  alignas(64) double pressure[kLanes] = {};         // normal pressure P, compression positive  [Pa]
+  const double* stress_before = nullptr;          // stress before the step, [kLanes]; null: committed stress  [Pa]
+  SearchEffort* effort = nullptr;                 // counters of search effort, to which a step adds; null: no counts
+  double* work = nullptr;                         // work of each lane, [kLanes], to which a step adds; null: no counts
+  std::uint32_t active = 0;                       // bit i: lane i takes the step
+  alignas(64) double velocity_jump[kLanes] = {};  // jump [V]; force-driven: jump before the step, at n-1/2  [m/s]
+  alignas(64) double pressure[kLanes] = {};       // normal pressure P, compression positive  [Pa]
   alignas(64) double soft_shear_rate[kLanes] = {};  // shear rate of the host's soft zone, for INTERFACE_SLIP  [1/s]
   alignas(64) double stress_soft[kLanes] = {};      // shear stress in the soft body, half a zone from z = 0  [Pa]
   alignas(64) double stress_hard[kLanes] = {};      // shear stress in the hard body, half a zone from z = 0  [Pa]

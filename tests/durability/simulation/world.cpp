@@ -44,7 +44,8 @@ void World::start() {
     ++tally_.disk_faults;
   }
   try {
-    server_ = std::make_unique<DurableServer>(disk_, durability_, ++epoch_ << 32, 1 + random() % 2);
+    server_ = std::make_unique<DurableServer>(disk_, durability_, ++epoch_ << 32, 1 + random() % 2,
+                                              std::uint64_t{8} << 30, chance(2) ? 1.0 : 0.0);
   } catch (const store::StorageError&) {
     crash();  // the machine may also die while the new server recovers
   }
@@ -54,6 +55,7 @@ void World::start() {
 void World::crash() {
   ++tally_.crashes;
   server_.reset();
+  held_.clear();
   if (durability_ == store::Durability::kPower)
     disk_.die_of_power(random);
   else
@@ -76,18 +78,49 @@ void World::damage_a_checkpoint() {
   ++tally_.damaged;
 }
 
-void World::deliver(const Packet& packet) {
+void World::deliver(Packet packet) {
   if (!server_ && now_ >= back_at_) start();
   if (!server_) return;
+  held_.push_back(std::move(packet));
+  if (ask(held_.back()))
+    ++tally_.held;
+  else if (server_)
+    held_.pop_back();
+  if (server_) compute();
+  if (server_ && chance(12) && server_->service.checkpoint()) ++tally_.checkpoints;
+  if (server_ && chance(12)) {
+    server_->clock += 2'000'000'000;
+    server_->service.prove_last_replies();
+  }
+  if (disk_.dead() || (server_ && server_->service.failed())) crash();
+}
+
+// Asks the server once. Returns whether the request waits. The server may die of it.
+bool World::ask(const Packet& packet) {
   const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(packet.header)), packet.payload};
-  auto answer = server_->try_ask(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1));
+  service::Turn turn{};
+  auto answer = server_->try_ask(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1), {}, &turn);
   // A server that dies after it has run a request never sends its answer.
-  if (disk_.dead() || server_->service.failed() || chance(60)) return crash();
+  if (disk_.dead() || server_->service.failed() || chance(60)) {
+    crash();
+    return false;
+  }
   if (answer)
     transmit(
         {.to_server = false, .socket = packet.socket, .header = answer->frames.header, .payload = answer->payload()});
-  if (chance(12) && server_->service.checkpoint()) ++tally_.checkpoints;
-  if (disk_.dead()) crash();
+  return turn != service::Turn::kAnswered;
+}
+
+// Lets the server compute a few slices of the steps that wait, and asks again where a step is complete.
+void World::compute() {
+  for (std::uint32_t slices = random() % 8; slices > 0 && server_->service.computing(); --slices) {
+    if (!server_->service.work()) continue;
+    for (auto packet = held_.begin(); packet != held_.end();) {
+      const bool waits = ask(*packet);
+      if (!server_) return;
+      packet = waits ? std::next(packet) : held_.erase(packet);
+    }
+  }
 }
 
 }  // namespace shearbus::simulation

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <list>
 #include <map>
 #include <memory>
 #include <optional>
@@ -36,7 +37,7 @@ struct Packet {
 // Counts of the events of a simulation, for its report.
 struct Tally {
   std::uint64_t calls = 0, crashes = 0, dropped = 0, repeated = 0, disk_faults = 0, damaged = 0, successors = 0,
-                checkpoints = 0, node_changes = 0, moved = 0, refused = 0;
+                checkpoints = 0, node_changes = 0, moved = 0, refused = 0, held = 0;
 };
 
 class World {
@@ -58,7 +59,9 @@ class World {
   void start();
   void crash();
   void damage_a_checkpoint();
-  void deliver(const Packet& packet);
+  void deliver(Packet packet);
+  bool ask(const Packet& packet);
+  void compute();
 
   store::Durability durability_;
   Tally& tally_;
@@ -70,6 +73,7 @@ class World {
   Clock::time_point now_{};
   Clock::time_point back_at_{};
   std::multimap<Clock::time_point, Packet> network_;
+  std::list<Packet> held_;  // requests that the server answers later, as a router holds them
 };
 
 }  // namespace shearbus::simulation

@@ -1,17 +1,89 @@
 // Step control: divides a step into substeps until the estimated error of T0 is below the tolerance (METHODS.md).
 #pragma once
 
+#include <cstdint>
+
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
 
-// One step of the active lanes (nodes stepped together) in as many substeps as the tolerance needs. After kMostAttempts
-// substeps the rest of the step is accepted whatever its error. `advance` solves one substep. Writes all lanes of
-// `trial`; a lane without an answer keeps its state.
-void advance_controlled(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
-                        const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
+// One step of the active lanes of a tile in as many substeps as the tolerance needs. Each lane has substeps of its own.
+// A substep is accepted if its two halves give the same answer up to its error budget; otherwise its first half is tried
+// next. Where the error is small the next substep is twice as long. Lanes with equally long next substeps are solved
+// together, the shortest substeps first. The substeps of a lane depend on its own state and inputs alone, and so does
+// its work: a lane that has needed more than ModelOptions::work_budget before its end has no answer (kOverBudget).
+//
+// The step may be interrupted between two substeps. All arguments of the constructor must live until the step is done.
+class ControlledStep {
+ public:
+  // `advance` solves one substep. `accepted`: memory of one tile.
+  ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance, const TileInputs& inputs,
+                 const double* committed, double* trial, TileOutputs& outputs, double* accepted);
+  ControlledStep(const ControlledStep&) = delete;  // now_ points to work_
+  ControlledStep& operator=(const ControlledStep&) = delete;
+
+  // Goes on until the step is done, which the result tells, or all lanes together have done more than this work. When
+  // the step is done, the whole of `trial` and the active lanes of `outputs` are written. Lanes without an answer keep
+  // their state.
+  bool run(double work);
+
+ private:
+  // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
+  struct Answer {
+    double stress = 0.0, slip = 0.0, T0 = 0.0, jump_new = 0.0, heat = 0.0;
+    Regime regime = Regime::kOpen;
+    std::uint8_t outcome = 0;
+  };
+  // Progress of one lane through its step.
+  struct Progress {
+    int level = 0;        // the next substep is dt / 2^level long
+    std::int64_t at = 0;  // begin of the next substep, in units of the shortest substep
+    Answer sum;           // answer of the accepted substeps together
+    Answer coarse;        // answer of the next substep solved in one piece, if coarse_known
+    bool coarse_known = true;
+    bool refined = false;  // the next substep was shortened because of its error
+    int attempts = 0;
+    double left = 0.0;      // remaining error budget of T0, relative to T_melt less the initial temperature
+    double estimate = 0.0;  // estimated error of T0 after the accepted substeps, relative to the same range as `left`
+  };
+
+  static Answer answer_of(const TileOutputs& out, int l);
+  static void add(const Answer& next, double share, bool forced, Answer& sum);
+  void begin();
+  double work_done() const;
+  void solve(int level, std::uint32_t together);
+  void accept_or_refine(int l);
+  double error_of(int l, const Answer& one, const Answer& two, double of_rest) const;
+  void finish(int l);
+  void give_up(int l, std::uint8_t outcome);
+
+  double work_[kLanes] = {};        // work of each lane so far
+  TileInputs now_;                  // inputs of the next substep
+  TileOutputs first_{}, second_{};  // answers of the two halves of the next substep
+  const Problem& problem_;
+  const StepOperators& operators_;
+  const AdvanceTile advance_;  // solves one substep
+  const TileInputs& inputs_;
+  const double* committed_;
+  double* trial_;
+  TileOutputs& outputs_;
+  const std::int64_t end_;  // end of the step, in units of its shortest substep
+  const double response_;   // response B0 of T0 to a unit flux over the whole step  [K m2/W]
+  double* const accepted_;  // state after the substeps accepted so far
+  double* half_ = nullptr;  // state after the first half of the next substep; scratch memory of the thread in run()
+  double* fine_ = nullptr;  // state after both halves of the next substep, likewise
+  Progress lanes_[kLanes];
+  const int deepest_;
+  std::uint32_t open_;  // lanes that have not reached the end of the step
+  const bool forced_;
+  bool begun_ = false;
+};
+
+// Work of a step of one node that the tolerance divides as often as it may; without a tolerance of an undivided step. An
+// estimate: a search is assumed to need the usual number of evaluations.
+double hard_step_work(const Problem& problem);
 
 // The largest number of times that a step of dt may be halved.
 int most_times_halved(double dt);

@@ -66,37 +66,35 @@ Vector direction_of(const Vector& trial, const Vector& otherwise) {
 
 }  // namespace
 
-void advance_two_components(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
-                            const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
-  const TileLayout& layout = problem.layout;
-  const ModelOptions& options = problem.options;
-  const bool forced = options.strategy == Strategy::kForceDriven;
-
-  // 1. Solve the scalar problem along each lane's direction.
-  TileInputs along = inputs;
-  Vector direction[kLanes];
-  double stress_old[kLanes] = {};
+ScalarStep::ScalarStep(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                       const double* committed)
+    : along_(inputs) {
+  const bool forced = problem.options.strategy == Strategy::kForceDriven;
   for (const int l : lanes_of(inputs.active)) {
-    const LaneVectors lane = vectors_of(layout, inputs, committed, l);
+    const LaneVectors lane = vectors_of(problem.layout, inputs, committed, l);
     const Vector e =
-        direction_of(trial_of(options, lane, inputs, operators.dt(), l), forced ? lane.stress_old : lane.jump);
-    direction[l] = e;
-    stress_old[l] = dot(lane.stress_old, e);
-    along.velocity_jump[l] = dot(lane.jump, e);
-    along.stress_soft[l] = dot(lane.stress_soft, e);
-    along.stress_hard[l] = dot(lane.stress_hard, e);
+        direction_of(trial_of(problem.options, lane, inputs, operators.dt(), l), forced ? lane.stress_old : lane.jump);
+    first_[l] = e.first;
+    second_[l] = e.second;
+    stress_old_[l] = dot(lane.stress_old, e);
+    along_.velocity_jump[l] = dot(lane.jump, e);
+    along_.stress_soft[l] = dot(lane.stress_soft, e);
+    along_.stress_hard[l] = dot(lane.stress_hard, e);
   }
-  along.stress_before = stress_old;
-  advance(problem, operators, along, committed, trial, outputs);
+  along_.stress_before = stress_old_;
+}
 
-  // 2. Turn the answer of the scalar problem into vectors.
+void ScalarStep::turn(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial,
+                      TileOutputs& outputs) const {
+  const TileLayout& layout = problem.layout;
+  const bool forced = problem.options.strategy == Strategy::kForceDriven;
   for (const int l : lanes_of(inputs.active)) {
     const LaneVectors lane = vectors_of(layout, inputs, committed, l);
-    const Vector& e = direction[l];
+    const Vector e{first_[l], second_[l]};
     Vector stress = outputs.shear_stress[l] * e;
     Vector slip = outputs.sliding_velocity[l] * e;
     Vector jump_new = forced ? outputs.velocity_jump_new[l] * e : lane.jump;
-    if (outputs.outcome[l] == kFailed) {  // a node whose step failed keeps its old stress and jump
+    if ((outputs.outcome[l] & kFailed) != 0) {  // a node whose step failed keeps its old stress and jump
       stress = lane.stress_old;
       jump_new = lane.jump;
     } else if (outputs.regime[l] == Regime::kOpen) {

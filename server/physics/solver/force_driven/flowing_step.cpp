@@ -9,6 +9,7 @@
 #include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -48,6 +49,7 @@ LaneStep substep(const Problem& problem, const Material& soft, const TileInputs&
     FlowLoad load;
     set_load(soft, inputs.pressure[lane], step.stress(), step.flux(), lane, load);
     if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+    add_work(inputs, lane, flow_work(soft.flow_law) * problem.grid.num_vertices());
     return flow_of_lane(flow, load, lane, strain_new);
   };
   FlowingSlip step(start);
@@ -77,6 +79,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
 
   // 2. Start the search for the stress of each lane, and load the layer with the first guess of this stress.
   FlowingSlip lanes[kLanes];
+  int sums[kLanes] = {};  // number of sums of the flow over the layer that each lane has needed
   LaneStep before[kLanes];
   FlowLoad load;
   const LaneMaterials soft_at(soft, inputs);
@@ -103,6 +106,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
     for (int l = 0; l < kLanes; ++l) {
       if (lanes[l].done()) continue;
+      ++sums[l];
       lanes[l].update(sum.slip[l]);
       set_load(soft_at(l), inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
     }
@@ -115,6 +119,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
 
   // 4. Answers, lane by lane. A step that may have several answers is divided into shorter substeps until each has a
   // unique answer or the shortest substeps are reached.
+  const double weight = flow_work(soft.flow_law);
   double flux[kLanes] = {};
   const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {
@@ -131,6 +136,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
           return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
         });
     flux[l] = result.flux;
+    add_work(inputs, l, n + weight * (sums[l] + 1.0) * problem.grid.num_vertices());
     write_answer(result, layout, l, trial, outputs);
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
   }

@@ -9,6 +9,7 @@
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -115,6 +116,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   double early_flux[kLanes] = {};
   conduct(first, n, T_old, T);
   for (const int l : lanes_of(solved)) {
+    add_work(inputs, l, 2.0 * (n + kSearchWork));
     const double jump = inputs.velocity_jump[l];
     StagedLane& lane = lanes[l];
     lane.limit = interface_strength(problem.interface, soft(l), inputs.pressure[l], inputs.effort);

@@ -6,6 +6,7 @@
 #include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -31,6 +32,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
     const double junction_strain_old = interface_step.junction_strain;
     const LaneStep before = InterfaceStep::before(layout, inputs, committed, lane);
     const auto step_from = [&](const auto& heat, const LaneStep& last) {
+      add_work(inputs, lane, n + kSearchWork);
       return interface_step.from(last, heat.dt, *heat.layer_response(), T0[lane]);
     };
 

@@ -11,6 +11,7 @@
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
+#include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -39,6 +40,7 @@ struct Lane {
   double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
   double a = 0.0;                 // stress magnitude: the iterate, at the end the answer           [Pa]
   Bound bound = Bound::kElastic;  // kind of the bound `hi`; has no meaning once hi_seen is true
+  int sums = 0;                   // number of sums of the flow over the layer that the search has needed
   int hottest = 0;                // vertex whose ceiling Y_max g(T) a rising stress reaches first
   bool loaded = false;            // the trial stress is not 0
   bool hi_seen = false;           // the balance F at `hi` has been evaluated and is not negative
@@ -188,6 +190,7 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
     for (int l = 0; l < kLanes; ++l) {
       if (lanes[l].done) continue;
       const double tried = lanes[l].a;
+      ++lanes[l].sums;
       iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
@@ -294,7 +297,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       problem.options.hard_grid || problem.options.time_integrator != TimeIntegrator::kBackwardEuler;
   const int candidates = hottest_inside ? grid.num_vertices() : 1;
 
-  // 1. Conduction without friction: DLP (28-35).
+  // 1. Compute the temperatures T_ad, after conduction without friction heat: DLP (28-35).
   double* T_all = trial + layout.first_temperature();
   if (stage.early_flux == nullptr)
     conduct(heat, problem.heat_grid.num_vertices(), committed + layout.first_temperature(), T_all);
@@ -353,6 +356,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
 
   // 6. The part of the slip that neither elastic shear nor plastic flow has taken: at the ceiling stress the hottest
   // vertex flows by this part, at the friction limit mu P the interface slips by it.
+  const double weight = flow_work(soft.flow_law);
   for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
     double layer_slip = sum.slip[l];
@@ -368,6 +372,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     }
 
     // 7. The answers to the host.
+    add_work(inputs, l, problem.heat_grid.num_vertices() + weight * (lane.sums + 1.0) * grid.num_vertices());
     const double jump = inputs.velocity_jump[l];
     const bool open = inputs.pressure[l] <= 0.0;
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);

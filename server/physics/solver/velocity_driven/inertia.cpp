@@ -9,6 +9,7 @@
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
+#include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -68,6 +69,7 @@ void closed_lane(const Problem& problem, const StepOperators& operators, const T
     inputs.effort->newton_steps += answer.iterations;
     inputs.effort->guarded_steps += answer.guarded ? 1 : 0;
   }
+  add_work(inputs, l, n * (1.0 + flow_work(soft.flow_law) * answer.iterations));
   if (!answer.found) return keep_lane(problem, inputs, committed, trial, l, outputs);
 
   double slip = answer.interface_slip;

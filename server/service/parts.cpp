@@ -1,0 +1,90 @@
+#include "server/service/parts.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "proto/wire/status.hpp"
+
+namespace shearbus::service {
+
+using wire::Code;
+using wire::Downscale;
+using wire::Error;
+
+namespace {
+
+bool same(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
+
+[[noreturn]] void refuse(const char* field, std::string text) {
+  throw Error({.code = Code::kInvalidValue,
+               .text = std::move(text),
+               .remedy = "Nothing was changed: the parts before stand. Send the next part, or begin the step again.",
+               .field = std::string("downscale.") + field});
+}
+
+// Name of the first field in which the parts do not agree; null if they agree.
+const char* difference(const Downscale& a, const Downscale& b) {
+  const auto accepts = [](wire::Policy policy) { return policy != wire::Policy::kAllOrNothing; };
+  if (a.parts != b.parts) return "parts";
+  if (!same(a.dt_s, b.dt_s)) return "dt_s";
+  if (!same(a.time_s, b.time_s)) return "time_s";
+  if (a.step != b.step) return "step";
+  if (a.attempt != b.attempt) return "attempt";
+  if (a.mode != b.mode) return "mode";
+  if (accepts(a.policy) != accepts(b.policy)) return "policy";
+  if (a.absent_nodes != b.absent_nodes) return "absent_nodes";
+  return nullptr;
+}
+
+}  // namespace
+
+void check_part(const Downscale& part, const wire::Batch& batch, const Parts* before) {
+  if (part.part == 0 && part.parts == 0) return;
+  if (part.part == 0 || part.part > part.parts)
+    refuse("part", fmt::format("part {} of {}; expected 1 to the number of parts", part.part, part.parts));
+  if (!batch.has(wire::Field::kNodeId))
+    throw Error({.code = Code::kShape,
+                 .text = fmt::format("part {} of {} has no column node_id", part.part, part.parts),
+                 .remedy = "Name the nodes of each part.",
+                 .field = wire::name(wire::Field::kNodeId)});
+  if (part.part == 1) return;
+  if (part.commit_previous)
+    refuse("commit_previous", fmt::format("commit_previous is set in part {}; only part 1 may have it", part.part));
+  if (before == nullptr)
+    refuse("part", fmt::format("part {} of {}, and no step in parts has begun", part.part, part.parts));
+  if (part.part != before->last.part + 1)
+    refuse("part", fmt::format("part {} of {}; expected part {}", part.part, part.parts, before->last.part + 1));
+  if (const char* field = difference(part, before->last))
+    refuse(field, fmt::format("{} of part {} is another than that of part {}", field, part.part, before->last.part));
+}
+
+void check_rows_of_part(const wire::Batch& batch, const shard::Rows& rows, const Parts& before) {
+  std::vector<std::uint64_t> again;
+  for (std::size_t row = 0; row < rows.slots.size(); ++row)
+    if (before.stepped[rows.slots[row]]) again.push_back(batch.u64(wire::Field::kNodeId)[row]);
+  if (again.empty()) return;
+  const std::uint64_t first = again.front();
+  const std::size_t count = again.size();
+  again.resize(std::min(count, wire::kMaxNodesNamed));
+  throw Error({.code = Code::kDuplicateNode,
+               .text = fmt::format("node {} is in an earlier part of the step ({} of {} rows at fault)", first, count,
+                                   rows.slots.size()),
+               .remedy = "Name each node in one part.",
+               .field = wire::name(wire::Field::kNodeId),
+               .node_ids = std::move(again)});
+}
+
+void Parts::add(const Downscale& part, const shard::Rows& rows) noexcept {
+  last.part = part.part;
+  for (const std::uint32_t slot : rows.slots) stepped[slot] = true;
+  nodes += rows.slots.size();
+}
+
+}  // namespace shearbus::service

@@ -1,0 +1,255 @@
+// A step: checked, journaled, computed in slices, committed and answered.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <exception>
+#include <limits>
+#include <optional>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "proto/wire/columns.hpp"
+#include "proto/wire/status.hpp"
+#include "server/service/columns.hpp"
+#include "server/service/member.hpp"
+#include "server/service/service.hpp"
+#include "server/service/validate.hpp"
+
+namespace shearbus::service {
+
+using wire::Code;
+using wire::Error;
+using wire::Field;
+
+std::span<const std::uint8_t> Service::RunningStep::outcomes() const {
+  return unasked.empty() ? std::as_const(reply->batch).u8(Field::kOutcome) : std::span(unasked);
+}
+
+// While a step is computed, every other request of its session waits.
+bool Service::must_wait(const Member& member) {
+  if (!member.running) return false;
+  if (!may_wait_) throw Error({.code = Code::kInternal, .text = "a step of the session is being computed"});
+  turn_ = Turn::kWaiting;
+  return true;
+}
+
+Service::ReplyPtr Service::downscale(Member& member, Arrival& arrival, const ReplyPtr& reply) {
+  if (!member.running) {
+    member.running = begin_step(member, arrival, reply);
+    try {
+      while (!slice(member)) {
+        if (may_wait_) {
+          wait_for_work(member, arrival.frames);
+          turn_ = Turn::kComputing;
+          return reply;
+        }
+        if (replaying_ && options_.while_replaying) options_.while_replaying();
+      }
+    } catch (...) {
+      member.running.reset();
+      throw;
+    }
+  } else if (!member.running->done || member.running->hash != arrival.hash) {
+    must_wait(member);
+    return reply;
+  }
+  const std::unique_ptr<RunningStep> running = std::move(member.running);
+  std::erase(journaled_, &member);
+  kept_ = kept_ || running->kept;
+  end_step(member, *running, arrival);
+  return running->reply;
+}
+
+void Service::wait_for_work(Member& member, Frames frames) {
+  RunningStep& running = *member.running;
+  std::ranges::copy(frames.first(std::min(frames.size(), running.frames.size())), running.frames.begin());
+  journaled_.reserve(journaled_.size() + 1);
+  // A user whose steps begin to wait joins where the others are: time that was not used gives no claim.
+  User& owner = user(member.identity);
+  std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
+  bool waits = false;
+  for (const Member* other : computing_) {
+    least = std::min(least, user(other->identity).turn_ns);
+    waits = waits || other->identity == member.identity;
+  }
+  if (!waits && !computing_.empty()) owner.turn_ns = std::max(owner.turn_ns, least);
+  computing_.push_back(&member);
+  running.kept = std::exchange(kept_, false);
+  if (running.kept) journaled_.push_back(&member);
+}
+
+// Does everything that can fail: checks, factorisation, memory, the journal. Then begins the step. A step with policy
+// all-or-nothing is computed apart from the states and journaled when it has succeeded.
+std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arrival& arrival, const ReplyPtr& reply) {
+  shard::Shard& shard = *member.shard;
+  auto running = std::make_unique<RunningStep>();
+  running->request = std::move(arrival.request);
+  running->hash = arrival.hash;
+  running->started_ns = arrival.started_ns;
+  running->reply = reply;
+  const wire::Request& request = running->request;
+  const wire::Downscale& step = running->step();
+  const physics::ModelOptions& options = shard.model().options();
+  const std::vector<Field> wanted = check_wanted(step, options, shard.check_closure());
+  running->further = step.part > 1;
+  check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
+  running->rows = check_step(step, request.batch, options, shard.nodes());
+  if (running->further) check_rows_of_part(request.batch, running->rows, *member.parts);
+  const bool commits = step.commit_previous && !previous_committed_;
+  if (commits && !member.trial_stands())
+    throw Error({.code = Code::kNothingToCommit,
+                 .text = "commit_previous is set, and no trial is standing",
+                 .remedy = "Set it only after a trial that was neither committed nor rolled back."});
+  running->operators = shard.operators(step.dt_s);
+  const shard::Rows& rows = running->rows;
+  const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
+  reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
+  auto& upscale = reply->body.emplace<wire::Upscale>();
+  shard::StepColumns& columns = running->columns = step_columns(request.batch, reply->batch, step.dt_s);
+  columns.host_time = step.time_s;
+  const std::uint64_t version_before = shard.state_version() + (commits ? 1 : 0);
+  if (shard.check_closure() && version_before == 0) upscale.warnings = unit_warnings(step, request.batch);
+  if (!reply->batch.has(Field::kOutcome)) {
+    running->unasked.resize(num_rows);
+    columns.outputs.emplace_back(
+        shard::AnswerColumn<std::uint8_t, std::uint8_t>{&physics::TileOutputs::outcome, std::span(running->unasked)});
+  }
+  if (step.part == 1 && step.parts > 1)
+    running->parts.emplace(Parts{.last = step, .stepped = std::vector<bool>(shard.nodes().size())});
+  if (running->further) {
+    running->run = shard.prepare_extension(rows, *running->operators, columns, member.parts->stepped);
+  } else if (step.policy == wire::Policy::kAllOrNothing) {
+    running->run = shard.prepare_attempt(rows, *running->operators, columns, commits);
+  } else {
+    running->run = shard.prepare(rows, *running->operators, columns);
+    keep(arrival, member.id, &member);
+    // Nothing can fail from here to the answer, so states, sequence and kept reply stay consistent.
+    if (commits) shard.commit();
+  }
+  shard.begin(*running->run);
+  return running;
+}
+
+// Computes the next slice of the session's step. Returns whether the step is complete.
+bool Service::slice(Member& member) {
+  RunningStep& running = *member.running;
+  const std::uint64_t started_ns = options_.now_ns();
+  const double work = options_.slice_work > 0.0 ? options_.slice_work : std::numeric_limits<double>::infinity();
+  running.done = member.shard->work(*running.run, work);
+  running.ended_ns = options_.now_ns();
+  running.solver_ns += running.ended_ns - started_ns;
+  member.last_request_ns = running.ended_ns;  // a client is not idle while it waits
+  return running.done;
+}
+
+bool Service::work() noexcept {
+  if (computing_.empty()) return false;
+  // The turn is the user's who has had the least time, and of this user's sessions the one that waits longest.
+  const auto next = std::ranges::min_element(
+      computing_, {}, [&](const Member* waiting) { return users_.find(waiting->identity)->second.turn_ns; });
+  Member& member = **next;
+  computing_.erase(next);
+  const std::uint64_t started_ns = options_.now_ns();
+  try {
+    const bool complete = slice(member);
+    users_.find(member.identity)->second.turn_ns += options_.now_ns() - started_ns;
+    if (complete) return true;
+    computing_.push_back(&member);
+    return false;
+  } catch (const std::exception& fault) {
+    // A journaled request has not run: states and journal differ. Another one is asked again and begins anew.
+    failed_ = failed_ || member.running->kept;
+    std::erase(journaled_, &member);
+    member.running.reset();
+    log(std::string("a step could not be computed: ") + fault.what());
+    return true;
+  }
+}
+
+// Adds a warning to the reply that so many nodes have no answer because of their work budget. Without memory for the
+// warning the reply goes without it, because the step has run.
+void Service::report_budget(const Member& member, std::uint64_t nodes, wire::Upscale& upscale) const noexcept try {
+  upscale.warnings.push_back(fmt::format(
+      "outcome: {} nodes needed more than the scene's work_budget of {:g} evaluations in this step and keep "
+      "their states (outcome 144). Take a shorter step or a larger tolerance, or open the session with a "
+      "larger work_budget; this server grants up to {:g}",
+      nodes, member.shard->model().options().work_budget, options_.max_work_budget));
+} catch (const std::exception&) {
+}
+
+// Changes the states and completes the answer. `arrival` is the request as it has been asked last.
+void Service::end_step(Member& member, RunningStep& running, const Arrival& arrival) {
+  shard::Shard& shard = *member.shard;
+  const wire::Downscale& step = running.step();
+  const wire::Batch& batch = running.request.batch;
+  const shard::Rows& rows = running.rows;
+  wire::Reply& reply = *running.reply;
+  current_.started_ns = running.started_ns;
+  const shard::StepCount count = shard::Shard::count_of(*running.run);
+  const bool all_or_nothing = step.policy == wire::Policy::kAllOrNothing;
+  if (count.failed != 0)
+    leave_capsules(member, running, {reply.batch, running.outcomes(), all_or_nothing && step.commit_previous});
+  if (all_or_nothing || running.further) {
+    if (count.failed != 0 && all_or_nothing) refuse_failed_step(batch, shard.nodes(), running.outcomes());
+    keep(arrival, member.id, &member);
+    if (step.commit_previous) shard.commit();
+  }
+  shard.finish(*running.run);
+  const std::size_t stepped =
+      running.further && rows.others_are_open ? shard.nodes().size() - member.parts->nodes : shard.stepped_nodes(rows);
+  if (running.further) running.parts = std::move(member.parts);
+  if (running.parts) running.parts->add(step, rows);
+  member.parts = step.part < step.parts ? std::move(running.parts) : std::nullopt;
+  if (step.mode == wire::Mode::kAdvance && !member.parts) shard.commit();
+  auto& upscale = std::get<wire::Upscale>(reply.body);
+  if (shard.check_closure()) report_closure(member, step, batch, rows, count.closure, upscale);
+  if (count.over_budget != 0) report_budget(member, count.over_budget, upscale);
+  upscale.nodes = rows.all ? shard.nodes().size() : rows.slots.size();
+  upscale.flagged_nodes = count.flagged;
+  upscale.state_version = shard.state_version();
+  upscale.solver_ns = running.solver_ns;
+  upscale.service_ns = running.ended_ns - running.started_ns;
+  member.conversation.complete(running.request.sequence, running.hash, running.reply);
+
+  if (store_ != nullptr) store_->add_work(count.work);
+  ++member.totals.requests;
+  member.totals.node_steps += stepped;
+  member.totals.solver_ns += upscale.solver_ns;
+  member.totals.asleep_node_steps += count.asleep;
+  metrics_.node_steps += stepped;
+  metrics_.solver_ns += upscale.solver_ns;
+  if (const auto owner = users_.find(arrival.caller.identity); owner != users_.end()) {
+    owner->second.node_steps += stepped;
+    owner->second.solver_ns += upscale.solver_ns;
+  }
+  times_.solver.add(upscale.solver_ns);
+}
+
+// Adds to the reply the largest difference between a jump of the host and the answered one, and a warning if the host's
+// times do not fit dt. Without memory for the warning the reply goes without it, because the step has run.
+void Service::report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
+                             const shard::Rows& rows, const shard::Closure& closure,
+                             wire::Upscale& upscale) const noexcept try {
+  const shard::Shard& shard = *member.shard;
+  const std::uint64_t version = shard.state_version();
+  if (rows.all ? shard.nodes().size() == 0 : rows.slots.empty()) return;
+  const auto node_of = [&](std::size_t row) {
+    return rows.all ? shard.nodes().ids()[row] : batch.u64(Field::kNodeId)[row];
+  };
+  upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
+  upscale.closure_node = node_of(closure.row);
+  upscale.layer_time_s = shard.layer_time(rows.all ? shard.nodes().slot_of(closure.row) : rows.slots[closure.row]);
+  constexpr std::uint64_t kWatched = 101;  // number of commits after which the host's time is no longer checked
+  if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
+  upscale.warnings.push_back(fmt::format(
+      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
+      "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
+      "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
+      "impedance",
+      closure.host_time_step, node_of(closure.time_row), step.dt_s, upscale.closure_node, upscale.layer_time_s,
+      step.time_s));
+} catch (const std::exception&) {
+}
+
+}  // namespace shearbus::service

@@ -1,0 +1,81 @@
+// What each user has and may have: quotas of sessions and memory, and the counters that the user may see. A user is the
+// identity that opened a session: a uid, a key, or everybody who comes without either.
+#include <fmt/format.h>
+
+#include "server/service/member.hpp"
+#include "server/service/service.hpp"
+
+namespace shearbus::service {
+
+using wire::Code;
+using wire::Error;
+
+Service::User& Service::user(std::string_view identity) {
+  const auto found = users_.find(identity);
+  return found != users_.end() ? found->second : users_[std::string(identity)];
+}
+
+Service::Usage Service::usage_of(std::string_view identity) const {
+  Usage usage;
+  for (const auto& [id, member] : members_) {
+    if (!member->shard || member->identity != identity) continue;
+    ++usage.sessions;
+    usage.nodes += member->shard->nodes().size();
+    usage.state_bytes += member->held_bytes();
+  }
+  for (const auto& [id, transfer] : transfers_) {
+    if (transfer.identity != identity) continue;
+    usage.nodes += transfer.node_ids.size();
+    usage.state_bytes += kept_bytes(transfer.states);
+  }
+  return usage;
+}
+
+// The server's own user decides about the server, so operators have no quota. Requests that are replayed were checked
+// when they ran first.
+void Service::check_session_quota(const Caller& caller) const {
+  if (caller.is_operator || replaying_) return;
+  const std::size_t sessions = usage_of(caller.identity).sessions;
+  if (sessions < options_.max_sessions_per_user) return;
+  throw Error({.code = Code::kLimit,
+               .text = fmt::format("{} has {} sessions open, the quota of a user", caller.identity, sessions),
+               .remedy = "Close sessions that are no longer used, or ask the operator of the server for a larger "
+                         "--sessions-per-user."});
+}
+
+void Service::check_memory_quota(std::uint64_t wanted, std::size_t nodes, const Caller& caller,
+                                 std::string_view owner) const {
+  const std::uint64_t most = options_.max_state_bytes_per_user;
+  if (caller.is_operator || replaying_) return;
+  const std::uint64_t used = usage_of(owner).state_bytes;
+  if (used <= most && wanted <= most - used) return;
+  throw Error({.code = Code::kLimit,
+               .text = fmt::format("the states of {} nodes need {} MB; {} has {} MB in use, and the quota of a user is "
+                                   "{} MB",
+                                   nodes, wanted >> 20, owner, used >> 20, most >> 20),
+               .remedy = "Use a graded grid with fewer cells, close sessions, or ask the operator of the server for a "
+                         "larger --memory-per-user-mb."});
+}
+
+wire::ServerStatus Service::status_for(const Caller& caller) const {
+  if (caller.is_operator) return status();
+  const Usage usage = usage_of(caller.identity);
+  wire::ServerStatus status;
+  status.sessions = usage.sessions;
+  status.nodes = usage.nodes;
+  status.state_bytes = usage.state_bytes;
+  if (const auto counted = users_.find(caller.identity); counted != users_.end()) {
+    status.requests = counted->second.requests;
+    status.refused = counted->second.refused;
+    status.replayed = counted->second.replayed;
+    status.node_steps = counted->second.node_steps;
+    status.solver_ns = counted->second.solver_ns;
+  }
+  status.uptime_ns = options_.now_ns() - started_ns_;
+  status.threads = pool_.threads();
+  status.server_version = options_.server_version;
+  status.draining = draining_;
+  return status;
+}
+
+}  // namespace shearbus::service

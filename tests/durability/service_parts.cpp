@@ -1,0 +1,76 @@
+// Servers that die between the parts of a step, with a store in memory and no sockets. The answers must have the bits
+// of a server that never dies.
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/support/durable_server.hpp"
+#include "tests/support/memory_storage.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using support::Answer;
+using support::DurableServer;
+using support::MemoryStorage;
+using support::ServiceHarness;
+using wire::Code;
+using wire::Strategy;
+
+constexpr std::size_t kNodes = 21;
+constexpr std::uint32_t kParts = 3;
+
+// Steps of three parts; every fourth is a trial that is then committed or rolled back. Some nodes are never named.
+wire::Request request_at(Strategy strategy, std::uint64_t sequence) {
+  const std::uint64_t step = (sequence - 1) / (kParts + 1), place = (sequence - 1) % (kParts + 1);
+  const auto ids = support::node_ids(kNodes);
+  const bool trial = step % 2 == 0;
+  if (place == kParts) {
+    if (trial && step % 4 == 0) return ServiceHarness::in_session(wire::Commit{}, sequence);
+    return ServiceHarness::in_session(wire::Rollback{}, sequence);
+  }
+  wire::Request request = ServiceHarness::step(
+      sequence, support::step_columns(strategy, std::span(ids).subspan(6 * place, 6), static_cast<int>(step), true),
+      trial ? wire::Mode::kTrial : wire::Mode::kAdvance);
+  auto& body = std::get<wire::Downscale>(request.body);
+  body.part = static_cast<std::uint32_t>(place + 1);
+  body.parts = kParts;
+  body.absent_nodes = step % 3 == 0 ? wire::AbsentNodes::kOpen : wire::AbsentNodes::kKeep;
+  return request;
+}
+
+class PartsOfAStep : public testing::TestWithParam<Strategy> {};
+INSTANTIATE_TEST_SUITE_P(Strategies, PartsOfAStep, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& strategy) {
+                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+TEST_P(PartsOfAStep, SurviveTheDeathOfTheServerBetweenAnyTwo) {
+  constexpr std::uint64_t kRequests = 36;
+  const wire::Request opening = ServiceHarness::opening(support::scene_of(GetParam()), support::node_ids(kNodes));
+  for (const std::uint64_t checkpoint_every : {1000, 1, 3}) {
+    MemoryStorage disk;
+    ASSERT_EQ(DurableServer(disk).ask(opening).code(), Code::kOk);
+    MemoryStorage calm_disk;
+    DurableServer reference(calm_disk);
+    ASSERT_EQ(reference.ask(opening).code(), Code::kOk);
+    for (std::uint64_t i = 1; i <= kRequests; ++i) {
+      const wire::Request request = request_at(GetParam(), i);
+      const Answer expected = reference.ask(request);
+      ASSERT_EQ(expected.code(), Code::kOk) << describe(expected.reply.status);
+      DurableServer server(disk, store::Durability::kProcess, 77 + i, 1 + static_cast<unsigned>(i % 3));
+      if (const auto* step = std::get_if<wire::Downscale>(&request.body); step != nullptr && step->part > 1) {
+        EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Commit{}, i)).code(), Code::kNothingToCommit);
+      }
+      const Answer answer = server.ask(request);
+      ASSERT_EQ(answer.code(), Code::kOk) << "request " << i << ": " << describe(answer.reply.status);
+      ASSERT_EQ(answer.payload(), expected.payload()) << "request " << i;
+      if (i % checkpoint_every == 0) {
+        ASSERT_TRUE(server.service.checkpoint()) << "request " << i;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::service

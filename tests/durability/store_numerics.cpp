@@ -1,0 +1,64 @@
+// A journal that another version of the numerics wrote (P11): its requests are replayed by that version only.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/store_server.hpp"
+
+namespace shearbus::store {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+// A server whose numerics have a version of their own.
+struct VersionedServer {
+  VersionedServer(MemoryStorage& disk, std::uint16_t numerics, bool accept_empty = false)
+      : store(disk, {.durability = Durability::kProcess,
+                     .epoch = 5,
+                     .numerics = numerics,
+                     .fresh_id = {1},
+                     .accept_empty = accept_empty}) {
+    store.recover(counter);
+  }
+  void run(std::uint64_t value) {
+    const auto frame = bytes_of(value);
+    store.append({.sequence = value, .header_frame = frame});
+    counter.seen.push_back(value);
+    store.settle();
+  }
+
+  Counter counter;
+  Store store;
+};
+
+TEST(Numerics, ATailOfAnotherVersionIsRefusedByNameAndACleanStopLeavesNone) {
+  MemoryStorage disk;
+  {
+    VersionedServer server(disk, 3);
+    for (std::uint64_t i = 1; i <= 4; ++i) server.run(i);
+    ASSERT_TRUE(server.store.checkpoint(server.counter.snapshot()));
+    for (std::uint64_t i = 5; i <= 7; ++i) server.run(i);
+  }
+  for (const bool accept_empty : {false, true}) {
+    const auto names = disk.names();
+    try {
+      VersionedServer other(disk, 4, accept_empty);
+      ADD_FAILURE() << "replayed by other numerics";
+    } catch (const std::runtime_error& fault) {
+      EXPECT_THAT(fault.what(), AllOf(HasSubstr("record 4 "), HasSubstr("answered by numerics 3"),
+                                      HasSubstr("this server has numerics 4"), HasSubstr("stop it cleanly")));
+    }
+    EXPECT_EQ(disk.names(), names) << "a refused start changes nothing";
+  }
+  {
+    VersionedServer finishes(disk, 3);
+    EXPECT_EQ(finishes.counter.seen, up_to(7));
+    ASSERT_TRUE(finishes.store.checkpoint(finishes.counter.snapshot())) << "as a clean stop does";
+  }
+  VersionedServer next(disk, 4);
+  EXPECT_EQ(next.counter.seen, up_to(7));
+  next.run(8);
+}
+
+}  // namespace
+}  // namespace shearbus::store

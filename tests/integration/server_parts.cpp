@@ -1,0 +1,57 @@
+// Steps of more rows than a message holds, over a real socket. The client divides them into parts.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <vector>
+
+#include "tests/support/scenes.hpp"
+#include "tests/support/server_process.hpp"
+
+namespace shearbus {
+namespace {
+
+using namespace std::chrono_literals;
+using wire::Strategy;
+
+// Above 200,000; a million in the long tests.
+std::size_t nodes_wanted() {
+  const char* text = std::getenv("SHEARBUS_LARGE_NODES");
+  return text != nullptr ? std::strtoull(text, nullptr, 10) : 203'000;
+}
+
+TEST(LargeSteps, AreDividedAndCommittedAsOne) {
+  const support::ScratchDirectory scratch;
+  support::ServerProcess server({"--bind", scratch.ipc()});
+  ASSERT_TRUE(server.ready()) << server.log();
+  Client client({.endpoint = scratch.ipc(), .check_closure = CheckClosure::kOff});
+  const auto nodes = support::node_ids(nodes_wanted());
+  const std::vector<std::uint64_t> few = {nodes[0], nodes[199'999], nodes[200'000], nodes.back()};
+  const std::string scene = support::text_of(support::force_scene(4));
+  Session large = client.open(scene, "scene", nodes);
+  Session small = client.open(scene, "scene", few);
+  const auto same = [&](const StepResult& a, const StepResult& b) {
+    for (std::size_t row = 0; row < few.size(); ++row) {
+      const auto at = static_cast<std::size_t>(few[row] - nodes[0]);
+      ASSERT_EQ(a.shear_stress_pa()[at], b.shear_stress_pa()[row]) << row;
+      ASSERT_EQ(a.interface_temperature_k()[at], b.interface_temperature_k()[row]) << row;
+      ASSERT_EQ(a.outcome()[at], b.outcome()[row]) << row;
+    }
+  };
+  const auto columns = [&](std::span<const std::uint64_t> ids, int step) {
+    return support::step_columns(Strategy::kForceDriven, ids, step);
+  };
+  const StepResult& first = large.advance(columns(nodes, 0), {.dt_s = 1e-9});
+  ASSERT_EQ(first.upscale().nodes, nodes.size());
+  ASSERT_EQ(first.upscale().state_version, 1u);
+  same(first, small.advance(columns(few, 0), {.dt_s = 1e-9}));
+  const Batch second = columns(nodes, 1);
+  large.start_trial(second, {.dt_s = 1e-9});
+  same(large.finish_trial(), small.trial(columns(few, 1), {.dt_s = 1e-9}));
+  EXPECT_EQ(large.commit(), 2u);
+  EXPECT_EQ(large.rollback(), 2u);
+  EXPECT_EQ(large.close().node_steps, 2 * nodes.size());
+}
+
+}  // namespace
+}  // namespace shearbus

@@ -1,0 +1,216 @@
+// A step in parts: the parts have the bits of the undivided step, and are committed as one.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <vector>
+
+#include "proto/wire/limits.hpp"
+#include "tests/support/service_harness.hpp"
+
+namespace shearbus::service {
+namespace {
+
+using support::Answer;
+using support::ServiceHarness;
+using ::testing::HasSubstr;
+using wire::Code;
+using wire::Field;
+using wire::Mode;
+using wire::Strategy;
+
+const std::vector<std::uint64_t> kNodes = support::node_ids(45);
+
+struct PartOf {
+  std::uint32_t part = 0;
+  std::uint32_t parts = 0;
+  int step = 1;
+  Mode mode = Mode::kAdvance;
+  wire::Policy policy = wire::Policy::kAccept;
+  wire::AbsentNodes absent = wire::AbsentNodes::kKeep;
+};
+
+wire::Request part_of(Strategy strategy, std::uint64_t sequence, std::span<const std::uint64_t> ids, const PartOf& part,
+                      std::uint8_t session = 1) {
+  wire::Request request =
+      ServiceHarness::step(sequence, support::step_columns(strategy, ids, part.step, true), part.mode, session);
+  auto& body = std::get<wire::Downscale>(request.body);
+  body.part = part.part;
+  body.parts = part.parts;
+  body.policy = part.policy;
+  body.absent_nodes = part.absent;
+  return request;
+}
+
+class Parts : public testing::TestWithParam<Strategy> {
+ protected:
+  void open(ServiceHarness& harness, std::uint8_t sessions = 2) const {
+    for (std::uint8_t session = 1; session <= sessions; ++session)
+      ASSERT_TRUE(
+          harness.ask(ServiceHarness::opening(support::scene_of(GetParam()), kNodes, session)).reply.status.ok());
+  }
+  // Returns the answer of all nodes to one more step. Sessions with equal states have equal answers.
+  std::vector<std::byte> probe(ServiceHarness& harness, std::uint64_t sequence, std::uint8_t session) const {
+    const Answer answer = harness.ask(
+        ServiceHarness::step(sequence, support::step_columns(GetParam(), kNodes, 99), Mode::kAdvance, session));
+    EXPECT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+    return answer.payload();
+  }
+  std::uint64_t version(const Answer& answer) const { return std::get<wire::Upscale>(answer.reply.body).state_version; }
+};
+INSTANTIATE_TEST_SUITE_P(Strategies, Parts, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
+                         [](const auto& strategy) {
+                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+                         });
+
+TEST_P(Parts, HaveTheBitsOfTheUndividedStepHoweverItIsDivided) {
+  std::mt19937 random(7);
+  for (const unsigned threads : {1U, 4U})
+    for (const wire::Policy policy : {wire::Policy::kAccept, wire::Policy::kAllOrNothing})
+      for (const wire::AbsentNodes absent : {wire::AbsentNodes::kKeep, wire::AbsentNodes::kOpen}) {
+        ServiceHarness harness(threads, {.nodes_per_task = 4});
+        open(harness);
+        std::uint64_t sequence = 0, undivided_sequence = 0;
+        for (int step = 1; step <= 12; ++step) {
+          std::vector<std::uint64_t> ids = kNodes;
+          std::ranges::shuffle(ids, random);
+          ids.resize(ids.size() - random() % 6);
+          const auto parts = static_cast<std::uint32_t>(1 + random() % 6);
+          std::vector<std::size_t> cuts = {0, ids.size()};
+          while (cuts.size() < parts + 1) cuts.push_back(random() % (ids.size() + 1));
+          std::ranges::sort(cuts);
+          const Mode mode = step % 3 == 0 ? Mode::kTrial : Mode::kAdvance;
+          const PartOf whole{.step = step, .mode = mode, .policy = policy, .absent = absent};
+          const Answer undivided = harness.ask(part_of(GetParam(), ++undivided_sequence, ids, whole, 2));
+          ASSERT_TRUE(undivided.reply.status.ok()) << describe(undivided.reply.status);
+          for (std::uint32_t part = 1; part <= parts; ++part) {
+            PartOf one = whole;
+            one.part = part;
+            one.parts = parts;
+            const std::size_t first = cuts[part - 1], rows = cuts[part] - first;
+            const Answer answer =
+                harness.ask(part_of(GetParam(), ++sequence, std::span(ids).subspan(first, rows), one));
+            ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+            for (const wire::Column& column : answer.reply.batch.columns())
+              for (std::size_t row = 0; row < rows && column.element == wire::Element::kFloat64; ++row)
+                ASSERT_EQ(std::as_const(answer.reply.batch).f64(column.field)[row],
+                          std::as_const(undivided.reply.batch).f64(column.field)[first + row]);
+            ASSERT_EQ(version(answer), version(undivided) - (mode == Mode::kAdvance && part < parts ? 1 : 0));
+          }
+          if (mode == Mode::kAdvance) continue;
+          for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
+            ASSERT_TRUE(harness
+                            .ask(ServiceHarness::in_session(wire::Commit{},
+                                                            session == 1 ? ++sequence : ++undivided_sequence, session))
+                            .reply.status.ok());
+        }
+        EXPECT_EQ(probe(harness, ++sequence, 1), probe(harness, ++undivided_sequence, 2))
+            << "the states have the same bits";
+        const auto totals = [&](std::uint64_t number, std::uint8_t session) {
+          const Answer closed = harness.ask(ServiceHarness::in_session(wire::CloseSession{}, number, session));
+          return std::get<wire::SessionClosed>(closed.reply.body).node_steps;
+        };
+        EXPECT_EQ(totals(++sequence, 1), totals(++undivided_sequence, 2));
+      }
+}
+
+TEST_P(Parts, UntilTheLastNothingIsCommittedAndWhatIsNotTheNextPartDropsThem) {
+  const std::span<const std::uint64_t> ids(kNodes);
+  const auto first = ids.first(20), rest = ids.subspan(20);
+  for (const int ending : {0, 1, 2}) {
+    ServiceHarness harness;
+    open(harness);
+    ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, first, {.part = 1, .parts = 2})).reply.status.ok());
+    EXPECT_EQ(harness.ask(ServiceHarness::in_session(wire::Commit{}, 2)).code(), Code::kNothingToCommit);
+    wire::Request too_early = part_of(GetParam(), 2, first, {.part = 1, .parts = 2});
+    std::get<wire::Downscale>(too_early.body).commit_previous = true;
+    EXPECT_EQ(harness.ask(too_early).code(), Code::kNothingToCommit);
+    std::uint64_t sequence = 2;
+    if (ending == 0) {
+      ASSERT_TRUE(harness.ask(ServiceHarness::in_session(wire::Rollback{}, sequence++)).reply.status.ok());
+      EXPECT_EQ(harness.ask(part_of(GetParam(), sequence, rest, {.part = 2, .parts = 2})).code(), Code::kInvalidValue);
+      ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
+      ASSERT_TRUE(harness.ask(part_of(GetParam(), sequence++, ids, {})).reply.status.ok());
+    } else if (ending == 1) {  // an undivided step
+      ASSERT_TRUE(harness.ask(part_of(GetParam(), sequence++, rest, {.step = 3})).reply.status.ok());
+      ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, rest, {.step = 3}, 2)).reply.status.ok());
+    } else {  // the step begins again
+      ASSERT_TRUE(harness.ask(part_of(GetParam(), sequence++, rest, {.part = 1, .parts = 2})).reply.status.ok());
+      const Answer last = harness.ask(part_of(GetParam(), sequence++, first, {.part = 2, .parts = 2}));
+      ASSERT_TRUE(last.reply.status.ok()) << describe(last.reply.status);
+      EXPECT_EQ(version(last), 1u);
+      ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
+    }
+    EXPECT_EQ(probe(harness, sequence, 1), probe(harness, 2, 2)) << "ending " << ending;
+  }
+}
+
+TEST_P(Parts, ARefusedPartChangesNothingAndThePartsBeforeStand) {
+  const std::span<const std::uint64_t> ids(kNodes);
+  const auto first = ids.first(20), rest = ids.subspan(20);
+  ServiceHarness harness;
+  open(harness);
+  ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
+  const PartOf one{.part = 1, .parts = 3}, two{.part = 2, .parts = 3}, three{.part = 3, .parts = 3};
+  const auto refused = [&](wire::Request request, Code code, const std::string& text) {
+    const Answer answer = harness.ask(request);
+    EXPECT_EQ(answer.code(), code) << describe(answer.reply.status);
+    EXPECT_THAT(describe(answer.reply.status), HasSubstr(text));
+  };
+  const auto part = [&](std::uint64_t sequence, std::span<const std::uint64_t> rows, const PartOf& which) {
+    return part_of(GetParam(), sequence, rows, which);
+  };
+  const auto changed = [&](auto change) {
+    wire::Request request = part(2, rest.first(10), two);
+    change(std::get<wire::Downscale>(request.body));
+    return request;
+  };
+  refused(part(1, first, two), Code::kInvalidValue, "no step in parts has begun");
+  refused(part(1, first, {.part = 4, .parts = 3}), Code::kInvalidValue, "part 4 of 3");
+  refused(part(1, first, {.part = 0, .parts = 3}), Code::kInvalidValue, "part 0 of 3");
+  wire::Request all = ServiceHarness::step(1, support::step_columns(GetParam(), kNodes, 1));
+  std::get<wire::Downscale>(all.body).part = std::get<wire::Downscale>(all.body).parts = 1;
+  refused(std::move(all), Code::kShape, "no column node_id");
+
+  ASSERT_TRUE(harness.ask(part(1, first, one)).reply.status.ok());
+  refused(part(2, rest, three), Code::kInvalidValue, "expected part 2");
+  refused(changed([](auto& body) { body.parts = 4; }), Code::kInvalidValue, "parts of part 2");
+  refused(changed([](auto& body) { body.dt_s *= 2; }), Code::kInvalidValue, "dt_s");
+  refused(changed([](auto& body) { body.time_s = 1; }), Code::kInvalidValue, "time_s");
+  refused(changed([](auto& body) { body.step = 1; }), Code::kInvalidValue, "step");
+  refused(changed([](auto& body) { body.attempt = 1; }), Code::kInvalidValue, "attempt");
+  refused(changed([](auto& body) { body.mode = Mode::kTrial; }), Code::kInvalidValue, "mode");
+  refused(changed([](auto& body) { body.policy = wire::Policy::kAllOrNothing; }), Code::kInvalidValue, "policy");
+  refused(changed([](auto& body) { body.absent_nodes = wire::AbsentNodes::kOpen; }), Code::kInvalidValue, "absent");
+  refused(changed([](auto& body) { body.commit_previous = true; }), Code::kInvalidValue, "commit_previous");
+  refused(part(2, ids.subspan(19, 5), two), Code::kDuplicateNode, std::to_string(kNodes[19]));
+  wire::Request retire = ServiceHarness::in_session(wire::RetireNodes{}, 2);
+  retire.batch = wire::Batch::of(std::vector{Field::kNodeId}, 1);
+  retire.batch.u64(Field::kNodeId)[0] = kNodes[0];
+  refused(std::move(retire), Code::kTrialStands, "");
+
+  ASSERT_TRUE(harness.ask(part(2, rest.first(10), two)).reply.status.ok());
+  refused(part(3, rest, three), Code::kDuplicateNode, std::to_string(rest[0]));
+  const Answer last = harness.ask(part(3, rest.subspan(10), three));
+  ASSERT_TRUE(last.reply.status.ok()) << describe(last.reply.status);
+  EXPECT_EQ(version(last), 1u);
+  EXPECT_EQ(probe(harness, 4, 1), probe(harness, 2, 2));
+}
+
+TEST_P(Parts, AMessageHasAtMostAsManyRowsAsTheWelcomeSays) {
+  ServiceHarness harness;
+  const auto many = support::node_ids(wire::kMaxRowsPerMessage + 1);
+  v1::Scene scene = support::scene_of(GetParam());
+  scene.mutable_layer()->set_cells(4);
+  ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene, many)).reply.status.ok());
+  const Answer all = harness.ask(ServiceHarness::step(1, support::step_columns(GetParam(), many, 1)));
+  EXPECT_EQ(all.code(), Code::kLimit);
+  EXPECT_THAT(describe(all.reply.status), HasSubstr("Divide the step into parts"));
+  const Answer welcome = harness.ask({.body = wire::Hello{}});
+  EXPECT_EQ(std::get<wire::Welcome>(welcome.reply.body).limits.max_rows_per_message, wire::kMaxRowsPerMessage);
+  EXPECT_THAT(std::get<wire::Welcome>(welcome.reply.body).capabilities, testing::Contains("parts"));
+}
+
+}  // namespace
+}  // namespace shearbus::service
