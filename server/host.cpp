@@ -9,6 +9,7 @@
 
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
@@ -35,6 +36,11 @@ std::uint64_t number_in_environment(const char* name) {
 }
 
 }  // namespace
+
+std::uint64_t monotonic_ns() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
+}
 
 ProcessUse process_use() {
   ProcessUse use{.max_open_files = file_limit()};

@@ -7,6 +7,8 @@
 
 namespace shearbus::server {
 
+std::uint64_t monotonic_ns();  // a clock that never goes back
+
 struct ProcessUse {
   std::uint64_t resident_bytes = 0;
   std::uint64_t open_files = 0;

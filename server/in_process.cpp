@@ -2,24 +2,16 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <thread>
 
+#include "server/host.hpp"
 #include "server/service/service.hpp"
 #include "server/shard/task_pool.hpp"
 
 namespace shearbus::server {
-namespace {
-
-std::uint64_t monotonic_ns() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
-}
-
-}  // namespace
 
 struct InProcess::Impl {
   explicit Impl(unsigned threads)

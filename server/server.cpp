@@ -25,11 +25,6 @@ constexpr std::uint64_t kFinishNs = 5'000'000'000;  // longest time for steps be
 constexpr std::uint64_t kLookWhileReplayingNs = 10'000'000;
 constexpr std::size_t kRefusedAtStop = 4 * wire::kMaxSessions;  // largest number of requests refused at the end
 
-std::uint64_t monotonic_ns() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
-}
-
 std::uint64_t random_epoch() {
   std::random_device source;
   const std::uint64_t epoch = (std::uint64_t{source()} << 32) | source();

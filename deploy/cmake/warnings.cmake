@@ -21,6 +21,9 @@ function(shearbus_room name)
   target_link_libraries(${name} PUBLIC ${ROOM_PUBLIC} PRIVATE shearbus_settings ${ROOM_PRIVATE})
   # The rooms are parts of shared libraries, too. Hidden symbols keep calls between them as direct as in a program.
   set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden UNITY_BUILD ${SHEARBUS_UNITY})
+  if(SHEARBUS_UNITY AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    target_compile_options(${name} PRIVATE -Wno-subobject-linkage)  # takes the .cpp files that are included for headers
+  endif()
 endfunction()
 
 # shearbus_library(name SOURCES ... LINK ...): one shared library in build/lib for hosts of any language. It exports

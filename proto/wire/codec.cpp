@@ -11,6 +11,7 @@
 
 #include "proto/wire/envelope_scan.hpp"
 #include "proto/wire/field_codec.hpp"
+#include "proto/wire/xxh3.hpp"
 
 namespace shearbus::wire {
 namespace {
@@ -44,10 +45,6 @@ void envelope_fields(auto&& v, Message& m) {
 
 [[noreturn]] void refuse(Code code, std::string text, std::string remedy = {}, std::string field = {}) {
   throw Error({.code = code, .text = std::move(text), .remedy = std::move(remedy), .field = std::move(field)});
-}
-
-std::uint64_t xxh3(std::span<const std::byte> bytes) {
-  return XXH3_64bits(bytes.data(), bytes.size());
 }
 
 Payload payload_of(const Batch& batch) {
