@@ -96,4 +96,10 @@ void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* 
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature);
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature);
 
+// The parts of these functions that nodes with heat modes (modes.hpp) need too, for rows [row][lane] of all lanes.
+// conduct_rows() decays each row by its factor and adds the decayed rows to `sum`; add_to_rows() adds flux * gain[i] to
+// row i.
+void conduct_rows(std::span<const double> decay, const double* before, double* after, double* sum);
+void add_to_rows(std::span<const double> gain, const double (&flux)[kLanes], double* rows);
+
 }  // namespace shearbus::physics

@@ -1,15 +1,53 @@
 #include "server/physics/solver/force_driven/step.hpp"
 
 #include <cstddef>
+#include <cstdint>
 
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
+#include "server/physics/solver/force_driven/wide_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
 namespace {
+
+// Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes.
+std::uint32_t slip_of_tile(const Problem& problem, double dt, double B0, const TileInputs& inputs,
+                           const LaneMaterials& soft_at, const double* committed, double* trial, TileOutputs& outputs,
+                           double (&flux)[kLanes]) {
+  const TileLayout& layout = problem.layout;
+  WideSlip slip{inputs,
+                inputs.stress_before ? inputs.stress_before : committed + layout.shear_stress,
+                trial + layout.temperature,
+                problem.interface.friction_coefficient,
+                problem.interface.yield_strength / kSqrt3,
+                problem.heat_partition,
+                B0,
+                dt,
+                {},
+                {},
+                problem.options.soft.temperature_coefficient};
+  for (int l = 0; l < kLanes; ++l) {
+    slip.T_melt[l] = soft_at(l).melting_temperature;
+    slip.pressure_coefficient[l] = soft_at(l).pressure_coefficient;
+  }
+  WideAnswer answer;
+  const std::uint32_t found = wide_slip(slip, inputs.active, answer);
+  for (const int l : lanes_of(found)) {
+    add_work(inputs, l, problem.heat_rows + kSearchWork);
+    flux[l] = answer.flux[l];
+    outputs.shear_stress[l] = trial[layout.shear_stress + l] = answer.stress[l];
+    outputs.sliding_velocity[l] = answer.slip[l];
+    outputs.velocity_jump_new[l] = answer.jump_new[l];
+    outputs.friction_heat[l] = answer.flux[l] * dt;
+    outputs.regime[l] = static_cast<Regime>(static_cast<int>(answer.regime[l]));
+    outputs.outcome[l] = 0;
+    trial[layout.regime + l] = answer.regime[l];
+  }
+  return found;
+}
 
 // `heat_of(k)` returns the heat operator of a step of length dt / 2^k.
 template <class HeatOf>
@@ -24,10 +62,15 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   // 1. Conduction without friction, all lanes: DLP (28-35).
   conduct(heat_of(0), n, T_old, T);
 
-  // 2. Find stress and slip, lane by lane: DLP (61), (65).
+  // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by lane.
   double flux[kLanes] = {};
   const LaneMaterials soft_at(problem.options.soft, inputs);
-  for (const int lane : lanes_of(inputs.active)) {
+  std::uint32_t found = 0;
+  if (has_wide_slip(problem)) {
+    found = slip_of_tile(problem, heat_of(0).dt, *heat_of(0).layer_response(), inputs, soft_at, committed, trial,
+                         outputs, flux);
+  }
+  for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
     const double junction_strain_old = interface_step.junction_strain;
     const LaneStep before = InterfaceStep::before(layout, inputs, committed, lane);

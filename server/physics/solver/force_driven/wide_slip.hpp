@@ -1,0 +1,47 @@
+// Stress and slip of all lanes of a tile at once (METHODS.md, "Arithmetic"), for models whose interface has constant
+// friction, no junctions, and a flow law whose softening has a form for registers. A lane with a rarer answer is left
+// to InterfaceStep.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <type_traits>
+
+#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/solver/problem.hpp"
+
+namespace shearbus::physics {
+
+// Whether the kernel has the softening of this flow law. Closed by default: another law takes the step lane by lane.
+template <class Law>
+inline constexpr bool kHasWideSoftening = std::is_same_v<Law, SteinbergCochranGuinan>;
+
+// The limit min(mu P, tresca g) of each lane, and the heating of each lane.
+struct WideSlip {
+  const TileInputs& inputs;
+  const double* stress_before;  // stress before the step  [Pa]
+  const double* T_ad;           // interface temperature without friction in this step  [K]
+  double friction_coefficient, tresca;
+  double heat_partition, B0, dt;
+  alignas(64) double T_melt[kLanes];
+  alignas(64) double pressure_coefficient[kLanes];
+  double temperature_coefficient;
+};
+
+// The answers of the solved lanes, as LaneStep has them.
+struct WideAnswer {
+  alignas(64) double stress[kLanes];
+  alignas(64) double slip[kLanes];
+  alignas(64) double jump_new[kLanes];
+  alignas(64) double flux[kLanes];
+  alignas(64) double regime[kLanes];
+};
+
+// Whether the kernel has the model's interface.
+bool has_wide_slip(const Problem& problem);
+
+// Solves the lanes `wanted` and returns those whose answer is unique and was found; only their members of `answer` mean
+// anything. The answer of a lane depends on this lane alone.
+std::uint32_t wide_slip(const WideSlip& slip, std::uint32_t wanted, WideAnswer& answer);
+
+}  // namespace shearbus::physics

@@ -1,0 +1,184 @@
+// The kernel of wide_slip(); each_register.hpp includes this file once per register width.
+#if SHEARBUS_WIDTH > 1
+
+inline constexpr int kRounds = 16;          // a lane that needs more rounds of Newton's method is left to slip_stress()
+inline constexpr double kConverged = 1e-8;  // relative length of a Newton step after which the error is its square
+inline constexpr double kLeastStress = 1e-200;  // stress below which the logarithm of the limit over the stress is cut
+// A root closer to the sticking stress than this fraction is left to rigid_slip(), which decides whether the node sticks.
+inline constexpr double kClear = 1e-6;
+
+// The limit and the heating of the lanes of one register, with the names of StressLimit and FrictionHeating.
+struct Lanes {
+  Register T_ad, rise, c, b;
+  Register coulomb, offset, T_melt;
+  Register bracket_at_0;  // 1 + gP P
+  double tresca, hT;
+
+  [[gnu::always_inline]] Register bracket(Register T) const {
+    return bracket_at_0 - hT * (T - SteinbergCochranGuinan::kReference);
+  }
+};
+
+// Where slip_is_unique() holds, decided by bounds that need no exponential. `end`: an upper bound of the stress up to
+// which the answer must be unique.
+[[gnu::always_inline]] inline Mask heats_more_up_to(const Lanes& s, Register end) {
+  return (2.0 * s.b * end <= s.c) | (s.c <= 0.0);
+}
+[[gnu::always_inline]] inline Mask falls_steadily(const Lanes& s, Register end) {
+  constexpr double kAlmost = 0.999999;  // covers the rounding of these bounds
+  const Register melting_scale = SteinbergCochranGuinan::kMeltingFactor * s.T_melt;
+  const Register hottest = s.T_ad + s.rise * (0.25 * s.c * s.c / s.b);
+  const Register nearest = s.T_melt - hottest;
+  const Mask solid = nearest > 0.0;
+  const Register x = solid ? nearest : melting_scale;
+  // 1. Friction is the limit at the hottest temperature, where exp(-y) >= 1 - y.
+  const Register hot_yield =
+      s.tresca * (s.bracket(hottest) * (1.0 - SteinbergCochranGuinan::kMeltingFactor * hottest / x));
+  // 2. The slope of the limit is too small: an upper bound of exp(-c/x) c/x^2 is c/x^2, and 0.5414/c at any x.
+  const Register scaled = melting_scale / x;
+  const Register steepest = (solid & (scaled < 0.73) ? 1.0011 * scaled * scaled : all(0.543)) / melting_scale;
+  const Register slope = s.tresca * (s.hT + s.bracket(s.T_ad) * steepest);
+  return (solid & (s.coulomb <= kAlmost * hot_yield)) | (s.rise * slope * (2.0 * s.b * end - s.c) < kAlmost);
+}
+
+// A register of the search for the root of log(s_lim / a): the limit less its offset over the stress less the offset.
+// Where melting makes the limit fall like exp(-1/x) this function is concave, so that steps from the hot side never
+// overshoot; and it needs no exponential.
+struct Search {
+  Mask active, ended;  // lanes still searched; lanes whose limit exceeds the stress even at `end`
+  Register a, low, high, end, answer;
+};
+
+[[gnu::always_inline]] inline void improve(const Lanes& s, Search& search) {
+  const Register a = search.a;
+  const Register v = s.c - s.b * a;
+  const Mask slips = v > 0.0;
+  const Register T = s.T_ad + s.rise * (a * (slips ? v : all(0.0)));
+  const Register to_melting = s.T_melt - T, bracket = s.bracket(T);
+  const Mask solid = (to_melting > 0.0) & (bracket > 0.0);
+  const Register x = solid ? to_melting : all(1.0), g = solid ? bracket : all(1.0);
+  const Register above = a - s.offset;
+  const Register u = above > kLeastStress ? above : all(kLeastStress);
+  const Register xg = x * g;
+  const Register inverse = 1.0 / (xg * u);  // one division for 1/x, 1/g and 1/u
+  const Register inverse_xg = inverse * u;
+  const Register inverse_x = g * inverse_xg;
+  const Register excess =
+      log_of(s.tresca * (g * (inverse * xg))) - SteinbergCochranGuinan::kMeltingFactor * T * inverse_x;
+  const Register fall = s.hT * (x * inverse_xg) +
+                        SteinbergCochranGuinan::kMeltingFactor * s.T_melt * (inverse_x * inverse_x);  // -d(log g)/dT
+  const Register heating = slips ? s.rise * (s.c - 2.0 * (s.b * a)) : all(0.0);                       // dT/da
+  const Register step = u * excess / (1.0 + u * (heating * fall));
+  const Register next = a + step;
+
+  const Mask carries = solid & (excess >= 0.0);
+  search.low = carries ? a : search.low;
+  search.high = carries ? search.high : a;
+  const Mask at_end = carries & (a >= search.end);
+  const Mask met = solid & (magnitude(step) <= kConverged * u) & (magnitude(step * heating) <= kConverged * x);
+  const Register within = smaller(next < search.low ? search.low : next, search.high);
+  const Mask done = search.active & (at_end | met);
+  search.answer = done ? (at_end ? a : within) : search.answer;
+  search.ended |= search.active & at_end;
+  search.active &= ~done;
+  const Mask inside = solid & (next > search.low) & (next < search.high);
+  search.a = inside ? smaller(next, search.end) : 0.5 * (search.low + smaller(search.high, search.end));
+}
+
+// Begins the search for the smallest of `a_stick` and the root of the spare strength. `wanted`: lanes to search.
+[[gnu::always_inline]] inline Search begin(const Lanes& s, Register a_stick, Register guess, Mask wanted) {
+  Search search{};
+  const Register unheated = s.offset + smaller(s.coulomb, s.tresca * s.bracket(s.T_ad));
+  const Register bound = smaller(a_stick, unheated);
+  const Mask solid = (s.T_ad < s.T_melt) & (s.bracket(s.T_ad) > 0.0) & (s.rise > 0.0) & (s.b > 0.0) & (s.T_ad > 0.0);
+  Mask unique = heats_more_up_to(s, bound);
+  if (lanes_where(wanted & ~unique) != 0) unique |= falls_steadily(s, bound);
+  search.active = wanted & solid & unique & (bound >= s.offset);
+  // The stress `melting` melts the interface where it leaves at least half of the frictionless slip c.
+  const Register melting = 2.0 * (s.T_melt - s.T_ad) / (s.rise * s.c);
+  const Mask melts = (s.c > 0.0) & (melting < bound) & (2.0 * s.b * melting <= s.c);
+  search.end = melts ? melting : bound;
+  search.low = s.offset;
+  search.high = all(std::numeric_limits<double>::infinity());
+  const Register half = 0.5 * (search.low + search.end);
+  search.a = guess < search.end ? (guess - search.low > 1e-12 * search.end ? guess : half) : melts ? half : search.end;
+  return search;
+}
+
+inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAnswer& answer) {
+  const TileInputs& host = in.inputs;
+  Lanes lanes[kParts];
+  Search search[kParts];
+  Register jump_free[kParts], per_stress[kParts], direction[kParts], jump_old[kParts], a_stick[kParts];
+
+  // 1. The trial slip (TrialSlip), the heating and the limit of each lane.
+  std::uint32_t active = 0;
+  SHEARBUS_EACH_PART {
+    const std::ptrdiff_t l = p * kWidth;
+    const Register mass_soft = load(host.mass_soft + l), mass_hard = load(host.mass_hard + l);
+    const Register jump = load(host.velocity_jump + l), pressure = load(host.pressure + l);
+    const Register before = load(in.stress_before + l);
+    const Register acceleration = load(host.stress_soft + l) / mass_soft + load(host.stress_hard + l) / mass_hard;
+    per_stress[p] = in.dt * (1.0 / mass_soft + 1.0 / mass_hard);
+    jump_free[p] = jump + in.dt * acceleration;
+    const Register leads = jump_free[p] != 0.0 ? jump_free[p] : before;
+    direction[p] = leads < 0.0 ? all(-1.0) : all(1.0);
+    jump_old[p] = direction[p] * jump;
+    a_stick[p] = magnitude(jump_free[p]) / per_stress[p];
+    lanes[p] = {load(in.T_ad + l),
+                all(in.heat_partition * in.B0),
+                0.5 * (jump_old[p] + direction[p] * jump_free[p]),
+                0.5 * per_stress[p],
+                in.friction_coefficient * pressure,
+                all(0.0),
+                load(in.T_melt + l),
+                1.0 + load(in.pressure_coefficient + l) * pressure,
+                in.tresca,
+                in.temperature_coefficient};
+    search[p] = begin(lanes[p], a_stick[p], magnitude(before), mask_of(wanted >> l) & (pressure > 0.0));
+    active |= lanes_where(search[p].active) << l;
+  }
+
+  // 2. Newton's method for all lanes, until none is active.
+  const std::uint32_t begun = active;
+  int values = 0;
+  for (int round = 0; active != 0 && round < kRounds; ++round) {
+    values += std::popcount(active);
+    active = 0;
+    SHEARBUS_EACH_PART {
+      improve(lanes[p], search[p]);
+      active |= lanes_where(search[p].active) << p * kWidth;
+    }
+  }
+  if (host.effort != nullptr) host.effort->limit_values += values;
+
+  // 3. The answers. A root inside the bracket rules out that the node sticks.
+  std::uint32_t found = begun & ~active;
+  SHEARBUS_EACH_PART {
+    const std::ptrdiff_t l = p * kWidth;
+    const Lanes& s = lanes[p];
+    const Register a = search[p].answer;
+    const Mask ended = search[p].ended;
+    const Mask sticks = ended & (a == a_stick[p]);
+    const Mask rubs = ended & (a == s.coulomb) & ~sticks;
+    const Register v = s.c - s.b * a;
+    const Register slipping = v > 0.0 ? v : all(0.0);
+    const Register rest = jump_old[p] > 0.0 ? 0.5 * jump_old[p] : all(0.0);
+    const Register slip = sticks ? rest : slipping;
+    const Register flux = in.heat_partition * (a * slip);
+    const Register T0 = s.T_ad + flux * in.B0;
+    const Mask clear = sticks | rubs | (~ended & (a < (1.0 - kClear) * a_stick[p]));
+    const Mask solid = sticks | ((T0 < s.T_melt) & (s.T_ad + s.rise * (a * slip) < s.T_melt));
+    found &= ~(lanes_where(~(clear & solid)) << l);
+    store(direction[p] * a, answer.stress + l);
+    store(direction[p] * slip, answer.slip + l);
+    store(sticks ? all(0.0) : jump_free[p] - direction[p] * a * per_stress[p], answer.jump_new + l);
+    store(flux, answer.flux + l);
+    const Register yields =
+        T0 >= kMeltingShare * s.T_melt ? all(double(Regime::kMelting)) : all(double(Regime::kTresca));
+    store(sticks ? all(double(Regime::kStick)) : rubs ? all(double(Regime::kCoulomb)) : yields, answer.regime + l);
+  }
+  return found;
+}
+
+#endif
