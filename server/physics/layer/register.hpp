@@ -25,6 +25,16 @@ using Mask = decltype(Register{} < Register{});  // all bits of a lane where a c
 [[gnu::always_inline]] inline Register all(double value) {
   return value - Register{};
 }
+// The value `yes` where the mask is set, else `no`.
+[[gnu::always_inline]] inline Register where(Mask mask, Register yes, Register no) {
+#if SHEARBUS_WIDTH == 4
+  return __builtin_ia32_blendvpd256(no, yes, (Register)mask);
+#elif SHEARBUS_WIDTH == 2
+  return (Register)(((Bits)mask & (Bits)yes) | (~(Bits)mask & (Bits)no));
+#else
+  return mask ? yes : no;
+#endif
+}
 [[gnu::always_inline]] inline Register smaller(Register a, Register b) {
   return a < b ? a : b;
 }
@@ -69,8 +79,8 @@ using Mask = decltype(Register{} < Register{});  // all bits of a lane where a c
   const Register biased = (Register)((bits >> 52) | 0x4330000000000000u) - 0x1p52;
   const Register significand = (Register)((bits & 0x000fffffffffffffu) | 0x3ff0000000000000u);
   const Mask large = significand > 1.4142135623730951;
-  const Register f = (large ? 0.5 * significand : significand) - 1.0;
-  const Register k = biased - (large ? all(1022.0) : all(1023.0));
+  const Register f = where(large, 0.5 * significand, significand) - 1.0;
+  const Register k = biased - where(large, all(1022.0), all(1023.0));
   const Register s = f / (2.0 + f);
   const Register z = s * s;
   const Register z2 = z * z;

@@ -23,11 +23,14 @@ struct Row {
 // temperature `far` and contribute nothing.
 [[gnu::always_inline]] inline Row eliminate(const HeatOperator& heat, Arm arm, const Row& far, const double* before,
                                             double* after) {
+  const double* inverse_pivot = heat.inverse_pivot.data();
+  const double* inward = heat.inward.data();
+  const std::ptrdiff_t end = heat.interface;
   Row t{};
-  for (std::ptrdiff_t i = arm.heated; i != heat.interface; i -= arm.outwards) {
-    const double inverse_pivot = heat.inverse_pivot[i], inward = heat.inward[i];
+  for (std::ptrdiff_t i = arm.heated; i != end; i -= arm.outwards) {
+    const Register own = all(inverse_pivot[i]), outer = all(inward[i]);
     SHEARBUS_EACH_PART {
-      t.part[p] = (load(before + i * kLanes + p * kWidth) - far.part[p]) * inverse_pivot + inward * t.part[p];
+      t.part[p] = (load(before + i * kLanes + p * kWidth) - far.part[p]) * own + outer * t.part[p];
       store(t.part[p], after + i * kLanes + p * kWidth);
     }
   }
@@ -37,13 +40,14 @@ struct Row {
 // Substitutes outwards from z = 0, where the temperature above `far` is `t`. Beyond the heated vertices this value
 // decays; from the vertex on where it no longer changes the temperature of any lane the vertices stay at `far`.
 [[gnu::always_inline]] inline void substitute(const HeatOperator& heat, Arm arm, const Row& far, Row t, double* after) {
+  const double* outward = heat.outward.data();
   std::ptrdiff_t i = heat.interface;
   while (i != arm.heated) {
     i += arm.outwards;
-    const double outward = heat.outward[i];
+    const Register inner = all(outward[i]);
     SHEARBUS_EACH_PART {
       double* T = after + i * kLanes + p * kWidth;
-      t.part[p] = load(T) + outward * t.part[p];
+      t.part[p] = load(T) + inner * t.part[p];
       store(far.part[p] + t.part[p], T);
     }
   }
@@ -51,9 +55,8 @@ struct Row {
     i += arm.outwards;
     if (felt) {
       Mask changed{};
-      const double outward = heat.outward[i];
       SHEARBUS_EACH_PART {
-        t.part[p] *= outward;
+        t.part[p] *= outward[i];
         changed |= far.part[p] + t.part[p] != far.part[p];
       }
       felt = lanes_where(changed) != 0;
@@ -71,16 +74,17 @@ inline void sweep(const HeatOperator& heat, int num_vertices, const double* befo
   Row far;
   SHEARBUS_EACH_PART far.part[p] = smaller(load(before + p * kWidth), load(before + last * kLanes + p * kWidth));
 
-  // 1. Find how far heat has come. The loop reads in ascending addresses: reading inwards from the far ends is a
-  // quarter slower when the states exceed the cache.
-  Arm soft{interface, last, 1}, hard{interface, 0, -1};
-  for (std::ptrdiff_t i = 0; i <= last; ++i) {
+  // 1. Find how far heat has come. Memory is asked for in ascending addresses first: reading inwards from the far ends
+  // is a quarter slower when the states exceed the cache.
+  for (std::ptrdiff_t i = 0; i <= last; ++i) __builtin_prefetch(before + i * kLanes);
+  const auto cold = [&](std::ptrdiff_t i) __attribute__((always_inline)) {
     Mask warmer{};
     SHEARBUS_EACH_PART warmer |= load(before + i * kLanes + p * kWidth) != far.part[p];
-    if (lanes_where(warmer) == 0) continue;
-    hard.heated = std::min(hard.heated, i);
-    soft.heated = std::max(soft.heated, i);
-  }
+    return lanes_where(warmer) == 0;
+  };
+  Arm soft{last, last, 1}, hard{0, 0, -1};
+  while (soft.heated > interface && cold(soft.heated)) --soft.heated;
+  while (hard.heated < interface && cold(hard.heated)) ++hard.heated;
 
   // 2. Sweep over the heated vertices only, which gives the same bits as a sweep over all vertices.
   const Row from_soft = eliminate(heat, soft, far, before, after);
@@ -101,7 +105,7 @@ inline void sweep(const HeatOperator& heat, int num_vertices, const double* befo
 inline void add_rows(std::span<const double> gain, const double* flux, double* rows) {
   const Row q = row_at(flux, 0);
   for (std::ptrdiff_t i = 0; i < std::ssize(gain); ++i) {
-    const double rise = gain[i];
+    const Register rise = all(gain[i]);
     SHEARBUS_EACH_PART {
       double* T = rows + i * kLanes + p * kWidth;
       store(load(T) + q.part[p] * rise, T);
@@ -112,7 +116,7 @@ inline void add_rows(std::span<const double> gain, const double* flux, double* r
 inline void decay_rows(std::span<const double> decay, const double* before, double* after, double* sum) {
   Row total = row_at(sum, 0);
   for (std::ptrdiff_t i = 0; i < std::ssize(decay); ++i) {
-    const double kept = decay[i];
+    const Register kept = all(decay[i]);
     SHEARBUS_EACH_PART {
       const Register mode = load(before + i * kLanes + p * kWidth) * kept;
       store(mode, after + i * kLanes + p * kWidth);

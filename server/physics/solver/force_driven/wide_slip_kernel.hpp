@@ -1,10 +1,16 @@
 // The kernel of wide_slip(); each_register.hpp includes this file once per register width.
 #if SHEARBUS_WIDTH > 1
 
-inline constexpr int kRounds = 16;          // a lane that needs more rounds of Newton's method is left to slip_stress()
-inline constexpr double kConverged = 1e-8;  // relative length of a Newton step after which the error is its square
-inline constexpr double kLeastStress = 1e-200;  // stress below which the logarithm of the limit over the stress is cut
-// A root closer to the sticking stress than this fraction is left to rigid_slip(), which decides whether the node sticks.
+// A lane that needs more rounds of Newton's method is left to slip_stress().
+inline constexpr int kRounds = 16;
+// Newton's method ends after a step below this fraction of the stress, of the slip and of the distance from melting: the
+// error after the step is about the square of that fraction.
+inline constexpr double kConverged = 1e-7;
+inline constexpr double kLeastGuess = 1e-12;  // smallest starting stress used, relative to the end of the bracket
+// Stress below which the logarithm of the limit over the stress is cut  [Pa].
+inline constexpr double kLeastStress = 1e-200;
+// A root closer to the sticking stress than this fraction is left to rigid_slip(), which decides whether the node
+// sticks.
 inline constexpr double kClear = 1e-6;
 
 // The limit and the heating of the lanes of one register, with the names of StressLimit and FrictionHeating.
@@ -30,13 +36,13 @@ struct Lanes {
   const Register hottest = s.T_ad + s.rise * (0.25 * s.c * s.c / s.b);
   const Register nearest = s.T_melt - hottest;
   const Mask solid = nearest > 0.0;
-  const Register x = solid ? nearest : melting_scale;
+  const Register x = where(solid, nearest, melting_scale);
   // 1. Friction is the limit at the hottest temperature, where exp(-y) >= 1 - y.
   const Register hot_yield =
       s.tresca * (s.bracket(hottest) * (1.0 - SteinbergCochranGuinan::kMeltingFactor * hottest / x));
   // 2. The slope of the limit is too small: an upper bound of exp(-c/x) c/x^2 is c/x^2, and 0.5414/c at any x.
   const Register scaled = melting_scale / x;
-  const Register steepest = (solid & (scaled < 0.73) ? 1.0011 * scaled * scaled : all(0.543)) / melting_scale;
+  const Register steepest = where(solid & (scaled < 0.73), 1.0011 * scaled * scaled, all(0.543)) / melting_scale;
   const Register slope = s.tresca * (s.hT + s.bracket(s.T_ad) * steepest);
   return (solid & (s.coulomb <= kAlmost * hot_yield)) | (s.rise * slope * (2.0 * s.b * end - s.c) < kAlmost);
 }
@@ -53,12 +59,12 @@ struct Search {
   const Register a = search.a;
   const Register v = s.c - s.b * a;
   const Mask slips = v > 0.0;
-  const Register T = s.T_ad + s.rise * (a * (slips ? v : all(0.0)));
+  const Register T = s.T_ad + s.rise * (a * (where(slips, v, all(0.0))));
   const Register to_melting = s.T_melt - T, bracket = s.bracket(T);
   const Mask solid = (to_melting > 0.0) & (bracket > 0.0);
-  const Register x = solid ? to_melting : all(1.0), g = solid ? bracket : all(1.0);
+  const Register x = where(solid, to_melting, all(1.0)), g = where(solid, bracket, all(1.0));
   const Register above = a - s.offset;
-  const Register u = above > kLeastStress ? above : all(kLeastStress);
+  const Register u = where(above > kLeastStress, above, all(kLeastStress));
   const Register xg = x * g;
   const Register inverse = 1.0 / (xg * u);  // one division for 1/x, 1/g and 1/u
   const Register inverse_xg = inverse * u;
@@ -67,22 +73,23 @@ struct Search {
       log_of(s.tresca * (g * (inverse * xg))) - SteinbergCochranGuinan::kMeltingFactor * T * inverse_x;
   const Register fall = s.hT * (x * inverse_xg) +
                         SteinbergCochranGuinan::kMeltingFactor * s.T_melt * (inverse_x * inverse_x);  // -d(log g)/dT
-  const Register heating = slips ? s.rise * (s.c - 2.0 * (s.b * a)) : all(0.0);                       // dT/da
+  const Register heating = where(slips, s.rise * (s.c - 2.0 * (s.b * a)), all(0.0));                  // dT/da
   const Register step = u * excess / (1.0 + u * (heating * fall));
   const Register next = a + step;
 
   const Mask carries = solid & (excess >= 0.0);
-  search.low = carries ? a : search.low;
-  search.high = carries ? search.high : a;
+  search.low = where(carries, a, search.low);
+  search.high = where(carries, search.high, a);
   const Mask at_end = carries & (a >= search.end);
-  const Mask met = solid & (magnitude(step) <= kConverged * u) & (magnitude(step * heating) <= kConverged * x);
-  const Register within = smaller(next < search.low ? search.low : next, search.high);
+  const Mask met = solid & (magnitude(step) <= kConverged * u) & (magnitude(step * heating) <= kConverged * x) &
+                   ((magnitude(step * s.b) <= kConverged * v) | ~slips);
+  const Register within = smaller(where(next < search.low, search.low, next), search.high);
   const Mask done = search.active & (at_end | met);
-  search.answer = done ? (at_end ? a : within) : search.answer;
+  search.answer = where(done, where(at_end, a, within), search.answer);
   search.ended |= search.active & at_end;
   search.active &= ~done;
   const Mask inside = solid & (next > search.low) & (next < search.high);
-  search.a = inside ? smaller(next, search.end) : 0.5 * (search.low + smaller(search.high, search.end));
+  search.a = where(inside, smaller(next, search.end), 0.5 * (search.low + smaller(search.high, search.end)));
 }
 
 // Begins the search for the smallest of `a_stick` and the root of the spare strength. `wanted`: lanes to search.
@@ -97,12 +104,17 @@ struct Search {
   // The stress `melting` melts the interface where it leaves at least half of the frictionless slip c.
   const Register melting = 2.0 * (s.T_melt - s.T_ad) / (s.rise * s.c);
   const Mask melts = (s.c > 0.0) & (melting < bound) & (2.0 * s.b * melting <= s.c);
-  search.end = melts ? melting : bound;
+  search.end = where(melts, melting, bound);
   search.low = s.offset;
   search.high = all(std::numeric_limits<double>::infinity());
   const Register half = 0.5 * (search.low + search.end);
-  search.a = guess < search.end ? (guess - search.low > 1e-12 * search.end ? guess : half) : melts ? half : search.end;
+  search.a = where(guess < search.end, where(guess - search.low > kLeastGuess * search.end, guess, half),
+                   where(melts, half, search.end));
   return search;
+}
+
+constexpr double number(Regime regime) {
+  return static_cast<double>(regime);
 }
 
 inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAnswer& answer) {
@@ -121,8 +133,8 @@ inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAns
     const Register acceleration = load(host.stress_soft + l) / mass_soft + load(host.stress_hard + l) / mass_hard;
     per_stress[p] = in.dt * (1.0 / mass_soft + 1.0 / mass_hard);
     jump_free[p] = jump + in.dt * acceleration;
-    const Register leads = jump_free[p] != 0.0 ? jump_free[p] : before;
-    direction[p] = leads < 0.0 ? all(-1.0) : all(1.0);
+    const Register leads = where(jump_free[p] != 0.0, jump_free[p], before);
+    direction[p] = where(leads < 0.0, all(-1.0), all(1.0));
     jump_old[p] = direction[p] * jump;
     a_stick[p] = magnitude(jump_free[p]) / per_stress[p];
     lanes[p] = {load(in.T_ad + l),
@@ -162,9 +174,9 @@ inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAns
     const Mask sticks = ended & (a == a_stick[p]);
     const Mask rubs = ended & (a == s.coulomb) & ~sticks;
     const Register v = s.c - s.b * a;
-    const Register slipping = v > 0.0 ? v : all(0.0);
-    const Register rest = jump_old[p] > 0.0 ? 0.5 * jump_old[p] : all(0.0);
-    const Register slip = sticks ? rest : slipping;
+    const Register slipping = where(v > 0.0, v, all(0.0));
+    const Register rest = where(jump_old[p] > 0.0, 0.5 * jump_old[p], all(0.0));
+    const Register slip = where(sticks, rest, slipping);
     const Register flux = in.heat_partition * (a * slip);
     const Register T0 = s.T_ad + flux * in.B0;
     const Mask clear = sticks | rubs | (~ended & (a < (1.0 - kClear) * a_stick[p]));
@@ -172,11 +184,12 @@ inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAns
     found &= ~(lanes_where(~(clear & solid)) << l);
     store(direction[p] * a, answer.stress + l);
     store(direction[p] * slip, answer.slip + l);
-    store(sticks ? all(0.0) : jump_free[p] - direction[p] * a * per_stress[p], answer.jump_new + l);
+    store(where(sticks, all(0.0), jump_free[p] - direction[p] * a * per_stress[p]), answer.jump_new + l);
     store(flux, answer.flux + l);
     const Register yields =
-        T0 >= kMeltingShare * s.T_melt ? all(double(Regime::kMelting)) : all(double(Regime::kTresca));
-    store(sticks ? all(double(Regime::kStick)) : rubs ? all(double(Regime::kCoulomb)) : yields, answer.regime + l);
+        where(T0 >= kMeltingShare * s.T_melt, all(number(Regime::kMelting)), all(number(Regime::kTresca)));
+    store(where(sticks, all(number(Regime::kStick)), where(rubs, all(number(Regime::kCoulomb)), yields)),
+          answer.regime + l);
   }
   return found;
 }
