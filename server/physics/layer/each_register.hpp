@@ -1,6 +1,11 @@
 // Compiles the kernels of the header SHEARBUS_KERNELS for each register width (registers.hpp), and those that need no
 // registers for one lane, in the namespace `one`.
+#include <cmath>
+#include <cstdint>
+
+#include "server/physics/layer/lanes.hpp"
 #include "server/physics/layer/registers.hpp"
+#include "server/physics/material/elementary.hpp"
 
 #ifndef SHEARBUS_KERNELS
 #error "define SHEARBUS_KERNELS as the name of the header of the kernels"

@@ -38,11 +38,21 @@ using Mask = decltype(Register{} < Register{});  // all bits of a lane where a c
 [[gnu::always_inline]] inline Register smaller(Register a, Register b) {
   return a < b ? a : b;
 }
-#if SHEARBUS_WIDTH > 1
 [[gnu::always_inline]] inline Register magnitude(Register a) {
+#if SHEARBUS_WIDTH > 1
   return (Register)((Bits)a & 0x7fffffffffffffffu);
-}
+#else
+  return std::abs(a);
 #endif
+}
+// The lanes that are not in the mask.
+[[gnu::always_inline]] inline Mask without(Mask mask) {
+#if SHEARBUS_WIDTH > 1
+  return ~mask;
+#else
+  return !mask;
+#endif
+}
 // One bit per lane.
 [[gnu::always_inline]] inline std::uint32_t lanes_where(Mask mask) {
 #if SHEARBUS_WIDTH == 1
@@ -91,5 +101,9 @@ using Mask = decltype(Register{} < Register{});  // all bits of a lane where a c
   const Register tail = z * (low + z4 * (mid + z4 * high));
   const Register half_square = 0.5 * f * f;
   return k * kLn2High - ((half_square - (s * (half_square + tail) + k * kLn2Low)) - f);
+}
+#else
+[[gnu::always_inline]] inline double log_of(double x) {
+  return logarithm(x);
 }
 #endif

@@ -3,11 +3,12 @@
 // to InterfaceStep.
 #pragma once
 
-#include <cmath>
 #include <cstdint>
+#include <optional>
 #include <type_traits>
 
 #include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
@@ -43,5 +44,10 @@ bool has_wide_slip(const Problem& problem);
 // Solves the lanes `wanted` and returns those whose answer is unique and was found; only their members of `answer` mean
 // anything. The answer of a lane depends on this lane alone.
 std::uint32_t wide_slip(const WideSlip& slip, std::uint32_t wanted, WideAnswer& answer);
+
+// The same algorithm for one lane, with or without junctions. Returns nothing where the limit has another form, the
+// answer may not be unique, or the search fails: rigid_slip() then takes the general way.
+std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
+                                   double T_ad, double guess);
 
 }  // namespace shearbus::physics

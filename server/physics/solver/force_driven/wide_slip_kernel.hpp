@@ -1,5 +1,5 @@
-// The kernel of wide_slip(); each_register.hpp includes this file once per register width.
-#if SHEARBUS_WIDTH > 1
+// The kernel of wide_slip() and, in the namespace `one`, of quick_slip(); each_register.hpp includes this file once per
+// register width.
 
 // A lane that needs more rounds of Newton's method is left to slip_stress().
 inline constexpr int kRounds = 16;
@@ -19,7 +19,25 @@ struct Lanes {
   Register coulomb, offset, T_melt;
   Register bracket_at_0;  // 1 + gP P
   double tresca, hT;
+  const Junctions* junctions = nullptr;  // only in the namespace `one`
 
+  // The strength without the softening g at a slip velocity, and its derivative by the slip over the strength.
+  struct Strength {
+    Register value, growth;
+  };
+  [[gnu::always_inline]] Strength strength([[maybe_unused]] Register slip) const {
+#if SHEARBUS_WIDTH == 1
+    if (junctions != nullptr) {
+      const Junctions::Value hardened = junctions->at(slip);
+      return {hardened.strength, hardened.slope / hardened.strength};
+    }
+#endif
+    return {all(tresca), all(0.0)};
+  }
+  [[gnu::always_inline]] Register slip(Register a) const {
+    const Register v = c - b * a;
+    return where(v > 0.0, v, all(0.0));
+  }
   [[gnu::always_inline]] Register bracket(Register T) const {
     return bracket_at_0 - hT * (T - SteinbergCochranGuinan::kReference);
   }
@@ -39,11 +57,11 @@ struct Lanes {
   const Register x = where(solid, nearest, melting_scale);
   // 1. Friction is the limit at the hottest temperature, where exp(-y) >= 1 - y.
   const Register hot_yield =
-      s.tresca * (s.bracket(hottest) * (1.0 - SteinbergCochranGuinan::kMeltingFactor * hottest / x));
+      s.strength(all(0.0)).value * (s.bracket(hottest) * (1.0 - SteinbergCochranGuinan::kMeltingFactor * hottest / x));
   // 2. The slope of the limit is too small: an upper bound of exp(-c/x) c/x^2 is c/x^2, and 0.5414/c at any x.
   const Register scaled = melting_scale / x;
   const Register steepest = where(solid & (scaled < 0.73), 1.0011 * scaled * scaled, all(0.543)) / melting_scale;
-  const Register slope = s.tresca * (s.hT + s.bracket(s.T_ad) * steepest);
+  const Register slope = s.strength(s.slip(all(0.0))).value * (s.hT + s.bracket(s.T_ad) * steepest);
   return (solid & (s.coulomb <= kAlmost * hot_yield)) | (s.rise * slope * (2.0 * s.b * end - s.c) < kAlmost);
 }
 
@@ -59,7 +77,9 @@ struct Search {
   const Register a = search.a;
   const Register v = s.c - s.b * a;
   const Mask slips = v > 0.0;
-  const Register T = s.T_ad + s.rise * (a * (where(slips, v, all(0.0))));
+  const Register slip = where(slips, v, all(0.0));
+  const Register T = s.T_ad + s.rise * (a * slip);
+  const Lanes::Strength strength = s.strength(slip);
   const Register to_melting = s.T_melt - T, bracket = s.bracket(T);
   const Mask solid = (to_melting > 0.0) & (bracket > 0.0);
   const Register x = where(solid, to_melting, all(1.0)), g = where(solid, bracket, all(1.0));
@@ -70,11 +90,13 @@ struct Search {
   const Register inverse_xg = inverse * u;
   const Register inverse_x = g * inverse_xg;
   const Register excess =
-      log_of(s.tresca * (g * (inverse * xg))) - SteinbergCochranGuinan::kMeltingFactor * T * inverse_x;
+      log_of(strength.value * (g * (inverse * xg))) - SteinbergCochranGuinan::kMeltingFactor * T * inverse_x;
   const Register fall = s.hT * (x * inverse_xg) +
                         SteinbergCochranGuinan::kMeltingFactor * s.T_melt * (inverse_x * inverse_x);  // -d(log g)/dT
   const Register heating = where(slips, s.rise * (s.c - 2.0 * (s.b * a)), all(0.0));                  // dT/da
-  const Register step = u * excess / (1.0 + u * (heating * fall));
+  Register slope = 1.0 + u * (heating * fall);
+  if (kWidth == 1) slope += u * where(slips, s.b * strength.growth, all(0.0));
+  const Register step = u * excess / slope;
   const Register next = a + step;
 
   const Mask carries = solid & (excess >= 0.0);
@@ -82,12 +104,12 @@ struct Search {
   search.high = where(carries, search.high, a);
   const Mask at_end = carries & (a >= search.end);
   const Mask met = solid & (magnitude(step) <= kConverged * u) & (magnitude(step * heating) <= kConverged * x) &
-                   ((magnitude(step * s.b) <= kConverged * v) | ~slips);
+                   ((magnitude(step * s.b) <= kConverged * v) | without(slips));
   const Register within = smaller(where(next < search.low, search.low, next), search.high);
   const Mask done = search.active & (at_end | met);
   search.answer = where(done, where(at_end, a, within), search.answer);
   search.ended |= search.active & at_end;
-  search.active &= ~done;
+  search.active &= without(done);
   const Mask inside = solid & (next > search.low) & (next < search.high);
   search.a = where(inside, smaller(next, search.end), 0.5 * (search.low + smaller(search.high, search.end)));
 }
@@ -95,11 +117,11 @@ struct Search {
 // Begins the search for the smallest of `a_stick` and the root of the spare strength. `wanted`: lanes to search.
 [[gnu::always_inline]] inline Search begin(const Lanes& s, Register a_stick, Register guess, Mask wanted) {
   Search search{};
-  const Register unheated = s.offset + smaller(s.coulomb, s.tresca * s.bracket(s.T_ad));
+  const Register unheated = s.offset + smaller(s.coulomb, s.strength(s.slip(all(0.0))).value * s.bracket(s.T_ad));
   const Register bound = smaller(a_stick, unheated);
   const Mask solid = (s.T_ad < s.T_melt) & (s.bracket(s.T_ad) > 0.0) & (s.rise > 0.0) & (s.b > 0.0) & (s.T_ad > 0.0);
   Mask unique = heats_more_up_to(s, bound);
-  if (lanes_where(wanted & ~unique) != 0) unique |= falls_steadily(s, bound);
+  if (lanes_where(wanted & without(unique)) != 0) unique |= falls_steadily(s, bound);
   search.active = wanted & solid & unique & (bound >= s.offset);
   // The stress `melting` melts the interface where it leaves at least half of the frictionless slip c.
   const Register melting = 2.0 * (s.T_melt - s.T_ad) / (s.rise * s.c);
@@ -113,17 +135,67 @@ struct Search {
   return search;
 }
 
-constexpr double number(Regime regime) {
+// The trial slip of the lanes of one register, with the names of TrialSlip.
+struct Trial {
+  Register jump_free, per_stress, direction, jump_old, drive, stress_stick;
+};
+
+// The answer of the lanes of one register, with the names of LaneStep.
+struct Found {
+  Register stress, slip, jump_new, flux, regime;
+  Mask sure;  // whether the lane has this answer; a root inside the bracket rules out that the node sticks
+};
+
+[[gnu::always_inline]] constexpr double number(Regime regime) {
   return static_cast<double>(regime);
 }
+
+[[gnu::always_inline]] inline Found conclude(const Lanes& s, const Trial& trial, const Search& search,
+                                             double heat_partition, double B0) {
+  const Register a = search.answer;
+  const Mask sticks = search.ended & (a == trial.stress_stick);
+  const Mask rubs = search.ended & (a == s.coulomb) & without(sticks);
+  const Register resting = 0.5 * (trial.jump_old + trial.drive);
+  const Register slip = where(sticks, where(resting > 0.0, resting, all(0.0)), s.slip(a));
+  const Register flux = heat_partition * (a * slip);
+  const Register T0 = s.T_ad + flux * B0;
+  const Mask clear = sticks | rubs | (without(search.ended) & (a < (1.0 - kClear) * trial.stress_stick));
+  const Mask solid = sticks | ((T0 < s.T_melt) & (s.T_ad + s.rise * (a * slip) < s.T_melt));
+  const Register yields =
+      where(T0 >= kMeltingShare * s.T_melt, all(number(Regime::kMelting)), all(number(Regime::kTresca)));
+  return {trial.direction * a,
+          trial.direction * slip,
+          where(sticks, 0.0 - trial.direction * trial.drive, trial.jump_free - trial.direction * a * trial.per_stress),
+          flux,
+          where(sticks, all(number(Regime::kStick)), where(rubs, all(number(Regime::kCoulomb)), yields)),
+          static_cast<Mask>(without(search.active) & clear & solid)};
+}
+
+#if SHEARBUS_WIDTH == 1
+
+inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, double heat_partition, double B0,
+                                            double guess, SearchEffort* effort) {
+  Search search = begin(s, trial.stress_stick, guess, true);
+  if (!search.active) return {};
+  for (int round = 0; search.active && round < kRounds; ++round) {
+    if (effort != nullptr) ++effort->limit_values;
+    improve(s, search);
+  }
+  const Found found = conclude(s, trial, search, heat_partition, B0);
+  if (!found.sure) return {};
+  const Regime regime = static_cast<Regime>(static_cast<int>(found.regime));
+  return LaneStep{found.stress, found.slip, found.jump_new, found.flux, regime, regime == Regime::kStick, true, false};
+}
+
+#else
 
 inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAnswer& answer) {
   const TileInputs& host = in.inputs;
   Lanes lanes[kParts];
+  Trial trial[kParts];
   Search search[kParts];
-  Register jump_free[kParts], per_stress[kParts], direction[kParts], jump_old[kParts], a_stick[kParts];
 
-  // 1. The trial slip (TrialSlip), the heating and the limit of each lane.
+  // 1. The trial slip, the heating and the limit of each lane.
   std::uint32_t active = 0;
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
@@ -131,23 +203,23 @@ inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAns
     const Register jump = load(host.velocity_jump + l), pressure = load(host.pressure + l);
     const Register before = load(in.stress_before + l);
     const Register acceleration = load(host.stress_soft + l) / mass_soft + load(host.stress_hard + l) / mass_hard;
-    per_stress[p] = in.dt * (1.0 / mass_soft + 1.0 / mass_hard);
-    jump_free[p] = jump + in.dt * acceleration;
-    const Register leads = where(jump_free[p] != 0.0, jump_free[p], before);
-    direction[p] = where(leads < 0.0, all(-1.0), all(1.0));
-    jump_old[p] = direction[p] * jump;
-    a_stick[p] = magnitude(jump_free[p]) / per_stress[p];
+    const Register per_stress = in.dt * (1.0 / mass_soft + 1.0 / mass_hard);
+    const Register jump_free = jump + in.dt * acceleration;
+    const Register leads = where(jump_free != 0.0, jump_free, before);
+    const Register direction = where(leads < 0.0, all(-1.0), all(1.0));
+    const Register jump_old = direction * jump;
+    trial[p] = {jump_free, per_stress, direction, jump_old, all(0.0), magnitude(jump_free) / per_stress};
     lanes[p] = {load(in.T_ad + l),
                 all(in.heat_partition * in.B0),
-                0.5 * (jump_old[p] + direction[p] * jump_free[p]),
-                0.5 * per_stress[p],
+                0.5 * (jump_old + direction * jump_free),
+                0.5 * per_stress,
                 in.friction_coefficient * pressure,
                 all(0.0),
                 load(in.T_melt + l),
                 1.0 + load(in.pressure_coefficient + l) * pressure,
                 in.tresca,
                 in.temperature_coefficient};
-    search[p] = begin(lanes[p], a_stick[p], magnitude(before), mask_of(wanted >> l) & (pressure > 0.0));
+    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), mask_of(wanted >> l) & (pressure > 0.0));
     active |= lanes_where(search[p].active) << l;
   }
 
@@ -164,34 +236,19 @@ inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAns
   }
   if (host.effort != nullptr) host.effort->limit_values += values;
 
-  // 3. The answers. A root inside the bracket rules out that the node sticks.
-  std::uint32_t found = begun & ~active;
+  // 3. The answers.
+  std::uint32_t sure = 0;
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
-    const Lanes& s = lanes[p];
-    const Register a = search[p].answer;
-    const Mask ended = search[p].ended;
-    const Mask sticks = ended & (a == a_stick[p]);
-    const Mask rubs = ended & (a == s.coulomb) & ~sticks;
-    const Register v = s.c - s.b * a;
-    const Register slipping = where(v > 0.0, v, all(0.0));
-    const Register rest = where(jump_old[p] > 0.0, 0.5 * jump_old[p], all(0.0));
-    const Register slip = where(sticks, rest, slipping);
-    const Register flux = in.heat_partition * (a * slip);
-    const Register T0 = s.T_ad + flux * in.B0;
-    const Mask clear = sticks | rubs | (~ended & (a < (1.0 - kClear) * a_stick[p]));
-    const Mask solid = sticks | ((T0 < s.T_melt) & (s.T_ad + s.rise * (a * slip) < s.T_melt));
-    found &= ~(lanes_where(~(clear & solid)) << l);
-    store(direction[p] * a, answer.stress + l);
-    store(direction[p] * slip, answer.slip + l);
-    store(where(sticks, all(0.0), jump_free[p] - direction[p] * a * per_stress[p]), answer.jump_new + l);
-    store(flux, answer.flux + l);
-    const Register yields =
-        where(T0 >= kMeltingShare * s.T_melt, all(number(Regime::kMelting)), all(number(Regime::kTresca)));
-    store(where(sticks, all(number(Regime::kStick)), where(rubs, all(number(Regime::kCoulomb)), yields)),
-          answer.regime + l);
+    const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, in.B0);
+    sure |= lanes_where(found.sure) << l;
+    store(found.stress, answer.stress + l);
+    store(found.slip, answer.slip + l);
+    store(found.jump_new, answer.jump_new + l);
+    store(found.flux, answer.flux + l);
+    store(found.regime, answer.regime + l);
   }
-  return found;
+  return begun & sure;
 }
 
 #endif
