@@ -27,6 +27,7 @@ struct Row {
   const double* inward = heat.inward.data();
   const std::ptrdiff_t end = heat.interface;
   Row t{};
+#pragma GCC unroll 4
   for (std::ptrdiff_t i = arm.heated; i != end; i -= arm.outwards) {
     const Register own = all(inverse_pivot[i]), outer = all(inward[i]);
     SHEARBUS_EACH_PART {
@@ -42,6 +43,7 @@ struct Row {
 [[gnu::always_inline]] inline void substitute(const HeatOperator& heat, Arm arm, const Row& far, Row t, double* after) {
   const double* outward = heat.outward.data();
   std::ptrdiff_t i = heat.interface;
+#pragma GCC unroll 4
   while (i != arm.heated) {
     i += arm.outwards;
     const Register inner = all(outward[i]);
@@ -76,6 +78,7 @@ inline void sweep(const HeatOperator& heat, int num_vertices, const double* befo
 
   // 1. Find how far heat has come. Memory is asked for in ascending addresses first: reading inwards from the far ends
   // is a quarter slower when the states exceed the cache.
+#pragma GCC unroll 4
   for (std::ptrdiff_t i = 0; i <= last; ++i) __builtin_prefetch(before + i * kLanes);
   const auto cold = [&](std::ptrdiff_t i) __attribute__((always_inline)) {
     Mask warmer{};
@@ -104,6 +107,7 @@ inline void sweep(const HeatOperator& heat, int num_vertices, const double* befo
 
 inline void add_rows(std::span<const double> gain, const double* flux, double* rows) {
   const Row q = row_at(flux, 0);
+#pragma GCC unroll 4
   for (std::ptrdiff_t i = 0; i < std::ssize(gain); ++i) {
     const Register rise = all(gain[i]);
     SHEARBUS_EACH_PART {
@@ -115,6 +119,7 @@ inline void add_rows(std::span<const double> gain, const double* flux, double* r
 
 inline void decay_rows(std::span<const double> decay, const double* before, double* after, double* sum) {
   Row total = row_at(sum, 0);
+#pragma GCC unroll 4
   for (std::ptrdiff_t i = 0; i < std::ssize(decay); ++i) {
     const Register kept = all(decay[i]);
     SHEARBUS_EACH_PART {

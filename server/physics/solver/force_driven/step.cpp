@@ -16,35 +16,29 @@ namespace {
 // Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes.
 std::uint32_t slip_of_tile(const Problem& problem, double dt, double B0, const TileInputs& inputs,
                            const LaneMaterials& soft_at, const double* committed, double* trial, TileOutputs& outputs,
-                           double (&flux)[kLanes]) {
+                           WideAnswer& answer) {
   const TileLayout& layout = problem.layout;
-  WideSlip slip{inputs,
-                inputs.stress_before ? inputs.stress_before : committed + layout.shear_stress,
-                trial + layout.temperature,
-                problem.interface.friction_coefficient,
-                problem.interface.yield_strength / kSqrt3,
-                problem.heat_partition,
-                B0,
-                dt,
-                {},
-                {},
-                problem.options.soft.temperature_coefficient};
-  for (int l = 0; l < kLanes; ++l) {
-    slip.T_melt[l] = soft_at(l).melting_temperature;
-    slip.pressure_coefficient[l] = soft_at(l).pressure_coefficient;
-  }
-  WideAnswer answer;
-  const std::uint32_t found = wide_slip(slip, inputs.active, answer);
-  for (const int l : lanes_of(found)) {
-    add_work(inputs, l, problem.heat_rows + kSearchWork);
-    flux[l] = answer.flux[l];
-    outputs.shear_stress[l] = trial[layout.shear_stress + l] = answer.stress[l];
+  const std::uint32_t found =
+      wide_slip({inputs, soft_at, inputs.stress_before ? inputs.stress_before : committed + layout.shear_stress,
+                 trial + layout.temperature, problem.interface.friction_coefficient,
+                 problem.interface.yield_strength / kSqrt3, problem.heat_partition, B0, dt},
+                answer);
+  const auto write = [&](int l) {
+    outputs.shear_stress[l] = trial[layout.shear_stress + static_cast<std::size_t>(l)] = answer.stress[l];
     outputs.sliding_velocity[l] = answer.slip[l];
     outputs.velocity_jump_new[l] = answer.jump_new[l];
     outputs.friction_heat[l] = answer.flux[l] * dt;
     outputs.regime[l] = static_cast<Regime>(static_cast<int>(answer.regime[l]));
     outputs.outcome[l] = 0;
-    trial[layout.regime + l] = answer.regime[l];
+    trial[layout.regime + static_cast<std::size_t>(l)] = answer.regime[l];
+  };
+  if (found == (1u << kLanes) - 1) {
+    for (int l = 0; l < kLanes; ++l) write(l);
+  } else {
+    for (const int l : lanes_of(found)) write(l);
+  }
+  if (inputs.work != nullptr) {
+    for (const int l : lanes_of(found)) add_work(inputs, l, problem.heat_rows + kSearchWork);
   }
   return found;
 }
@@ -63,12 +57,13 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   conduct(heat_of(0), n, T_old, T);
 
   // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by lane.
-  double flux[kLanes] = {};
+  WideAnswer answer{};
+  double(&flux)[kLanes] = answer.flux;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   std::uint32_t found = 0;
   if (has_wide_slip(problem)) {
     found = slip_of_tile(problem, heat_of(0).dt, *heat_of(0).layer_response(), inputs, soft_at, committed, trial,
-                         outputs, flux);
+                         outputs, answer);
   }
   for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);

@@ -49,8 +49,8 @@ std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& tr
       heat_partition, B0, guess, limit.effort);
 }
 
-std::uint32_t wide_slip(const WideSlip& slip, std::uint32_t wanted, WideAnswer& answer) {
-  return SHEARBUS_CALL(slip_step, slip, wanted, answer);
+std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer) {
+  return SHEARBUS_CALL(slip_step, slip, answer);
 }
 
 }  // namespace shearbus::physics

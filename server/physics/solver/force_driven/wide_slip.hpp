@@ -17,19 +17,20 @@ namespace shearbus::physics {
 template <class Law>
 inline constexpr bool kHasWideSoftening = std::is_same_v<Law, SteinbergCochranGuinan>;
 
-// The limit min(mu P, tresca g) of each lane, and the heating of each lane.
+// What the steps of the lanes of a tile have in common, and where their inputs are.
 struct WideSlip {
   const TileInputs& inputs;
+  const LaneMaterials& soft_at;
   const double* stress_before;  // stress before the step  [Pa]
   const double* T_ad;           // interface temperature without friction in this step  [K]
-  double friction_coefficient, tresca;
-  double heat_partition, B0, dt;
-  alignas(64) double T_melt[kLanes];
-  alignas(64) double pressure_coefficient[kLanes];
-  double temperature_coefficient;
+  double friction_coefficient;
+  double tresca;  // shear strength of the interface, yield strength / sqrt(3)  [Pa]
+  double heat_partition;
+  double B0;  // rise of T0 per heat flux  [K m2/W]
+  double dt;
 };
 
-// The answers of the solved lanes, as LaneStep has them.
+// The answers of the solved lanes, as LaneStep has them. The flux of all other lanes is 0.
 struct WideAnswer {
   alignas(64) double stress[kLanes];
   alignas(64) double slip[kLanes];
@@ -41,9 +42,8 @@ struct WideAnswer {
 // Whether the kernel has the model's interface.
 bool has_wide_slip(const Problem& problem);
 
-// Solves the lanes `wanted` and returns those whose answer is unique and was found; only their members of `answer` mean
-// anything. The answer of a lane depends on this lane alone.
-std::uint32_t wide_slip(const WideSlip& slip, std::uint32_t wanted, WideAnswer& answer);
+// Solves the active lanes and returns those whose answer is unique and was found. The answer of a lane depends on this lane alone.
+std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer);
 
 // The same algorithm for one lane, with or without junctions. Returns nothing where the limit has another form, the
 // answer may not be unique, or the search fails: rigid_slip() then takes the general way.

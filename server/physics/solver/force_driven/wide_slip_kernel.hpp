@@ -189,8 +189,15 @@ inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, 
 
 #else
 
-inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAnswer& answer) {
+inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
   const TileInputs& host = in.inputs;
+  const bool uniform = in.soft_at.uniform();
+  const Material& soft = in.soft_at(0);
+  alignas(64) double T_melt[kLanes], pressure_coefficient[kLanes];
+  for (int l = 0; !uniform && l < kLanes; ++l) {
+    T_melt[l] = in.soft_at(l).melting_temperature;
+    pressure_coefficient[l] = in.soft_at(l).pressure_coefficient;
+  }
   Lanes lanes[kParts];
   Trial trial[kParts];
   Search search[kParts];
@@ -215,11 +222,11 @@ inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAns
                 0.5 * per_stress,
                 in.friction_coefficient * pressure,
                 all(0.0),
-                load(in.T_melt + l),
-                1.0 + load(in.pressure_coefficient + l) * pressure,
+                uniform ? all(soft.melting_temperature) : load(T_melt + l),
+                1.0 + (uniform ? all(soft.pressure_coefficient) : load(pressure_coefficient + l)) * pressure,
                 in.tresca,
-                in.temperature_coefficient};
-    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), mask_of(wanted >> l) & (pressure > 0.0));
+                soft.temperature_coefficient};
+    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), mask_of(host.active >> l) & (pressure > 0.0));
     active |= lanes_where(search[p].active) << l;
   }
 
@@ -241,14 +248,15 @@ inline std::uint32_t slip_step(const WideSlip& in, std::uint32_t wanted, WideAns
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
     const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, in.B0);
-    sure |= lanes_where(found.sure) << l;
+    const Mask known = found.sure & mask_of(begun >> l);
+    sure |= lanes_where(known) << l;
     store(found.stress, answer.stress + l);
     store(found.slip, answer.slip + l);
     store(found.jump_new, answer.jump_new + l);
-    store(found.flux, answer.flux + l);
+    store(where(known, found.flux, all(0.0)), answer.flux + l);
     store(found.regime, answer.regime + l);
   }
-  return begun & sure;
+  return sure;
 }
 
 #endif
