@@ -1,5 +1,6 @@
 #include "server/physics/solver/force_driven/step.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -13,6 +14,8 @@
 namespace shearbus::physics {
 namespace {
 
+constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;
+
 // Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes.
 std::uint32_t slip_of_tile(const Problem& problem, double dt, double B0, const TileInputs& inputs,
                            const LaneMaterials& soft_at, const double* committed, double* trial, TileOutputs& outputs,
@@ -23,19 +26,23 @@ std::uint32_t slip_of_tile(const Problem& problem, double dt, double B0, const T
                  trial + layout.temperature, problem.interface.friction_coefficient,
                  problem.interface.yield_strength / kSqrt3, problem.heat_partition, B0, dt},
                 answer);
-  const auto write = [&](int l) {
-    outputs.shear_stress[l] = trial[layout.shear_stress + static_cast<std::size_t>(l)] = answer.stress[l];
-    outputs.sliding_velocity[l] = answer.slip[l];
-    outputs.velocity_jump_new[l] = answer.jump_new[l];
-    outputs.friction_heat[l] = answer.flux[l] * dt;
+  // Whole rows where all lanes are found: a row written value by value would stall the registers that read it next.
+  const auto write = [&](const double* row, double* to) {
+    if (found == kAllLanes) {
+      std::copy_n(row, kLanes, to);
+    } else {
+      for (const int l : lanes_of(found)) to[l] = row[l];
+    }
+  };
+  write(answer.stress, outputs.shear_stress);
+  write(answer.stress, trial + layout.shear_stress);
+  write(answer.slip, outputs.sliding_velocity);
+  write(answer.jump_new, outputs.velocity_jump_new);
+  write(answer.heat, outputs.friction_heat);
+  write(answer.regime, trial + layout.regime);
+  for (const int l : lanes_of(found)) {
     outputs.regime[l] = static_cast<Regime>(static_cast<int>(answer.regime[l]));
     outputs.outcome[l] = 0;
-    trial[layout.regime + static_cast<std::size_t>(l)] = answer.regime[l];
-  };
-  if (found == (1u << kLanes) - 1) {
-    for (int l = 0; l < kLanes; ++l) write(l);
-  } else {
-    for (const int l : lanes_of(found)) write(l);
   }
   if (inputs.work != nullptr) {
     for (const int l : lanes_of(found)) add_work(inputs, l, problem.heat_rows + kSearchWork);
@@ -86,7 +93,11 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
 
   // 4. Add the friction heat: T = T_ad + q B, with T_ad from 1., the heat flux q and the response B to a unit flux.
   add_flux(heat_of(0), n, flux, T);
-  for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
+  if (inputs.active == kAllLanes) {
+    std::copy_n(T0, kLanes, outputs.interface_temperature);
+  } else {
+    for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
+  }
 }
 
 }  // namespace

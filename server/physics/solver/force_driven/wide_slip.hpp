@@ -36,6 +36,7 @@ struct WideAnswer {
   alignas(64) double slip[kLanes];
   alignas(64) double jump_new[kLanes];
   alignas(64) double flux[kLanes];
+  alignas(64) double heat[kLanes];  // friction heat of the step  [J/m2]
   alignas(64) double regime[kLanes];
 };
 

@@ -6,6 +6,8 @@ inline constexpr int kRounds = 16;
 // Newton's method ends after a step below this fraction of the stress, of the slip and of the distance from melting: the
 // error after the step is about the square of that fraction.
 inline constexpr double kConverged = 1e-7;
+// A root is rounded down by a few ulp, so that a layer as strong as the interface does not flow by rounding.
+inline constexpr double kRoundedDown = 1.0 - 0x1p-50;
 inline constexpr double kLeastGuess = 1e-12;  // smallest starting stress used, relative to the end of the bracket
 // Stress below which the logarithm of the limit over the stress is cut  [Pa].
 inline constexpr double kLeastStress = 1e-200;
@@ -107,7 +109,7 @@ struct Search {
                    ((magnitude(step * s.b) <= kConverged * v) | without(slips));
   const Register within = smaller(where(next < search.low, search.low, next), search.high);
   const Mask done = search.active & (at_end | met);
-  search.answer = where(done, where(at_end, a, within), search.answer);
+  search.answer = where(done, where(at_end, a, kRoundedDown * within), search.answer);
   search.ended |= search.active & at_end;
   search.active &= without(done);
   const Mask inside = solid & (next > search.low) & (next < search.high);
@@ -254,6 +256,7 @@ inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
     store(found.slip, answer.slip + l);
     store(found.jump_new, answer.jump_new + l);
     store(where(known, found.flux, all(0.0)), answer.flux + l);
+    store(found.flux * in.dt, answer.heat + l);
     store(found.regime, answer.regime + l);
   }
   return sure;
