@@ -77,9 +77,12 @@ inline void sweep(const HeatOperator& heat, int num_vertices, const double* befo
   SHEARBUS_EACH_PART far.part[p] = smaller(load(before + p * kWidth), load(before + last * kLanes + p * kWidth));
 
   // 1. Find how far heat has come. Memory is asked for in ascending addresses first: reading inwards from the far ends
-  // is a quarter slower when the states exceed the cache.
+  // is a quarter slower when the states exceed the cache, and so is waiting for the rows that are written.
 #pragma GCC unroll 4
-  for (std::ptrdiff_t i = 0; i <= last; ++i) __builtin_prefetch(before + i * kLanes);
+  for (std::ptrdiff_t i = 0; i <= last; ++i) {
+    __builtin_prefetch(before + i * kLanes);
+    __builtin_prefetch(after + i * kLanes, 1);
+  }
   const auto cold = [&](std::ptrdiff_t i) __attribute__((always_inline)) {
     Mask warmer{};
     SHEARBUS_EACH_PART warmer |= load(before + i * kLanes + p * kWidth) != far.part[p];

@@ -5,6 +5,7 @@
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/force_driven/step.hpp"
+#include "server/physics/solver/force_driven/wide_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
@@ -49,6 +50,18 @@ double free_jump(const StagedLane& lane, double dt) {
   return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
+// The stress of a stage, if the interface sticks or has one answer.
+struct StageStress {
+  double stress;  // [Pa]
+  bool sticks, unique;
+};
+StageStress stage_stress(const StressLimit& limit, const FrictionHeating& heating, double a_stick, double guess) {
+  if (const auto a = quick_stress(limit, heating, a_stick, guess)) return {*a, *a == a_stick, true};
+  if (spare_strength(limit, heating, a_stick) >= 0.0) return {a_stick, true, true};
+  if (!slip_is_unique(limit, heating, a_stick)) return {0.0, false, false};
+  return {slip_stress(limit, heating, a_stick, guess), false, true};
+}
+
 // First stage: stress and heat flux at the time gamma dt, from the velocity jump at that time. Returns false if the
 // jump reverses or stops within the step, or if the answer is not unique: backward Euler then takes the step.
 bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
@@ -59,13 +72,13 @@ bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad
   if (free < 0.0 || free_jump(lane, dt_step) < 0.0) return false;
   const FrictionHeating heating{T_ad, heat_partition * B0, free, dt * lane.forcing.mobility};
   const double a_stick = free / heating.b;
-  if (spare_strength(lane.limit, heating, a_stick) >= 0.0) {
+  const StageStress found = stage_stress(lane.limit, heating, a_stick, guess);
+  lane.early_stress = found.stress;
+  if (found.sticks) {
     lane.at_rest = lane.jump_old == 0.0;
-    lane.early_stress = a_stick;
     return lane.at_rest;
   }
-  if (!slip_is_unique(lane.limit, heating, a_stick)) return false;
-  lane.early_stress = slip_stress(lane.limit, heating, a_stick, guess);
+  if (!found.unique) return false;
   flux = heat_partition * (lane.early_stress * heating.slip(lane.early_stress));
   return true;
 }
@@ -89,8 +102,9 @@ bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_a
   const FrictionHeating heating{T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
                                 0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility};
   const double a_stick = free / (dt * lane.forcing.mobility);
-  if (spare_strength(limit, heating, a_stick) >= 0.0 || !slip_is_unique(limit, heating, a_stick)) return false;
-  const double a = slip_stress(limit, heating, a_stick, lane.early_stress);
+  const StageStress found = stage_stress(limit, heating, a_stick, lane.early_stress);
+  if (found.sticks || !found.unique) return false;
+  const double a = found.stress;
   lane.stress = a;
   lane.slip = heating.slip(a);
   flux = (heat_partition * (a * lane.slip) - kFirstWeight * early_flux) / kDiagonal;

@@ -18,6 +18,27 @@ bool has_wide_softening(FlowLaw flow_law) {
   return FlowLaws::with(flow_law, [](auto law) { return kHasWideSoftening<typename decltype(law)::type>; });
 }
 
+// Whether the search for one lane has the form of this limit.
+bool has_quick_form(const StressLimit& limit) {
+  return limit.varying == nullptr && std::isfinite(limit.tresca) && !limit.soft->varies_with_compression() &&
+         has_wide_softening(limit.soft->flow_law);
+}
+
+one::Lanes lane_of(const StressLimit& limit, const FrictionHeating& heating) {
+  const Material& soft = *limit.soft;
+  return {heating.T_ad,
+          heating.rise,
+          heating.c,
+          heating.b,
+          limit.coulomb,
+          limit.offset,
+          soft.melting_temperature,
+          1.0 + soft.pressure_coefficient * limit.pressure,
+          limit.tresca,
+          soft.temperature_coefficient,
+          limit.junctions.options ? &limit.junctions : nullptr};
+}
+
 }  // namespace
 
 bool has_wide_slip(const Problem& problem) {
@@ -28,25 +49,17 @@ bool has_wide_slip(const Problem& problem) {
 
 std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
                                    double T_ad, double guess) {
-  const Material& soft = *limit.soft;
-  const bool known = limit.varying == nullptr && limit.offset == 0.0 && std::isfinite(limit.tresca) &&
-                     !soft.varies_with_compression() && has_wide_softening(soft.flow_law);
-  if (!known) return {};
-  const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
-  const one::Lanes lane{T_ad,
-                        heating.rise,
-                        heating.c,
-                        heating.b,
-                        limit.coulomb,
-                        0.0,
-                        soft.melting_temperature,
-                        1.0 + soft.pressure_coefficient * limit.pressure,
-                        limit.tresca,
-                        soft.temperature_coefficient,
-                        limit.junctions.options ? &limit.junctions : nullptr};
+  if (!has_quick_form(limit) || limit.offset != 0.0) return {};
   return one::slip_of_lane(
-      lane, {trial.jump_free, trial.per_stress, trial.direction, trial.jump_old, trial.drive, trial.stress_stick},
+      lane_of(limit, trial.slipping(T_ad, heat_partition * B0)),
+      {trial.jump_free, trial.per_stress, trial.direction, trial.jump_old, trial.drive, trial.stress_stick},
       heat_partition, B0, guess, limit.effort);
+}
+
+std::optional<double> quick_stress(const StressLimit& limit, const FrictionHeating& heating, double a_stick,
+                                   double guess) {
+  if (!has_quick_form(limit)) return {};
+  return one::stress_of_lane(lane_of(limit, heating), a_stick, guess, limit.effort);
 }
 
 std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer) {

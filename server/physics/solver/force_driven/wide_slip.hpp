@@ -51,4 +51,8 @@ std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer);
 std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
                                    double T_ad, double guess);
 
+// The smaller of `a_stick` and the stress that equals the limit, for one lane  [Pa]. Returns nothing in the same cases.
+std::optional<double> quick_stress(const StressLimit& limit, const FrictionHeating& heating, double a_stick,
+                                   double guess);
+
 }  // namespace shearbus::physics

@@ -156,7 +156,7 @@ struct Found {
                                              double heat_partition, double B0) {
   const Register a = search.answer;
   const Mask sticks = search.ended & (a == trial.stress_stick);
-  const Mask rubs = search.ended & (a == s.coulomb) & without(sticks);
+  const Mask rubs = search.ended & (a == s.offset + s.coulomb) & without(sticks);
   const Register resting = 0.5 * (trial.jump_old + trial.drive);
   const Register slip = where(sticks, where(resting > 0.0, resting, all(0.0)), s.slip(a));
   const Register flux = heat_partition * (a * slip);
@@ -175,18 +175,33 @@ struct Found {
 
 #if SHEARBUS_WIDTH == 1
 
-inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, double heat_partition, double B0,
-                                            double guess, SearchEffort* effort) {
-  Search search = begin(s, trial.stress_stick, guess, true);
-  if (!search.active) return {};
+// Searches one lane; returns whether the search has ended.
+inline bool searched(const Lanes& s, Search& search, SearchEffort* effort) {
+  const bool begun = search.active;
   for (int round = 0; search.active && round < kRounds; ++round) {
     if (effort != nullptr) ++effort->limit_values;
     improve(s, search);
   }
+  return begun && !search.active;
+}
+
+inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, double heat_partition, double B0,
+                                            double guess, SearchEffort* effort) {
+  Search search = begin(s, trial.stress_stick, guess, true);
+  if (!searched(s, search, effort)) return {};
   const Found found = conclude(s, trial, search, heat_partition, B0);
   if (!found.sure) return {};
   const Regime regime = static_cast<Regime>(static_cast<int>(found.regime));
   return LaneStep{found.stress, found.slip, found.jump_new, found.flux, regime, regime == Regime::kStick, true, false};
+}
+
+inline std::optional<double> stress_of_lane(const Lanes& s, double a_stick, double guess, SearchEffort* effort) {
+  Search search = begin(s, a_stick, guess, true);
+  if (!searched(s, search, effort)) return {};
+  const double a = search.answer;
+  const bool clear = search.ended ? a == a_stick || a == s.offset + s.coulomb : a < (1.0 - kClear) * a_stick;
+  if (!clear || !(s.T_ad + s.rise * (a * s.slip(a)) < s.T_melt)) return {};
+  return a;
 }
 
 #else
