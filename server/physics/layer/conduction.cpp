@@ -156,6 +156,19 @@ void add_to_rows(std::span<const double> gain, const double (&flux)[kLanes], dou
   SHEARBUS_CALL(add_rows, gain, flux, rows);
 }
 
+void extrapolate_rows(int num_rows, double factor, const double* before, double* rows) {
+  SHEARBUS_CALL(extrapolate, num_rows, factor, before, rows);
+}
+
+void range_of_rows(std::ptrdiff_t num_rows, const double* rows, double (&lowest)[kLanes], double (&highest)[kLanes]) {
+  SHEARBUS_CALL(find_range, num_rows, rows, lowest, highest);
+}
+
+std::uint32_t lanes_below(std::span<const double> gain, const double (&flux)[kLanes], const double (&bound)[kLanes],
+                          const double* rows) {
+  return SHEARBUS_CALL(find_below, gain, flux, bound, rows);
+}
+
 namespace {
 
 // The rows that a flux changes. The outer vertices are left out where flux * B is too small to change T (B falls from

@@ -180,4 +180,40 @@ for (std::ptrdiff_t i = interface; i < end; ++i) {
 for (std::ptrdiff_t i = end; i < std::ssize(heat.outward); ++i) decay(i);
 }
 
+inline void extrapolate(std::ptrdiff_t num_rows, double factor, const double* before, double* rows) {
+  for (std::ptrdiff_t i = 0; i < num_rows * kLanes; i += kWidth) {
+    const Register old = load(before + i);
+    store(old + factor * (load(rows + i) - old), rows + i);
+  }
+}
+
+inline void find_range(std::ptrdiff_t num_rows, const double* rows, double* lowest, double* highest) {
+  Row low = row_at(rows, 0), high = low;
+  for (std::ptrdiff_t i = 1; i < num_rows; ++i) {
+    SHEARBUS_EACH_PART {
+      const Register T = load(rows + i * kLanes + p * kWidth);
+      low.part[p] = smaller(T, low.part[p]);
+      high.part[p] = where(high.part[p] < T, T, high.part[p]);
+    }
+  }
+  SHEARBUS_EACH_PART {
+    store(low.part[p], lowest + p * kWidth);
+    store(high.part[p], highest + p * kWidth);
+  }
+}
+
+inline std::uint32_t find_below(std::span<const double> gain, const double* flux, const double* bound,
+                                const double* rows) {
+  const Row q = row_at(flux, 0), end = row_at(bound, 0);
+  std::uint32_t lanes = 0;
+  SHEARBUS_EACH_PART {
+    Mask below = q.part[p] == q.part[p];
+    for (std::ptrdiff_t i = 0; i < std::ssize(gain); ++i) {
+      below &= load(rows + i * kLanes + p * kWidth) + q.part[p] * all(gain[i]) < end.part[p];
+    }
+    lanes |= lanes_where(below) << p * kWidth;
+  }
+  return lanes;
+}
+
 #endif

@@ -22,16 +22,15 @@ using sdirk2::lanes_out_of_range;
 
 constexpr double kMet = 1e-9;  // largest accepted |stress of a slipping interface - its limit|, relative to the stress
 
-// Whether every vertex of a lane (node) stays below melting under the flux. The second stage starts from extrapolated
+// The lanes (nodes) of which every vertex stays below melting under the flux. The second stage starts from extrapolated
 // temperatures, so the hottest vertex may lie inside the layer.
-bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
-  for (std::ptrdiff_t i = 0; i < num_rows; ++i) {
-    if (!(T_ad[i * kLanes + lane] + flux * stage.response[static_cast<std::size_t>(i)] < T_melt)) return false;
-  }
-  return true;
+std::uint32_t lanes_that_stay_solid(const HeatOperator& stage, int /*num_rows*/, const double (&flux)[kLanes],
+                                    const double (&T_melt)[kLanes], const double* T_ad) {
+  return lanes_below(stage.response, flux, T_melt, T_ad);
 }
-bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, double T_melt, const double* rows) {
-  return rows[(num_rows - 1) * kLanes + lane] + flux * step.response < T_melt;
+std::uint32_t lanes_that_stay_solid(const ModeOperator& step, int num_rows, const double (&flux)[kLanes],
+                                    const double (&T_melt)[kLanes], const double* rows) {
+  return lanes_below({&step.response, 1}, flux, T_melt, rows + (std::ptrdiff_t{num_rows} - 1) * kLanes);
 }
 
 // One lane of a second-order force-driven step. Stresses and velocities are positive along `direction`.
@@ -149,14 +148,14 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   begin_second_stage(second, n, T_old, early_flux, T);
   solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
   double flux[kLanes] = {};
+  double T_melt[kLanes];
+  for (int l = 0; l < kLanes; ++l) T_melt[l] = soft(l).melting_temperature;
   for (const int l : lanes_of(solved)) {
-    const bool found =
-        second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]);
-    if (!found || !stays_solid(second, n, l, flux[l], soft(l).melting_temperature, T)) {
+    if (!second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]))
       drop(l);
-      flux[l] = 0.0;
-    }
   }
+  solved &= lanes_that_stay_solid(second, n, flux, T_melt, T);
+  for (int l = 0; l < kLanes; ++l) flux[l] = contains(solved, l) ? flux[l] : 0.0;
 
   add_flux(second, n, flux, T);
 
