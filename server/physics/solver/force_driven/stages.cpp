@@ -49,45 +49,59 @@ double free_jump(const StagedLane& lane, double dt) {
   return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
-// The stress of a stage, if the interface sticks or has one answer.
-struct StageStress {
-  double stress;  // [Pa]
-  bool sticks, unique;
+// The searches for the stresses of a stage, and their answers: whether the interface sticks, and whether it has one
+// answer.
+struct StageSearches {
+  LaneSearch lane[kLanes];
+  std::uint32_t wanted = 0;  // lanes that have a search
+  std::uint32_t stick = 0, unique = 0;
+
+  void solve() {
+    const std::uint32_t found = wide_stress(lane, wanted);
+    for (const int l : lanes_of(wanted)) {
+      auto& [limit, heating, a_stick, guess, stress] = lane[l];
+      bool sticks = stress == a_stick, one_answer = true;
+      if (!contains(found, l)) {
+        sticks = spare_strength(limit, heating, a_stick) >= 0.0;
+        one_answer = sticks || slip_is_unique(limit, heating, a_stick);
+        stress = sticks || !one_answer ? a_stick : slip_stress(limit, heating, a_stick, guess);
+      }
+      if (sticks) stick |= 1u << l;
+      if (one_answer) unique |= 1u << l;
+    }
+  }
 };
-StageStress stage_stress(const StressLimit& limit, const FrictionHeating& heating, double a_stick, double guess) {
-  if (const auto a = quick_stress(limit, heating, a_stick, guess)) return {*a, *a == a_stick, true};
-  if (spare_strength(limit, heating, a_stick) >= 0.0) return {a_stick, true, true};
-  if (!slip_is_unique(limit, heating, a_stick)) return {0.0, false, false};
-  return {slip_stress(limit, heating, a_stick, guess), false, true};
-}
 
 // First stage: stress and heat flux at the time gamma dt, from the velocity jump at that time. Returns false if the
-// jump reverses or stops within the step, or if the answer is not unique: backward Euler then takes the step.
-bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
-                 double guess, double& flux) {
-  flux = 0.0;
+// jump reverses or stops within the step: backward Euler then takes the step. Leaves the search to `searches`.
+bool begin_first_stage(const StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
+                       double guess, int l, StageSearches& searches) {
   if (lane.limit.pressure <= 0.0) return true;
   const double free = free_jump(lane, dt);
   if (free < 0.0 || free_jump(lane, dt_step) < 0.0) return false;
   const FrictionHeating heating{T_ad, heat_partition * B0, free, dt * lane.forcing.mobility};
-  const double a_stick = free / heating.b;
-  const StageStress found = stage_stress(lane.limit, heating, a_stick, guess);
-  lane.early_stress = found.stress;
-  if (found.sticks) {
+  searches.lane[l] = {lane.limit, heating, free / heating.b, guess, 0.0};
+  searches.wanted |= 1u << l;
+  return true;
+}
+// Returns false if the node stops within the step, or if the answer is not unique.
+bool end_first_stage(StagedLane& lane, double heat_partition, int l, const StageSearches& searches, double& flux) {
+  lane.early_stress = searches.lane[l].stress;
+  if (contains(searches.stick, l)) {
     lane.at_rest = lane.jump_old == 0.0;
     return lane.at_rest;
   }
-  if (!found.unique) return false;
-  flux = heat_partition * (lane.early_stress * heating.slip(lane.early_stress));
+  if (!contains(searches.unique, l)) return false;
+  flux = heat_partition * (lane.early_stress * searches.lane[l].heating.slip(lane.early_stress));
   return true;
 }
 
 // Second stage: the mean stress a of the step, in which the first stage's stress has the weight 1 - gamma:
 //   a = (1 - gamma) s1 + gamma s_lim(T0),   (1 - gamma) q1 + gamma q = beta_T a [V]mid
-// so that the heat of the step is the friction work of the step, as in a backward Euler step.
-bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double early_flux,
-                  double& flux) {
-  flux = 0.0;
+// so that the heat of the step is the friction work of the step, as in a backward Euler step. Returns false if a node
+// at rest does not stay so.
+bool begin_second_stage_of(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt,
+                           double early_flux, int l, StageSearches& searches) {
   const double free = free_jump(lane, dt);
   if (lane.limit.pressure <= 0.0) {
     lane.slip = 0.5 * (lane.jump_old + free);
@@ -97,18 +111,25 @@ bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_a
     lane.stress = lane.early_stress;
     return lane.limit.at(T_ad).stress >= lane.stress;
   }
-  const StressLimit limit = lane.limit.scaled(kDiagonal, kFirstWeight * lane.early_stress);
-  const FrictionHeating heating{T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
-                                0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility};
-  const double a_stick = free / (dt * lane.forcing.mobility);
-  const StageStress found = stage_stress(limit, heating, a_stick, lane.early_stress);
-  if (found.sticks || !found.unique) return false;
-  const double a = found.stress;
+  searches.lane[l] = {lane.limit.scaled(kDiagonal, kFirstWeight * lane.early_stress),
+                      {T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
+                       0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility},
+                      free / (dt * lane.forcing.mobility),
+                      lane.early_stress,
+                      0.0};
+  searches.wanted |= 1u << l;
+  return true;
+}
+bool end_second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double early_flux, int l,
+                      const StageSearches& searches, double& flux) {
+  if (contains(searches.stick, l) || !contains(searches.unique, l)) return false;
+  const LaneSearch& search = searches.lane[l];
+  const double a = search.stress;
   lane.stress = a;
-  lane.slip = heating.slip(a);
+  lane.slip = search.heating.slip(a);
   flux = (heat_partition * (a * lane.slip) - kFirstWeight * early_flux) / kDiagonal;
   const double T0 = T_ad + B0 * flux;
-  return flux >= 0.0 && std::abs(limit.at(T0).stress - a) <= kMet * a;
+  return flux >= 0.0 && std::abs(search.limit.at(T0).stress - a) <= kMet * a;
 }
 
 template <class Heat>
@@ -127,6 +148,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   StagedLane lanes[kLanes];
   const LaneMaterials soft(problem.options.soft, inputs);
   double early_flux[kLanes] = {};
+  StageSearches early;
   conduct(first, n, T_old, T);
   for (const int l : lanes_of(solved)) {
     add_work(inputs, l, 2.0 * (n + kSearchWork));
@@ -136,11 +158,13 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     lane.forcing = forcing_of(inputs, l);
     lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
     lane.jump_old = lane.direction * jump;
-    if (!first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
-                     std::abs(stress_before(layout, inputs, committed, l)), early_flux[l])) {
+    if (!begin_first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
+                           std::abs(stress_before(layout, inputs, committed, l)), l, early))
       drop(l);
-      early_flux[l] = 0.0;
-    }
+  }
+  early.solve();
+  for (const int l : lanes_of(early.wanted)) {
+    if (!end_first_stage(lanes[l], problem.heat_partition, l, early, early_flux[l])) drop(l);
   }
   add_flux(first, n, early_flux, T);
 
@@ -150,9 +174,14 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   double flux[kLanes] = {};
   double T_melt[kLanes];
   for (int l = 0; l < kLanes; ++l) T_melt[l] = soft(l).melting_temperature;
+  const double B0 = *second.layer_response();
+  StageSearches late;
   for (const int l : lanes_of(solved)) {
-    if (!second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]))
-      drop(l);
+    if (!begin_second_stage_of(lanes[l], problem.heat_partition, B0, T0[l], dt, early_flux[l], l, late)) drop(l);
+  }
+  late.solve();
+  for (const int l : lanes_of(late.wanted)) {
+    if (!end_second_stage(lanes[l], problem.heat_partition, B0, T0[l], early_flux[l], l, late, flux[l])) drop(l);
   }
   solved &= lanes_that_stay_solid(second, n, flux, T_melt, T);
   for (int l = 0; l < kLanes; ++l) flux[l] = contains(solved, l) ? flux[l] : 0.0;

@@ -7,6 +7,21 @@
 
 #include "server/physics/interface/friction_laws.hpp"
 
+namespace shearbus::physics {
+namespace {
+
+// The searches of wide_stress() with the names of StressLimit and FrictionHeating, and their answers.
+struct StressTile {
+  alignas(64) double T_ad[kLanes], rise[kLanes], c[kLanes], b[kLanes];
+  alignas(64) double coulomb[kLanes], offset[kLanes], T_melt[kLanes], bracket_at_0[kLanes];
+  alignas(64) double a_stick[kLanes], guess[kLanes], stress[kLanes];
+  double tresca, hT;
+  SearchEffort* effort;
+};
+
+}  // namespace
+}  // namespace shearbus::physics
+
 #define SHEARBUS_KERNELS "server/physics/solver/force_driven/wide_slip_kernel.hpp"
 #include "server/physics/layer/each_register.hpp"
 
@@ -56,10 +71,32 @@ std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& tr
       heat_partition, B0, guess, limit.effort);
 }
 
-std::optional<double> quick_stress(const StressLimit& limit, const FrictionHeating& heating, double a_stick,
-                                   double guess) {
-  if (!has_quick_form(limit)) return {};
-  return one::stress_of_lane(lane_of(limit, heating), a_stick, guess, limit.effort);
+std::uint32_t wide_stress(LaneSearch (&searches)[kLanes], std::uint32_t wanted) {
+  std::uint32_t known = 0;
+  StressTile tile{};
+  for (const int l : lanes_of(wanted)) {
+    const LaneSearch& search = searches[l];
+    if (!has_quick_form(search.limit) || search.limit.junctions.options != nullptr) continue;
+    known |= 1u << l;
+    const Material& soft = *search.limit.soft;
+    tile.T_ad[l] = search.heating.T_ad;
+    tile.rise[l] = search.heating.rise;
+    tile.c[l] = search.heating.c;
+    tile.b[l] = search.heating.b;
+    tile.coulomb[l] = search.limit.coulomb;
+    tile.offset[l] = search.limit.offset;
+    tile.T_melt[l] = soft.melting_temperature;
+    tile.bracket_at_0[l] = 1.0 + soft.pressure_coefficient * search.limit.pressure;
+    tile.a_stick[l] = search.a_stick;
+    tile.guess[l] = search.guess;
+    tile.tresca = search.limit.tresca;
+    tile.hT = soft.temperature_coefficient;
+    tile.effort = search.limit.effort;
+  }
+  if (known == 0) return 0;
+  const std::uint32_t found = SHEARBUS_CALL(stress_step, tile, known);
+  for (const int l : lanes_of(found)) searches[l].stress = tile.stress[l];
+  return found;
 }
 
 std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer) {

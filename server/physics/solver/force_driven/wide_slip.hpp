@@ -51,8 +51,17 @@ std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer);
 std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
                                    double T_ad, double guess);
 
-// The smaller of `a_stick` and the stress that equals the limit, for one lane  [Pa]. Returns nothing in the same cases.
-std::optional<double> quick_stress(const StressLimit& limit, const FrictionHeating& heating, double a_stick,
-                                   double guess);
+// A search for the smaller of `a_stick` and the stress that equals the limit of a lane. Limits have no junctions.
+struct LaneSearch {
+  StressLimit limit;
+  FrictionHeating heating;
+  double a_stick;  // [Pa]
+  double guess;    // starting stress of the search  [Pa]
+  double stress;   // the answer  [Pa]
+};
+
+// Makes the searches of the lanes `wanted`, whose limits differ only in pressure, material at this pressure, and offset.
+// Returns the lanes whose answer is unique and was found.
+std::uint32_t wide_stress(LaneSearch (&searches)[kLanes], std::uint32_t wanted);
 
 }  // namespace shearbus::physics

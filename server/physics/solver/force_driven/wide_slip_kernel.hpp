@@ -175,36 +175,71 @@ struct Found {
 
 #if SHEARBUS_WIDTH == 1
 
-// Searches one lane; returns whether the search has ended.
-inline bool searched(const Lanes& s, Search& search, SearchEffort* effort) {
-  const bool begun = search.active;
+inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, double heat_partition, double B0,
+                                            double guess, SearchEffort* effort) {
+  Search search = begin(s, trial.stress_stick, guess, true);
+  if (!search.active) return {};
   for (int round = 0; search.active && round < kRounds; ++round) {
     if (effort != nullptr) ++effort->limit_values;
     improve(s, search);
   }
-  return begun && !search.active;
-}
-
-inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, double heat_partition, double B0,
-                                            double guess, SearchEffort* effort) {
-  Search search = begin(s, trial.stress_stick, guess, true);
-  if (!searched(s, search, effort)) return {};
   const Found found = conclude(s, trial, search, heat_partition, B0);
   if (!found.sure) return {};
   const Regime regime = static_cast<Regime>(static_cast<int>(found.regime));
   return LaneStep{found.stress, found.slip, found.jump_new, found.flux, regime, regime == Regime::kStick, true, false};
 }
 
-inline std::optional<double> stress_of_lane(const Lanes& s, double a_stick, double guess, SearchEffort* effort) {
-  Search search = begin(s, a_stick, guess, true);
-  if (!searched(s, search, effort)) return {};
-  const double a = search.answer;
-  const bool clear = search.ended ? a == a_stick || a == s.offset + s.coulomb : a < (1.0 - kClear) * a_stick;
-  if (!clear || !(s.T_ad + s.rise * (a * s.slip(a)) < s.T_melt)) return {};
-  return a;
+#else
+
+// Searches the lanes `active` of all registers together, until none is left. Returns the lanes that have ended.
+[[gnu::always_inline]] inline std::uint32_t search_all(const Lanes (&lanes)[kParts], Search (&search)[kParts],
+                                                       std::uint32_t active, SearchEffort* effort) {
+  const std::uint32_t begun = active;
+  int values = 0;
+  for (int round = 0; active != 0 && round < kRounds; ++round) {
+    values += std::popcount(active);
+    active = 0;
+    SHEARBUS_EACH_PART {
+      improve(lanes[p], search[p]);
+      active |= lanes_where(search[p].active) << p * kWidth;
+    }
+  }
+  if (effort != nullptr) effort->limit_values += values;
+  return begun & ~active;
 }
 
-#else
+inline std::uint32_t stress_step(StressTile& tile, std::uint32_t wanted) {
+  Lanes lanes[kParts];
+  Search search[kParts];
+  std::uint32_t active = 0;
+  SHEARBUS_EACH_PART {
+    const std::ptrdiff_t l = p * kWidth;
+    lanes[p] = {load(tile.T_ad + l),
+                load(tile.rise + l),
+                load(tile.c + l),
+                load(tile.b + l),
+                load(tile.coulomb + l),
+                load(tile.offset + l),
+                load(tile.T_melt + l),
+                load(tile.bracket_at_0 + l),
+                tile.tresca,
+                tile.hT};
+    search[p] = begin(lanes[p], load(tile.a_stick + l), load(tile.guess + l), mask_of(wanted >> l));
+    active |= lanes_where(search[p].active) << l;
+  }
+  const std::uint32_t ended = search_all(lanes, search, active, tile.effort);
+  std::uint32_t sure = 0;
+  SHEARBUS_EACH_PART {
+    const std::ptrdiff_t l = p * kWidth;
+    const Lanes& s = lanes[p];
+    const Register a = search[p].answer, a_stick = load(tile.a_stick + l);
+    const Mask at_end = search[p].ended & ((a == a_stick) | (a == s.offset + s.coulomb));
+    const Mask clear = at_end | (without(search[p].ended) & (a < (1.0 - kClear) * a_stick));
+    sure |= lanes_where(clear & (s.T_ad + s.rise * (a * s.slip(a)) < s.T_melt)) << l;
+    store(a, tile.stress + l);
+  }
+  return ended & sure;
+}
 
 inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
   const TileInputs& host = in.inputs;
@@ -247,25 +282,15 @@ inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
     active |= lanes_where(search[p].active) << l;
   }
 
-  // 2. Newton's method for all lanes, until none is active.
-  const std::uint32_t begun = active;
-  int values = 0;
-  for (int round = 0; active != 0 && round < kRounds; ++round) {
-    values += std::popcount(active);
-    active = 0;
-    SHEARBUS_EACH_PART {
-      improve(lanes[p], search[p]);
-      active |= lanes_where(search[p].active) << p * kWidth;
-    }
-  }
-  if (host.effort != nullptr) host.effort->limit_values += values;
+  // 2. Newton's method for all lanes.
+  const std::uint32_t ended = search_all(lanes, search, active, host.effort);
 
   // 3. The answers.
   std::uint32_t sure = 0;
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
     const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, in.B0);
-    const Mask known = found.sure & mask_of(begun >> l);
+    const Mask known = found.sure & mask_of(ended >> l);
     sure |= lanes_where(known) << l;
     store(found.stress, answer.stress + l);
     store(found.slip, answer.slip + l);
