@@ -1,5 +1,4 @@
 # What `cmake --install` installs, by component: server, runtime (shared libraries), development, doc; python is in client/.
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 # The interfaces for other languages are targets without a library of their own.
