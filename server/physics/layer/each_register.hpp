@@ -11,12 +11,19 @@
 #error "define SHEARBUS_KERNELS as the name of the header of the kernels"
 #endif
 
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wbitwise-instead-of-logical"  // the masks of one lane are of type bool
+#endif
 #define SHEARBUS_WIDTH 1
 namespace shearbus::physics::one {
 #include "server/physics/layer/register.hpp"
 #include SHEARBUS_KERNELS
 }  // namespace shearbus::physics::one
 #undef SHEARBUS_WIDTH
+#if defined(__clang__)
+#pragma clang diagnostic pop
+#endif
 
 #define SHEARBUS_WIDTH 2
 namespace shearbus::physics::two {
