@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 0;
+inline constexpr std::uint16_t kNumericsVersion = 1;
 
 }  // namespace shearbus::physics

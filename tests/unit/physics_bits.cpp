@@ -1,10 +1,14 @@
 // The bits of an answer do not depend on the machine, the build type or the width of the vector registers.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <cstring>
 
-#include "tests/support/physics_rig.hpp"
+#include "server/physics/layer/registers.hpp"
+#include "server/physics/solver/parts.hpp"
+#include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
 namespace {
@@ -36,7 +40,34 @@ TEST(PhysicsBits, AreTheSameOnEveryMachine) {
   options.soft.yield_strength_max = 0.4e9;
   options.grid.far_boundary = FarBoundary::kHalfSpace;
   EXPECT_EQ(fingerprint(options), 14788849825231147629u);
-  EXPECT_EQ(fingerprint(graded(paper_options(Strategy::kForceDriven))), 4499325372138722405u);
+  EXPECT_EQ(fingerprint(graded(paper_options(Strategy::kForceDriven))), 18251289367800343332u);
+}
+
+// Kernels with registers of two and of four doubles give the same bits, whatever the scene and its history.
+TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidth) {
+  if (!machine_has_registers_of_four()) GTEST_SKIP() << "this machine has registers of two doubles only";
+  Draw draw(97);
+  int compared = 0;
+  for (int scene = 0; compared < 40; ++scene) {
+    const bool extreme = scene % 2 == 1;
+    ModelOptions options =
+        random_options(draw, scene % 4 == 0 ? Strategy::kVelocityDriven : Strategy::kForceDriven, extreme);
+    options.tolerance.reset();
+    if (!refusals(options).empty()) continue;
+    ++compared;
+    Rig four(options), two(options);
+    for (int step = 0; step < 20; ++step) {
+      random_inputs(draw, four, extreme);
+      two.inputs = four.inputs;
+      const double dt = std::max(random_dt(draw, extreme), shortest_step(options));
+      four.step(dt);
+      registers_of_four = false;
+      two.step(dt);
+      registers_of_four = true;
+      ASSERT_EQ(std::memcmp(four.committed.data(), two.committed.data(), four.committed.size() * sizeof(double)), 0)
+          << "scene " << scene << ", step " << step;
+    }
+  }
 }
 
 }  // namespace

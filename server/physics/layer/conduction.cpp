@@ -3,8 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <experimental/simd>
+#include <cstdint>
 #include <functional>
+#include <iterator>
+
+#define SHEARBUS_KERNELS "server/physics/layer/sweep.hpp"
+#include "server/physics/layer/each_register.hpp"
 
 namespace shearbus::physics {
 
@@ -127,186 +131,77 @@ SpreadHeat::SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, cons
   for (int i = 0; i < layer_vertices; ++i) gain.push_back(dt / grid.capacity(grid.interface + i, soft, hard));
 }
 
-namespace {
-
-// Values of kWidth neighbouring lanes, as SIMD vectors: the compiler does not vectorise a loop over lanes inside a
-// recurrence over vertices.
-template <int kWidth>
-using Row = std::experimental::fixed_size_simd<double, kWidth>;
-
-template <int kWidth = kLanes>
-Row<kWidth> load(const double* lanes) {
-  return Row<kWidth>(lanes, std::experimental::element_aligned);
-}
-
-template <class Row>
-void store(const Row& row, double* lanes) {
-  row.copy_to(lanes, std::experimental::element_aligned);
-}
-
-}  // namespace
-
 void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response) {
-  const double* inverse_pivot = heat.inverse_pivot.data() + heat.interface;
-  const double* inward = heat.inward.data() + heat.interface;
-  const double* outward = heat.outward.data() + heat.interface;
-  const auto num_vertices = static_cast<std::ptrdiff_t>(spread.gain.size());
-  Row<kLanes> t = 0.0;
-  for (std::ptrdiff_t i = num_vertices; i-- > 0;) {
-    t = load(shape + i * kLanes) * (spread.gain[static_cast<std::size_t>(i)] * inverse_pivot[i]) + inward[i] * t;
-    store(t, response + i * kLanes);
-  }
-  for (std::ptrdiff_t i = 1; i < num_vertices; ++i) {
-    t = load(response + i * kLanes) + outward[i] * t;
-    store(t, response + i * kLanes);
-  }
+  SHEARBUS_CALL(respond, heat, spread.gain, shape, response);
 }
 
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature) {
-  const std::ptrdiff_t interface = heat.interface;
-  const std::ptrdiff_t end = interface + static_cast<std::ptrdiff_t>(spread.gain.size());
-  const auto add = [&](std::ptrdiff_t i, const Row<kLanes>& t) {
-    store(load(temperature + i * kLanes) + t, temperature + i * kLanes);
-  };
-  const Row<kLanes> q = load(flux);
-  Row<kLanes> t = q * load(response);
-  for (std::ptrdiff_t i = interface; i-- > 0;) add(i, t *= heat.outward[i]);
-  for (std::ptrdiff_t i = interface; i < end; ++i) add(i, t = q * load(response + (i - interface) * kLanes));
-  for (std::ptrdiff_t i = end; i < std::ssize(heat.outward); ++i) add(i, t *= heat.outward[i]);
+  SHEARBUS_CALL(add_spread, heat, std::ssize(spread.gain), flux, response, temperature);
 }
 
-namespace {
-
-// The vertices of one body, without z = 0.
-struct Arm {
-  // Outermost vertex that is not at the far temperature (that of the colder end) in every lane; z = 0 if none.
-  std::ptrdiff_t heated;
-  std::ptrdiff_t outermost;  // outermost vertex of the body
-  std::ptrdiff_t outwards;   // step to the next outer vertex: 1 or -1
-};
-
-// The elimination and substitution of a step without heat flux, in place. They work on the temperature above `far`, the
-// temperature of the colder end, so that a uniform layer stays uniform to the last bit and rounding cools no vertex
-// below the coldest one.
-template <int kWidth>
-class Sweeps {
- public:
-  Sweeps(const HeatOperator& heat, const Row<kWidth>& far, double* temperature)
-      : far_(far), heat_(heat), T_(temperature) {}
-
-  // Eliminates from the outermost heated vertex inwards to the neighbour of z = 0. Vertices farther out are at the
-  // temperature `far` and contribute nothing.
-  Row<kWidth> eliminate(Arm arm) const {
-    Row<kWidth> t = 0.0;
-    for (std::ptrdiff_t i = arm.heated; i != heat_.interface; i -= arm.outwards) {
-      t = (at(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * t;
-      put(i, t);
-    }
-    return t;
-  }
-
-  // Solves the vertex at z = 0 from the eliminations of both bodies.
-  Row<kWidth> meet(const Row<kWidth>& from_soft, const Row<kWidth>& from_hard) const {
-    const std::ptrdiff_t i = heat_.interface;
-    Row<kWidth> t =
-        (at(i) - far_) * heat_.inverse_pivot[i] + heat_.inward[i] * from_soft + heat_.inward_hard * from_hard;
-    put(i, far_ + t);
-    return t;
-  }
-
-  // Substitutes outwards from z = 0, where the temperature above `far` is `t`. Beyond the heated vertices this value
-  // decays; the loop ends where it no longer changes the temperature of any lane.
-  void substitute(Arm arm, Row<kWidth> t) const {
-    std::ptrdiff_t i = heat_.interface;
-    while (i != arm.heated) {
-      i += arm.outwards;
-      t = at(i) + heat_.outward[i] * t;
-      put(i, far_ + t);
-    }
-    for (bool felt = true; felt && i != arm.outermost;) {
-      i += arm.outwards;
-      t *= heat_.outward[i];
-      felt = any_of(far_ + t != far_);
-      put(i, far_ + t);
-    }
-  }
-
- private:
-  Row<kWidth> at(std::ptrdiff_t i) const { return load<kWidth>(T_ + i * kLanes); }
-  void put(std::ptrdiff_t i, const Row<kWidth>& row) const { store(row, T_ + i * kLanes); }
-
-  Row<kWidth> far_;
-  const HeatOperator& heat_;
-  double* T_;
-};
-
-template <int kWidth>
-void sweep(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
-  const std::ptrdiff_t interface = heat.interface;
-  const std::ptrdiff_t last = num_vertices - 1;
-  const Row<kWidth> far = min(load<kWidth>(before), load<kWidth>(before + last * kLanes));
-
-  // 1. Copy the old temperatures and find how far heat has come. The loop reads in ascending addresses: reading inwards
-  // from the far ends is a quarter slower when the states exceed the cache.
-  Arm soft{interface, last, 1}, hard{interface, 0, -1};
-  for (std::ptrdiff_t i = 0; i <= last; ++i) {
-    const Row<kWidth> T = load<kWidth>(before + i * kLanes);
-    store(T, after + i * kLanes);
-    if (all_of(T == far)) continue;
-    hard.heated = std::min(hard.heated, i);
-    soft.heated = std::max(soft.heated, i);
-  }
-
-  // 2. Sweep over the heated vertices only, which gives the same bits as a sweep over all vertices.
-  const Sweeps<kWidth> sweeps(heat, far, after);
-  const Row<kWidth> from_soft = sweeps.eliminate(soft);
-  const Row<kWidth> from_hard = sweeps.eliminate(hard);
-  const Row<kWidth> t = sweeps.meet(from_soft, from_hard);
-  sweeps.substitute(soft, t);
-  sweeps.substitute(hard, t);
-}
-
-}  // namespace
-
-[[gnu::flatten]] void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
-  sweep<kLanes>(heat, num_vertices, before, after);
+void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
+  SHEARBUS_CALL(sweep, heat, num_vertices, before, after);
 }
 
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature) {
-  sweep<1>(heat, num_vertices, temperature + lane, temperature + lane);
+  one::sweep(heat, num_vertices, temperature + lane, temperature + lane);
+}
+
+void conduct_rows(std::span<const double> decay, const double* before, double* after, double* sum) {
+  SHEARBUS_CALL(decay_rows, decay, before, after, sum);
+}
+
+void add_to_rows(std::span<const double> gain, const double (&flux)[kLanes], double* rows) {
+  SHEARBUS_CALL(add_rows, gain, flux, rows);
+}
+
+void extrapolate_rows(int num_rows, double factor, const double* before, double* rows) {
+  SHEARBUS_CALL(extrapolate, num_rows, factor, before, rows);
+}
+
+void range_of_rows(std::ptrdiff_t num_rows, const double* rows, double (&lowest)[kLanes], double (&highest)[kLanes]) {
+  SHEARBUS_CALL(find_range, num_rows, rows, lowest, highest);
+}
+
+std::uint32_t lanes_below(std::span<const double> gain, const double (&flux)[kLanes], const double (&bound)[kLanes],
+                          const double* rows) {
+  return SHEARBUS_CALL(find_below, gain, flux, bound, rows);
 }
 
 namespace {
 
-// Adds flux * B to the temperature T, but skips the outer vertices, where flux * B is too small to change T (B falls
-// from z = 0 outwards). It is too small below 2^-54 T_end/2, where T_end is the temperature of the colder end: no
-// vertex is colder than T_end/2, and half an ulp of T is more than 2^-54 T.
-template <int kWidth>
-void add(const HeatOperator& heat, int num_vertices, const Row<kWidth>& flux, double* temperature) {
-  const double strongest = hmax(abs(flux));
-  const double coldest =
-      hmin(min(load<kWidth>(temperature), load<kWidth>(temperature + std::ptrdiff_t{num_vertices - 1} * kLanes)));
+// The rows that a flux changes. The outer vertices are left out where flux * B is too small to change T (B falls from
+// z = 0 outwards). It is too small below 2^-54 T_end/2, where T_end is the temperature of the colder end: no vertex is
+// colder than T_end/2, and half an ulp of T is more than 2^-54 T.
+struct Rows {
+  std::ptrdiff_t first, end;
+};
+Rows rows_that_feel(const HeatOperator& heat, double strongest, double coldest) {
   const double felt = 0x1p-55 * coldest;
   const auto unfelt = [&](double response) { return strongest * response < felt; };
   const auto interface = heat.response.begin() + heat.interface;
-  const std::ptrdiff_t first = std::partition_point(heat.response.begin(), interface, unfelt) - heat.response.begin();
-  const std::ptrdiff_t end =
-      std::partition_point(interface, heat.response.end(), std::not_fn(unfelt)) - heat.response.begin();
-  for (std::ptrdiff_t i = first; i < end; ++i) {
-    double* T = temperature + i * kLanes;
-    store(load<kWidth>(T) + flux * heat.response[i], T);
-  }
+  return {std::partition_point(heat.response.begin(), interface, unfelt) - heat.response.begin(),
+          std::partition_point(interface, heat.response.end(), std::not_fn(unfelt)) - heat.response.begin()};
 }
 
 }  // namespace
 
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature) {
-  add(heat, num_vertices, load(flux), temperature);
+  const double* end = temperature + std::ptrdiff_t{num_vertices - 1} * kLanes;
+  double strongest = std::abs(flux[0]), coldest = std::min(temperature[0], end[0]);
+  for (int l = 1; l < kLanes; ++l) {
+    strongest = std::max(strongest, std::abs(flux[l]));
+    coldest = std::min({coldest, temperature[l], end[l]});
+  }
+  const Rows rows = rows_that_feel(heat, strongest, coldest);
+  add_to_rows(heat.response.subspan(rows.first, rows.end - rows.first), flux, temperature + rows.first * kLanes);
 }
 
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature) {
-  add(heat, num_vertices, Row<1>(flux), temperature + lane);
+  double* T = temperature + lane;
+  const Rows rows = rows_that_feel(heat, std::abs(flux), std::min(T[0], T[std::ptrdiff_t{num_vertices - 1} * kLanes]));
+  for (std::ptrdiff_t i = rows.first; i < rows.end; ++i) T[i * kLanes] += flux * heat.response[i];
 }
 
 }  // namespace shearbus::physics

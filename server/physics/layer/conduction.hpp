@@ -2,6 +2,8 @@
 // (20-35).
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
@@ -95,5 +97,18 @@ void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* 
 // ulp of the coldest temperature are skipped: their bits would not change.
 void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[kLanes], double* temperature);
 void add_flux_lane(const HeatOperator& heat, int num_vertices, int lane, double flux, double* temperature);
+
+// The parts of these functions that nodes with heat modes (modes.hpp) need too, for rows [row][lane] of all lanes.
+// conduct_rows() decays each row by its factor and adds the decayed rows to `sum`; add_to_rows() adds flux * gain[i] to
+// row i.
+void conduct_rows(std::span<const double> decay, const double* before, double* after, double* sum);
+void add_to_rows(std::span<const double> gain, const double (&flux)[kLanes], double* rows);
+
+// More of this kind: extrapolate_rows() writes before + factor (rows - before) to `rows`; range_of_rows() finds the
+// lowest and highest value of each lane; lanes_below() returns the lanes whose rows + flux * gain are all below `bound`.
+void extrapolate_rows(int num_rows, double factor, const double* before, double* rows);
+void range_of_rows(std::ptrdiff_t num_rows, const double* rows, double (&lowest)[kLanes], double (&highest)[kLanes]);
+std::uint32_t lanes_below(std::span<const double> gain, const double (&flux)[kLanes], const double (&bound)[kLanes],
+                          const double* rows);
 
 }  // namespace shearbus::physics

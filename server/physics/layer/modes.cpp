@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <limits>
 
+#include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/elementary.hpp"
 
 namespace shearbus::physics {
@@ -228,13 +229,10 @@ ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : 
 }
 
 void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after) {
-  double T0[kLanes];
-  for (int l = 0; l < kLanes; ++l) T0[l] = after[l] = before[l];
-  for (std::ptrdiff_t i = 1; i < num_rows - 1; ++i) {
-    const double decay = heat.decay[static_cast<std::size_t>(i - 1)];
-    for (int l = 0; l < kLanes; ++l) T0[l] += after[i * kLanes + l] = before[i * kLanes + l] * decay;
-  }
-  for (int l = 0; l < kLanes; ++l) after[(num_rows - 1) * kLanes + l] = T0[l];
+  double* T0 = after + (std::ptrdiff_t{num_rows} - 1) * kLanes;
+  std::copy_n(before, kLanes, T0);
+  std::copy_n(before, kLanes, after);
+  conduct_rows(heat.decay, before + kLanes, after + kLanes, T0);
 }
 
 void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows) {
@@ -246,11 +244,8 @@ void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows
 }
 
 void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows) {
-  for (std::ptrdiff_t i = 1; i < num_rows - 1; ++i) {
-    const double gain = heat.gain[static_cast<std::size_t>(i - 1)];
-    for (int l = 0; l < kLanes; ++l) rows[i * kLanes + l] += flux[l] * gain;
-  }
-  for (int l = 0; l < kLanes; ++l) rows[(num_rows - 1) * kLanes + l] += flux[l] * heat.response;
+  add_to_rows(heat.gain, flux, rows + kLanes);
+  add_to_rows({&heat.response, 1}, flux, rows + (std::ptrdiff_t{num_rows} - 1) * kLanes);
 }
 
 namespace {

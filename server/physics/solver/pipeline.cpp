@@ -1,6 +1,5 @@
 #include "server/physics/solver/pipeline.hpp"
 
-#include <cmath>
 #include <limits>
 
 #include "server/physics/solver/around/sleep.hpp"
@@ -32,10 +31,13 @@ RestRules rest_of(const ModelOptions& options) {
   return {force_driven_step_at_rest, nullptr};
 }
 
-bool all_finite(const TileOutputs& outputs, int lane) {
-  return std::isfinite(outputs.shear_stress[lane]) && std::isfinite(outputs.interface_temperature[lane]) &&
-         std::isfinite(outputs.sliding_velocity[lane]) && std::isfinite(outputs.velocity_jump_new[lane]) &&
-         std::isfinite(outputs.friction_heat[lane]);
+// Writes 0 for each lane whose outputs are finite, else NaN. A plain loop, which vectorises.
+void find_not_finite(const TileOutputs& outputs, double (&lost)[kLanes]) {
+  const auto none = [](double x) { return x - x; };
+  for (int l = 0; l < kLanes; ++l) {
+    lost[l] = none(outputs.shear_stress[l]) + none(outputs.interface_temperature[l]) +
+              none(outputs.sliding_velocity[l]) + none(outputs.velocity_jump_new[l]) + none(outputs.friction_heat[l]);
+  }
 }
 
 // Links 3 and 4 of the chain in pipeline.hpp: sleep, which steps the sleeping lanes by their modes, and the solver for
@@ -48,10 +50,12 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   } else {
     solve(problem, operators, inputs, committed, trial, outputs);
   }
+  double lost[kLanes];
+  find_not_finite(outputs, lost);
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!contains(inputs.active, lane)) {
       copy_lane(committed, trial, problem.layout.doubles, lane);
-    } else if (!all_finite(outputs, lane)) {
+    } else if (lost[lane] != 0.0) {
       // The lane has no answer: no root was found, the arithmetic left the range of a double, or the old state was not
       // finite.
       keep_lane(problem, inputs, committed, trial, lane, outputs);

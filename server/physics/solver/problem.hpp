@@ -64,6 +64,7 @@ class LaneMaterials {
       (*at_)[static_cast<std::size_t>(l)] = at_pressure(soft, active ? inputs.pressure[l] : 0.0);
     }
   }
+  bool uniform() const { return !at_; }  // whether all lanes have the same material
   const Material& operator()(int lane) const { return at_ ? (*at_)[static_cast<std::size_t>(lane)] : soft_; }
 
  private:

@@ -1,7 +1,6 @@
 #include "server/physics/solver/sdirk2.hpp"
 
 #include <algorithm>
-#include <limits>
 
 namespace shearbus::physics::sdirk2 {
 namespace {
@@ -12,8 +11,7 @@ constexpr double kRounding = 1e-12;  // relative distance below the coldest old 
 
 void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T_old,
                         const double (&/*early_flux*/)[kLanes], double* T) {
-  for (std::ptrdiff_t i = 0; i < num_rows * std::ptrdiff_t{kLanes}; ++i)
-    T[i] = T_old[i] + kExtrapolation * (T[i] - T_old[i]);
+  extrapolate_rows(num_rows, kExtrapolation, T_old, T);
   conduct(stage, num_rows, T, T);
 }
 void begin_second_stage(const ModeOperator& step, int num_rows, const double* old, const double (&early_flux)[kLanes],
@@ -27,18 +25,11 @@ std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& input
   // A model with modes has only one temperature to check, T0 in its last row. T0 cannot fall below the initial
   // temperature, because each mode contributes a positive share to T0.
   const std::ptrdiff_t first = problem.modes ? rows - 1 : 0;
-  double coldest[kLanes], lowest[kLanes], highest[kLanes];
-  for (int l = 0; l < kLanes; ++l) {
-    coldest[l] = problem.modes ? 0.0 : std::numeric_limits<double>::infinity();
-    lowest[l] = std::numeric_limits<double>::infinity();
-    highest[l] = 0.0;
-  }
-  for (std::ptrdiff_t i = first; i < rows; ++i) {
-    for (int l = 0; l < kLanes; ++l) {
-      coldest[l] = std::min(coldest[l], T_old[i * kLanes + l]);
-      lowest[l] = std::min(lowest[l], T[i * kLanes + l]);
-      highest[l] = std::max(highest[l], T[i * kLanes + l]);
-    }
+  double coldest[kLanes] = {}, lowest[kLanes], highest[kLanes];
+  range_of_rows(rows - first, T + first * kLanes, lowest, highest);
+  if (!problem.modes) {
+    double hottest[kLanes];
+    range_of_rows(rows, T_old, coldest, hottest);
   }
   const LaneMaterials soft(problem.options.soft, inputs);
   std::uint32_t out = 0;

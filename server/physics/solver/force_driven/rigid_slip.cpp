@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 
+#include "server/physics/solver/force_driven/wide_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
@@ -32,6 +33,7 @@ LaneStep open_step(const Forcing& forcing, double dt, double jump_old) {
 
 LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
                     double guess, bool stuck) {
+  if (const auto quick = quick_slip(strength, trial, heat_partition, B0, T_ad, guess)) return *quick;
   const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
   // Friction that depends on slip is solved first. In the rest of the step this friction is a constant, with one value
   // for a sliding interface and another value for a sticking interface.

@@ -5,6 +5,7 @@
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/force_driven/step.hpp"
+#include "server/physics/solver/force_driven/wide_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
@@ -21,16 +22,15 @@ using sdirk2::lanes_out_of_range;
 
 constexpr double kMet = 1e-9;  // largest accepted |stress of a slipping interface - its limit|, relative to the stress
 
-// Whether every vertex of a lane (node) stays below melting under the flux. The second stage starts from extrapolated
+// The lanes (nodes) of which every vertex stays below melting under the flux. The second stage starts from extrapolated
 // temperatures, so the hottest vertex may lie inside the layer.
-bool stays_solid(const HeatOperator& stage, int num_rows, int lane, double flux, double T_melt, const double* T_ad) {
-  for (std::ptrdiff_t i = 0; i < num_rows; ++i) {
-    if (!(T_ad[i * kLanes + lane] + flux * stage.response[static_cast<std::size_t>(i)] < T_melt)) return false;
-  }
-  return true;
+std::uint32_t lanes_that_stay_solid(const HeatOperator& stage, int /*num_rows*/, const double (&flux)[kLanes],
+                                    const double (&T_melt)[kLanes], const double* T_ad) {
+  return lanes_below(stage.response, flux, T_melt, T_ad);
 }
-bool stays_solid(const ModeOperator& step, int num_rows, int lane, double flux, double T_melt, const double* rows) {
-  return rows[(num_rows - 1) * kLanes + lane] + flux * step.response < T_melt;
+std::uint32_t lanes_that_stay_solid(const ModeOperator& step, int num_rows, const double (&flux)[kLanes],
+                                    const double (&T_melt)[kLanes], const double* rows) {
+  return lanes_below({&step.response, 1}, flux, T_melt, rows + (std::ptrdiff_t{num_rows} - 1) * kLanes);
 }
 
 // One lane of a second-order force-driven step. Stresses and velocities are positive along `direction`.
@@ -49,33 +49,59 @@ double free_jump(const StagedLane& lane, double dt) {
   return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
 }
 
+// The searches for the stresses of a stage, and their answers: whether the interface sticks, and whether it has one
+// answer.
+struct StageSearches {
+  LaneSearch lane[kLanes];
+  std::uint32_t wanted = 0;  // lanes that have a search
+  std::uint32_t stick = 0, unique = 0;
+
+  void solve() {
+    const std::uint32_t found = wide_stress(lane, wanted);
+    for (const int l : lanes_of(wanted)) {
+      auto& [limit, heating, a_stick, guess, stress] = lane[l];
+      bool sticks = stress == a_stick, one_answer = true;
+      if (!contains(found, l)) {
+        sticks = spare_strength(limit, heating, a_stick) >= 0.0;
+        one_answer = sticks || slip_is_unique(limit, heating, a_stick);
+        stress = sticks || !one_answer ? a_stick : slip_stress(limit, heating, a_stick, guess);
+      }
+      if (sticks) stick |= 1u << l;
+      if (one_answer) unique |= 1u << l;
+    }
+  }
+};
+
 // First stage: stress and heat flux at the time gamma dt, from the velocity jump at that time. Returns false if the
-// jump reverses or stops within the step, or if the answer is not unique: backward Euler then takes the step.
-bool first_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
-                 double guess, double& flux) {
-  flux = 0.0;
+// jump reverses or stops within the step: backward Euler then takes the step. Leaves the search to `searches`.
+bool begin_first_stage(const StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
+                       double guess, int l, StageSearches& searches) {
   if (lane.limit.pressure <= 0.0) return true;
   const double free = free_jump(lane, dt);
   if (free < 0.0 || free_jump(lane, dt_step) < 0.0) return false;
   const FrictionHeating heating{T_ad, heat_partition * B0, free, dt * lane.forcing.mobility};
-  const double a_stick = free / heating.b;
-  if (spare_strength(lane.limit, heating, a_stick) >= 0.0) {
+  searches.lane[l] = {lane.limit, heating, free / heating.b, guess, 0.0};
+  searches.wanted |= 1u << l;
+  return true;
+}
+// Returns false if the node stops within the step, or if the answer is not unique.
+bool end_first_stage(StagedLane& lane, double heat_partition, int l, const StageSearches& searches, double& flux) {
+  lane.early_stress = searches.lane[l].stress;
+  if (contains(searches.stick, l)) {
     lane.at_rest = lane.jump_old == 0.0;
-    lane.early_stress = a_stick;
     return lane.at_rest;
   }
-  if (!slip_is_unique(lane.limit, heating, a_stick)) return false;
-  lane.early_stress = slip_stress(lane.limit, heating, a_stick, guess);
-  flux = heat_partition * (lane.early_stress * heating.slip(lane.early_stress));
+  if (!contains(searches.unique, l)) return false;
+  flux = heat_partition * (lane.early_stress * searches.lane[l].heating.slip(lane.early_stress));
   return true;
 }
 
 // Second stage: the mean stress a of the step, in which the first stage's stress has the weight 1 - gamma:
 //   a = (1 - gamma) s1 + gamma s_lim(T0),   (1 - gamma) q1 + gamma q = beta_T a [V]mid
-// so that the heat of the step is the friction work of the step, as in a backward Euler step.
-bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double early_flux,
-                  double& flux) {
-  flux = 0.0;
+// so that the heat of the step is the friction work of the step, as in a backward Euler step. Returns false if a node
+// at rest does not stay so.
+bool begin_second_stage_of(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt,
+                           double early_flux, int l, StageSearches& searches) {
   const double free = free_jump(lane, dt);
   if (lane.limit.pressure <= 0.0) {
     lane.slip = 0.5 * (lane.jump_old + free);
@@ -85,17 +111,25 @@ bool second_stage(StagedLane& lane, double heat_partition, double B0, double T_a
     lane.stress = lane.early_stress;
     return lane.limit.at(T_ad).stress >= lane.stress;
   }
-  const StressLimit limit = lane.limit.scaled(kDiagonal, kFirstWeight * lane.early_stress);
-  const FrictionHeating heating{T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
-                                0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility};
-  const double a_stick = free / (dt * lane.forcing.mobility);
-  if (spare_strength(limit, heating, a_stick) >= 0.0 || !slip_is_unique(limit, heating, a_stick)) return false;
-  const double a = slip_stress(limit, heating, a_stick, lane.early_stress);
+  searches.lane[l] = {lane.limit.scaled(kDiagonal, kFirstWeight * lane.early_stress),
+                      {T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
+                       0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility},
+                      free / (dt * lane.forcing.mobility),
+                      lane.early_stress,
+                      0.0};
+  searches.wanted |= 1u << l;
+  return true;
+}
+bool end_second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double early_flux, int l,
+                      const StageSearches& searches, double& flux) {
+  if (contains(searches.stick, l) || !contains(searches.unique, l)) return false;
+  const LaneSearch& search = searches.lane[l];
+  const double a = search.stress;
   lane.stress = a;
-  lane.slip = heating.slip(a);
+  lane.slip = search.heating.slip(a);
   flux = (heat_partition * (a * lane.slip) - kFirstWeight * early_flux) / kDiagonal;
   const double T0 = T_ad + B0 * flux;
-  return flux >= 0.0 && std::abs(limit.at(T0).stress - a) <= kMet * a;
+  return flux >= 0.0 && std::abs(search.limit.at(T0).stress - a) <= kMet * a;
 }
 
 template <class Heat>
@@ -114,6 +148,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   StagedLane lanes[kLanes];
   const LaneMaterials soft(problem.options.soft, inputs);
   double early_flux[kLanes] = {};
+  StageSearches early;
   conduct(first, n, T_old, T);
   for (const int l : lanes_of(solved)) {
     add_work(inputs, l, 2.0 * (n + kSearchWork));
@@ -123,11 +158,13 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
     lane.forcing = forcing_of(inputs, l);
     lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
     lane.jump_old = lane.direction * jump;
-    if (!first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
-                     std::abs(stress_before(layout, inputs, committed, l)), early_flux[l])) {
+    if (!begin_first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
+                           std::abs(stress_before(layout, inputs, committed, l)), l, early))
       drop(l);
-      early_flux[l] = 0.0;
-    }
+  }
+  early.solve();
+  for (const int l : lanes_of(early.wanted)) {
+    if (!end_first_stage(lanes[l], problem.heat_partition, l, early, early_flux[l])) drop(l);
   }
   add_flux(first, n, early_flux, T);
 
@@ -135,14 +172,19 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   begin_second_stage(second, n, T_old, early_flux, T);
   solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
   double flux[kLanes] = {};
+  double T_melt[kLanes];
+  for (int l = 0; l < kLanes; ++l) T_melt[l] = soft(l).melting_temperature;
+  const double B0 = *second.layer_response();
+  StageSearches late;
   for (const int l : lanes_of(solved)) {
-    const bool found =
-        second_stage(lanes[l], problem.heat_partition, *second.layer_response(), T0[l], dt, early_flux[l], flux[l]);
-    if (!found || !stays_solid(second, n, l, flux[l], soft(l).melting_temperature, T)) {
-      drop(l);
-      flux[l] = 0.0;
-    }
+    if (!begin_second_stage_of(lanes[l], problem.heat_partition, B0, T0[l], dt, early_flux[l], l, late)) drop(l);
   }
+  late.solve();
+  for (const int l : lanes_of(late.wanted)) {
+    if (!end_second_stage(lanes[l], problem.heat_partition, B0, T0[l], early_flux[l], l, late, flux[l])) drop(l);
+  }
+  solved &= lanes_that_stay_solid(second, n, flux, T_melt, T);
+  for (int l = 0; l < kLanes; ++l) flux[l] = contains(solved, l) ? flux[l] : 0.0;
 
   add_flux(second, n, flux, T);
 

@@ -1,15 +1,54 @@
 #include "server/physics/solver/force_driven/step.hpp"
 
+#include <algorithm>
 #include <cstddef>
+#include <cstdint>
 
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
+#include "server/physics/solver/force_driven/wide_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
 namespace {
+
+constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;
+
+// Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes.
+std::uint32_t slip_of_tile(const Problem& problem, double dt, double B0, const TileInputs& inputs,
+                           const LaneMaterials& soft_at, const double* committed, double* trial, TileOutputs& outputs,
+                           WideAnswer& answer) {
+  const TileLayout& layout = problem.layout;
+  const std::uint32_t found =
+      wide_slip({inputs, soft_at, inputs.stress_before ? inputs.stress_before : committed + layout.shear_stress,
+                 trial + layout.temperature, problem.interface.friction_coefficient,
+                 problem.interface.yield_strength / kSqrt3, problem.heat_partition, B0, dt},
+                answer);
+  // Whole rows where all lanes are found: a row written value by value would stall the registers that read it next.
+  const auto write = [&](const double* row, double* to) {
+    if (found == kAllLanes) {
+      std::copy_n(row, kLanes, to);
+    } else {
+      for (const int l : lanes_of(found)) to[l] = row[l];
+    }
+  };
+  write(answer.stress, outputs.shear_stress);
+  write(answer.stress, trial + layout.shear_stress);
+  write(answer.slip, outputs.sliding_velocity);
+  write(answer.jump_new, outputs.velocity_jump_new);
+  write(answer.heat, outputs.friction_heat);
+  write(answer.regime, trial + layout.regime);
+  for (const int l : lanes_of(found)) {
+    outputs.regime[l] = static_cast<Regime>(static_cast<int>(answer.regime[l]));
+    outputs.outcome[l] = 0;
+  }
+  if (inputs.work != nullptr) {
+    for (const int l : lanes_of(found)) add_work(inputs, l, problem.heat_rows + kSearchWork);
+  }
+  return found;
+}
 
 // `heat_of(k)` returns the heat operator of a step of length dt / 2^k.
 template <class HeatOf>
@@ -24,10 +63,16 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   // 1. Conduction without friction, all lanes: DLP (28-35).
   conduct(heat_of(0), n, T_old, T);
 
-  // 2. Find stress and slip, lane by lane: DLP (61), (65).
-  double flux[kLanes] = {};
+  // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by lane.
+  WideAnswer answer{};
+  double(&flux)[kLanes] = answer.flux;
   const LaneMaterials soft_at(problem.options.soft, inputs);
-  for (const int lane : lanes_of(inputs.active)) {
+  std::uint32_t found = 0;
+  if (has_wide_slip(problem)) {
+    found = slip_of_tile(problem, heat_of(0).dt, *heat_of(0).layer_response(), inputs, soft_at, committed, trial,
+                         outputs, answer);
+  }
+  for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
     const double junction_strain_old = interface_step.junction_strain;
     const LaneStep before = InterfaceStep::before(layout, inputs, committed, lane);
@@ -48,7 +93,11 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
 
   // 4. Add the friction heat: T = T_ad + q B, with T_ad from 1., the heat flux q and the response B to a unit flux.
   add_flux(heat_of(0), n, flux, T);
-  for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
+  if (inputs.active == kAllLanes) {
+    std::copy_n(T0, kLanes, outputs.interface_temperature);
+  } else {
+    for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
+  }
 }
 
 }  // namespace
