@@ -11,15 +11,22 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
+#include <climits>
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <fstream>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/program.hpp"
+#include "proto/wire/whole_file.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
 #include "server/server.hpp"
@@ -32,6 +39,7 @@ using shearbus::server::ServiceManager;
 
 constexpr int kExitFault = 1;
 constexpr int kExitUsage = 2;
+constexpr int kExitSessionsOpen = 3;  // an operator's drain ran out of time
 
 void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--bind", options.endpoints,
@@ -39,6 +47,10 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "tcp://ADDRESS:PORT (with keys)")
       ->type_name("ENDPOINT")
       ->required();
+  app.add_option("--endpoint-file", options.endpoint_file,
+                 "Gets the address and the public key of the server once it listens, for clients: file://FILE. Removed "
+                 "at the end")
+      ->type_name("FILE");
   app.add_option("--threads", options.threads, "Threads that solve layers; 0: one per core")
       ->check(CLI::Range(0U, 4096U))
       ->capture_default_str();
@@ -158,7 +170,35 @@ int block_stop_signals() {
   return ::signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK);
 }
 
-void run(const ServerOptions& options) {
+// The endpoint file of a server, present as long as this object. A file that another server has written since is left
+// there.
+class PublishedEndpoint {
+ public:
+  PublishedEndpoint(std::string file, const shearbus::wire::EndpointFile& contents)
+      : file_(std::move(file)), text_(text_of(contents)) {
+    shearbus::wire::write_whole(file_, text_);
+  }
+  PublishedEndpoint(const PublishedEndpoint&) = delete;
+  PublishedEndpoint& operator=(const PublishedEndpoint&) = delete;
+  ~PublishedEndpoint() {
+    std::string found(text_.size() + 1, '\0');
+    std::ifstream(file_).read(found.data(), static_cast<std::streamsize>(found.size()));
+    if (found.compare(0, text_.size(), text_) == 0) ::unlink(file_.c_str());
+  }
+
+ private:
+  std::string file_;
+  std::string text_;
+};
+
+std::string host_name() {
+  std::array<char, HOST_NAME_MAX + 1> name{};
+  if (::gethostname(name.data(), name.size() - 1) != 0) return "localhost";
+  return name.data();
+}
+
+// Returns the exit code.
+int run(const ServerOptions& options) {
   const int stop_fd = block_stop_signals();
   start_log(options);
   ServiceManager manager;
@@ -173,6 +213,7 @@ void run(const ServerOptions& options) {
                         options.durability, options.accept_empty ? " (accept empty)" : "", options.checkpoint_every_s,
                         options.checkpoint_after_mb, options.checkpoint_work),
       options.record_dir.empty() ? "none" : options.record_dir, options.log_level);
+  bool sessions_open = false;
   {
     Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },
                             .debug = [](const std::string& line) { spdlog::debug("{}", line); }});
@@ -182,10 +223,21 @@ void run(const ServerOptions& options) {
       spdlog::warn("INSECURE: whoever reaches a tcp address of this server is served, unknown and unencrypted");
     std::vector<std::string> bound;
     for (const std::string& endpoint : options.endpoints) bound.push_back(server.bind(endpoint));
+    std::optional<PublishedEndpoint> published;
+    if (!options.endpoint_file.empty()) {
+      const std::string host = host_name();
+      published.emplace(
+          options.endpoint_file,
+          shearbus::wire::EndpointFile{.version = SHEARBUS_VERSION,
+                                       .host = host,
+                                       .server_key = options.curve_secret.empty() ? "" : server.access().public_key(),
+                                       .endpoint = shearbus::wire::address_for_clients(bound.front(), host),
+                                       .epoch = fmt::format("{:016x}", server.epoch())});
+    }
     if (!server.recover(stop_fd, &manager)) {
       spdlog::info("stopped during the recovery; the next server begins it again");
       ::close(stop_fd);
-      return;
+      return 0;
     }
     for (const std::string& endpoint : bound) spdlog::info("listening on {}", endpoint);
     manager.ready(fmt::format("listening on {}", fmt::join(options.endpoints, ", ")));
@@ -196,9 +248,14 @@ void run(const ServerOptions& options) {
         "undeliverable",
         status.requests, status.refused, status.replayed, status.node_steps, status.sessions,
         server.transport().peer_gone + server.transport().peer_full);
+    sessions_open = server.ended_with_sessions();
+    if (sessions_open)
+      spdlog::warn("the time that an operator gave the sessions is over; {} are open{}", status.sessions,
+                   options.state_dir.empty() ? " and are lost" : ", and continue with the next server");
   }
   spdlog::info("stopped");
   ::close(stop_fd);
+  return sessions_open ? kExitSessionsOpen : 0;
 }
 
 }  // namespace
@@ -217,10 +274,9 @@ int main(int argc, char** argv) {
     return app.exit(fault) == 0 ? 0 : kExitUsage;
   }
   try {
-    run(options);
+    return run(options);
   } catch (const std::exception& fault) {
     shearbus::wire::complain(fmt::format("shearbus-server: {}", fault.what()));
     return kExitFault;
   }
-  return 0;
 }

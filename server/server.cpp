@@ -88,7 +88,8 @@ store::StoreOptions store_options(const ServerOptions& options, std::uint64_t ep
 Server::Server(const ServerOptions& options, const Log& log) : Server(options, log, random_epoch()) {}
 
 Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch)
-    : pool_(thread_count(options.threads)),
+    : epoch_(epoch),
+      pool_(thread_count(options.threads)),
       storage_(options.state_dir.empty() ? nullptr : std::make_unique<store::PosixStorage>(options.state_dir)),
       store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch, log)) : nullptr),
       recorder_(options.record_dir.empty()
@@ -268,6 +269,7 @@ void Server::run(int stop_fd, ServiceManager* manager) {
                                   .busy = [this] { return service_.computing(); },
                                   .work = work};
   router_.run(handler, stop_fd, pulse);
+  ended_with_sessions_ = service_.drained() && service_.status().sessions != 0;
   if (manager != nullptr) manager->stopping();
   pollfd stop{.fd = stop_fd, .events = POLLIN, .revents = 0};
   if (::poll(&stop, 1, 0) > 0) {

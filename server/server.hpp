@@ -45,6 +45,10 @@ class Server {
   // once a second unless it is null.
   void run(int stop_fd, ServiceManager* manager = nullptr);
 
+  // True if the time was over that an operator had given the sessions, and the server ended though some were open.
+  bool ended_with_sessions() const { return ended_with_sessions_; }
+
+  std::uint64_t epoch() const { return epoch_; }
   void* context() { return router_.context(); }
   wire::ServerStatus status() const { return service_.status(); }
   const Access& access() const { return access_; }
@@ -59,6 +63,7 @@ class Server {
   void look_after();
   void complete_status(wire::ServerStatus& status) const;
 
+  std::uint64_t epoch_;
   shard::TaskPool pool_;
   std::unique_ptr<store::PosixStorage> storage_;  // null without a state directory
   std::unique_ptr<store::Store> store_;
@@ -71,6 +76,7 @@ class Server {
   std::function<void(const std::string&)> log_;
   ServiceManager* manager_ = nullptr;
   int stop_fd_ = -1;  // during a recovery
+  bool ended_with_sessions_ = false;
   std::uint64_t looked_at_socket_ns_ = 0;
   std::uint64_t looked_after_ns_ = 0;
   bool files_run_out_ = false;        // true if the last report said that files run out

@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -37,6 +38,8 @@ namespace ctl = shearbus::ctl;
 constexpr int kExitFault = 1;
 constexpr int kExitUsage = 2;
 constexpr double kPingTimeoutS = 0.9;
+constexpr double kWaitTimeoutS = 60.0;
+constexpr double kLookAgainS = 0.2;  // time between two questions to a server that recovers
 
 struct Options {
   std::string server;
@@ -49,7 +52,10 @@ struct Options {
   std::string domain;
   shearbus::wire::Top top = shearbus::wire::Top::kHottest;
   std::uint32_t count = 10;
+  std::filesystem::path all;  // directory of endpoint files
+  std::string listen;         // where metrics are served
   bool exit = false;
+  std::uint64_t within_s = 0;
   double idle_s = 60.0;
   std::vector<std::filesystem::path> checkpoints;
   std::string key_name;
@@ -75,6 +81,22 @@ void ping(const Options& options) {
   const shearbus::Client client = connect(options);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - started;
   shearbus::ctl::show_ping(client, options.server, took.count());
+}
+
+// Waits until a server answers that has recovered its sessions.
+void wait_for_server(const Options& options) {
+  const auto now = [] { return std::chrono::steady_clock::now(); };
+  const auto end = now() + std::chrono::duration<double>(options.timeout_s);
+  for (Options rest = options;;) {
+    try {
+      return ping(rest);
+    } catch (const shearbus::Error& fault) {
+      rest.timeout_s = std::chrono::duration<double>(end - now()).count();
+      if (fault.status().code != shearbus::Code::kRecovering || rest.timeout_s <= kLookAgainS) throw;
+    }
+    std::this_thread::sleep_for(std::chrono::duration<double>(kLookAgainS));
+    rest.timeout_s -= kLookAgainS;
+  }
 }
 
 // Returns 0 for equal checkpoints, otherwise 1, as diff does.
@@ -148,6 +170,9 @@ class Commands {
  public:
   explicit Commands(CLI::App& app) : app_(app) {
     add_ping();
+    add_wait();
+    add_status();
+    add_metrics();
     add_questions();
     add_inspections();
     add_operations();
@@ -185,7 +210,10 @@ class Commands {
   }
 
   CLI::App* with_server(CLI::App* command) {
-    command->add_option("--server", options_.server, "Where the server listens, e.g. ipc:///run/user/1000/shearbus/bus")
+    command
+        ->add_option("--server", options_.server,
+                     "Where the server listens, e.g. ipc:///run/user/1000/shearbus/bus, or file://PATH of its endpoint "
+                     "file")
         ->type_name("ENDPOINT")
         ->required();
     command->add_option("--server-key", options_.server_key, "By tcp: file of the server's public key")
@@ -209,12 +237,75 @@ class Commands {
     });
   }
 
+  void add_wait() {
+    CLI::App* command = app_.add_subcommand("wait", "Waits until a server answers that has recovered its sessions");
+    with_server(command)->get_option("--timeout")->default_str("60");
+    command->callback([this, command] {
+      if (command->count("--timeout") == 0) options_.timeout_s = kWaitTimeoutS;
+      run_ = [this] {
+        wait_for_server(options_);
+        return 0;
+      };
+    });
+  }
+
+  void add_status() {
+    CLI::App* command = with_server(add("status", "What a server holds and has done", [this] {
+      if (!options_.all.empty()) return ctl::show_all(options_.all, options_.json, status_of()) ? 0 : kExitFault;
+      ctl::show_status(connect(options_).server_status(), options_.json);
+      return 0;
+    }));
+    command->add_flag("--json", options_.json, "As one line of JSON for each server");
+    or_all(command);
+  }
+
+  // Lets a command take a directory of endpoint files instead of a server.
+  CLI::Option* or_all(CLI::App* command) {
+    CLI::Option* server = command->get_option("--server")->required(false);
+    CLI::Option* all = command->add_option("--all", options_.all, "All servers with an endpoint file in this directory")
+                           ->type_name("DIR")
+                           ->check(CLI::ExistingDirectory);
+    CLI::Option_group* which = command->add_option_group("which");
+    which->add_options(server, all);
+    which->require_option(1);
+    return all;
+  }
+
+  ctl::StatusOf status_of() const {
+    return [options = options_](const std::string& endpoint) {
+      Options one = options;
+      one.server = endpoint;
+      return connect(one).server_status();
+    };
+  }
+
+  void add_metrics() {
+    CLI::App* command = with_server(add("metrics", "The same and histograms, as Prometheus' text", [this] {
+      if (options_.listen.empty()) {
+        fmt::print("{}", ctl::prometheus_text(connect(options_).server_status()));
+        return 0;
+      }
+      ctl::serve_metrics(
+          options_.listen,
+          [options = options_]() -> std::vector<std::pair<std::string, std::string>> {
+            if (options.all.empty()) return {{options.server, options.server}};
+            std::vector<std::pair<std::string, std::string>> servers;
+            for (const auto& file : ctl::endpoint_files(options.all))
+              servers.emplace_back(file.filename().string(), "file://" + file.string());
+            return servers;
+          },
+          status_of());
+      return 0;
+    }));
+    CLI::Option* listen = command
+                              ->add_option("--listen", options_.listen,
+                                           "Serve them by HTTP at this address, for instance 127.0.0.1:9464, until "
+                                           "SIGTERM; the servers are asked at each scrape")
+                              ->type_name("ADDRESS:PORT");
+    or_all(command)->needs(listen);
+  }
+
   void add_questions() {
-    ask("status", "What a server holds and has done", [this](Client& client) {
-      ctl::show_status(client.server_status(), options_.json);
-    })->add_flag("--json", options_.json, "As one line of JSON");
-    ask("metrics", "The same and histograms, as Prometheus' text",
-        [](Client& client) { fmt::print("{}", ctl::prometheus_text(client.server_status())); });
     ask("sessions", "The open sessions (operator)", [this](Client& client) {
       ctl::show_sessions(client, options_.json);
     })->add_flag("--json", options_.json, "As a line of JSON each");
@@ -251,9 +342,15 @@ class Commands {
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
     ask("checkpoint", "Writes a checkpoint now (operator)", ctl::checkpoint);
-    ask("drain", "No new sessions from here on (operator)", [this](Client& client) {
-      ctl::drain(client, options_.exit);
-    })->add_flag("--exit", options_.exit, "And the server ends when its last session is closed");
+    CLI::App* drain = ask("drain", "No new sessions from here on (operator)",
+                          [this](Client& client) { ctl::drain(client, options_.exit, options_.within_s); });
+    CLI::Option* exit = drain->add_flag("--exit", options_.exit, "And the server ends when its last session is closed");
+    drain
+        ->add_option("--within", options_.within_s,
+                     "The server ends after this time even if sessions are open, with a checkpoint and exit code 3")
+        ->type_name("SECONDS")
+        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{365 * 86'400}))
+        ->needs(exit);
   }
 
   void add_files() {

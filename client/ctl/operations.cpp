@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <vector>
+
+#include "proto/wire/endpoint_file.hpp"
 
 namespace shearbus::ctl {
 namespace {
@@ -40,24 +42,23 @@ std::string quantile(const wire::Histogram& histogram, double share) {
   return bound_s < 1e-3 ? fmt::format("{:.0f} us", 1e6 * bound_s) : fmt::format("{:.0f} ms", 1e3 * bound_s);
 }
 
-void show_json(const wire::ServerStatus& s) {
-  const nlohmann::ordered_json line = {{"server_version", s.server_version},
-                                       {"uptime_s", seconds(s.uptime_ns)},
-                                       {"threads", s.threads},
-                                       {"sessions", s.sessions},
-                                       {"nodes", s.nodes},
-                                       {"state_bytes", s.state_bytes},
-                                       {"requests", s.requests},
-                                       {"refused", s.refused},
-                                       {"replayed", s.replayed},
-                                       {"node_steps", s.node_steps},
-                                       {"solver_s", seconds(s.solver_ns)},
-                                       {"draining", s.draining},
-                                       {"checkpoints", s.checkpoints},
-                                       {"journal_bytes", s.journal_bytes},
-                                       {"resident_bytes", s.resident_bytes},
-                                       {"open_files", s.open_files}};
-  fmt::print("{}\n", line.dump());
+nlohmann::ordered_json json_of(const wire::ServerStatus& s) {
+  return {{"server_version", s.server_version},
+          {"uptime_s", seconds(s.uptime_ns)},
+          {"threads", s.threads},
+          {"sessions", s.sessions},
+          {"nodes", s.nodes},
+          {"state_bytes", s.state_bytes},
+          {"requests", s.requests},
+          {"refused", s.refused},
+          {"replayed", s.replayed},
+          {"node_steps", s.node_steps},
+          {"solver_s", seconds(s.solver_ns)},
+          {"draining", s.draining},
+          {"checkpoints", s.checkpoints},
+          {"journal_bytes", s.journal_bytes},
+          {"resident_bytes", s.resident_bytes},
+          {"open_files", s.open_files}};
 }
 
 void show_json(const wire::SessionInfo& s) {
@@ -122,7 +123,7 @@ void show_ping(const Client& client, const std::string& endpoint, double answere
 }
 
 void show_status(const wire::ServerStatus& s, bool json) {
-  if (json) return show_json(s);
+  if (json) return fmt::print("{}\n", json_of(s).dump());
   show("server", fmt::format("{} ({} threads), up {:.0f} s{}", s.server_version, s.threads, seconds(s.uptime_ns),
                              s.draining ? ", draining: no new sessions" : ""));
   show("sessions", fmt::format("{} with {} nodes, {:.1f} MB of states", s.sessions, s.nodes,
@@ -144,6 +145,40 @@ void show_status(const wire::ServerStatus& s, bool json) {
                                   s.admitting ? "" : "; NOBODY NEW IS ADMITTED: restart the server"));
   show("process", fmt::format("{:.1f} MB resident, {} of {} files open",
                               static_cast<double>(s.resident_bytes) / (1 << 20), s.open_files, s.max_open_files));
+}
+
+std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(directory))
+    if (entry.is_regular_file() && entry.path().extension() != ".partial") files.push_back(entry.path());
+  if (files.empty()) throw std::runtime_error(directory.string() + ": has no endpoint files; is a server running?");
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of) {
+  bool all_answer = true;
+  for (const auto& file : endpoint_files(directory)) {
+    const std::string name = file.filename().string();
+    try {
+      const wire::ServerStatus s = status_of(std::string(wire::kFileScheme) + file.string());
+      if (json) {
+        nlohmann::ordered_json line = {{"file", name}};
+        line.update(json_of(s));
+        fmt::print("{}\n", line.dump());
+      } else {
+        fmt::print("{:<20} {} sessions with {} nodes, {} requests ({} refused), up {:.0f} s{}\n", name, s.sessions,
+                   s.nodes, s.requests, s.refused, seconds(s.uptime_ns), s.draining ? ", draining" : "");
+      }
+    } catch (const Error& fault) {
+      all_answer = false;
+      if (json)
+        fmt::print("{}\n", nlohmann::ordered_json{{"file", name}, {"fault", describe(fault.status())}}.dump());
+      else
+        fmt::print("{:<20} {}\n", name, describe(fault.status()));
+    }
+  }
+  return all_answer;
 }
 
 void show_sessions(Client& client, bool json) {
@@ -198,9 +233,10 @@ void checkpoint(Client& client) {
              seconds(written.duration_ns));
 }
 
-void drain(Client& client, bool exit) {
-  const wire::Draining draining = client.drain(exit);
-  fmt::print("no new sessions; {} are open{}\n", draining.sessions, exit ? ", and the server ends with the last" : "");
+void drain(Client& client, bool exit, std::uint64_t within_s) {
+  const wire::Draining draining = client.drain(exit, within_s);
+  fmt::print("no new sessions; {} are open{}{}\n", draining.sessions, exit ? ", and the server ends with the last" : "",
+             within_s != 0 ? fmt::format(" or in {} s", within_s) : "");
 }
 
 }  // namespace shearbus::ctl

@@ -2,7 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <functional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "client/src/client.hpp"
 
@@ -10,6 +14,14 @@ namespace shearbus::ctl {
 
 void show_ping(const Client& client, const std::string& endpoint, double answered_ms);
 void show_status(const wire::ServerStatus& status, bool json);
+// Returns the status of the server at an endpoint. Throws Error if the server does not answer.
+using StatusOf = std::function<wire::ServerStatus(const std::string& endpoint)>;
+
+// Returns the files of a directory of endpoint files, by name. Throws std::runtime_error if there are none.
+std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory);
+// Prints a line for each endpoint file of a directory: what the server holds, or why it does not answer. Returns false
+// if one does not answer.
+bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of);
 void show_sessions(Client& client, bool json);
 // `session`: the first digits of a session id, or the name of its scene; may be empty if there is only one session.
 void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count);
@@ -18,9 +30,14 @@ void close(Client& client, const std::string& session, double idle_s);
 // Closes all sessions of a domain, or none of them if one of them has not been idle for `idle_s`.
 void close_domain(Client& client, const std::string& domain, double idle_s);
 void checkpoint(Client& client);
-void drain(Client& client, bool exit);
+void drain(Client& client, bool exit, std::uint64_t within_s);
 
 // Returns the status in Prometheus' text format, version 0.0.4.
 std::string prometheus_text(const wire::ServerStatus& status);
+// Serves the metrics of several servers by HTTP until SIGTERM or SIGINT. At each scrape `servers` lists their names and
+// endpoints, and `status_of` is called for each, by several threads at once. A server that does not answer has
+// shearbus_up 0. Throws std::runtime_error if the address cannot be used.
+using ListServers = std::function<std::vector<std::pair<std::string, std::string>>()>;
+void serve_metrics(const std::string& address, ListServers servers, StatusOf status_of);
 
 }  // namespace shearbus::ctl

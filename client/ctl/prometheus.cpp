@@ -1,8 +1,20 @@
+#include <fmt/format.h>
+#include <prometheus/collectable.h>
+#include <prometheus/exposer.h>
 #include <prometheus/text_serializer.h>
 
+#include <algorithm>
+#include <csignal>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <future>
+#include <iterator>
 #include <limits>
+#include <memory>
+#include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,7 +48,7 @@ class Metrics {
     ClientMetric& metric = add(name, MetricType::Counter, help).metric.emplace_back();
     metric.counter.value = value;
   }
-  std::string text() const { return prometheus::TextSerializer().Serialize(families_); }
+  std::vector<MetricFamily> families() && { return std::move(families_); }
 
  private:
   std::vector<MetricFamily> families_;
@@ -68,9 +80,7 @@ constexpr Known kHistograms[] = {{"request", "From a request's arrival to its an
                                  {"journal_sync", "Bringing the journal to the disk"},
                                  {"checkpoint", "Writing a checkpoint and reading it back"}};
 
-}  // namespace
-
-std::string prometheus_text(const wire::ServerStatus& s) {
+std::vector<MetricFamily> families_of(const wire::ServerStatus& s) {
   Metrics metrics;
   const auto number = [](auto value) { return static_cast<double>(value); };
   ClientMetric& build = metrics.add("build_info", MetricType::Gauge, "The server's version").metric.emplace_back();
@@ -118,7 +128,84 @@ std::string prometheus_text(const wire::ServerStatus& s) {
     if (found.empty()) continue;
     metrics.add(std::string(known.name) + "_seconds", MetricType::Histogram, known.help).metric = std::move(found);
   }
-  return metrics.text();
+  return std::move(metrics).families();
+}
+
+// Asks the servers at each scrape and gives their metrics the label `server`.
+class Servers : public prometheus::Collectable {
+ public:
+  Servers(ListServers list, StatusOf status_of) : list_(std::move(list)), status_of_(std::move(status_of)) {}
+
+  std::vector<MetricFamily> Collect() const override {
+    std::vector<MetricFamily> all = {
+        {.name = "shearbus_up", .help = "1: the server answers", .type = MetricType::Gauge, .metric = {}}};
+    std::vector<std::pair<std::string, std::future<wire::ServerStatus>>> asked;
+    for (const auto& [name, endpoint] : servers())
+      asked.emplace_back(name, std::async(std::launch::async, status_of_, endpoint));
+    for (auto& [name, answer] : asked) {
+      ClientMetric& up = all.front().metric.emplace_back();
+      up.label.push_back({"server", name});
+      try {
+        add(families_of(answer.get()), name, all);
+        all.front().metric.back().gauge.value = 1;
+      } catch (const std::exception&) {
+        // The server does not answer: up is 0.
+      }
+    }
+    return all;
+  }
+
+ private:
+  std::vector<std::pair<std::string, std::string>> servers() const {
+    try {
+      return list_();
+    } catch (const std::exception&) {
+      return {};  // a directory without endpoint files: no server runs now
+    }
+  }
+
+  // A family has one place in the text, with the metrics of all servers.
+  static void add(std::vector<MetricFamily> families, const std::string& server, std::vector<MetricFamily>& all) {
+    for (MetricFamily& family : families) {
+      for (ClientMetric& metric : family.metric) metric.label.push_back({"server", server});
+      const auto place = std::find_if(all.begin(), all.end(), [&](const auto& f) { return f.name == family.name; });
+      if (place == all.end())
+        all.push_back(std::move(family));
+      else
+        std::move(family.metric.begin(), family.metric.end(), std::back_inserter(place->metric));
+    }
+  }
+
+  ListServers list_;
+  StatusOf status_of_;
+};
+
+}  // namespace
+
+std::string prometheus_text(const wire::ServerStatus& status) {
+  return prometheus::TextSerializer().Serialize(families_of(status));
+}
+
+void serve_metrics(const std::string& address, ListServers servers, StatusOf status_of) {
+  // Blocked before any thread exists, so that only this thread gets them.
+  sigset_t stop;
+  sigemptyset(&stop);
+  sigaddset(&stop, SIGTERM);
+  sigaddset(&stop, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &stop, nullptr);
+  std::optional<prometheus::Exposer> exposer;
+  try {
+    exposer.emplace(address);
+  } catch (const std::exception& fault) {
+    throw std::runtime_error(fmt::format("cannot listen at {}: {}; expected ADDRESS:PORT, for instance 127.0.0.1:9464",
+                                         address, fault.what()));
+  }
+  const auto collected = std::make_shared<Servers>(std::move(servers), std::move(status_of));
+  exposer->RegisterCollectable(collected);
+  fmt::print("metrics at port {}, path /metrics\n", exposer->GetListeningPorts().front());
+  std::fflush(stdout);
+  int received = 0;
+  sigwait(&stop, &received);
 }
 
 }  // namespace shearbus::ctl

@@ -124,8 +124,8 @@ wire::ServerStatus Client::server_status() {
 wire::Checkpointed Client::checkpoint() {
   return ask<wire::Checkpointed>(wire::Checkpoint{});
 }
-wire::Draining Client::drain(bool exit) {
-  return ask<wire::Draining>(wire::Drain{.exit = exit});
+wire::Draining Client::drain(bool exit, std::uint64_t within_s) {
+  return ask<wire::Draining>(wire::Drain{.exit = exit, .within_s = within_s});
 }
 
 std::vector<wire::SessionInfo> Client::sessions() {

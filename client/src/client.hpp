@@ -51,11 +51,11 @@ using wire::TransferId;
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {
-  std::string endpoint;                  // tcp://host:port, ipc://path or inproc://name
-  void* context = nullptr;               // libzmq context to use; required for inproc; null: a context of its own
-  std::string server_key;                // tcp: the server's public CURVE key; empty: no encryption
-  std::string secret_key;                // this client's secret key, required with server_key
-  std::string name = "shearbus-client";  // name of this client in the server's log
+  std::string endpoint;     // tcp://host:port, ipc://path, inproc://name, or file://path of a server's endpoint file
+  void* context = nullptr;  // libzmq context to use; required for inproc; null: a context of its own
+  std::string server_key;   // tcp: the server's public CURVE key; empty: that of the endpoint file, or no encryption
+  std::string secret_key;   // this client's secret key, required with server_key
+  std::string name = "shearbus-client";               // name of this client in the server's log
   std::chrono::milliseconds connect_deadline{5'000};  // deadline of connecting and the first exchange
   std::chrono::milliseconds reply_deadline{60'000};   // deadline of any other call, retries included
   std::chrono::milliseconds retry_after{5'000};       // time after which the request is repeated on a fresh socket
@@ -232,7 +232,8 @@ class Client {
 
   // Calls for operators. top_nodes() returns at most `count` nodes of a session, highest value first.
   wire::Checkpointed checkpoint();
-  wire::Draining drain(bool exit);
+  // within_s: with `exit` the server ends after this time even if sessions are open; 0: no such time.
+  wire::Draining drain(bool exit, std::uint64_t within_s = 0);
   std::vector<wire::SessionInfo> sessions();
   TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
   // Ends a session whose client has ended, given as returned by sessions(), and frees its states. The server refuses

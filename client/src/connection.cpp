@@ -19,6 +19,7 @@
 #include <zmq.hpp>
 
 #include "proto/wire/codec.hpp"
+#include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/key_file.hpp"
 
 namespace shearbus {
@@ -32,6 +33,8 @@ constexpr int kHandshakeMs = 5'000;
 constexpr int kFramesBeforeLook = 90;  // most frames read from a socket since it was found empty
 constexpr int kSilentFailures = 3;     // failed handshakes in a row after which a wrong key is reported
 constexpr std::chrono::milliseconds kRecoveryPause{200};  // time between two requests to a server that recovers
+constexpr std::chrono::milliseconds kFilePause{50};       // time between two looks at an endpoint file
+constexpr std::chrono::milliseconds kFileLook{500};       // likewise while the server that it names does not answer
 constexpr std::chrono::seconds kFirstNotice{2};           // waiting time before the log says what a call waits for
 constexpr int kGoodbyeLingerMs = 100;  // longest time that an unsent closing request delays the program's end
 
@@ -42,27 +45,32 @@ std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
   return {static_cast<const std::byte*>(message.data()), message.size()};
 }
 
-[[noreturn]] void unreachable(const ClientOptions& options, const std::string& why) {
-  throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", options.endpoint, why)});
+[[noreturn]] void unreachable(const std::string& where, const std::string& why) {
+  throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", where, why)});
 }
 
 void check_endpoint(const ClientOptions& options) {
   const std::string_view endpoint = options.endpoint;
-  const auto known = {"tcp://", "ipc://", "inproc://"};
-  if (std::none_of(known.begin(), known.end(), [&](const char* scheme) { return endpoint.starts_with(scheme); }))
-    throw Error({.code = Code::kUnreachable,
-                 .text = fmt::format("\"{}\" is not an endpoint", endpoint),
-                 .remedy = "Use tcp://host:port, ipc://path, or the inproc:// endpoint of an embedded server."});
+  const bool file = endpoint.starts_with(wire::kFileScheme);  // the server's key is in the file
+  const auto known = {std::string_view("tcp://"), std::string_view("ipc://"), std::string_view("inproc://"),
+                      wire::kFileScheme};
+  if (std::none_of(known.begin(), known.end(), [&](std::string_view scheme) { return endpoint.starts_with(scheme); }))
+    throw Error(
+        {.code = Code::kUnreachable,
+         .text = fmt::format("\"{}\" is not an endpoint", endpoint),
+         .remedy = "Use tcp://host:port, ipc://path, file://path of an endpoint file, or the inproc:// endpoint of an "
+                   "embedded server."});
   if (endpoint.starts_with("inproc://") && options.context == nullptr)
     throw Error({.code = Code::kUnreachable,
                  .text = fmt::format("{} can be reached only through its server's context; none was given", endpoint),
                  .remedy = "Set ClientOptions::context to Embedded::context()."});
   if (options.server_key.empty() && options.secret_key.empty()) return;
-  if (!endpoint.starts_with("tcp://"))
+  if (!file && !endpoint.starts_with("tcp://"))
     throw Error({.code = Code::kAuth,
                  .text = fmt::format("{} takes no keys: it is on this machine, where the user is known", endpoint),
                  .remedy = "Leave server_key and secret_key empty."});
-  if (!wire::is_key(options.server_key) || !wire::is_key(options.secret_key))
+  const bool server_key_known = wire::is_key(options.server_key) || (file && options.server_key.empty());
+  if (!server_key_known || !wire::is_key(options.secret_key))
     throw Error(
         {.code = Code::kAuth,
          .text = fmt::format("server_key or secret_key is not a key of {} characters of Z85", wire::kKeyCharacters),
@@ -151,12 +159,65 @@ void Connection::pause(std::chrono::milliseconds time) {
   std::this_thread::sleep_for(time);
 }
 
-void SocketConnection::connect() {
+bool SocketConnection::by_file() const {
+  return options().endpoint.starts_with(wire::kFileScheme);
+}
+
+// Finds the address of the server. An endpoint file is read before each new socket, because a restarted server may
+// listen elsewhere. Returns false, with the fault in file_fault_ or refusal_, if the file cannot be used.
+bool SocketConnection::find_server() {
+  server_ = {.endpoint = options().endpoint, .server_key = options().server_key, .secret_key = options().secret_key};
+  where_ = options().endpoint;
+  if (!by_file()) return true;
+  wire::EndpointFile file;
+  try {
+    file = wire::read_endpoint_file(where_.substr(wire::kFileScheme.size()));
+  } catch (const std::runtime_error& fault) {
+    file_fault_ = fault.what();
+    return false;
+  }
+  file_fault_.clear();
+  file_epoch_ = file.epoch;
+  where_ = fmt::format("{} (named by {}, written on {})", file.endpoint, where_, file.host);
+  server_.endpoint = file.endpoint;
+  const auto refuse = [this](std::string why, std::string remedy) {
+    refusal_ = {.code = Code::kAuth, .text = fmt::format("{}: {}", where_, why), .remedy = std::move(remedy)};
+    return false;
+  };
+  const bool expects_server_key = !server_.server_key.empty();
+  if (file.endpoint.starts_with("ipc://")) {
+    if (expects_server_key)
+      return refuse("a server on this machine proves no key, and this client expects one", "Leave out server_key.");
+    server_.secret_key.clear();
+    return true;
+  }
+  if (!expects_server_key) server_.server_key = file.server_key;
+  if (server_.secret_key.empty() && !server_.server_key.empty())
+    return refuse("the server expects clients with keys, and this one has none",
+                  "Give secret_key; shearbus-ctl keygen makes a pair.");
+  if (!server_.secret_key.empty() && server_.server_key.empty())
+    return refuse("the server has no keys, and this client has one to prove itself",
+                  "Leave out secret_key, or have the server started with --curve-secret.");
+  return true;
+}
+
+// True if the endpoint file is that of another start of a server than the one socket_ connects to.
+bool SocketConnection::server_has_moved() const {
+  try {
+    return wire::read_endpoint_file(options().endpoint.substr(wire::kFileScheme.size())).epoch != file_epoch_;
+  } catch (const std::runtime_error&) {
+    return false;  // a server that has ended; the next one writes the file again
+  }
+}
+
+// Makes a socket that connects to the server. Returns false if the endpoint file names no server to connect to.
+bool SocketConnection::connect() {
   refusal_ = {};
+  if (!find_server()) return false;
   frames_read_ = 0;
   void* context = own_context_ ? own_context_.get() : options().context;
   socket_.reset(zmq_socket(context, ZMQ_DEALER));
-  if (!socket_) unreachable(options(), fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
+  if (!socket_) unreachable(where_, fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
   zmq::socket_ref socket(zmq::from_handle, socket_.get());
   socket.set(zmq::sockopt::immediate, true);  // queues nothing until the connection is established
   socket.set(zmq::sockopt::linger, 0);
@@ -167,34 +228,35 @@ void SocketConnection::connect() {
   socket.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
   socket.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
   socket.set(zmq::sockopt::tcp_keepalive, 1);
-  if (options().endpoint.starts_with("tcp://[")) socket.set(zmq::sockopt::ipv6, true);
-  if (!options().server_key.empty()) {
-    socket.set(zmq::sockopt::curve_serverkey, options().server_key);
+  if (server_.endpoint.starts_with("tcp://[")) socket.set(zmq::sockopt::ipv6, true);
+  if (!server_.server_key.empty()) {
+    socket.set(zmq::sockopt::curve_serverkey, server_.server_key);
     socket.set(zmq::sockopt::curve_publickey, own_public_key());
-    socket.set(zmq::sockopt::curve_secretkey, options().secret_key);
+    socket.set(zmq::sockopt::curve_secretkey, server_.secret_key);
   }
   watch_handshakes();
   // libzmq would go on trying for ever.
-  if (options().endpoint.starts_with("ipc://") &&
-      ::faccessat(AT_FDCWD, options().endpoint.c_str() + std::strlen("ipc://"), W_OK, AT_EACCESS) != 0 &&
+  if (server_.endpoint.starts_with("ipc://") &&
+      ::faccessat(AT_FDCWD, server_.endpoint.c_str() + std::strlen("ipc://"), W_OK, AT_EACCESS) != 0 &&
       errno == EACCES) {
     socket_.reset();
     throw Error({.code = Code::kAuth,
-                 .text = fmt::format("{}: uid {} may not connect there", options().endpoint, ::geteuid()),
+                 .text = fmt::format("{}: uid {} may not connect there", where_, ::geteuid()),
                  .remedy = fmt::format("Run as the server's user, or have it started with --allow-uid {}, in a "
                                        "directory that other users can enter.",
                                        ::geteuid())});
   }
-  if (zmq_connect(socket_.get(), options().endpoint.c_str()) != 0) {
+  if (zmq_connect(socket_.get(), server_.endpoint.c_str()) != 0) {
     const std::string why = zmq_strerror(zmq_errno());
     socket_.reset();
-    unreachable(options(), why);
+    unreachable(where_, why);
   }
+  return true;
 }
 
 std::string SocketConnection::own_public_key() const {
   std::array<char, wire::kKeyCharacters + 1> key{};
-  zmq_curve_public(key.data(), options().secret_key.c_str());  // cannot fail, because is_key() has accepted the key
+  zmq_curve_public(key.data(), server_.secret_key.c_str());  // cannot fail, because is_key() has accepted the key
   return key.data();
 }
 
@@ -210,7 +272,7 @@ void SocketConnection::watch_handshakes() {
   if (!monitor_ || zmq_socket_monitor(socket_.get(), name.c_str(), kEvents) != 0 ||
       zmq_setsockopt(monitor_.get(), ZMQ_RCVHWM, &unlimited, sizeof unlimited) != 0 ||
       zmq_connect(monitor_.get(), name.c_str()) != 0)
-    unreachable(options(), fmt::format("no monitor: {}", zmq_strerror(zmq_errno())));
+    unreachable(where_, fmt::format("no monitor: {}", zmq_strerror(zmq_errno())));
 }
 
 void SocketConnection::read_handshakes() {
@@ -234,11 +296,10 @@ void SocketConnection::read_handshakes() {
 
 // Stores the reason of a failed handshake if a retry is useless.
 void SocketConnection::handshake_failed(int event, std::uint32_t detail) {
-  const bool keys = !options().server_key.empty();
+  const bool keys = !server_.server_key.empty();
   const auto refused = [&](std::string why, std::string remedy) {
-    refusal_ = {.code = Code::kAuth,
-                .text = fmt::format("{}: {}", options().endpoint, std::move(why)),
-                .remedy = std::move(remedy)};
+    refusal_ = {
+        .code = Code::kAuth, .text = fmt::format("{}: {}", where_, std::move(why)), .remedy = std::move(remedy)};
   };
   if (event == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
     silent_failures_ = 0;
@@ -287,7 +348,7 @@ bool SocketConnection::wait(short events, Clock::time_point until) {
     if (!refusal_.ok()) return false;
     if (found >= 0 && Clock::now() >= until) return false;
     if (options().log && Clock::now() >= waiting_.next_notice) notice(events);
-    if (found < 0 && zmq_errno() != EINTR) unreachable(options(), zmq_strerror(zmq_errno()));
+    if (found < 0 && zmq_errno() != EINTR) unreachable(where_, zmq_strerror(zmq_errno()));
   }
 }
 
@@ -296,10 +357,10 @@ void SocketConnection::notice(short events) {
   waiting_.next_notice = waiting_.since + 2 * waited;
   const double seconds = std::chrono::duration<double>(waited).count();
   if (events == ZMQ_POLLOUT)
-    options().log(fmt::format("waiting for a server at {} to connect to, since {:.0f} s", options().endpoint, seconds));
+    options().log(fmt::format("waiting for a server at {} to connect to, since {:.0f} s{}{}", where_, seconds,
+                              file_fault_.empty() ? "" : "; ", file_fault_));
   else
-    options().log(
-        fmt::format("waiting for the answer of {} to {}, since {:.0f} s", options().endpoint, waiting_.verb, seconds));
+    options().log(fmt::format("waiting for the answer of {} to {}, since {:.0f} s", where_, waiting_.verb, seconds));
 }
 
 // Sends without waiting. Returns false if there is no connection (yet).
@@ -311,7 +372,7 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
     while (zmq_msg_send(message.handle(), socket_.get(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {
       if (zmq_errno() == EINTR) continue;
       if (zmq_errno() == EAGAIN) return false;
-      unreachable(options(), zmq_strerror(zmq_errno()));
+      unreachable(where_, zmq_strerror(zmq_errno()));
     }
     return true;
   };
@@ -338,7 +399,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
       if (zmq_msg_recv(frame->handle(), socket_.get(), ZMQ_DONTWAIT) < 0) {
         if (zmq_errno() == EINTR) continue;
         if (zmq_errno() == EAGAIN) break;
-        unreachable(options(), zmq_strerror(zmq_errno()));
+        unreachable(where_, zmq_strerror(zmq_errno()));
       }
       ++frames_read_;
       more = frame->more();
@@ -355,7 +416,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
       wire::decode(std::span(views.data(), count), received.reply);
     } catch (const Error& fault) {
       throw Error({.code = Code::kUnexpectedReply,
-                   .text = fmt::format("{} sent what is no reply: {}", options().endpoint, describe(fault.status())),
+                   .text = fmt::format("{} sent what is no reply: {}", where_, describe(fault.status())),
                    .remedy = "Is it a shearbus server of this version?"});
     }
     // A reply has the id 0 if the server could not read the id of the request.
@@ -371,7 +432,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
 void SocketConnection::post(const wire::Request& request) {
   posted_.reset();
   try {
-    if (!socket_) connect();
+    if (!socket_ && !connect()) return;
     const auto now = Clock::now();
     if (send(wire::encode_header(request), request.batch)) posted_ = Posted{request.request_id, now};
   } catch (...) {
@@ -402,13 +463,25 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
   posted_.reset();
   bool sent = under_way;
   for (;;) {
-    if (!socket_) connect();
+    while (!socket_ && !connect()) {
+      if (!refusal_.ok()) refused(sent);
+      if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);
+      if (options().log && Clock::now() >= waiting_.next_notice) notice(ZMQ_POLLOUT);
+      pause(kFilePause);
+    }
     while (!under_way && !send(header, request.batch)) {
-      if (wait(ZMQ_POLLOUT, last_moment)) continue;
+      const auto look = by_file() ? std::min(last_moment, Clock::now() + kFileLook) : last_moment;
+      if (wait(ZMQ_POLLOUT, look)) continue;
+      if (refusal_.ok() && Clock::now() < last_moment) {
+        if (!server_has_moved()) continue;
+        socket_.reset();
+        break;
+      }
       if (sent) record(header, request.batch);
       if (!refusal_.ok()) refused(sent);
       give_up(sent, Clock::now() - started);
     }
+    if (!socket_) continue;  // to connect to the server where it is now
     under_way = false;
     sent = true;
     Received received;
@@ -435,25 +508,31 @@ void SocketConnection::recovering(const wire::Status& status) {
   pause(kRecoveryPause);
   if (!options().log || Clock::now() < waiting_.next_notice) return;
   waiting_.next_notice = Clock::now() + kFirstNotice;
-  options().log(fmt::format("waiting for the server at {}: {}", options().endpoint, status.text));
+  options().log(fmt::format("waiting for the server at {}: {}", where_, status.text));
 }
 
 void SocketConnection::give_up(bool sent, Clock::duration waited) const {
   const double seconds = std::chrono::duration<double>(waited).count();
-  if (!sent && answered_)
+  if (!sent && !file_fault_.empty())
     throw Error({.code = Code::kUnreachable,
-                 .text = fmt::format("the server at {} has stopped answering; it was waited for {:.1f} s",
-                                     options().endpoint, seconds),
-                 .remedy = "Has it been stopped, or its machine? Sessions of a server with --state-dir continue when "
-                           "it is started again."});
-  if (!sent)
+                 .text = fmt::format("no endpoint file of a server within {:.1f} s: {}", seconds, file_fault_),
+                 .remedy = "Is a server running? It writes the file when it listens: shearbus-server --endpoint-file "
+                           "FILE, for clients with file://FILE."});
+  if (!sent && answered_)
     throw Error(
         {.code = Code::kUnreachable,
-         .text = fmt::format("no server answered at {} within {:.1f} s", options().endpoint, seconds),
-         .remedy = fmt::format("Is one running? Start it with: shearbus-server --bind {}", options().endpoint)});
+         .text = fmt::format("the server at {} has stopped answering; it was waited for {:.1f} s", where_, seconds),
+         .remedy = "Has it been stopped, or its machine? Sessions of a server with --state-dir continue when "
+                   "it is started again."});
+  if (!sent)
+    throw Error({.code = Code::kUnreachable,
+                 .text = fmt::format("no server answered at {} within {:.1f} s", where_, seconds),
+                 .remedy = by_file()
+                               ? "A server that is killed leaves its file behind: start it again, or remove the file."
+                               : fmt::format("Is one running? Start it with: shearbus-server --bind {}", where_)});
   throw Error({.code = Code::kUnknownOutcome,
-               .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run",
-                                   options().endpoint, seconds),
+               .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run{}{}", where_,
+                                   seconds, file_fault_.empty() ? "" : "; ", file_fault_),
                .remedy = "Make the same call again: if it has run, it is not run a second time."});
 }
 

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "client/src/client.hpp"
+#include "proto/wire/key_file.hpp"
 #include "proto/wire/messages.hpp"
 #include "proto/wire/session_recorder.hpp"
 
@@ -112,7 +113,10 @@ class SocketConnection final : public Connection {
   void start_recording();
   void record(const std::string& header, const wire::Batch& batch, std::span<const std::byte> reply_header = {},
               std::span<const std::byte> reply_payload = {}) noexcept;
-  void connect();
+  bool by_file() const;
+  bool find_server();
+  bool server_has_moved() const;
+  bool connect();
   void watch_handshakes();
   std::string own_public_key() const;
   bool wait(short events, Clock::time_point until);
@@ -126,6 +130,10 @@ class SocketConnection final : public Connection {
   [[noreturn]] void refused(bool sent) const;
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
+  wire::ServerAddress server_;  // where socket_ connects to, from the options or from the endpoint file
+  std::string where_;           // the same for messages
+  std::string file_epoch_;      // epoch in the endpoint file when socket_ was made
+  std::string file_fault_;      // why the endpoint file cannot be used; empty: it can, or there is none
   std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
   std::optional<wire::SessionRecorder> recorder_;
   std::shared_ptr<void> reply_header_frame_;  // of the last reply; only for the recorder

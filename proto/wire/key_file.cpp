@@ -11,6 +11,8 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "proto/wire/endpoint_file.hpp"
+
 namespace shearbus::wire {
 namespace {
 
@@ -120,11 +122,11 @@ std::string read_secret_key(const std::filesystem::path& file) {
 
 void read_keys_into(ServerAddress& address, const std::filesystem::path& server_key,
                     const std::filesystem::path& secret_key) {
-  if (server_key.empty() != secret_key.empty())
+  const bool key_in_file = address.endpoint.starts_with(kFileScheme) && server_key.empty();
+  if (server_key.empty() != secret_key.empty() && !key_in_file)
     throw std::runtime_error("--server-key and --key go together: the server's public key and one's own secret key");
-  if (server_key.empty()) return;
-  address.server_key = read_public_key(server_key);
-  address.secret_key = read_secret_key(secret_key);
+  if (!server_key.empty()) address.server_key = read_public_key(server_key);
+  if (!secret_key.empty()) address.secret_key = read_secret_key(secret_key);
 }
 
 void write_public_key(const std::filesystem::path& file, const KeyLine& line) {

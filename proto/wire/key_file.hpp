@@ -13,7 +13,7 @@ inline constexpr std::size_t kKeyCharacters = 40;
 
 // Address of a server and keys of the connection: the options --server, --server-key and --key of programs.
 struct ServerAddress {
-  std::string endpoint;    // tcp://host:port or ipc://path
+  std::string endpoint;    // tcp://host:port, ipc://path, or file://path of an endpoint file
   std::string server_key;  // tcp: the server's public key; empty: the connection is not encrypted
   std::string secret_key;  // tcp: secret key of the client; empty if server_key is empty
 };
@@ -31,7 +31,8 @@ std::vector<KeyLine> read_keys(const std::filesystem::path& file);
 std::string read_public_key(const std::filesystem::path& file);
 std::string read_secret_key(const std::filesystem::path& file);
 
-// Reads the two key files of an address; either both files or neither must be given.
+// Reads the two key files of an address; either both files or neither must be given. An endpoint file holds the
+// server's key itself.
 void read_keys_into(ServerAddress& address, const std::filesystem::path& server_key,
                     const std::filesystem::path& secret_key);
 

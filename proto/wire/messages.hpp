@@ -149,8 +149,12 @@ struct Checkpoint {
 struct Drain {
   static constexpr BodyRow kBody = {30, "drain"};
   bool exit = false;
+  std::uint64_t within_s = 0;
 
-  static void fields(auto&& v, auto& m) { v(1, "exit", m.exit); }
+  static void fields(auto&& v, auto& m) {
+    v(1, "exit", m.exit);
+    v(2, "within_s", m.within_s);
+  }
 };
 enum class Top { kUnspecified = 0, kHottest = 1, kFastest = 2, kMolten = 3 };
 struct Inspect {

@@ -20,6 +20,8 @@ using wire::Field;
 
 namespace {
 
+constexpr std::uint64_t kMaxDrainS = 365 * 86'400;  // longest time that a drain may give the sessions
+
 // A node that may enter a list of top nodes: its row in the session, and the value by which the list is sorted.
 struct Candidate {
   double value;
@@ -68,10 +70,19 @@ void Service::checkpoint_now(wire::Reply& reply) {
 }
 
 void Service::drain(const wire::Drain& drain, const Caller& caller, wire::Reply& reply) {
-  log(fmt::format("{} drains the server: no new sessions{}; {} are open", caller.identity,
-                  drain.exit ? ", and the end with the last" : "", metrics_.sessions));
+  if (drain.within_s != 0 && (!drain.exit || drain.within_s > kMaxDrainS))
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("drain.within_s = {}{}", drain.within_s,
+                                     drain.exit ? fmt::format(", expected at most {}", kMaxDrainS)
+                                                : " without drain.exit, which it limits"),
+                 .remedy = "Ask for the end of the server, too, within a year.",
+                 .field = "drain.within_s"});
+  log(fmt::format("{} drains the server: no new sessions{}{}; {} are open", caller.identity,
+                  drain.exit ? ", and the end with the last" : "",
+                  drain.within_s != 0 ? fmt::format(", or in {} s", drain.within_s) : "", metrics_.sessions));
   draining_ = true;
   exit_when_drained_ = exit_when_drained_ || drain.exit;
+  if (drain.within_s != 0) drain_until_ns_ = options_.now_ns() + 1'000'000'000 * drain.within_s;
   reply.body = wire::Draining{.sessions = metrics_.sessions};
 }
 

@@ -108,8 +108,11 @@ class Service : private store::Recovery {
   void end_checkpoint(bool wait) noexcept;
   bool checkpointing() const { return job_ != nullptr; }
 
-  // True if an operator has asked the server to end with the last session and no session is open any more.
-  bool drained() const { return exit_when_drained_ && metrics_.sessions == 0; }
+  // True if an operator has asked the server to end with the last session, and no session is open any more or the time
+  // that the operator gave the sessions is over.
+  bool drained() const {
+    return exit_when_drained_ && (metrics_.sessions == 0 || options_.now_ns() >= drain_until_ns_);
+  }
 
   // Closes the sessions that have been idle for as long as their clients allowed. Called between requests.
   void close_idle_sessions() noexcept;
@@ -248,6 +251,7 @@ class Service : private store::Recovery {
   bool shutting_down_ = false;
   bool draining_ = false;
   bool exit_when_drained_ = false;
+  std::uint64_t drain_until_ns_ = std::numeric_limits<std::uint64_t>::max();
   Members members_;  // all open sessions and the last closed ones
   std::map<std::string, std::deque<wire::SessionId>, std::less<>> closed_;  // by identity, oldest first
   std::map<wire::TransferId, store::TransferImage> transfers_;              // offered nodes, which no session owns

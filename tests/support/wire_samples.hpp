@@ -125,7 +125,7 @@ inline std::vector<std::pair<std::string, Request>> requests() {
   add("resume_session", ResumeSession{.resume_token = session_id(), .claim = 3, .claimant = 77});
   add("mark", Mark{.name = "dump 17"});
   add("checkpoint", Checkpoint{});
-  add("drain", Drain{.exit = true});
+  add("drain", Drain{.exit = true, .within_s = 18});
   add("inspect", Inspect{.after = session_id(), .top = Top::kMolten, .count = 5});
   add("rollback_to_mark", Rollback{.to_mark = "dump 17"});
   const auto some_nodes = [&](std::span<const Field> fields) {

@@ -207,6 +207,25 @@ TEST(Operations, ADrainedServerFinishesWhatItHasAndOpensNothing) {
   EXPECT_TRUE(harness.service.drained());
 }
 
+TEST(Operations, ADrainedServerEndsAfterTheTimeThatItGaveItsSessions) {
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(support::force_scene(), kNodes));
+  EXPECT_EQ(harness.ask(asking(wire::Drain{.within_s = 30}), kOperator).code(), Code::kInvalidValue) << "without exit";
+  const auto endless = harness.ask(asking(wire::Drain{.exit = true, .within_s = ~std::uint64_t{0}}), kOperator);
+  EXPECT_EQ(endless.reply.status.field, "drain.within_s");
+  EXPECT_FALSE(status_of(harness).draining) << "a refused drain changes nothing";
+
+  EXPECT_TRUE(harness.ask(asking(wire::Drain{.exit = true, .within_s = 30}), kOperator).reply.status.ok());
+  harness.clock += 29'000'000'000;
+  EXPECT_FALSE(harness.service.drained());
+  harness.ask(asking(wire::Drain{.exit = true}), kOperator);
+  harness.clock += 2'000'000'000;
+  EXPECT_TRUE(harness.service.drained()) << "a drain without a time leaves the time as it is";
+  EXPECT_EQ(status_of(harness).sessions, 1u) << "the session is left to the checkpoint";
+  harness.ask(asking(wire::Drain{.exit = true, .within_s = 30}), kOperator);
+  EXPECT_FALSE(harness.service.drained()) << "a later time replaces an earlier one";
+}
+
 TEST(Operations, ACheckpointNeedsAStateDirectory) {
   ServiceHarness harness;
   EXPECT_EQ(harness.ask(asking(wire::Checkpoint{}), kOperator).code(), Code::kUnsupported);

@@ -27,10 +27,11 @@
  * _INIT. Members that are zero have their default.
  *
  * Environment variables that a user sets, without a change of the host:
- *   SHEARBUS_ENDPOINT  replaces shearbus_options.endpoint
- *   SHEARBUS_SCENE     file that replaces the scene of shearbus_options
- *   SHEARBUS_RECORD    directory, or new file, that gets an event log of the session, for shearbus-replay
- *   SHEARBUS_LOG       file to which the library appends its log lines; "stderr" for standard error */
+ *   SHEARBUS_ENDPOINT         replaces shearbus_options.endpoint
+ *   SHEARBUS_SECRET_KEY_FILE  replaces shearbus_options.secret_key_file
+ *   SHEARBUS_SCENE            file that replaces the scene of shearbus_options
+ *   SHEARBUS_RECORD           directory, or new file, that gets an event log of the session, for shearbus-replay
+ *   SHEARBUS_LOG              file to which the library appends its log lines; "stderr" for standard error */
 #ifndef SHEARBUS_H
 #define SHEARBUS_H
 
@@ -171,12 +172,14 @@ enum {
 
 typedef struct shearbus_options {
   size_t size;
-  const char* endpoint;        /* tcp://host:port or ipc://path; NULL, "" or "embedded": a server in this process */
+  const char* endpoint;        /* tcp://host:port, ipc://path, or file://path of a server's endpoint file; NULL, "" or
+                                  "embedded": a server in this process */
   const char* scene_file;      /* path of a TOML file; set either scene_file or scene_text */
   const char* scene_text;      /* TOML text */
   const char* domain;          /* node ids are unique among the sessions of a domain; NULL: within this session only */
   const char* name;            /* name of this host, for the server's log */
-  const char* server_key_file; /* tcp: file of the server's public CURVE key; set both key files or none */
+  const char* server_key_file; /* tcp: file of the server's public CURVE key; set both key files or none. An endpoint
+                                  file has the server's key: with file:// this may be NULL */
   const char* secret_key_file; /* tcp: file of this client's secret CURVE key */
   double connect_deadline_s;   /* deadline of connecting and the first exchange; default 5 */
   double reply_deadline_s;     /* deadline of any call, repeats included; default 60 */

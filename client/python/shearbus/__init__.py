@@ -40,8 +40,8 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     """Opens a session: one shear layer for each node. Returns a Session, which is a context manager.
 
     scene: path of a TOML file, TOML text (anything with a line break), or a dict. nodes: distinct whole numbers from 0
-    on; none only in a domain. endpoint: tcp://host:port or ipc://path; None starts a server, which ends with the
-    session. initial_temperature (K): a number or an array (N,); None: the scene's. domain: sessions of a domain share
+    on; none only in a domain. endpoint: tcp://host:port, ipc://path, or file://path of a server's endpoint file; None
+    starts a server, which ends with the session. initial_temperature (K): a number or an array (N,); None: the scene's. domain: sessions of a domain share
     their node ids, and nodes move between them. want: names of columns that every reply shall have in addition
     ("ledger": the energy ledger). record: keeps a history. closure: what a
     force-driven host meets whose jump is not the jump that its last step answered, "warn", "error" or "off"
@@ -50,7 +50,8 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     and the client's secret key, for tcp; name, for the server's log; connect_deadline (5), reply_deadline (60, of every
     call, retries included) and retry_after (5), after which a request is sent again, in seconds.
 
-    The environment variables SHEARBUS_ENDPOINT and SHEARBUS_SCENE (a path) replace endpoint and scene;
+    The environment variables SHEARBUS_ENDPOINT, SHEARBUS_SCENE and SHEARBUS_SECRET_KEY_FILE (paths) replace endpoint,
+    scene and key;
     SHEARBUS_RECORD, a directory or a new file, gets an event log of the session (proto/wire/event_log.md). Raises an
     Error."""
     text, file = _scene(os.environ.get("SHEARBUS_SCENE") or scene)
@@ -109,6 +110,8 @@ def _session(endpoint, want, record, closure, options):
         server = None
         if endpoint is None:
             server = undo.enter_context(Server())
+        elif key := os.environ.get("SHEARBUS_SECRET_KEY_FILE"):
+            options = {**options, "key": key}
         connection = Connection(server.endpoint if server else endpoint, **options)
         if place := os.environ.get("SHEARBUS_RECORD"):
             connection.recorder = Recorder(place)

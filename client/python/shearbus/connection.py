@@ -4,8 +4,10 @@ import contextlib
 import logging
 import os
 import pathlib
+import stat
 import struct
 import time
+import tomllib
 from typing import Any, NamedTuple
 
 import zmq
@@ -49,35 +51,85 @@ def key_in(file, secret):
     except (OSError, UnicodeError) as fault:
         raise AuthError(Code.AUTH, f"{file}: the key cannot be read: {fault}",
                         "shearbus-ctl keygen makes a pair of files.")
-    if len(lines) != 1 or len(lines[0]) != 40 or not Z85.issuperset(lines[0]):
+    if len(lines) != 1 or not _is_key(lines[0]):
         raise AuthError(Code.AUTH, f"{file}: expected one key of 40 characters of Z85",
                         "shearbus-ctl keygen makes a pair of files.")
     return lines[0]
 
 
+FILE_SCHEME = "file://"  # an endpoint that names an endpoint file, which a server writes when it listens
+MAX_ENDPOINT_FILE_BYTES = 4096
+FILE_PAUSE_S = 0.05  # time between two looks at an endpoint file
+FILE_LOOK_S = 0.5  # likewise while the server that it names does not answer
+
+
+class EndpointFile(NamedTuple):
+    """What an endpoint file tells (deploy/README.md, "Endpoint files"). server_key: empty where the server has none."""
+    version: str
+    host: str
+    server_key: str
+    endpoint: str
+    epoch: str
+
+
+def endpoint_in(file):
+    """Returns the EndpointFile of a path. Raises ValueError for a file that is absent, incomplete or no endpoint file."""
+    try:
+        with open(os.open(file, os.O_RDONLY | os.O_NONBLOCK), "rb") as opened:
+            if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
+                raise ValueError(f"{file}: is not a regular file")
+            text = opened.read(MAX_ENDPOINT_FILE_BYTES + 1)
+        if len(text) > MAX_ENDPOINT_FILE_BYTES:
+            raise ValueError(f"{file}: has more than {MAX_ENDPOINT_FILE_BYTES} bytes; it is no endpoint file")
+        if text and not text.endswith(b"\n"):
+            raise ValueError(f"{file}: the last line is incomplete; the file was written only in part")
+        table = tomllib.loads(text.decode())
+    except OSError as fault:
+        raise ValueError(f"{file}: cannot be read: {fault.strerror}") from None
+    except (UnicodeError, tomllib.TOMLDecodeError) as fault:
+        raise ValueError(f"{file}: is no endpoint file: {fault}") from None
+    for key in EndpointFile._fields:
+        if not isinstance(table.get(key), str):
+            raise ValueError(f"{file}: has no {key}; expected an endpoint file of shearbus-server, complete")
+    found = EndpointFile(*(table[key] for key in EndpointFile._fields))
+    if not found.endpoint.startswith(("tcp://", "ipc://")):
+        raise ValueError(f"{file}: endpoint = {found.endpoint!r}, expected tcp://HOST:PORT or ipc://PATH")
+    if found.server_key and not _is_key(found.server_key.encode()):
+        raise ValueError(f"{file}: server_key is not a key of 40 characters of Z85")
+    return found
+
+
+def _is_key(key):
+    return len(key) == 40 and Z85.issuperset(key)
+
+
 class Connection:
     """A connection to a server, with a socket that is replaced after every reply that did not come in time.
 
-    endpoint: tcp://host:port or ipc://path. server_key, key: files of the server's public and the client's own secret
-    key, for tcp. Times in seconds; reply_deadline is that of a call, retries included."""
+    endpoint: tcp://host:port, ipc://path, or file://path of a server's endpoint file. server_key, key: files of the
+    server's public and the client's own secret key, for tcp; an endpoint file has the server's key. Times in seconds; reply_deadline is that of a call, retries included."""
 
     def __init__(self, endpoint, server_key=None, key=None, name="shearbus-python", connect_deadline=5.0,
                  reply_deadline=60.0, retry_after=5.0):
-        if not isinstance(endpoint, str) or not endpoint.startswith(("tcp://", "ipc://")):
+        if not isinstance(endpoint, str) or not endpoint.startswith(("tcp://", "ipc://", FILE_SCHEME)):
             raise Unreachable(Code.UNREACHABLE, f"{endpoint!r} is not an endpoint",
-                              "Use tcp://host:port or ipc://path.")
-        if (server_key is None) != (key is None):
+                              "Use tcp://host:port, ipc://path, or file://path of an endpoint file.")
+        by_file = endpoint.startswith(FILE_SCHEME)
+        if (server_key is None) != (key is None) and not (by_file and server_key is None):
             raise AuthError(Code.AUTH,
                             "server_key and key go together: the server's public key and one's own secret key",
                             "Give both, or neither; shearbus-ctl keygen makes a pair.")
-        if key is not None and not endpoint.startswith("tcp://"):
+        if key is not None and not by_file and not endpoint.startswith("tcp://"):
             raise AuthError(Code.AUTH, f"{endpoint} takes no keys: it is on this machine, where the user is known",
                             "Leave out server_key and key.")
         self.endpoint, self.name = endpoint, name
         self.connect_deadline, self.reply_deadline, self.retry_after = connect_deadline, reply_deadline, retry_after
         self.server_key = self.secret_key = self.public_key = None
+        self._where, self._file_fault = endpoint, None  # the server for messages; why its endpoint file cannot be used
+        self._file_epoch = None  # epoch in the endpoint file when the socket was made
         if key is not None:
-            self.server_key, self.secret_key = key_in(server_key, False), key_in(key, True)
+            self.server_key = None if server_key is None else key_in(server_key, False)
+            self.secret_key = key_in(key, True)
             self.public_key = zmq.curve_public(self.secret_key)
         self._socket = self._monitor = None
         self.recorder = None  # a Recorder that gets the frames of every exchange
@@ -123,14 +175,23 @@ class Connection:
         last_moment = started + (self.reply_deadline if deadline is None else deadline)
         sent = False
         while True:
-            if self._socket is None:
-                self._connect()
-            while not self._send(frames):
-                if self._wait(self._outgoing, last_moment):
-                    continue
+            while self._socket is None and not self._connect():
                 if self._refusal:
                     self._refused(sent)
-                self._give_up(sent, started)
+                now = time.monotonic()
+                if now >= last_moment:
+                    self._give_up(sent, started)
+                if now >= self._report_at:
+                    log.warning("waiting for a server at %s: %s", self.endpoint, self._file_fault)
+                    self._report_at = float("inf")
+                time.sleep(FILE_PAUSE_S)
+            if not self._send_until(frames, last_moment):
+                if self._refusal:
+                    self._refused(sent)
+                if time.monotonic() >= last_moment:
+                    self._give_up(sent, started)
+                self.close()  # to connect to the server where it is now
+                continue
             sent = True
             received = self._receive(request_id, min(last_moment, time.monotonic() + self.retry_after), started)
             if received is not None:
@@ -138,7 +199,7 @@ class Connection:
                 if status is not None and status.code == Code.RECOVERING:
                     # The server is at work and answers when it has recovered: the deadline begins anew.
                     if time.monotonic() >= self._report_at:
-                        log.warning("waiting for the server at %s: %s", self.endpoint, status.text)
+                        log.warning("waiting for the server at %s: %s", self._where, status.text)
                         self._report_at = time.monotonic() + REPORT_AFTER_S
                     time.sleep(RECOVERY_PAUSE_S)
                     last_moment = time.monotonic() + (self.reply_deadline if deadline is None else deadline)
@@ -150,33 +211,80 @@ class Connection:
             if time.monotonic() >= last_moment:
                 self._give_up(sent, started)
 
+    def _find_server(self):
+        """Returns the address of the server and its public key. An endpoint file is read before each new socket,
+        because a restarted server may listen elsewhere; None, None where it cannot be used."""
+        if not self.endpoint.startswith(FILE_SCHEME):
+            return self.endpoint, self.server_key
+        try:
+            file = endpoint_in(self.endpoint.removeprefix(FILE_SCHEME))
+        except ValueError as fault:
+            self._file_fault = str(fault)
+            return None, None
+        self._file_fault, self._file_epoch = None, file.epoch
+        self._where = f"{file.endpoint} (named by {self.endpoint}, written on {file.host})"
+        if file.endpoint.startswith("ipc://"):
+            if self.server_key:
+                self._refusal = ("a server on this machine proves no key, and this client expects one",
+                                 "Leave out server_key.")
+            return file.endpoint, None
+        server_key = self.server_key or file.server_key.encode()
+        if server_key and not self.secret_key:
+            self._refusal = ("the server expects clients with keys, and this one has none",
+                             "Give key; shearbus-ctl keygen makes a pair of files.")
+        elif self.secret_key and not server_key:
+            self._refusal = ("the server has no keys, and this client has one to prove itself",
+                             "Leave out key, or have the server started with --curve-secret.")
+        return file.endpoint, server_key
+
     def _connect(self):
+        """Makes a socket that connects to the server. Returns False if the endpoint file names no server to use."""
         self._refusal, self._frames_read = None, 0
-        path = self.endpoint.removeprefix("ipc://")
-        if path != self.endpoint and os.path.exists(path) and not os.access(path, os.W_OK, effective_ids=True):
-            raise AuthError(Code.AUTH, f"{self.endpoint}: uid {os.geteuid()} may not connect there",
+        endpoint, server_key = self._find_server()
+        if endpoint is None or self._refusal:
+            return False
+        self._proves_keys = bool(server_key)
+        path = endpoint.removeprefix("ipc://")
+        if path != endpoint and os.path.exists(path) and not os.access(path, os.W_OK, effective_ids=True):
+            raise AuthError(Code.AUTH, f"{self._where}: uid {os.geteuid()} may not connect there",
                             f"Run as the server's user, or have it started with --allow-uid {os.geteuid()}.")
         socket = zmq.Context.instance().socket(zmq.DEALER)
         try:
             for option, value in ((zmq.IMMEDIATE, 1), (zmq.LINGER, 0), (zmq.MAXMSGSIZE, MAX_PAYLOAD_BYTES),
                                   (zmq.RECONNECT_IVL, 100), (zmq.RECONNECT_IVL_MAX, 5000), (zmq.HANDSHAKE_IVL, 5000),
                                   (zmq.HEARTBEAT_IVL, 2000), (zmq.HEARTBEAT_TIMEOUT, 6000), (zmq.TCP_KEEPALIVE, 1),
-                                  (zmq.IPV6, int(self.endpoint.startswith("tcp://["))), (zmq.RCVTIMEO, RECEIVE_MS)):
+                                  (zmq.IPV6, int(endpoint.startswith("tcp://["))), (zmq.RCVTIMEO, RECEIVE_MS)):
                 socket.setsockopt(option, value)
-            if self.secret_key:
-                socket.curve_serverkey, socket.curve_publickey = self.server_key, self.public_key
+            if server_key:
+                socket.curve_serverkey, socket.curve_publickey = server_key, self.public_key
                 socket.curve_secretkey = self.secret_key
             monitor = socket.get_monitor_socket(HANDSHAKES)
-            socket.connect(self.endpoint)
+            socket.connect(endpoint)
         except zmq.ZMQError as fault:
             socket.close()
-            raise Unreachable(Code.UNREACHABLE, f"{self.endpoint}: {fault}", "Use tcp://host:port or ipc://path.")
+            raise Unreachable(Code.UNREACHABLE, f"{self._where}: {fault}", "Use tcp://host:port or ipc://path.")
         self._socket, self._monitor = socket, monitor
         self._incoming, self._outgoing = zmq.Poller(), zmq.Poller()
         self._incoming.register(socket, zmq.POLLIN)
         self._outgoing.register(socket, zmq.POLLOUT)
         for poller in (self._incoming, self._outgoing):
             poller.register(monitor, zmq.POLLIN)
+        return True
+
+    def _send_until(self, frames, last_moment):
+        """Sends as soon as there is a connection. Returns False if `last_moment` passed first, if the server refused
+        the connection, or if it was started again and its endpoint file names another address."""
+        while not self._send(frames):
+            look = last_moment if self._file_epoch is None else min(last_moment, time.monotonic() + FILE_LOOK_S)
+            if not self._wait(self._outgoing, look) and (self._refusal or look == last_moment
+                                                         or self._server_has_moved()):
+                return False
+        return True
+
+    def _server_has_moved(self):
+        with contextlib.suppress(ValueError):  # a server that has ended; the next one writes the file again
+            return endpoint_in(self.endpoint.removeprefix(FILE_SCHEME)).epoch != self._file_epoch
+        return False
 
     def _send(self, frames):
         """Sends without waiting. Returns False if there is no connection (yet)."""
@@ -193,7 +301,7 @@ class Connection:
         while True:
             now = time.monotonic()
             if now >= self._report_at:
-                log.warning("waiting for the server at %s", self.endpoint)
+                log.warning("waiting for the server at %s", self._where)
                 self._report_at = float("inf")
             left = max(min(until, self._report_at) - now, 0.0)
             found = poller.poll(int(left * 1000) + 1)
@@ -238,7 +346,7 @@ class Connection:
                     raise ValueError("it does not begin with the magic number of shearbus")
                 payload = _checked_payload(answer.payload, frames)
             except (ValueError, IndexError) as fault:
-                raise UnexpectedReply(Code.UNEXPECTED_REPLY, f"{self.endpoint} sent what is no reply: {fault}",
+                raise UnexpectedReply(Code.UNEXPECTED_REPLY, f"{self._where} sent what is no reply: {fault}",
                                       "Is it a shearbus server of this version?")
             refused = answer.status is not None and answer.status.code != Code.OK
             # A reply has the id 0 if the server could not read the id of the request.
@@ -256,7 +364,7 @@ class Connection:
 
     def _handshake(self, event, detail):
         """Keeps the reason of a failed handshake if a retry is useless."""
-        keys = self.secret_key is not None
+        keys = self._proves_keys
         uid = os.geteuid()
         failed = event == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
         mismatch = failed and detail == zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH
@@ -288,18 +396,25 @@ class Connection:
         text, remedy = self._refusal
         self.close()
         if not sent:
-            raise AuthError(Code.AUTH, f"{self.endpoint}: {text}", remedy)
+            raise AuthError(Code.AUTH, f"{self._where}: {text}", remedy)
         raise UnknownOutcome(
-            Code.UNKNOWN_OUTCOME, f"{self.endpoint}: {text}; the request had been sent before, and may or may not "
+            Code.UNKNOWN_OUTCOME, f"{self._where}: {text}; the request had been sent before, and may or may not "
             "have run", remedy)
 
     def _give_up(self, sent, started):
         waited = time.monotonic() - started
+        if not sent and self._file_fault:
+            raise Unreachable(Code.UNREACHABLE,
+                              f"no endpoint file of a server within {waited:.1f} s: {self._file_fault}",
+                              "Is a server running? It writes the file when it listens: shearbus-server "
+                              "--endpoint-file FILE, for clients with file://FILE.")
         if not sent:
-            raise Unreachable(Code.UNREACHABLE, f"no server answered at {self.endpoint} within {waited:.1f} s",
-                              f"Is one running? Start it with: shearbus-server --bind {self.endpoint}")
+            raise Unreachable(Code.UNREACHABLE, f"no server answered at {self._where} within {waited:.1f} s",
+                              "A server that is killed leaves its file behind: start it again, or remove the file."
+                              if self.endpoint.startswith(FILE_SCHEME) else
+                              f"Is one running? Start it with: shearbus-server --bind {self._where}")
         raise UnknownOutcome(
-            Code.UNKNOWN_OUTCOME, f"{self.endpoint} did not answer within {waited:.1f} s; the request may or may not "
+            Code.UNKNOWN_OUTCOME, f"{self._where} did not answer within {waited:.1f} s; the request may or may not "
             "have run", "Make the same call again: if it has run, it is not run a second time.")
 
 

@@ -154,30 +154,32 @@ inline void respond(const HeatOperator& heat, std::span<const double> gain, cons
   }
 }
 
+[[gnu::always_inline]] inline void scale(Row& row, double factor) {
+  SHEARBUS_EACH_PART row.part[p] *= factor;
+}
+[[gnu::always_inline]] inline void add_to(double* lanes, const Row& row) {
+  SHEARBUS_EACH_PART store(load(lanes + p * kWidth) + row.part[p], lanes + p * kWidth);
+}
+
 inline void add_spread(const HeatOperator& heat, std::ptrdiff_t layer_vertices, const double* flux,
                        const double* response, double* temperature) {
   const std::ptrdiff_t interface = heat.interface;
   const std::ptrdiff_t end = interface + layer_vertices;
   const Row q = row_at(flux, 0);
   Row t;
-  const auto add = [&](std::ptrdiff_t i)
-      __attribute__((always_inline)){SHEARBUS_EACH_PART{double* T = temperature + i * kLanes + p * kWidth;
-  store(load(T) + t.part[p], T);
-}
-}
-;
-const auto decay = [&](std::ptrdiff_t i) __attribute__((always_inline)) {
-  const double outward = heat.outward[i];
-  SHEARBUS_EACH_PART t.part[p] *= outward;
-  add(i);
-};
-SHEARBUS_EACH_PART t.part[p] = q.part[p] * load(response + p * kWidth);
-for (std::ptrdiff_t i = interface; i-- > 0;) decay(i);
-for (std::ptrdiff_t i = interface; i < end; ++i) {
-  SHEARBUS_EACH_PART t.part[p] = q.part[p] * load(response + (i - interface) * kLanes + p * kWidth);
-  add(i);
-}
-for (std::ptrdiff_t i = end; i < std::ssize(heat.outward); ++i) decay(i);
+  SHEARBUS_EACH_PART t.part[p] = q.part[p] * load(response + p * kWidth);
+  for (std::ptrdiff_t i = interface; i-- > 0;) {
+    scale(t, heat.outward[i]);
+    add_to(temperature + i * kLanes, t);
+  }
+  for (std::ptrdiff_t i = interface; i < end; ++i) {
+    SHEARBUS_EACH_PART t.part[p] = q.part[p] * load(response + (i - interface) * kLanes + p * kWidth);
+    add_to(temperature + i * kLanes, t);
+  }
+  for (std::ptrdiff_t i = end; i < std::ssize(heat.outward); ++i) {
+    scale(t, heat.outward[i]);
+    add_to(temperature + i * kLanes, t);
+  }
 }
 
 inline void extrapolate(std::ptrdiff_t num_rows, double factor, const double* before, double* rows) {

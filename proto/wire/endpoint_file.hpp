@@ -1,0 +1,32 @@
+// Endpoint files: a server that listens writes its address and its public key into a file, and clients read the file
+// instead of being given both. deploy/README.md, "Endpoint files", describes the format.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace shearbus::wire {
+
+// Begin of an endpoint that names an endpoint file: file://PATH.
+inline constexpr std::string_view kFileScheme = "file://";
+
+struct EndpointFile {
+  std::string version;     // of the server program
+  std::string host;        // name of the server's machine
+  std::string server_key;  // the server's public key; empty: the server has none
+  std::string endpoint;    // address for clients: tcp://HOST:PORT or ipc://PATH
+  std::string epoch;       // 16 hexadecimal digits, others for each start of a server
+};
+
+// Returns the address for clients of an endpoint as bound. A tcp address of all interfaces becomes one of `host`, a
+// relative ipc path an absolute one.
+std::string address_for_clients(const std::string& bound, const std::string& host);
+
+// Returns the text of an endpoint file. Throws std::runtime_error for a value that the format cannot hold.
+std::string text_of(const EndpointFile& contents);
+
+// Throws std::runtime_error for a file that is absent, incomplete or no endpoint file; its text names the file.
+EndpointFile read_endpoint_file(const std::filesystem::path& file);
+
+}  // namespace shearbus::wire

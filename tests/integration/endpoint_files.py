@@ -1,0 +1,285 @@
+"""Servers that write endpoint files, and clients that find them: the C++ programs and the Python client. Drains that end within a time."""
+import argparse
+import json
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+import urllib.request
+
+OPTIONS = None
+
+
+def listing(path):
+    return dict(re.findall(r'^(\w+) = "(.*)"$', path.read_text(), re.M))
+
+
+class EndpointFiles(unittest.TestCase):
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.path = pathlib.Path(scratch.name)
+        self.file = self.path / "servers/one"
+        self.file.parent.mkdir()
+        self.endpoint = f"file://{self.file}"
+        self.processes = []
+        self.addCleanup(self.end_all)
+
+    def end_all(self):
+        for process in self.processes:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            process.stderr.close()
+
+    def serve(self, *arguments, bind=None, file=None):
+        command = [OPTIONS.server, "--bind", bind or f"ipc://{self.path}/bus/s", "--endpoint-file", file or self.file, "--threads", 1,
+                   *arguments]
+        process = subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, text=True, cwd=self.path)
+        self.processes.append(process)
+        return process
+
+    def ended(self, process, code=0):
+        said = process.communicate(timeout=30)[1]
+        self.assertEqual(process.returncode, code, said)
+        return said
+
+    def ctl(self, *words, code=0, timeout=30):
+        done = subprocess.run([OPTIONS.ctl, *map(str, words)], capture_output=True, text=True, timeout=timeout)
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        return done.stdout + done.stderr
+
+    def wait(self, *arguments, code=0):
+        return self.ctl("wait", "--server", self.endpoint, "--timeout", 20, *arguments, code=code)
+
+    def keys(self):
+        """Makes keys and returns the options of a server with them, and the client's secret file."""
+        self.ctl("keygen", self.path / "server")
+        self.ctl("keygen", "--operator", self.path / "own")
+        return ["--curve-secret", self.path / "server.secret", "--authorized-keys", self.path / "own.public"], self.path / "own.secret"
+
+    def session(self, **options):
+        scene = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
+        return shearbus.open(scene, range(4), self.endpoint, closure="off", **options)
+
+    def step(self, session):
+        return session.step(1e-9, jump=10.0, pressure=1e8, stress_soft=0.0, stress_hard=0.0, mass_soft=1.0, mass_hard=1.0)
+
+    def test_a_server_on_a_free_port_is_found_with_its_key_and_takes_its_file_away(self):
+        options, key = self.keys()
+        server = self.serve(*options, bind="tcp://*:0")
+        self.wait("--key", key)
+        found = listing(self.file)
+        self.assertRegex(found["endpoint"], rf"^tcp://{re.escape(os.uname().nodename)}:[1-9]\d*$")
+        self.assertEqual(found["server_key"], (self.path / "server.public").read_text().split()[0])
+        self.assertEqual(found["host"], os.uname().nodename)
+        self.assertRegex(found["epoch"], r"^[0-9a-f]{16}$")
+        self.assertIn("expects clients with keys", self.ctl("ping", "--server", self.endpoint, code=1))
+        with self.session(key=key) as session:
+            self.step(session)
+        os.environ["SHEARBUS_SECRET_KEY_FILE"] = str(key)
+        self.addCleanup(os.environ.pop, "SHEARBUS_SECRET_KEY_FILE")
+        with self.session() as session:
+            self.step(session)
+        # Whoever knows the server's key insists on it, whatever the file says.
+        self.ctl("keygen", self.path / "other")
+        said = self.ctl("ping", "--server", self.endpoint, "--server-key", self.path / "other.public", "--key", key, "--timeout", 5,
+                        code=1)
+        self.assertRegex(said, "AUTH|UNREACHABLE")
+        server.send_signal(signal.SIGTERM)
+        self.ended(server)
+        self.assertEqual(list(self.file.parent.iterdir()), [])
+
+    def test_a_relative_socket_is_named_by_its_whole_path(self):
+        self.serve(bind="ipc://bus/s")
+        self.wait()
+        self.assertEqual(listing(self.file)["endpoint"], f"ipc://{self.path.resolve()}/bus/s")
+        self.assertEqual(listing(self.file)["server_key"], "")
+
+    def test_the_file_of_another_server_is_left_to_it(self):
+        first = self.serve()
+        self.wait()
+        self.serve(bind=f"ipc://{self.path}/other/s")
+        end = time.monotonic() + 20
+        while "other" not in listing(self.file)["endpoint"]:
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.02)
+        first.send_signal(signal.SIGTERM)
+        self.ended(first)
+        self.assertIn("/other/s", self.ctl("ping", "--server", self.endpoint, "--timeout", 5) + listing(self.file)["endpoint"])
+
+    def test_a_file_that_cannot_be_written_ends_the_server_with_the_reason(self):
+        self.assertIn("absent/file: cannot be written: No such file", self.ended(self.serve(file=self.path / "absent/file"), 1))
+        self.assertIn("cannot be written", self.ended(self.serve(file=self.path / "servers"), 1))
+        self.assertIn("a character that an endpoint file cannot hold", self.ended(self.serve(bind=f'ipc://{self.path}/a"b/s'), 1))
+
+    def test_whoever_waits_is_told_of_an_absent_incomplete_or_stale_file(self):
+        def refusals():
+            yield self.ctl("wait", "--server", self.endpoint, "--timeout", 0.3, code=1)
+            with self.assertRaises(shearbus.Unreachable) as caught:
+                self.session(connect_deadline=0.3)
+            yield str(caught.exception)
+
+        for said in refusals():
+            self.assertIn(f"{self.file}: cannot be", said)
+            self.assertIn("No such file", said)
+        server = self.serve()
+        self.wait()
+        whole = self.file.read_text()
+        self.file.write_text(whole[:-5])
+        for said in refusals():
+            self.assertIn("written only in part", said)
+        self.file.write_text(whole[:whole.index("epoch")])
+        for said in refusals():
+            self.assertIn("has no epoch", said)
+        self.file.write_text(whole)
+        server.kill()
+        server.wait()
+        for said in refusals():
+            self.assertIn(f"no server answered at ipc://{self.path}/bus/s (named by {self.endpoint}, written on", said)
+            self.assertIn("leaves its file behind", said)
+
+    def test_wait_waits_for_a_server_that_starts_later(self):
+        timer = threading.Timer(0.5, self.serve)
+        timer.start()
+        self.addCleanup(timer.join)
+        self.assertIn("answered in", self.wait())
+
+    def test_a_session_goes_on_with_the_next_server_at_another_port(self):
+        options, key = self.keys()
+        options += ["--state-dir", self.path / "state"]
+        server = self.serve(*options, bind="tcp://127.0.0.1:0")
+        self.wait("--key", key)
+        before = listing(self.file)
+        with self.session(key=key, reply_deadline=30.0) as session:
+            self.step(session)
+            server.kill()
+            server.wait()
+            self.serve(*options, bind="tcp://127.0.0.1:0")
+            started = time.monotonic()
+            self.step(session)  # finds the address that the first server had no more, and then the other
+            self.assertLess(time.monotonic() - started, 10)
+        after = listing(self.file)
+        self.assertNotEqual(after["endpoint"], before["endpoint"])
+        self.assertNotEqual(after["epoch"], before["epoch"])
+
+    def test_a_program_goes_on_with_the_next_server_at_another_port(self):
+        options, key = self.keys()
+        options += ["--state-dir", self.path / "state"]
+        server = self.serve(*options, bind="tcp://127.0.0.1:0")
+        text = (pathlib.Path(OPTIONS.source) / "hydro_stub/problems/cone_al_steel_coarse.toml").read_text()
+        for name, value in {"zone_width_m": "1e-3", "end_time_s": "5e-6"}.items():
+            text, found = re.subn(rf"(?m)^{name} = \S+", f"{name} = {value}", text)
+            self.assertEqual(found, 1)
+        scene = self.path / "cone.toml"
+        scene.write_text(text)
+        command = [OPTIONS.hydro, scene, "--out", self.path / "run", "--no-plot", "--dump-every", 5, "--server", self.endpoint, "--key", key]
+        host = subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, text=True)
+        self.processes.append(host)
+        end = time.monotonic() + 60
+        while not list((self.path / "run").glob("restart/dump-*.h5")):
+            self.assertLess(time.monotonic(), end)
+            self.assertIsNone(host.poll(), "the host has ended before a dump was seen")
+            time.sleep(0.002)
+        host.send_signal(signal.SIGSTOP)
+        server.kill()
+        server.wait()
+        self.serve(*options, bind="tcp://127.0.0.1:0")
+        host.send_signal(signal.SIGCONT)
+        self.ended(host)
+        self.assertTrue((self.path / "run/summary.json").exists())
+
+    def test_the_servers_of_a_directory_are_shown_by_line(self):
+        self.assertIn("no endpoint files", self.ctl("status", "--all", self.file.parent, code=1))
+        self.ctl("status", code=2)
+        self.ctl("status", "--all", self.file.parent, "--server", self.endpoint, code=2)
+        self.serve()
+        two = self.file.parent / "two"
+        second = self.serve(bind=f"ipc://{self.path}/second/s", file=two)
+        self.wait()
+        self.ctl("wait", "--server", f"file://{two}")
+        with self.session():
+            lines = self.ctl("status", "--all", self.file.parent).splitlines()
+            self.assertEqual([line.split()[0] for line in lines], ["one", "two"])
+            self.assertIn("1 sessions with 4 nodes", lines[0])
+            self.assertIn("0 sessions with 0 nodes", lines[1])
+        second.kill()
+        second.wait()
+        lines = self.ctl("status", "--all", self.file.parent, "--json", "--timeout", 0.5, code=1).splitlines()
+        self.assertEqual([json.loads(line)["file"] for line in lines], ["one", "two"])
+        self.assertIn("UNREACHABLE", json.loads(lines[1])["fault"])
+
+    def test_metrics_of_a_directory_are_served_by_http(self):
+        self.serve()
+        two = self.file.parent / "two"
+        second = self.serve(bind=f"ipc://{self.path}/second/s", file=two)
+        self.wait()
+        self.ctl("wait", "--server", f"file://{two}")
+        exporter = subprocess.Popen([OPTIONS.ctl, "metrics", "--all", self.file.parent, "--listen", "127.0.0.1:0", "--timeout", "0.5"],
+                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.processes.append(exporter)
+        self.addCleanup(exporter.stdout.close)
+        port = int(re.search(r"port (\d+)", exporter.stdout.readline())[1])
+
+        def scrape():
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+                lines = answer.read().decode().splitlines()
+            names = [line.split()[2] for line in lines if line.startswith("# TYPE")]
+            self.assertEqual(len(names), len(set(names)), "a family has more than one place")
+            return lines
+
+        with self.session() as session:
+            self.step(session)
+            lines = scrape()
+            for line in ('shearbus_up{server="one"} 1', 'shearbus_up{server="two"} 1', 'shearbus_nodes{server="one"} 4',
+                         'shearbus_nodes{server="two"} 0', 'shearbus_request_seconds_count{verb="downscale",server="one"} 1'):
+                self.assertIn(line, lines)
+        second.kill()
+        second.wait()
+        lines = scrape()
+        self.assertIn('shearbus_up{server="two"} 0', lines)
+        self.assertFalse([line for line in lines if 'server="two"' in line and "shearbus_up" not in line])
+        self.assertIn('shearbus_sessions{server="one"} 0', lines)
+        self.assertIn(f"cannot listen at 127.0.0.1:{port}",
+                      self.ctl("metrics", "--server", self.endpoint, "--listen", f"127.0.0.1:{port}", code=1))
+        exporter.send_signal(signal.SIGTERM)
+        self.ended(exporter)
+
+    def test_a_drain_within_a_time_ends_with_a_checkpoint_and_tells_that_sessions_were_open(self):
+        state = ["--state-dir", self.path / "state"]
+        server = self.serve(*state)
+        self.wait()
+        session = self.session()
+        self.step(session)
+        self.ctl("drain", "--within", 1, "--server", self.endpoint, code=2)
+        self.assertIn("or in 1 s", self.ctl("drain", "--exit", "--within", 1, "--server", self.endpoint))
+        self.assertIn("1 are open, and continue with the next server", self.ended(server, 3))
+        self.assertTrue(list((self.path / "state").glob("checkpoint-*.h5")))
+        self.assertFalse(self.file.exists())
+        # The next server has the session; a drain whose sessions end in time gives 0.
+        server = self.serve(*state)
+        self.step(session)
+        self.ctl("drain", "--exit", "--within", 30, "--server", self.endpoint)
+        session.close()
+        self.ended(server, 0)
+
+
+def main():
+    global OPTIONS, shearbus
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name in ("server", "ctl", "hydro", "source"):
+        parser.add_argument(f"--{name}", type=os.path.abspath, required=True)
+    OPTIONS, rest = parser.parse_known_args()
+    sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client/python"))
+    import shearbus
+    unittest.main(argv=[sys.argv[0], *rest])
+
+
+if __name__ == "__main__":
+    main()

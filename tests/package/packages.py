@@ -1,0 +1,196 @@
+"""Builds the Debian packages of a build tree and looks at what is in them. With --clean-root it also installs them into a new Debian 12 and
+uses them there. Exit code 77: a program that this needs is missing, and the last line says which."""
+import argparse
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+SKIPPED = 77
+PACKAGES = {"shearbus-server": "amd64", "libshearbus1": "amd64", "libshearbus-dev": "amd64", "python3-shearbus": "all", "shearbus-doc": "all"}
+# Some files of each package; every package has its copyright and its changelog in addition.
+FILES = {
+    "shearbus-server": ["usr/bin/shearbus-server", "usr/bin/shearbus-ctl", "usr/bin/shearbus-replay",
+                        "usr/lib/systemd/system/shearbus-server.service", "usr/share/man/man1/shearbus-ctl.1.gz",
+                        "usr/share/bash-completion/completions/shearbus-ctl", "usr/share/shearbus/slurm/one_node.sbatch",
+                        "usr/share/shearbus/slurm/job.sh"],
+    "libshearbus1": ["usr/lib/libshearbus.so.1", "usr/lib/libshearbus-embedded.so.1", "usr/lib/libshearbus-checkpoint.so.1"],
+    "libshearbus-dev": ["usr/include/shearbus/shearbus.h", "usr/include/shearbus/columns.h", "usr/include/shearbus/client.hpp",
+                        "usr/lib/libshearbus.so", "usr/lib/pkgconfig/shearbus.pc", "usr/lib/cmake/shearbus/shearbusConfig.cmake",
+                        "usr/share/shearbus/shearbus.f90"],
+    "python3-shearbus": ["usr/lib/python3/dist-packages/shearbus/__init__.py", "usr/lib/python3/dist-packages/shearbus/columns.inc"],
+    "shearbus-doc": ["usr/share/doc/shearbus/client/examples/host.py", "usr/share/doc/shearbus/client/signs.svg"],
+}
+DEPENDS = {
+    "shearbus-server": ["libzmq5", "libhdf5-103-1", "libprotobuf32", "libspdlog1.10-fmt9", "adduser"],
+    "libshearbus1": ["libzmq5", "libc6"],
+    "libshearbus-dev": ["libshearbus1 (= "],
+    "python3-shearbus": ["python3-numpy", "python3-zmq", "libxxhash0"],
+    "shearbus-doc": [],
+}
+EXPOSURE = 20  # largest exposure of the service, in tenths, as systemd-analyze security counts it
+
+# What a user does with the packages, in a root that has never seen the sources.
+SMOKE = r"""
+set -eu
+export HOME=/srv
+id shearbus >/dev/null
+shearbus-server --bind ipc:///run/bus/s --endpoint-file /run/endpoint --state-dir /srv/states --log-file /srv/log & server=$!
+shearbus-ctl wait --server file:///run/endpoint
+scene=/usr/share/doc/shearbus/client/examples/constant_friction.toml
+cat > /srv/host.py <<'END'
+import sys, shearbus
+with shearbus.open(sys.argv[1], range(3), "file:///run/endpoint") as bus:
+    print(bus.step(1e-9, jump=10.0, pressure=1e8, stress_soft=0.0, stress_hard=0.0, mass_soft=1.0, mass_hard=1.0).stress)
+END
+python3 /srv/host.py $scene
+cc -o /srv/host /usr/share/shearbus/examples/host.c $(pkg-config --cflags --libs shearbus) -lm
+SHEARBUS_ENDPOINT=file:///run/endpoint /srv/host $scene
+/srv/host $scene
+shearbus-ctl check $scene >/dev/null
+shearbus-ctl drain --exit --server file:///run/endpoint
+wait $server
+test ! -e /run/endpoint
+dpkg --purge shearbus-server libshearbus-dev python3-shearbus shearbus-doc libshearbus1
+test ! -e /usr/bin/shearbus-server
+echo smoke-test-passed
+"""
+
+
+def run(*command, check=True, **options):
+    done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options)
+    if check and done.returncode != 0:
+        sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout[-4000:]}")
+    return done.stdout
+
+
+def files_of(deb):
+    """Returns the paths in a package, without the directory of the architecture, which the prefix of the build decides on."""
+    names = (line.split(maxsplit=5)[5].removeprefix("./").split(" -> ")[0] for line in run("dpkg-deb", "-c", deb).splitlines())
+    return {re.sub(r"^usr/lib/[\w-]+-linux-gnu/", "usr/lib/", name) for name in names}
+
+
+def content_faults(debs, version):
+    for name, deb in debs.items():
+        found = files_of(deb)
+        for file in FILES[name] + [f"usr/share/doc/{name}/copyright", f"usr/share/doc/{name}/changelog.gz"]:
+            if file not in found:
+                yield f"{name}: has no {file}"
+        yield from (f"{name}: has {file}, outside /usr" for file in found if file and not file.startswith("usr"))
+        depends = run("dpkg-deb", "-f", deb, "Depends").strip()
+        yield from (f"{name}: does not depend on {wanted}, found: {depends}" for wanted in DEPENDS[name] if wanted not in depends)
+        if run("dpkg-deb", "-f", deb, "Version").strip() != version:
+            yield f"{name}: has another version than {version}"
+    owners = {}
+    for name, deb in debs.items():
+        for file in files_of(deb):
+            if not file.endswith("/") and owners.setdefault(file, name) != name:
+                yield f"{file}: in {owners[file]} and in {name}"
+
+
+def symbol_faults(deb, work):
+    """Compares the symbols file of the package with what its libraries export."""
+    root, control = work / "runtime", work / "runtime-control"
+    run("dpkg-deb", "-x", deb, root)
+    run("dpkg-deb", "-e", deb, control)
+    listed, library = {}, None
+    for line in (control / "symbols").read_text().splitlines():
+        if line.startswith(" "):
+            listed[library].add(line.split("@")[0].strip())
+        else:
+            library = line.split()[0]
+            listed[library] = set()
+    for library, symbols in listed.items():
+        exported = {line.split()[2] for line in run("nm", "-D", "--defined-only", *root.rglob(library)).splitlines()}
+        for symbol in sorted(symbols - exported):
+            yield f"{library}: {symbol} is gone, so the library needs another name (SOVERSION)"
+        for symbol in sorted(exported - symbols):
+            yield f"{library}: {symbol} is not in deploy/packaging/runtime/symbols; add it with this version"
+    libraries = {path.name for path in root.rglob("*.so.1")}
+    yield from (f"{library}: not in deploy/packaging/runtime/symbols" for library in sorted(libraries - listed.keys()))
+
+
+def page_faults(deb, work):
+    root = work / "server"
+    run("dpkg-deb", "-x", deb, root)
+    for program in ("shearbus-server", "shearbus-ctl", "shearbus-replay"):
+        page = run("zcat", root / f"usr/share/man/man1/{program}.1.gz")
+        wanted = [".SH NAME", "--help", "ping" if program == "shearbus-ctl" else "--"]
+        yield from (f"{program}.1: has no {text}" for text in wanted if text not in page.replace("\\-", "-"))
+    completed = run("bash", "-c", f"""
+export PATH={root}/usr/bin:$PATH
+_init_completion() {{ cur=${{COMP_WORDS[COMP_CWORD]}} words=("${{COMP_WORDS[@]}}") cword=$COMP_CWORD; }}
+_filedir() {{ :; }}
+source {root}/usr/share/bash-completion/completions/shearbus-ctl
+try() {{ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=(); _shearbus; echo "${{COMPREPLY[@]}}"; }}
+try shearbus-ctl p; try shearbus-ctl drain --w; try shearbus-server --endp""").splitlines()
+    if completed != ["ping", "--within", "--endpoint-file"]:
+        yield f"the completion gives {completed}"
+    unit = root / "usr/lib/systemd/system/shearbus-server.service"
+    if shutil.which("systemd-analyze"):
+        said = run("systemd-analyze", "security", "--offline=yes", f"--threshold={EXPOSURE}", "--no-pager", unit, check=False)
+        exposure = re.search(r"Overall exposure level[^:]*: (\S+)", said)
+        if not exposure:
+            print(f"the exposure of the service is not known here: {said.strip()[-200:]}")
+        elif float(exposure[1]) * 10 > EXPOSURE:
+            yield f"the service is more exposed than {EXPOSURE / 10}: {exposure[1]}"
+        else:
+            print(f"exposure of the service: {exposure[1]}")
+
+
+def lintian_faults(debs):
+    if not shutil.which("lintian"):
+        print("lintian is missing (deploy/packages/test.txt): the packages are not checked by it")
+        return
+    root = ["--allow-root"] if os.geteuid() == 0 else []
+    said = run("lintian", *root, "--fail-on=none", *debs.values())
+    yield from (line for line in said.splitlines() if line[:2] in ("E:", "W:"))
+
+
+def install(debs, mirror):
+    """Installs the packages into a new Debian 12 and runs SMOKE there."""
+    with tempfile.TemporaryDirectory() as work:
+        for deb in debs.values():
+            shutil.copy(deb, work)
+        hook = (f"mkdir -p $1/debs && cp {work}/*.deb $1/debs && cp {work}/smoke $1/srv/smoke && "
+                "chroot $1 apt-get install -y --no-install-recommends /debs/*.deb python3-xxhash gcc libc6-dev pkg-config && "
+                "chroot $1 sh /srv/smoke")
+        (pathlib.Path(work) / "smoke").write_text(SMOKE)
+        said = run("mmdebstrap", "--variant=apt", f"--customize-hook={hook}", "bookworm", "/dev/null", *([mirror] if mirror else []), check=False)
+    if "smoke-test-passed" not in said:
+        yield f"the packages do not work in a new Debian 12:\n{said[-4000:]}"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--build", type=pathlib.Path, required=True)
+    parser.add_argument("--cpack", default="cpack")
+    parser.add_argument("--version", required=True)
+    parser.add_argument("--clean-root", action="store_true")
+    parser.add_argument("--mirror", help="of Debian, for --clean-root")
+    options = parser.parse_args()
+    needed = ["dpkg-deb", "dpkg-shlibdeps", "help2man"] + (["mmdebstrap"] if options.clean_root else [])
+    absent = [program for program in needed if not shutil.which(program)]
+    if absent or not list(options.build.glob("man/*.1.gz")):
+        print(f"skipped: {', '.join(absent) or 'the manual, which needs help2man when the build is configured,'} missing (deploy/packages/test.txt)")
+        return SKIPPED
+    with tempfile.TemporaryDirectory() as scratch:
+        work = pathlib.Path(scratch)
+        run(options.cpack, "--config", options.build / "CPackConfig.cmake", "-B", work / "packages", "-D", "CPACK_DEBIAN_COMPRESSION_TYPE=gzip",
+            cwd=options.build)
+        debs = {name: work / "packages" / f"{name}_{options.version}_{architecture}.deb" for name, architecture in PACKAGES.items()}
+        faults = [f"{deb.name}: not built" for deb in debs.values() if not deb.exists()]
+        if not faults and options.clean_root:
+            faults = list(install(debs, options.mirror))
+        elif not faults:
+            faults = [*content_faults(debs, options.version), *symbol_faults(debs["libshearbus1"], work),
+                      *page_faults(debs["shearbus-server"], work), *lintian_faults(debs)]
+    print("\n".join(faults) if faults else "the packages are as they should be")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
