@@ -4,7 +4,8 @@
 #   -fno-trapping-math    nobody reads errno or traps; without these GCC does not vectorise the lane loops
 add_library(shearbus_settings INTERFACE)
 target_compile_options(shearbus_settings INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wno-missing-field-initializers -Wnon-virtual-dtor -Woverloaded-virtual
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wno-missing-field-initializers
+  $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor> $<$<COMPILE_LANGUAGE:CXX>:-Woverloaded-virtual>
   -ffp-contract=off -fno-math-errno -fno-trapping-math
   $<$<BOOL:${SHEARBUS_WARNINGS_AS_ERRORS}>:-Werror>)
 if(SHEARBUS_SANITIZE)
@@ -22,7 +23,7 @@ function(shearbus_room name)
   # The rooms are parts of shared libraries, too. Hidden symbols keep calls between them as direct as in a program.
   set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden UNITY_BUILD ${SHEARBUS_UNITY})
   if(SHEARBUS_UNITY AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    target_compile_options(${name} PRIVATE -Wno-subobject-linkage)  # takes the .cpp files that are included for headers
+    target_compile_options(${name} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>)  # takes the .cpp files that are included for headers
   endif()
 endfunction()
 
