@@ -61,8 +61,8 @@ struct LaneSearch {
   double stress;   // the answer  [Pa]
 };
 
-// Makes the searches of the lanes `wanted`, whose limits differ only in pressure, material at this pressure, and offset.
-// Returns the lanes whose answer is unique and was found.
+// Makes the searches of the lanes `wanted`, whose limits differ only in pressure, material at this pressure, and
+// offset. Returns the lanes whose answer is unique and was found.
 std::uint32_t wide_stress(LaneSearch (&searches)[kLanes], std::uint32_t wanted);
 
 }  // namespace shearbus::physics
