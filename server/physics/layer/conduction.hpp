@@ -105,7 +105,8 @@ void conduct_rows(std::span<const double> decay, const double* before, double* a
 void add_to_rows(std::span<const double> gain, const double (&flux)[kLanes], double* rows);
 
 // More of this kind: extrapolate_rows() writes before + factor (rows - before) to `rows`; range_of_rows() finds the
-// lowest and highest value of each lane; lanes_below() returns the lanes whose rows + flux * gain are all below `bound`.
+// lowest and highest value of each lane; lanes_below() returns the lanes of which each row + flux * gain is below
+// `bound`.
 void extrapolate_rows(int num_rows, double factor, const double* before, double* rows);
 void range_of_rows(std::ptrdiff_t num_rows, const double* rows, double (&lowest)[kLanes], double (&highest)[kLanes]);
 std::uint32_t lanes_below(std::span<const double> gain, const double (&flux)[kLanes], const double (&bound)[kLanes],

@@ -63,7 +63,8 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   // 1. Conduction without friction, all lanes: DLP (28-35).
   conduct(heat_of(0), n, T_old, T);
 
-  // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by lane.
+  // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by
+  // lane.
   WideAnswer answer{};
   double(&flux)[kLanes] = answer.flux;
   const LaneMaterials soft_at(problem.options.soft, inputs);

@@ -43,7 +43,8 @@ struct WideAnswer {
 // Whether the kernel has the model's interface.
 bool has_wide_slip(const Problem& problem);
 
-// Solves the active lanes and returns those whose answer is unique and was found. The answer of a lane depends on this lane alone.
+// Solves the active lanes and returns those whose answer is unique and was found. The answer of a lane depends on this
+// lane alone.
 std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer);
 
 // The same algorithm for one lane, with or without junctions. Returns nothing where the limit has another form, the
@@ -60,8 +61,8 @@ struct LaneSearch {
   double stress;   // the answer  [Pa]
 };
 
-// Makes the searches of the lanes `wanted`, whose limits differ only in pressure, material at this pressure, and offset.
-// Returns the lanes whose answer is unique and was found.
+// Makes the searches of the lanes `wanted`, whose limits differ only in pressure, material at this pressure, and
+// offset. Returns the lanes whose answer is unique and was found.
 std::uint32_t wide_stress(LaneSearch (&searches)[kLanes], std::uint32_t wanted);
 
 }  // namespace shearbus::physics

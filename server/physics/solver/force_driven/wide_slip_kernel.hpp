@@ -3,8 +3,8 @@
 
 // A lane that needs more rounds of Newton's method is left to slip_stress().
 inline constexpr int kRounds = 16;
-// Newton's method ends after a step below this fraction of the stress, of the slip and of the distance from melting: the
-// error after the step is about the square of that fraction.
+// Newton's method ends after a step below this fraction of the stress, of the slip and of the distance from melting:
+// the error after the step is about the square of that fraction.
 inline constexpr double kConverged = 1e-7;
 // A root is rounded down by a few ulp, so that a layer as strong as the interface does not flow by rounding.
 inline constexpr double kRoundedDown = 1.0 - 0x1p-50;
