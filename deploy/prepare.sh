@@ -23,11 +23,11 @@ install_packages() {
   apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 }
 
-# build_programs: the programs alone, for which no package of test.txt is looked for. A build with tests stays one.
+# build_programs TARGET: what a run needs (run), or all programs (programs). No package of test.txt is looked for. A build
+# with tests stays one.
 build_programs() {
-  say "Building in $build"
   [ -f "$build/build.ninja" ] || configure OFF
-  cmake --build "$build" --target programs
+  cmake --build "$build" --target "$1"
 }
 
 # build_with_tests [target...]: everything, or these targets. A build without tests is configured again.
@@ -38,6 +38,6 @@ build_with_tests() {
 }
 
 configure() {
-  cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSHEARBUS_TESTS="$1" \
+  cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSHEARBUS_UNITY=ON -DSHEARBUS_TESTS="$1" \
     -DSHEARBUS_WARNINGS_AS_ERRORS="$([ -n "${CI:-}" ] && echo ON || echo OFF)"
 }

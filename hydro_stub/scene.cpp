@@ -89,7 +89,7 @@ class CrossChecks {
 
   void combinations(std::size_t jumps, int temperatures, std::size_t pressures) {
     const std::size_t columns =
-        // each of the three factors is at most 2e5 (kMaxNodesPerSession), so that the product does not overflow
+        // each of the three factors is at most 2e6 (kMaxNodesPerSession), so that the product does not overflow
         jumps * std::max<std::size_t>(1, temperatures) * pressures;
     if (columns > wire::kMaxNodesPerSession)
       add(kColumn + "lists", fmt::format("{}lists combine to {} columns, expected at most {}", kColumn, columns,

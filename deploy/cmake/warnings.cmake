@@ -20,7 +20,7 @@ function(shearbus_room name)
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PUBLIC ${ROOM_PUBLIC} PRIVATE shearbus_settings ${ROOM_PRIVATE})
   # The rooms are parts of shared libraries, too. Hidden symbols keep calls between them as direct as in a program.
-  set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden)
+  set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden UNITY_BUILD ${SHEARBUS_UNITY})
 endfunction()
 
 # shearbus_library(name SOURCES ... LINK ...): one shared library in build/lib for hosts of any language. It exports
@@ -44,4 +44,9 @@ function(shearbus_program name)
   add_executable(${name} ${PROGRAM_SOURCES})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE shearbus_settings ${PROGRAM_LINK})
+  # The parsers of command lines take a minute to compile at -O3.
+  list(FILTER PROGRAM_SOURCES INCLUDE REGEX "(^|/)(main|options)\\.cpp$")
+  if(PROGRAM_SOURCES AND CMAKE_BUILD_TYPE STREQUAL "Release")
+    set_source_files_properties(${PROGRAM_SOURCES} PROPERTIES COMPILE_OPTIONS -O1)
+  endif()
 endfunction()

@@ -10,8 +10,8 @@ namespace {
 constexpr std::size_t kMaxVarintBytes = 10;
 
 // A varint: seven bits in each byte, the lowest bits first; the top bit is set if another byte follows.
-struct Varint {
-  explicit Varint(std::uint64_t value) {
+struct VarintText {
+  explicit VarintText(std::uint64_t value) {
     for (; value >= 0x80; value >>= 7) bytes[size++] = static_cast<char>(value | 0x80);
     bytes[size++] = static_cast<char>(value);
   }
@@ -24,7 +24,7 @@ struct Varint {
 }  // namespace
 
 void Encoder::raw_varint(std::uint64_t value) {
-  out_ += Varint(value).text();
+  out_ += VarintText(value).text();
 }
 
 void Encoder::raw_fixed64(std::uint64_t value) {
@@ -57,7 +57,7 @@ void Encoder::bytes(std::uint32_t number, std::string_view value) {
 }
 
 void Encoder::insert_length(std::size_t begin) {
-  out_.insert(begin, Varint(out_.size() - begin).text());
+  out_.insert(begin, VarintText(out_.size() - begin).text());
 }
 
 bool Decoder::read_varint(std::uint64_t& value) {

@@ -51,14 +51,14 @@ const double* values_of(const LedgerColumn& column, const physics::TileOutputs&,
 
 }  // namespace
 
-std::uint64_t Shard::bytes_per_node(const physics::Model& model, bool check_closure) {
+std::uint64_t Shard::bytes_per_node(const TileStates& layout) {
   // Memory of a node in NodeTable, touched_ and row_of_slot_.
   constexpr std::uint64_t kLists = NodeTable::kBytesPerNode + 2 * sizeof(std::uint32_t);
-  return 2 * sizeof(double) * TileStates(model, check_closure).doubles / kLanes + kLists;
+  return 2 * sizeof(double) * layout.doubles / kLanes + kLists;
 }
 
-std::uint64_t Shard::bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure) {
-  return tiles_for(nodes) * (kLanes * bytes_per_node(model, check_closure));
+std::uint64_t Shard::bytes_for(const TileStates& layout, std::size_t nodes) {
+  return tiles_for(nodes) * (kLanes * bytes_per_node(layout));
 }
 
 Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,

@@ -53,11 +53,15 @@ class Shard {
   // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
   // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
   // in whole tiles. The static functions give the numbers of a model for which there is no shard yet.
-  static std::uint64_t bytes_per_node(const physics::Model& model, bool check_closure = false);
-  static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure = false);
+  static std::uint64_t bytes_per_node(const physics::Model& model, bool check_closure = false) {
+    return bytes_per_node(TileStates(model, check_closure));
+  }
+  static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure = false) {
+    return bytes_for(TileStates(model, check_closure), nodes);
+  }
   std::uint64_t bytes_of_state() const { return sizeof(double) * layout_.doubles / physics::kLanes; }
-  std::uint64_t bytes_per_node() const { return bytes_per_node(model_, layout_.check_closure()); }
-  std::uint64_t bytes_for(std::size_t nodes) const { return bytes_for(model_, nodes, layout_.check_closure()); }
+  std::uint64_t bytes_per_node() const { return bytes_per_node(layout_); }
+  std::uint64_t bytes_for(std::size_t nodes) const { return bytes_for(layout_, nodes); }
 
   const physics::Model& model() const { return model_; }
   const NodeTable& nodes() const { return nodes_; }
@@ -147,6 +151,8 @@ class Shard {
 
   static std::size_t tiles_for(std::size_t nodes) { return (nodes + physics::kLanes - 1) / physics::kLanes; }
   std::size_t num_tiles() const { return tiles_for(nodes_.size()); }
+  static std::uint64_t bytes_per_node(const TileStates& layout);
+  static std::uint64_t bytes_for(const TileStates& layout, std::size_t nodes);
   std::size_t tile_doubles() const { return 2 * layout_.doubles; }
   static Block make_states(std::size_t doubles);
   Block make_block(std::size_t tiles) const { return make_states(tiles * tile_doubles()); }

@@ -207,8 +207,8 @@ std::vector<SessionImage> closed_in(hid_t parent) {
   const hdf5::Group group = open_group(parent, "closed");
   std::vector<std::string> identities;
   const std::string lines = text_in_dataset(group, "identities");
-  for (std::size_t begin = 0; begin < lines.size(); begin = lines.find('\n', begin) + 1)
-    identities.push_back(lines.substr(begin, lines.find('\n', begin) - begin));
+  for (std::size_t begin = 0, end = 0; (end = lines.find('\n', begin)) != std::string::npos; begin = end + 1)
+    identities.push_back(lines.substr(begin, end - begin));
   const auto ids = numbers_of<std::uint8_t>(group, "id");
   const auto headers = numbers_of<std::byte>(group, "reply_header");
   const auto number = [&](const char* name) { return numbers_of<std::uint64_t>(group, name); };

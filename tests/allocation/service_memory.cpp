@@ -193,8 +193,9 @@ class Pair {
   std::optional<DurableServer> durable_;
   // The limit of open sessions is raised: the test opens one session for every allocation of an opening, which may be
   // more sessions than the default limit allows.
-  ServiceHarness volatile_{1, {.max_sessions = std::size_t{1} << 16}};
-  ServiceHarness twin_{1, {.max_sessions = std::size_t{1} << 16}};
+  static constexpr std::size_t kSessions = std::size_t{1} << 16;
+  ServiceHarness volatile_{1, {.max_sessions = kSessions, .max_sessions_per_user = kSessions}};
+  ServiceHarness twin_{1, {.max_sessions = kSessions, .max_sessions_per_user = kSessions}};
   Tally tally_;
 };
 

@@ -2,6 +2,7 @@
 // files of another version. A test that needs more rights than this machine grants is skipped with the reason.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstring>
@@ -357,8 +358,13 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
 
 enum class Other { kOlder, kNewer, kByteOrder };
 
-std::uint32_t version_of(Other other, std::uint32_t ours) {
-  return other == Other::kOlder ? ours - 1 : other == Other::kNewer ? ours + 1 : __builtin_bswap32(ours);
+// Returns the bytes of another version, as wide as the version of the file: 2 bytes in a journal, 4 in a checkpoint.
+template <typename Version>
+std::string bytes_of(Other other, Version ours) {
+  const Version version = static_cast<Version>(other == Other::kOlder ? ours - 1 : ours + (other == Other::kNewer));
+  std::string bytes(reinterpret_cast<const char*>(&version), sizeof version);
+  if (other == Other::kByteOrder) std::reverse(bytes.begin(), bytes.end());
+  return bytes;
 }
 
 class OtherFiles : public testing::TestWithParam<Other> {};
@@ -379,7 +385,10 @@ TEST_P(OtherFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
     // Without this segment the server cannot replace the checkpoint by the journal, which holds every record.
     if (checkpoint) std::filesystem::remove(state / store::segment_name(1));
     const std::uint32_t ours = checkpoint ? store::kCheckpointVersion : store::kJournalVersion;
-    const std::uint32_t version = version_of(GetParam(), ours);
+    const std::string bytes = checkpoint ? bytes_of(GetParam(), store::CheckpointFooter{}.version)
+                                         : bytes_of(GetParam(), store::SegmentHeader{}.version);
+    std::uint32_t version = 0;
+    std::memcpy(&version, bytes.data(), bytes.size());
     std::string damaged;
     for (const auto& entry : std::filesystem::directory_iterator(state)) {
       const std::string name = entry.path().filename().string();
@@ -390,7 +399,7 @@ TEST_P(OtherFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
                      : offsetof(store::SegmentHeader, version);
       std::fstream file(entry.path(), std::ios::in | std::ios::out | std::ios::binary);
       file.seekp(static_cast<std::streamoff>(at));
-      file.write(reinterpret_cast<const char*>(&version), sizeof version);
+      file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
       break;
     }
     ASSERT_FALSE(damaged.empty());

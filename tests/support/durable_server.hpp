@@ -22,6 +22,7 @@ struct DurableServer {
                  .server_version = "test",
                  .max_state_bytes = max_state_bytes,
                  .max_sessions = std::size_t{1} << 16,
+                 .max_sessions_per_user = std::size_t{1} << 16,
                  .nodes_per_task = 4,
                  .slice_work = slice_work,
                  .now_ns = [this] { return ++clock; }},

@@ -55,13 +55,13 @@ TEST(HydroProblem, PairedListsOfOtherLengthsAndTooManyCombinationsAreRefused) {
               HasSubstr("has 2 values, expected 1 or 3"));
   std::string jumps;
   std::string pressures;
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < 2000; ++i) {
     jumps += "10,";
     pressures += "1e9,";
   }
   EXPECT_THAT(
       fault_of("lists = \"combined\"\nvelocity_jump_m_per_s = [" + jumps + "]\npressure_pa = [" + pressures + "]\n"),
-      HasSubstr("combine to 1000000 columns, expected at most 200000"));
+      HasSubstr("combine to 4000000 columns, expected at most 2000000"));
 }
 
 }  // namespace
