@@ -96,7 +96,8 @@ TEST_F(EndpointFiles, ClientsGetAnAddressThatTheyCanConnectTo) {
 
 TEST_F(EndpointFiles, AClientOfAnEndpointFileNeedsNoServerKey) {
   write_secret_key(scratch_ / "own.secret", kContents.server_key);
-  ServerAddress address{.endpoint = "file:///tmp/server"};
+  ServerAddress address;
+  address.endpoint = "file:///tmp/server";
   read_keys_into(address, "", scratch_ / "own.secret");
   EXPECT_EQ(address.secret_key, kContents.server_key);
   address.endpoint = "tcp://n1:40123";
