@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "server/physics/numerics.hpp"
 #include "server/store/format.hpp"
 #include "server/store/storage.hpp"
 
@@ -32,7 +33,7 @@ class JournalWriter {
   // Creates the file. With `durable` the name and the header are on the disk when the constructor returns. A file that
   // cannot be finished is removed.
   JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable,
-                const StoreId& store = {}, std::uint16_t numerics = 0);
+                const StoreId& store = {}, std::uint16_t numerics = physics::kNumericsVersion);
   // Likewise, a file of any name with the numbers, epoch and id of `header`.
   JournalWriter(Storage& storage, const std::string& name, SegmentHeader header, bool durable);
 
