@@ -4,7 +4,7 @@
 #include <xxhash.h>
 
 #if defined(__x86_64__)
-extern "C" std::uint64_t shearbus_xxh3_avx2(const void* bytes, std::size_t size);  // xxh3_avx2.c
+extern "C" std::uint64_t shearbus_xxh3_avx2(const void* bytes, std::size_t size);  // xxh3_avx2.cpp
 #endif
 
 namespace shearbus::wire {
