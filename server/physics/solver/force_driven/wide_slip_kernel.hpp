@@ -2,7 +2,7 @@
 // register width.
 
 // A lane that needs more rounds of Newton's method is left to slip_stress().
-inline constexpr int kRounds = 16;
+inline constexpr int kRounds = 12;
 // Newton's method ends after a step below this fraction of the stress, of the slip and of the distance from melting:
 // the error after the step is about the square of that fraction.
 inline constexpr double kConverged = 1e-7;
