@@ -3,16 +3,16 @@
 #define XXH_INLINE_ALL  // compiles xxhash into this file, so that client libraries need no libxxhash
 #include <xxhash.h>
 
-#if defined(__x86_64__)
-extern "C" std::uint64_t shearbus_xxh3_avx2(const void* bytes, std::size_t size);  // xxh3_avx2.cpp
-#endif
-
 namespace shearbus::wire {
+
+#if defined(__x86_64__)
+std::uint64_t xxh3_avx2(const void* bytes, std::size_t size);  // xxh3_avx2.cpp
+#endif
 
 std::uint64_t xxh3(std::span<const std::byte> bytes) {
 #if defined(__x86_64__)
   static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
-  if (has_avx2) return shearbus_xxh3_avx2(bytes.data(), bytes.size());
+  if (has_avx2) return xxh3_avx2(bytes.data(), bytes.size());
 #endif
   return XXH3_64bits(bytes.data(), bytes.size());
 }

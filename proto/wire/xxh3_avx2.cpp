@@ -5,7 +5,11 @@
 #include <stdint.h>
 #include <xxhash.h>
 
-extern "C" uint64_t shearbus_xxh3_avx2(const void* bytes, size_t size);
-extern "C" uint64_t shearbus_xxh3_avx2(const void* bytes, size_t size) {
+namespace shearbus::wire {
+
+uint64_t xxh3_avx2(const void* bytes, size_t size);
+uint64_t xxh3_avx2(const void* bytes, size_t size) {
   return XXH3_64bits(bytes, size);
 }
+
+}  // namespace shearbus::wire
