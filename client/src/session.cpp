@@ -12,6 +12,7 @@ namespace shearbus {
 namespace {
 
 constexpr std::chrono::milliseconds kStoppingPause{100};  // pause between two attempts while the server restarts
+constexpr int kMostRestarts = 20;                         // restarts of the server that one call follows
 
 // A view of the same columns, valid while `batch` is.
 wire::Batch view_of(const wire::Batch& batch) {
@@ -38,15 +39,13 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
         .resume_token = token, .claim = claim, .claimant = claim == 0 ? 0 : connection.claimant()};
     return ask(connection, {.session_id = id, .epoch = epoch, .body = claimed});
   };
-  const auto started = connection.now();
-  for (;;) {
+  for (int restarts = 0;; ++restarts) {
     Received asked = stand(0, 0);
     try {
       return stand(asked.reply.epoch, body_of<wire::SessionResumed>(asked).claim + 1);
     } catch (const Error& fault) {
       // EPOCH means that the server was restarted between asking for the session's position and claiming it.
-      const bool again = fault.status().code == Code::kEpoch && connection.left_since(started) > kStoppingPause;
-      if (!again) throw;
+      if (fault.status().code != Code::kEpoch || restarts == kMostRestarts) throw;
     }
   }
 }
@@ -124,22 +123,26 @@ void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
 }
 
 // A restarted server answers the last request of a session in any epoch. It refuses the next request with EPOCH; the
-// client then claims the session, checks its last sequence number and sends the request again with the new epoch.
+// client then claims the session, checks its last sequence number and sends the request again with the new epoch. The
+// deadline begins anew: the restarted server is at work.
 Received Session::Impl::call(wire::Request& request) {
-  const auto started = connection->now();
-  for (;;) {
+  auto started = connection->now();
+  for (int restarts = 0;;) {
     const auto left = connection->left_since(started);
     try {
       return connection->call(request, left);
     } catch (const Error& fault) {
-      const bool restarted = fault.status().code == Code::kEpoch && request.epoch != 0;
+      const bool restarted = fault.status().code == Code::kEpoch && request.epoch != 0 && restarts < kMostRestarts;
       const bool stopping =
           fault.status().code == Code::kShuttingDown && connection->durable() && left > kStoppingPause;
       if (!restarted && !stopping) throw;
-      if (restarted)
+      if (restarted) {
         follow_restart(request, fault);
-      else
+        started = connection->now();
+        ++restarts;
+      } else {
         connection->pause(kStoppingPause);
+      }
     }
   }
 }

@@ -24,6 +24,7 @@ STRATEGY = {1: "velocity_driven", 2: "force_driven"}
 FLOAT = numpy.dtype(float)
 MAX_ROWS = 200_000  # of a message, where the server does not say
 PAUSE_S = 0.1  # between two attempts while the server restarts
+MOST_RESTARTS = 20  # of the server that one call follows
 
 
 class Regime:
@@ -311,7 +312,7 @@ class Session:
         request_id, epoch = self._doubt or (self._connection.next_request_id(), self._epoch)
         envelope = {"request_id": request_id, "session_id": self._id, "sequence": self._sequence + 1, "epoch": epoch}
         self._doubt = request_id, epoch  # holds where an interrupt ends the call
-        started = time.monotonic()
+        started, restarts = time.monotonic(), 0
         try:
             while True:
                 left = max(self._connection.reply_deadline - (time.monotonic() - started), 0.001)
@@ -319,9 +320,11 @@ class Session:
                     reply = self._send(envelope, verb, body, answer, columns, frame, left)
                     break
                 except Error as fault:
-                    if fault.code == Code.EPOCH and envelope["epoch"]:
+                    if fault.code == Code.EPOCH and envelope["epoch"] and restarts < MOST_RESTARTS:
                         envelope["epoch"] = self._follow_restart(fault)
                         self._doubt = request_id, self._epoch
+                        # The restarted server is at work: the deadline begins anew.
+                        started, restarts = time.monotonic(), restarts + 1
                     elif fault.code == Code.SHUTTING_DOWN and self.durable and left > PAUSE_S:
                         time.sleep(PAUSE_S)
                     else:
@@ -343,8 +346,7 @@ class Session:
     def _claim(self):
         """Claims the session for this client, after a restart of the server or as a successor. Returns the reply to the
         claim."""
-        started = time.monotonic()
-        while True:
+        for restarts in range(MOST_RESTARTS + 1):
             token = {"resume_token": self._token}
             asked = self._ask("resume_session", token, "session_resumed", session_id=self._id).header
             try:
@@ -355,7 +357,7 @@ class Session:
                                  epoch=asked.epoch)
             except Error as fault:
                 # EPOCH means that the server was restarted between the two requests.
-                if fault.code != Code.EPOCH or time.monotonic() - started > self._connection.reply_deadline - PAUSE_S:
+                if fault.code != Code.EPOCH or restarts == MOST_RESTARTS:
                     raise
 
     def _follow_restart(self, fault):
