@@ -332,12 +332,15 @@ void Service::begin_checkpoint() {
   job_started_ns_ = options_.now_ns();
   try {
     job_ = store_->begin_checkpoint(snapshot());
-    aside_.start([this] { store_->write(*job_); });
-  } catch (const std::system_error&) {
-    store_->write(*job_);
   } catch (const std::bad_alloc&) {
     log(kNoMemoryForCheckpoint);
     if (options_.around_checkpoint) options_.around_checkpoint(false);
+    return;
+  }
+  try {
+    aside_.start([this] { store_->write(*job_); });
+  } catch (const std::exception&) {  // no thread: everybody waits for the write
+    store_->write(*job_);
   }
 }
 
