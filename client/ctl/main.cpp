@@ -287,12 +287,9 @@ class Commands {
       }
       ctl::serve_metrics(
           options_.listen,
-          [options = options_]() -> std::vector<std::pair<std::string, std::string>> {
-            if (options.all.empty()) return {{options.server, options.server}};
-            std::vector<std::pair<std::string, std::string>> servers;
-            for (const auto& file : ctl::endpoint_files(options.all))
-              servers.emplace_back(file.filename().string(), "file://" + file.string());
-            return servers;
+          [options = options_] {
+            return options.all.empty() ? ctl::ServerList{{options.server, options.server}}
+                                       : ctl::servers_of(options.all);
           },
           status_of());
       return 0;
@@ -349,7 +346,7 @@ class Commands {
         ->add_option("--within", options_.within_s,
                      "The server ends after this time even if sessions are open, with a checkpoint and exit code 3")
         ->type_name("SECONDS")
-        ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{365 * 86'400}))
+        ->check(CLI::Range(std::uint64_t{1}, shearbus::wire::kMaxDrainS))
         ->needs(exit);
   }
 

@@ -147,21 +147,21 @@ void show_status(const wire::ServerStatus& s, bool json) {
                               static_cast<double>(s.resident_bytes) / (1 << 20), s.open_files, s.max_open_files));
 }
 
-std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory) {
-  std::vector<std::filesystem::path> files;
+ServerList servers_of(const std::filesystem::path& directory) {
+  ServerList servers;
   for (const auto& entry : std::filesystem::directory_iterator(directory))
-    if (entry.is_regular_file() && entry.path().extension() != ".partial") files.push_back(entry.path());
-  if (files.empty()) throw std::runtime_error(directory.string() + ": has no endpoint files; is a server running?");
-  std::sort(files.begin(), files.end());
-  return files;
+    if (entry.is_regular_file() && entry.path().extension() != ".partial")
+      servers.emplace_back(entry.path().filename(), std::string(wire::kFileScheme) + entry.path().string());
+  if (servers.empty()) throw std::runtime_error(directory.string() + ": has no endpoint files; is a server running?");
+  std::sort(servers.begin(), servers.end());
+  return servers;
 }
 
 bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of) {
   bool all_answer = true;
-  for (const auto& file : endpoint_files(directory)) {
-    const std::string name = file.filename().string();
+  for (const auto& [name, endpoint] : servers_of(directory)) {
     try {
-      const wire::ServerStatus s = status_of(std::string(wire::kFileScheme) + file.string());
+      const wire::ServerStatus s = status_of(endpoint);
       if (json) {
         nlohmann::ordered_json line = {{"file", name}};
         line.update(json_of(s));

@@ -17,8 +17,9 @@ void show_status(const wire::ServerStatus& status, bool json);
 // Returns the status of the server at an endpoint. Throws Error if the server does not answer.
 using StatusOf = std::function<wire::ServerStatus(const std::string& endpoint)>;
 
-// Returns the files of a directory of endpoint files, by name. Throws std::runtime_error if there are none.
-std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory);
+using ServerList = std::vector<std::pair<std::string, std::string>>;  // names and endpoints of servers
+// Returns the servers of a directory of endpoint files, by file name. Throws std::runtime_error if there are none.
+ServerList servers_of(const std::filesystem::path& directory);
 // Prints a line for each endpoint file of a directory: what the server holds, or why it does not answer. Returns false
 // if one does not answer.
 bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of);
@@ -37,7 +38,6 @@ std::string prometheus_text(const wire::ServerStatus& status);
 // Serves the metrics of several servers by HTTP until SIGTERM or SIGINT. At each scrape `servers` lists their names and
 // endpoints, and `status_of` is called for each, by several threads at once. A server that does not answer has
 // shearbus_up 0. Throws std::runtime_error if the address cannot be used.
-using ListServers = std::function<std::vector<std::pair<std::string, std::string>>()>;
-void serve_metrics(const std::string& address, ListServers servers, StatusOf status_of);
+void serve_metrics(const std::string& address, std::function<ServerList()> servers, StatusOf status_of);
 
 }  // namespace shearbus::ctl

@@ -134,7 +134,8 @@ std::vector<MetricFamily> families_of(const wire::ServerStatus& s) {
 // Asks the servers at each scrape and gives their metrics the label `server`.
 class Servers : public prometheus::Collectable {
  public:
-  Servers(ListServers list, StatusOf status_of) : list_(std::move(list)), status_of_(std::move(status_of)) {}
+  Servers(std::function<ServerList()> list, StatusOf status_of)
+      : list_(std::move(list)), status_of_(std::move(status_of)) {}
 
   std::vector<MetricFamily> Collect() const override {
     std::vector<MetricFamily> all = {
@@ -176,7 +177,7 @@ class Servers : public prometheus::Collectable {
     }
   }
 
-  ListServers list_;
+  std::function<ServerList()> list_;
   StatusOf status_of_;
 };
 
@@ -186,7 +187,7 @@ std::string prometheus_text(const wire::ServerStatus& status) {
   return prometheus::TextSerializer().Serialize(families_of(status));
 }
 
-void serve_metrics(const std::string& address, ListServers servers, StatusOf status_of) {
+void serve_metrics(const std::string& address, std::function<ServerList()> servers, StatusOf status_of) {
   // Blocked before any thread exists, so that only this thread gets them.
   sigset_t stop;
   sigemptyset(&stop);

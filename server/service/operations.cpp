@@ -20,8 +20,6 @@ using wire::Field;
 
 namespace {
 
-constexpr std::uint64_t kMaxDrainS = 365 * 86'400;  // longest time that a drain may give the sessions
-
 // A node that may enter a list of top nodes: its row in the session, and the value by which the list is sorted.
 struct Candidate {
   double value;
@@ -70,10 +68,10 @@ void Service::checkpoint_now(wire::Reply& reply) {
 }
 
 void Service::drain(const wire::Drain& drain, const Caller& caller, wire::Reply& reply) {
-  if (drain.within_s != 0 && (!drain.exit || drain.within_s > kMaxDrainS))
+  if (drain.within_s != 0 && (!drain.exit || drain.within_s > wire::kMaxDrainS))
     throw Error({.code = Code::kInvalidValue,
                  .text = fmt::format("drain.within_s = {}{}", drain.within_s,
-                                     drain.exit ? fmt::format(", expected at most {}", kMaxDrainS)
+                                     drain.exit ? fmt::format(", expected at most {}", wire::kMaxDrainS)
                                                 : " without drain.exit, which it limits"),
                  .remedy = "Ask for the end of the server, too, within a year.",
                  .field = "drain.within_s"});
