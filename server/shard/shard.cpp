@@ -328,16 +328,6 @@ StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators,
   return run->count;
 }
 
-Shard::Attempt Shard::attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
-                              bool from_trial) {
-  const auto run = prepare_attempt(rows, operators, columns, from_trial);
-  begin(*run);
-  while (!work(*run, std::numeric_limits<double>::infinity())) {
-  }
-  run->attempt->count = run->count;
-  return std::move(*run->attempt);
-}
-
 void Shard::adopt(const Attempt& attempt) {
   rollback();
   const std::size_t doubles = layout_.doubles;

@@ -77,21 +77,16 @@ class Shard {
   // trial. Nodes outside of the step and nodes without an answer keep their states. Throws nothing.
   StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns);
 
-  // attempt() computes a step without changing any state of the shard. The step starts from the trial states if
-  // `from_trial`, else from the committed states. adopt() makes the result of the attempt the trial and cannot fail. If
-  // the attempt started from a trial, that trial must be committed before adopt().
-  struct Attempt;
-  Attempt attempt(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns,
-                  bool from_trial);
-  void adopt(const Attempt& attempt);
-
-  // step() and attempt() in slices, so that the caller can do other things in between. prepare() and
-  // prepare_attempt() allocate all that the step needs and change nothing. After begin(), work() is called until it
-  // returns true: each thread of the step computes until it has done about so many evaluations. Until finish() no other member may change the shard, and
-  // the arguments of prepare() must live. A run that is abandoned has changed no committed state.
+  // step() in slices, so that the caller can do other things in between. prepare() allocates all that the step needs
+  // and changes nothing. After begin(), work() is called until it returns true: each thread of the step computes until
+  // it has done about so many evaluations. Until finish() no other member may change the shard, and the arguments of
+  // prepare() must live. A run that is abandoned has changed no committed state.
   class StepRun;
   std::shared_ptr<StepRun> prepare(const Rows& rows, const physics::StepOperators& operators,
                                    const StepColumns& columns);
+  // Prepares a step that changes no state of the shard before finish(). It starts from the trial states if
+  // `from_trial`, else from the committed states. finish() then cannot fail; if the step started from a trial, that
+  // trial must be committed before.
   std::shared_ptr<StepRun> prepare_attempt(const Rows& rows, const physics::StepOperators& operators,
                                            const StepColumns& columns, bool from_trial);
   // Prepares the step of further nodes for the standing trial, from their committed states; finish() then adds them to
@@ -164,12 +159,14 @@ class Shard {
   States states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const;
   void check_states(const States& states, std::size_t nodes) const;
   void put_states(const States& states, bool of_trial);
+  struct Attempt;
   struct StepOf;
   struct TileStep;
   struct LaneRows;
   std::shared_ptr<StepRun> prepared(const Rows& rows, const physics::StepOperators& operators,
                                     const StepColumns& columns);
   void find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles);
+  void adopt(const Attempt& attempt);
   void run_seat(StepRun& run, std::size_t seat, double work);
   void begin_tile(const StepOf& step, TileStep& tile) const;
   StepCount end_tile(const StepOf& step, TileStep& tile) const;
@@ -196,7 +193,6 @@ class Shard {
 };
 
 struct Shard::Attempt {
-  StepCount count;
   std::vector<std::uint32_t> tiles;
   Block states;                     // states after the step of the tiles in `tiles`: [tile][TileStates::doubles]
   std::vector<std::uint8_t> start;  // number of the buffer from which each tile of the shard starts

@@ -171,11 +171,15 @@ TEST_P(Changing, AnAttemptChangesNothingUntilItIsTaken) {
   };
   trial(shard);
   trial(twin);
-  const auto attempt = shard.attempt(all, *shard.operators(kDt), columns, true);
+  const auto operators = shard.operators(kDt);
+  const auto attempt = shard.prepare_attempt(all, *operators, columns, true);
+  shard.begin(*attempt);
+  while (!shard.work(*attempt, 1.0)) {
+  }
   EXPECT_TRUE(same(shard.committed_states(), twin.committed_states()));
   EXPECT_TRUE(same(shard.trial_states(), twin.trial_states()));
   shard.commit();
-  shard.adopt(attempt);
+  shard.finish(*attempt);
   twin.commit();
   trial(twin);
   EXPECT_TRUE(same(shard.trial_states(), twin.trial_states()));
