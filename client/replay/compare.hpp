@@ -11,8 +11,9 @@
 
 namespace shearbus::replay {
 
-// The first difference of two batches of the same rows, by column and node: "shear_stress of node 7 is 1.5e8 in A, 1.6e8
-// in B (3 of 24 values of the step differ)". Numbers are equal if their bits are, or within `rtol` of the larger one.
+// The first difference of two batches of the same rows, by column and node: "shear_stress of node 7 is 1.5e8 in A,
+// 1.6e8 in B (3 of 24 values of the step differ)". Numbers are equal if their bits are, or within `rtol` of the larger
+// one.
 struct Names {
   std::string a, b;
 };

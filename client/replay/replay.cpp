@@ -118,8 +118,8 @@ void replay(const Options& options, const Table& history, HistoryInput& input, S
   }
 }
 
-// Whether a history is replayed a second time in half steps. A history without /dt was not recorded by a host that chose
-// its steps. The steps of force-driven histories belong to the host in any case.
+// Whether a history is replayed a second time in half steps. A history without /dt was not recorded by a host that
+// chose its steps. The steps of force-driven histories belong to the host in any case.
 bool should_check_steps(const Table& history, const HistoryInput& input) {
   constexpr std::size_t kMostNodeSteps = 50'000;  // a second or so
   return !history.is_recorded() && !input.force_driven() && history.steps() * history.nodes() <= kMostNodeSteps;

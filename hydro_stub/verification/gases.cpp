@@ -1,5 +1,5 @@
-// Strong shocks in ideal gases: the problems of Noh, Sedov and Saltzman, which show errors of energy conservation and of
-// symmetry.
+// Strong shocks in ideal gases: the problems of Noh, Sedov and Saltzman, which show errors of energy conservation and
+// of symmetry.
 #include <algorithm>
 #include <cmath>
 #include <numbers>

@@ -117,8 +117,8 @@ class Service : private store::Recovery {
   // Closes the sessions that have been idle for as long as their clients allowed. Called between requests.
   void close_idle_sessions() noexcept;
 
-  // Journals the hash of the last reply of each session that has been quiet for a second, so that a recovery can compare
-  // it, as the next request of the session would. Called between requests.
+  // Journals the hash of the last reply of each session that has been quiet for a second, so that a recovery can
+  // compare it, as the next request of the session would. Called between requests.
   void prove_last_replies() noexcept;
 
   // Refuses every later request with SHUTTING_DOWN.

@@ -46,8 +46,8 @@ struct StoreOptions {
   std::function<void(const std::string&)> log;  // lines for the operator; may be empty
 };
 
-// Thrown by a Recovery that shall not go on. It is no std::exception, so nobody takes it for damage: no file is changed,
-// and the next start begins again.
+// Thrown by a Recovery that shall not go on. It is no std::exception, so nobody takes it for damage: no file is
+// changed, and the next start begins again.
 struct Interrupted {};
 
 // Receives the recovered states and requests.

@@ -1,6 +1,6 @@
 // Steps computed in slices: what other requests find meanwhile, and what a server that dies in between leaves behind.
-// Also what an operator leaves out of a recovery, and what a recovery proves. Every comparison is of bits, with a server
-// that computes each step at once and never dies.
+// Also what an operator leaves out of a recovery, and what a recovery proves. Every comparison is of bits, with a
+// server that computes each step at once and never dies.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 // The closure check of the service. The closure is the velocity jump in a request less the jump in the answer before it
 // (column closure_m_per_s). Trial steps, rollbacks to a mark and moves of nodes between sessions must not disturb it. A
-// session that checks closure also warns of suspicious units in its first step, and of a host time that does not grow by
-// dt_s.
+// session that checks closure also warns of suspicious units in its first step, and of a host time that does not grow
+// by dt_s.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

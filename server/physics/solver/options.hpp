@@ -48,8 +48,8 @@ struct ModelOptions {
   // error is smaller. Absent: steps are not divided for accuracy. discretised() chooses a grid and methods that fit.
   std::optional<double> tolerance;
 
-  // Largest work of a node in one step, in evaluations (work.hpp). A step under a tolerance that needs more ends without
-  // an answer (kOverBudget).
+  // Largest work of a node in one step, in evaluations (work.hpp). A step under a tolerance that needs more ends
+  // without an answer (kOverBudget).
   double work_budget = kWorkBudget;
 
   int tangential_components = 1;  // components of slip and stress: 1 or 2; 2 not with INTERFACE_SLIP or inertia

@@ -16,8 +16,8 @@ using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInp
                              double* trial, TileOutputs& outputs);
 
 // Takes one step of a tile through the chain: tangential components, tolerance, sleep, solver. Writes the whole of
-// `trial`; inactive lanes and lanes for which no answer was found (outcome kFailed) keep their state. The step of a model
-// with a tolerance may also be computed in pieces (divided_tile.hpp).
+// `trial`; inactive lanes and lanes for which no answer was found (outcome kFailed) keep their state. The step of a
+// model with a tolerance may also be computed in pieces (divided_tile.hpp).
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs);
 

@@ -1,6 +1,6 @@
 // Counts the work of a step of one lane. The unit is an evaluation: the flow of one cell is evaluated once, by a law
-// without rate, which takes a core about 10 ns. The count depends on the lane's own state and inputs alone, so it is the
-// same in any batch.
+// without rate, which takes a core about 10 ns. The count depends on the lane's own state and inputs alone, so it is
+// the same in any batch.
 #pragma once
 
 #include "server/physics/material/flow_laws.hpp"

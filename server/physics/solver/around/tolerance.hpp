@@ -10,10 +10,10 @@
 namespace shearbus::physics {
 
 // One step of the active lanes of a tile in as many substeps as the tolerance needs. Each lane has substeps of its own.
-// A substep is accepted if its two halves give the same answer up to its error budget; otherwise its first half is tried
-// next. Where the error is small the next substep is twice as long. Lanes with equally long next substeps are solved
-// together, the shortest substeps first. The substeps of a lane depend on its own state and inputs alone, and so does
-// its work: a lane that has needed more than ModelOptions::work_budget before its end has no answer (kOverBudget).
+// A substep is accepted if its two halves give the same answer up to its error budget; otherwise its first half is
+// tried next. Where the error is small the next substep is twice as long. Lanes with equally long next substeps are
+// solved together, the shortest substeps first. The substeps of a lane depend on its own state and inputs alone, and so
+// does its work: a lane that has needed more than ModelOptions::work_budget before its end has no answer (kOverBudget).
 //
 // The step may be interrupted between two substeps. All arguments of the constructor must live until the step is done.
 class ControlledStep {
@@ -81,8 +81,8 @@ class ControlledStep {
   bool begun_ = false;
 };
 
-// Work of a step of one node that the tolerance divides as often as it may; without a tolerance of an undivided step. An
-// estimate: a search is assumed to need the usual number of evaluations.
+// Work of a step of one node that the tolerance divides as often as it may; without a tolerance of an undivided step.
+// An estimate: a search is assumed to need the usual number of evaluations.
 double hard_step_work(const Problem& problem);
 
 // The largest number of times that a step of dt may be halved.
