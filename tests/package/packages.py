@@ -159,7 +159,7 @@ def install(debs, mirror):
         for deb in debs.values():
             shutil.copy(deb, work)
         hook = (f"mkdir -p $1/debs && cp {work}/*.deb $1/debs && cp {work}/smoke $1/srv/smoke && "
-                "chroot $1 apt-get install -y --no-install-recommends /debs/*.deb python3-xxhash gcc libc6-dev pkg-config && "
+                "chroot $1 sh -c 'apt-get install -y --no-install-recommends /debs/*.deb python3-xxhash gcc libc6-dev pkg-config' && "
                 "chroot $1 sh /srv/smoke")
         (pathlib.Path(work) / "smoke").write_text(SMOKE)
         said = run("mmdebstrap", "--variant=apt", f"--customize-hook={hook}", "bookworm", "/dev/null", *([mirror] if mirror else []), check=False)

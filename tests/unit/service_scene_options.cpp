@@ -394,6 +394,27 @@ TEST(SceneOptions, FrictionThatSoftensComesWithItsOwnConstantsAndComesBack) {
   EXPECT_EQ(refusal_of(scene).field, "interface.friction_reference_temperature_k");
 }
 
+std::string costs_told(const v1::Scene& scene) {
+  for (const std::string& warning : physics::Model(scene_model(scene).options).warnings())
+    if (warning.starts_with("costly: ")) return warning;
+  return "";
+}
+
+TEST(SceneOptions, ACostlySceneIsWarnedOfWithWhatHelps) {
+  v1::Scene scene = support::velocity_scene();
+  EXPECT_EQ(costs_told(scene), "");
+  scene.mutable_soft()->set_material("copper_ofhc_jc");
+  EXPECT_EQ(costs_told(scene), "");
+  scene.mutable_layer()->set_grading(1.0);
+  scene.mutable_layer()->set_cells(5'000);
+  EXPECT_THAT(costs_told(scene), HasSubstr("fewer cells, graded towards the interface"));
+  scene.clear_layer();
+  scene.set_tolerance(1e-2);
+  EXPECT_EQ(costs_told(scene), "");
+  scene.set_tolerance(1e-6);
+  EXPECT_THAT(costs_told(scene), HasSubstr("a larger tolerance needs fewer cells and substeps"));
+}
+
 // The words for flow laws and friction laws in a scene must be the names of the registered laws, in the same order.
 TEST(SceneOptions, EveryRegisteredLawHasItsWord) {
   const std::string reference = scene::reference_of(*v1::Scene::descriptor());
