@@ -1,5 +1,5 @@
 """Builds the Debian packages of a build tree and looks at what is in them. With --clean-root it also installs them into a new Debian 12 and
-uses them there. Exit code 77: a program that this needs is missing, and the last line says which."""
+uses them there; with --systemd it boots systemd in such a system and uses the service. Exit code 77: a program that this needs is missing, and the last line says which."""
 import argparse
 import os
 import pathlib
@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 
 SKIPPED = 77
 PACKAGES = {"shearbus-server": "amd64", "libshearbus1": "amd64", "libshearbus-dev": "amd64", "python3-shearbus": "all", "shearbus-doc": "all"}
@@ -57,6 +58,52 @@ test ! -e /run/endpoint
 dpkg --purge shearbus-server libshearbus-dev python3-shearbus shearbus-doc libshearbus1
 test ! -e /usr/bin/shearbus-server
 echo smoke-test-passed
+"""
+
+# Makes of a directory with a Debian system the root of namespaces of its own, and boots systemd there. The first argument is the directory.
+BOOT = r"""
+set -eu
+root=$1
+mount --bind "$root" "$root"
+mount -t proc proc "$root/proc"
+mount -t sysfs -o ro sysfs "$root/sys"
+umount -R "$root/sys/fs/cgroup" 2>/dev/null || true
+mount -t cgroup2 cgroup2 "$root/sys/fs/cgroup"
+for place in run tmp dev; do mount -t tmpfs -o mode=755 tmpfs "$root/$place"; done
+chmod 1777 "$root/tmp"
+for device in null zero full random urandom tty; do touch "$root/dev/$device"; mount --bind "/dev/$device" "$root/dev/$device"; done
+mkdir "$root/dev/pts" "$root/dev/shm"
+mount -t devpts -o newinstance,ptmxmode=0666 devpts "$root/dev/pts"
+ln -s pts/ptmx "$root/dev/ptmx"
+mount -t tmpfs tmpfs "$root/dev/shm"
+exec env -i container=test PATH=/usr/sbin:/usr/bin chroot "$root" /lib/systemd/systemd --system systemd.unit=multi-user.target
+"""
+
+# What systemd does with the service: it starts, it is started again after a kill and after a hang, and it stops with a checkpoint.
+SERVICE = r"""
+set -eu
+for moment in $(seq 100); do [ -S /run/systemd/private ] && break; sleep 0.1; done
+value() { systemctl show shearbus-server --value -p "$1"; }
+ctl() { setpriv --reuid shearbus --regid shearbus --clear-groups shearbus-ctl "$@"; }
+bus="--server ipc:///run/shearbus/bus --timeout 30"
+systemctl is-system-running --wait || true
+mkdir -p /run/systemd/system/shearbus-server.service.d
+printf '[Service]\nWatchdogSec=3\n' >/run/systemd/system/shearbus-server.service.d/test.conf
+systemctl daemon-reload
+systemctl start shearbus-server
+ctl ping $bus
+value StatusText | grep "listening on ipc:///run/shearbus/bus"
+kill -KILL "$(value MainPID)"
+ctl wait $bus
+test "$(value NRestarts)" = 1
+kill -STOP "$(value MainPID)"
+sleep 5
+ctl wait $bus
+test "$(value NRestarts)" = 2
+systemctl stop shearbus-server
+test "$(value Result) $(value ExecMainStatus)" = "success 0"
+test "$(stat -c '%U %a' /var/lib/shearbus)" = "shearbus 700"
+echo service-test-passed
 """
 
 
@@ -167,15 +214,35 @@ def install(debs, mirror):
         yield f"the packages do not work in a new Debian 12:\n{said[-4000:]}"
 
 
+def boot(debs, mirror):
+    """Boots systemd in a new Debian 12 with the server's package, and runs SERVICE there."""
+    with tempfile.TemporaryDirectory() as work:
+        root = pathlib.Path(work) / "root"
+        hook = f"cp {debs['shearbus-server']} $1/srv/server.deb && chroot $1 apt-get install -y --no-install-recommends /srv/server.deb"
+        run("mmdebstrap", "--variant=minbase", "--include=systemd,systemd-sysv,dbus", f"--customize-hook={hook}", "bookworm", root,
+            *([mirror] if mirror else []))
+        (root / "srv/service").write_text(SERVICE)
+        namespaces = ["unshare", "--mount", "--pid", "--cgroup", "--uts", "--ipc", "--fork", "--mount-proc", "--kill-child"]
+        with subprocess.Popen([*namespaces, "sh", "-c", BOOT, "boot", root], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as outer:
+            time.sleep(1.0)
+            children = run("pgrep", "-P", outer.pid, check=False).split()
+            said = run("nsenter", "-t", children[0], "-m", "-p", "-r", "-w", "sh", "/srv/service", check=False) if children else ""
+            outer.kill()
+            said += "" if children else outer.stdout.read()
+    if "service-test-passed" not in said:
+        yield f"systemd does not run the service as it should:\n{said[-4000:]}"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True)
     parser.add_argument("--cpack", default="cpack")
     parser.add_argument("--version", required=True)
     parser.add_argument("--clean-root", action="store_true")
-    parser.add_argument("--mirror", help="of Debian, for --clean-root")
+    parser.add_argument("--systemd", action="store_true")
+    parser.add_argument("--mirror", help="of Debian, for --clean-root and --systemd")
     options = parser.parse_args()
-    needed = ["dpkg-deb", "dpkg-shlibdeps", "help2man"] + (["mmdebstrap"] if options.clean_root else [])
+    needed = ["dpkg-deb", "dpkg-shlibdeps", "help2man"] + (["mmdebstrap"] if options.clean_root or options.systemd else [])
     absent = [program for program in needed if not shutil.which(program)]
     if absent or not list(options.build.glob("man/*.1.gz")):
         print(f"skipped: {', '.join(absent) or 'the manual, which needs help2man when the build is configured,'} missing (deploy/packages/test.txt)")
@@ -188,6 +255,8 @@ def main():
         faults = [f"{deb.name}: not built" for deb in debs.values() if not deb.exists()]
         if not faults and options.clean_root:
             faults = list(install(debs, options.mirror))
+        elif not faults and options.systemd:
+            faults = list(boot(debs, options.mirror))
         elif not faults:
             faults = [*content_faults(debs, options.version), *symbol_faults(debs["libshearbus1"], work),
                       *page_faults(debs["shearbus-server"], work), *lintian_faults(debs, options.build)]
