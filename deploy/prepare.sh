@@ -1,4 +1,4 @@
-# Sourced by run, test, fuzz and sanitize: installs packages, configures and builds. Not a command of its own.
+# Sourced by run, test, fuzz, sanitize and docs/build: installs packages, configures and builds. Not a command of its own.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build=${SHEARBUS_BUILD_DIR:-$root/build}

@@ -207,9 +207,9 @@ SHEARBUS_API int shearbus_close(shearbus_session** session, shearbus_status* sta
 /* Frees the session here and leaves it open on the server, for shearbus_resume(). *session is NULL afterwards. */
 SHEARBUS_API void shearbus_leave(shearbus_session** session);
 
+#define SHEARBUS_TICKET_BYTES 80
 /* A text by which another process continues the session after this one has ended. It is a secret: its holder owns the
  * session. */
-#define SHEARBUS_TICKET_BYTES 80
 SHEARBUS_API int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET_BYTES],
                                  shearbus_status* status);
 SHEARBUS_API int shearbus_resume(shearbus_session** session, const shearbus_options* options, const char* ticket,
@@ -283,10 +283,10 @@ SHEARBUS_API int shearbus_register(shearbus_session* session, size_t n, const ui
 SHEARBUS_API int shearbus_retire(shearbus_session* session, size_t n, const uint64_t* node_ids,
                                  shearbus_status* status);
 
+#define SHEARBUS_TRANSFER_BYTES 16
 /* shearbus_offer() moves nodes with their states out of this session and fills `transfer`, an id that another
  * session of the domain passes to shearbus_accept(). Between the two calls the server keeps the nodes. The accepted
  * nodes are the last ones of shearbus_node_ids(). */
-#define SHEARBUS_TRANSFER_BYTES 16
 SHEARBUS_API int shearbus_offer(shearbus_session* session, size_t n, const uint64_t* node_ids,
                                 uint8_t transfer[SHEARBUS_TRANSFER_BYTES], shearbus_status* status);
 SHEARBUS_API int shearbus_accept(shearbus_session* session, const uint8_t transfer[SHEARBUS_TRANSFER_BYTES],

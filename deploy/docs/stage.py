@@ -1,0 +1,255 @@
+#!/usr/bin/python3
+"""Stages the pages of the tree as the source of the documentation site, and generates the pages of reference.
+
+stage.py --source ROOT --bin DIR --out DIR
+
+Every page of the tree keeps its place (client/README.md is the page client/README of the site), and the pages of deploy/docs/pages stand
+at the root of the site. Links between pages become links of the site; a linked source file becomes a page that shows it, a linked directory
+a page that shows its files. In a page of deploy/docs/pages
+
+    <!-- include <file>#<anchor> -->    stands for the section of another page, without its heading
+    <!-- show <file> -->                stands for a file, as code
+
+A link, section or file that does not exist ends the program, as does a status code without cause and cure in proto/WIRE.md."""
+import argparse
+import os
+import pathlib
+import posixpath
+import re
+import shutil
+import subprocess
+import sys
+
+PAGES = "deploy/docs/pages"
+PYTHON_CLIENT = pathlib.Path(__file__).resolve().parents[2] / "client/python"
+PICTURES = {".png", ".svg"}
+LANGUAGES = {".toml": "toml", ".py": "python", ".c": "c", ".h": "c", ".cpp": "cpp", ".hpp": "cpp", ".f90": "fortran", ".sh": "bash",
+             ".sbatch": "bash", ".cff": "yaml", ".service": "ini", ".proto": "protobuf"}
+PROGRAMS = ("shearbus-server", "shearbus-ctl", "shearbus-hydro", "shearbus-replay", "shearbus-study")
+FENCE = re.compile(r"^(```+|~~~+).*?^\1[ \t]*$", re.M | re.S)
+LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\]|!\[[^\]]*\]\([^)]*\))*\]\()([^)\s]+)(\))")
+DIRECTIVE = re.compile(r"^<!-- (include|show) (\S+) -->$", re.M)
+
+
+def slug(heading):
+    """Returns the anchor that GitHub, and the site, make of a heading."""
+    return re.sub(r"[^\w\- ]", "", re.sub(r"[`*]", "", heading).strip().lower()).replace(" ", "-")
+
+
+def outside_code(text, change):
+    """Returns the text with change(part) applied to all parts that are no fenced code."""
+    parts, at = [], 0
+    for fence in FENCE.finditer(text):
+        parts += [change(text[at : fence.start()]), fence[0]]
+        at = fence.end()
+    return "".join(parts) + change(text[at:])
+
+
+def section(text, anchor):
+    """Returns what stands below the heading, up to the next heading of its level or a higher one."""
+    fences = [f.span() for f in FENCE.finditer(text)]
+    found = [h for h in re.finditer(r"^(#+) (.+)$", text, re.M) if not any(a <= h.start() < b for a, b in fences)]
+    for i, heading in enumerate(found):
+        if slug(heading[2]) == anchor:
+            end = next((h.start() for h in found[i + 1 :] if len(h[1]) <= len(heading[1])), len(text))
+            lower = len(heading[1]) - 1  # the headings of the section move up to the level of the page that includes it
+            return outside_code(text[heading.end() : end], lambda part: re.sub(rf"^#{{{lower}}}(?=#)", "", part, flags=re.M)).strip()
+    sys.exit(f"no heading has the anchor #{anchor}")
+
+
+class Site:
+    def __init__(self, root, out):
+        self.root, self.out, self.wanted, self.made = root, out, [], set()
+        listed = subprocess.run(["git", "-C", root, "ls-files", "-co", "--exclude-standard"], capture_output=True, text=True)
+        names = listed.stdout.splitlines() if listed.returncode == 0 else [p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()]
+        self.files = {n for n in names if (root / n).is_file() and not re.match(r"build|out/|\.git/", n)}
+        # Templates of issues are forms, no pages; the corpora of fuzzing are no text.
+        self.pages = {n for n in self.files if n.endswith(".md") and "ISSUE_TEMPLATE" not in n and "corpus" not in n}
+
+    def place(self, name):
+        """Returns where a file of the tree stands in the site."""
+        return name[len(PAGES) + 1 :] if name.startswith(PAGES + "/") else name.replace(".github/", "github/")
+
+    def target(self, page, link):
+        """Returns the link of a page of the tree as (place in the site, anchor)."""
+        path, _, anchor = link.partition("#")
+        name = posixpath.normpath(posixpath.join(posixpath.dirname(page), path)) if path else page
+        if name in self.pages:
+            return self.place(name), anchor
+        if name in self.files:
+            if pathlib.Path(name).suffix not in PICTURES:
+                self.wanted.append(name)
+                return self.place(name) + ".md", ""
+            self.copy(name)
+            return self.place(name), ""
+        if name + "/README.md" in self.pages:
+            return self.place(name + "/README.md"), anchor
+        if any(f.startswith(name + "/") for f in self.files):
+            self.wanted.append(name)
+            return self.place(name) + "/index.md", ""
+        sys.exit(f"{page}: the tree has no file for the link {link}")
+
+    def linked(self, page, text, place):
+        """Returns the text of a page of the tree, or of a part of it, with its links as they are at a place of the site."""
+
+        def link(match):
+            if "://" in match[2] or match[2].startswith("mailto:"):
+                return match[0]
+            to, anchor = self.target(page, match[2])
+            path = "" if to == place else posixpath.relpath(to, posixpath.dirname(place) or ".")
+            return match[1] + path + ("#" + anchor if anchor else "" if path else "#") + match[3]
+
+        # A picture may stand inside of the text of a link, so links are replaced until nothing changes the place.
+        return outside_code(text, lambda part: LINK.sub(link, part))
+
+    def write(self, place, text):
+        path = self.out / place
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(re.sub(r"^```hex\b.*$", "```text", text, flags=re.M))
+
+    def copy(self, name):
+        path = self.out / self.place(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(self.root / name, path)
+
+    def stage(self, page):
+        place = self.place(page)
+        text = self.linked(page, (self.root / page).read_text(), place)
+
+        def directive(match):
+            name, _, anchor = match[2].partition("#")
+            if name not in self.files:
+                sys.exit(f"{page}: {match[0]}: the tree has no such file")
+            other = (self.root / name).read_text()
+            return self.linked(name, section(other, anchor), place) if match[1] == "include" else code(name, other)
+
+        text = DIRECTIVE.sub(directive, text)
+        # Pages of the tree are in a list of contents by the pages of deploy/docs/pages, or in none.
+        self.write(place, text if page.startswith(PAGES) else "---\norphan: true\n---\n" + text)
+
+    def show(self, name):
+        """Makes the page of a source file, or of a directory."""
+        if name in self.made:
+            return
+        self.made.add(name)
+        if name in self.files:
+            self.write(self.place(name) + ".md", f"---\norphan: true\n---\n# {name}\n\n" + code(name, (self.root / name).read_text()))
+            return
+        below = sorted(f for f in self.files if f.startswith(name + "/"))
+        shown = (f"\n## {f[len(name) + 1 :]}\n\n{code(f, (self.root / f).read_text())}" for f in below if not f.endswith(".md"))
+        self.write(self.place(name) + "/index.md", f"---\norphan: true\n---\n# {name}\n" + "".join(shown))
+
+
+def code(name, text):
+    language = LANGUAGES.get(pathlib.Path(name).suffix, "bash" if text.startswith("#!/") else "text")
+    return f"`````{language}\n{text}`````\n"
+
+
+def output_of(*command):
+    environment = {**os.environ, "PYTHONPATH": str(PYTHON_CLIENT), "PYTHONDONTWRITEBYTECODE": "1"}  # shearbus-ctl rehearse is a part of it
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=60, env=environment)
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}: {done.stderr}")
+    return done.stdout
+
+
+def programs_page(directory):
+    """Returns the page of the programs: the help of each program and of each subcommand."""
+    page = "# Programs\n\nThe help of each program, as the program prints it; `man` shows the same where the packages are installed.\n"
+    for program in PROGRAMS:
+        helps = [(program, output_of(directory / program, "--help"))]
+        subcommands = re.findall(r"^  ([a-z]+) ", helps[0][1].split("Subcommands:\n")[1], re.M) if "Subcommands:\n" in helps[0][1] else []
+        helps += [(f"{program} {name}", output_of(directory / program, name, "--help")) for name in subcommands]
+        for depth, (name, text) in zip(["##"] + ["###"] * len(subcommands), helps):
+            page += f"\n{depth} {name}\n\n```text\n{text.replace(str(directory) + '/', '').strip()}\n```\n"
+    return page
+
+
+def materials_page(text):
+    """Returns the page of the catalog: `shearbus-ctl materials` prints a name, then its sources, indented."""
+    page = "# Materials\n\nThe catalog, as `shearbus-ctl materials` prints it: each material with the sources of its numbers.\n\n| material | sources |\n|---|---|\n"
+    for name, sources in re.findall(r"^(\S+)\n((?:  .*\n?)+)", text, re.M):
+        page += f"| `{name}` | {' '.join(sources.split()).replace('|', ' ')} |\n"
+    return page
+
+
+def columns_page(root):
+    """Returns the page of the columns, from proto/wire/columns.inc."""
+    page = ("# Columns\n\nEvery column of a request or a reply, from `proto/wire/columns.inc`. A column that is *tangential* comes twice in a scene with "
+            "`tangential_components = 2`. Python's keywords and attributes are the quantities, but for the short names `jump`, `stress`, `slip`, "
+            "`temperature` and `jump_new`.\n\n| no. | name | unit | kind | tangential | meaning |\n|---|---|---|---|---|---|\n")
+    kinds = {"NODE": "node", "INPUT": "input", "STICK": "input, stick form", "OUTPUT": "answer", "EXCHANGE": "answer on request", "LEDGER": "energy ledger, on request"}
+    text = (root / "proto/wire/columns.inc").read_text()
+    rows = []
+    for macro, call in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER)\((.*?)\)$", text, re.M | re.S):
+        words = [w.strip().strip('"') for w in re.findall(r'(?:"[^"]*"|[^,"])+', call)]
+        if macro == "LEDGER":
+            del words[1]
+        kind = "answer on request" if macro == "OUTPUT" and "OnRequest" in words else kinds[macro]
+        rows.append((int(words[1]), words[2], words[4], kind, "yes" if "Tangential" in words or macro == "EXCHANGE" else "", words[-1].replace("|", "\\|")))
+    if len(rows) != len(set(r[0] for r in rows)) or len(rows) < 30:
+        sys.exit(f"proto/wire/columns.inc: {len(rows)} rows were read, some twice or too few")
+    return page + "".join(f"| {n} | `{name}` | {unit} | {kind} | {vector} | {meaning} |\n" for n, name, unit, kind, vector, meaning in sorted(rows))
+
+
+def codes(root):
+    """Returns the rows (number, name, cause, cure) of the tables in proto/WIRE.md, "Status", after a comparison with the codes of the
+    server (proto/wire/status.hpp, proto/wire/enum_names.cpp) and of the C library (client/include/shearbus/shearbus.h)."""
+    status = section((root / "proto/WIRE.md").read_text(), "status")
+    rows = [(int(n), name, cause, cure) for n, name, cause, cure in re.findall(r"^\| (\d+) \| (\w+) \| (.*?) \| ?(.*?) \|$", status, re.M)]
+    names = re.search(r"kCodes\[\] = \{(.*?)\n\};", (root / "proto/wire/enum_names.cpp").read_text(), re.S)[1]
+    of_server = {(name, int(n)) for n, name in re.findall(r'\{(\d+), "([A-Z_]+)"\}', names)}
+    numbers = {int(n) for n in re.findall(r"^  k\w+ = (\d+),", (root / "proto/wire/status.hpp").read_text(), re.M)} - {0}
+    codes_of_c = (root / "client/include/shearbus/shearbus.h").read_text().split("---- codes ----", 1)[1].split("};", 1)[0]
+    of_library = {(name, int(n)) for name, n in re.findall(r"^  SHEARBUS_([A-Z_]+) = (\d{3})\b", codes_of_c, re.M)}
+    on_page = {(name, n) for n, name, _, _ in rows}
+    faults = [f"{name} ({n}) is not in the table" for name, n in sorted((of_library | {c for c in of_server if c[1] in numbers}) - on_page)]
+    faults += [f"code {n} is not in the table" for n in sorted(numbers - {n for _, n in on_page})]
+    faults += [f"{name} ({n}) is no code" for name, n in sorted(on_page) if n not in numbers and (name, n) not in of_library]
+    faults += [f"{name} has no cause or no cure" for n, name, cause, cure in rows if n != 1 and not (cause.strip() and cure.strip())]
+    if faults or not rows:
+        sys.exit("proto/WIRE.md, \"Status\": " + "; ".join(faults or ["no table of codes"]))
+    return rows
+
+
+def errors_page(site):
+    """Returns the page of the errors, made of the tables in proto/WIRE.md."""
+    place, root = "howto/errors" + ".md", site.root
+    page = ("# Errors: cause and cure\n\nEvery refusal has a code, a text with what was expected and found, a remedy, and the field and nodes at fault. A refused call has "
+            "changed nothing. The names are those of every language: `SHEARBUS_SHAPE` in C, `Code.SHAPE` in Python. The table is that of "
+            "[the protocol](../proto/WIRE.md#status).\n")
+    for n, name, cause, cure in codes(root):
+        if n != 1:
+            cause, cure = (site.linked("proto/WIRE.md", text, place) for text in (cause, cure))
+            sentence = lambda text: text[0].upper() + text[1:] + ("" if text.endswith(".") else ".")
+            page += f"\n## {name} ({n})\n\n**Cause.** {sentence(cause)}\n\n**Cure.** {sentence(cure)}\n"
+    return page
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--source", type=pathlib.Path, required=True)
+    parser.add_argument("--bin", type=pathlib.Path, required=True, help="directory of the programs")
+    parser.add_argument("--out", type=pathlib.Path, required=True, help="directory for the staged pages, made anew")
+    options = parser.parse_args()
+    root, programs = options.source.resolve(), options.bin.resolve()
+    shutil.rmtree(options.out, ignore_errors=True)
+    site = Site(root, options.out)
+    for page in sorted(site.pages):
+        site.stage(page)
+    scene, hydro = output_of(programs / "shearbus-ctl", "reference"), output_of(programs / "shearbus-hydro", "--reference")
+    of_hydro = [part for part in hydro.split("\n## ")[1:] if part.strip() not in scene]
+    for name, text in (("reference/scene", scene),
+                       ("reference/hydro", "# Keys of [hydro]\n\nThe table of a scene that `shearbus-hydro` reads and the server never sees.\n" +
+                        "".join("\n## " + part for part in of_hydro)),
+                       ("reference/materials", materials_page(output_of(programs / "shearbus-ctl", "materials"))),
+                       ("reference/programs", programs_page(programs)),
+                       ("reference/columns", columns_page(root)),
+                       ("howto/errors", errors_page(site))):
+        site.write(name + ".md", text)
+    for name in site.wanted:
+        site.show(name)
+
+
+if __name__ == "__main__":
+    main()

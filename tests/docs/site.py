@@ -1,0 +1,131 @@
+#!/usr/bin/python3
+"""Builds the documentation site with the programs of a build directory; a warning, a dead link and a page that is missing are faults. Ends
+with 77, skipped, where a package of deploy/packages/docs.txt is missing.
+
+site.py --build BUILD --out DIR
+site.py --self-test      each rule of stage.py and links.py fails on a tree made for it"""
+import argparse
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DOCS = ROOT / "deploy/docs"
+# What the site must have: page -> a text of it, from each of the sources that it is generated from.
+EXPECTED = {
+    "index.html": "First run",
+    "tutorials/couple.html": "shearbus_open",
+    "howto/errors.html": "NODE_OWNED (304)",
+    "howto/batch.html": "several_nodes.sbatch",
+    "howto/capsule.html": "--capsule",
+    "reference/scene.html": "friction_coefficient",
+    "reference/hydro.html": "end_time_s",
+    "reference/materials.html": "aluminium_dlp",
+    "reference/columns.html": "velocity_jump_m_per_s",
+    "reference/programs.html": "shearbus-ctl keygen",
+    "reference/c.html": "shearbus_rollback_to",
+    "reference/cxx.html": "register_nodes",
+    "reference/fortran.html": "shearbus_interface",
+    "reference/python.html": "shearbus.errors.ContentError",
+    "server/physics/MODEL.html": "What the layer computes",
+}
+
+
+def missing():
+    """Returns the first thing that the site needs and this machine lacks."""
+    for module in ("sphinx", "myst_parser", "breathe", "furo", "zmq", "numpy"):
+        if subprocess.run([sys.executable, "-c", f"import {module}"], capture_output=True).returncode != 0:
+            return f"the Python module {module}"
+    return None if shutil.which("doxygen") else "doxygen"
+
+
+def run(*command):
+    return subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=280)
+
+
+def build(programs, out):
+    done = run(DOCS / "build", "--programs", programs, "--out", out)
+    faults = [done.stdout] if done.returncode != 0 else []
+    for page, text in EXPECTED.items() if not faults else ():
+        path = out / "html" / page
+        if not path.is_file():
+            faults.append(f"the site has no page {page}")
+        elif text not in path.read_text():
+            faults.append(f"{page} has no {text!r}")
+    print(done.stdout[-300:])
+    return faults
+
+
+def self_test(scratch):
+    """Returns the rules that did not fail."""
+    sys.path.insert(0, str(DOCS))
+    import stage
+
+    faults = []
+
+    def refused(name, function, *arguments):
+        try:
+            function(*arguments)
+        except SystemExit:
+            return
+        faults.append(f"self-test: {name} was accepted")
+
+    tree = scratch / "tree"
+    (tree / "a").mkdir(parents=True)
+    (tree / "a/page.md").write_text("# Page\n\n## One\n\nfirst\n\n```sh\n# no heading\n```\n\n### Below\n\n## Two\n\nsecond\n")
+    (tree / "a/code.c").write_text("int one;\n")
+    site = stage.Site(tree, scratch / "site")
+    for link, expected in (("page.md#one", "page.md#one"), ("code.c", "code.c.md"), ("https://example.org", "https://example.org"), ("../a", "index.md")):
+        found = site.linked("a/page.md", f"[x]({link})", "a/other.md")
+        if found != f"[x]({expected})":
+            faults.append(f"self-test: link {link} became {found}")
+    if site.linked("a/page.md", "[x](#one)", "b/other.md") != "[x](../a/page.md#one)":
+        faults.append("self-test: an anchor of a page that is included does not lead back to it")
+    part = stage.section((tree / "a/page.md").read_text(), "one")
+    if not part.startswith("first") or "second" in part or "# no heading" not in part or "## Below" not in part:
+        faults.append(f"self-test: section: {part}")
+    refused("a link to a file that does not exist", site.linked, "a/page.md", "[x](gone.md)", "a/page.md")
+    refused("a section that does not exist", stage.section, "# Page\n", "gone")
+    # A code that the table of the protocol lacks, or has without a cure.
+    for name in ("proto/WIRE.md", "proto/wire/enum_names.cpp", "proto/wire/status.hpp", "client/include/shearbus/shearbus.h"):
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tree / name)
+    stage.codes(tree)
+    page = (tree / "proto/WIRE.md").read_text()
+    row = next(line for line in page.splitlines() if line.startswith("| 304 | NODE_OWNED"))
+    for change in ("", "| 304 | NODE_OWNED | of another session | |", row.replace("304", "399")):
+        (tree / "proto/WIRE.md").write_text(page.replace(row, change))
+        refused(f"the row {change!r} in place of NODE_OWNED", stage.codes, tree)
+    # Dead links in HTML.
+    html = scratch / "html"
+    html.mkdir()
+    for body, dead in (('<a id="x" href="#x">', False), ('<a href="#y">', True), ('<a href="gone.html">', True), ('<img src="gone.png">', True)):
+        (html / "index.html").write_text(body)
+        if (run(sys.executable, "-B", DOCS / "links.py", html).returncode != 0) != dead:
+            faults.append(f"self-test: links.py and {body}")
+    return faults
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--build", type=pathlib.Path)
+    parser.add_argument("--out", type=pathlib.Path)
+    parser.add_argument("--self-test", action="store_true")
+    options = parser.parse_args()
+    if options.self_test:
+        with tempfile.TemporaryDirectory() as scratch:
+            faults = self_test(pathlib.Path(scratch))
+        print("\n".join(faults) or "the rules of the site can fail")
+        sys.exit(bool(faults))
+    if lack := missing():
+        print(f"skipped: {lack} is missing; install the packages of deploy/packages/docs.txt")
+        sys.exit(77)
+    faults = build(options.build.resolve(), options.out)
+    print("\n".join(faults))
+    sys.exit(bool(faults))
+
+
+if __name__ == "__main__":
+    main()
