@@ -208,8 +208,8 @@ double stuck_tile(const physics::ModelOptions& options) {
 
 int main(int argc, char** argv) {
   guest::HydroScene file =
-      hydro::load_scene(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_coarse.toml")
-          .scene;
+      hydro::load_scene(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_hot.toml").scene;
+  if (argc <= 1) file.mutable_hydro()->mutable_cone_target()->set_zone_width_m(0.5e-3);
   v1::Scene& scene = *file.mutable_scene();
   if (scene.layer().heat() == v1::HEAT_MODES) {
     v1::Layer& layer = *scene.mutable_layer();

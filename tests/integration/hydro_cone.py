@@ -54,6 +54,34 @@ class Cone(unittest.TestCase):
             self.fields_are_as_the_sidecar_says(out)
             self.assertEqual(len(list(out.glob("cone_*.png"))), 7)
 
+    def test_the_summary_says_what_the_flank_saw_and_the_bound_holds_at_every_node(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = scene(directory)
+            for law in ("subgrid", "coulomb_tresca"):
+                out = pathlib.Path(directory) / law
+                done = run(path, "--interface-law", law, "--out", out, "--no-plot")
+                self.assertEqual(done.returncode, 0, done.stderr)
+                summary = json.loads((out / "summary.json").read_text())
+                self.assertEqual(summary["published"], {"pressure_pa": 10e9, "sliding_velocity_m_per_s": 400.0})
+                self.assertRegex(done.stdout, r"flank, highest +pressure [\d.]+ GPa .*published: up to 10 GPa, 400 m/s")
+                nodes = summary["interface"]
+                with h5py.File(out / "interface.h5") as f:
+                    numpy.testing.assert_array_equal(nodes["slip_m"], f["slip_distance"][-1])
+                    self.assertTrue((numpy.array(nodes["peak_pressure_pa"]) >= f["pressure"][:].max(axis=0)).all())
+                    for name in ("pressure", "sliding_velocity"):
+                        peak = next(key for key in nodes if name in key)
+                        self.assertEqual(max(nodes[peak]), summary[peak])
+                    self.assertEqual("bound_used" in f, law == "subgrid", "law (5) does not stay below melting by itself")
+                    if law == "subgrid":
+                        used = f["bound_used"][:]
+                        self.assertTrue((used >= 0.0).all() and (used <= 1.0).all())
+                        self.assertGreater(used.max(), 0.5)
+                        self.assertGreaterEqual(summary["bound_used_most"], used.max())
+                        numpy.testing.assert_array_equal(nodes["bound_used"], used[-1])
+                        self.assertRegex(done.stdout, r"bound below melting +used by a node: at most 0\.\d+")
+                    else:
+                        self.assertNotIn("bound", done.stdout)
+
     def fields_are_as_the_sidecar_says(self, out):
         tree = xml.etree.ElementTree.parse(out / "fields.xmf")
         grids = tree.findall(".//Grid[@GridType='Uniform']")
