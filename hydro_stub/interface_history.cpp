@@ -42,7 +42,7 @@ constexpr std::pair<const char*, std::vector<double> NodeTotals::*> kTotals[] = 
     {"interface_highest_pressure", &NodeTotals::highest_pressure},
     {"interface_fastest_slip", &NodeTotals::fastest_slip},
     {"interface_pressure_impulse", &NodeTotals::pressure_impulse},
-    {"interface_closed_time", &NodeTotals::closed_time},
+    {"interface_slip_time", &NodeTotals::slip_time},
     {"interface_friction_work", &NodeTotals::friction_work},
     {"interface_friction_time", &NodeTotals::friction_time},
     {"interface_highest_melting", &NodeTotals::highest_melting},
@@ -71,8 +71,10 @@ void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
       regime_slip_[regime] += speed * in.dt;
       totals_.highest_pressure[i] = std::max(totals_.highest_pressure[i], in.pressure[i]);
       totals_.fastest_slip[i] = std::max(totals_.fastest_slip[i], speed);
+    }
+    if (in.pressure[i] > 0.0 && answer.regime[i] != static_cast<std::uint8_t>(wire::Regime::kStick)) {
       totals_.pressure_impulse[i] += in.pressure[i] * in.dt;
-      totals_.closed_time[i] += in.dt;
+      totals_.slip_time[i] += in.dt;
     }
     if (bound_) use_bound(i, answer.shear_stress[i] * answer.sliding_velocity[i] * in.dt, in);
   }
@@ -148,7 +150,7 @@ double InterfaceHistory::mean_slip() const {
 double InterfaceHistory::mean_pressure_root_time() const {
   std::vector<double> loads;
   for (std::size_t i = 0; i < nodes(); ++i) {
-    const double time = totals_.closed_time[i];
+    const double time = totals_.slip_time[i];
     loads.push_back(time > 0.0 ? totals_.pressure_impulse[i] / std::sqrt(time) : 0.0);
   }
   return mean_of(loads);

@@ -21,7 +21,7 @@ struct NodeTotals {
         highest_pressure(nodes, 0.0),
         fastest_slip(nodes, 0.0),
         pressure_impulse(nodes, 0.0),
-        closed_time(nodes, 0.0),
+        slip_time(nodes, 0.0),
         friction_work(nodes, 0.0),
         friction_time(nodes, 0.0),
         highest_melting(nodes, 0.0),
@@ -30,8 +30,8 @@ struct NodeTotals {
   std::vector<double> slip;  // slip distance: integral of |sliding velocity| dt while the contact is closed  [m]
   std::vector<double> highest_pressure;  // [Pa]
   std::vector<double> fastest_slip;      // highest sliding velocity of a closed contact  [m/s]
-  std::vector<double> pressure_impulse;  // integral of the pressure  [Pa s]
-  std::vector<double> closed_time;       // [s]
+  std::vector<double> pressure_impulse;  // integral of the pressure while the node slips  [Pa s]
+  std::vector<double> slip_time;         // [s]
   std::vector<double> friction_work;     // integral of s [v]  [J/m2]
   std::vector<double> friction_time;     // time since friction began  [s]
   std::vector<double> highest_melting;   // highest melting temperature since friction began  [K]
@@ -64,7 +64,7 @@ class InterfaceHistory {
   double highest_pressure() const { return peaks_[kPressure]; }
   double longest_slip() const;
   double mean_slip() const;
-  // Mean over the nodes of P sqrt(t), with the mean pressure P of a node over the time t of contact  [Pa s^(1/2)]
+  // Mean over the nodes of P sqrt(t), with the mean pressure P of a node over the time t of its slip  [Pa s^(1/2)]
   double mean_pressure_root_time() const;
 
  private:

@@ -60,7 +60,7 @@ std::string Summary2d::flank_text() const {
                        published->sliding_velocity);
   }
   out +=
-      fmt::format("\n  P sqrt(t) of contact    mean {:.2f} GPa us^(1/2)\n", 1e-6 * interface.mean_pressure_root_time());
+      fmt::format("\n  P sqrt(t) of slip       mean {:.2f} GPa us^(1/2)\n", 1e-6 * interface.mean_pressure_root_time());
   if (interface.has_bound()) {
     out += fmt::format("  bound below melting     used by a node: at most {:.3f}, at the end {:.3f} (mean)\n",
                        interface.most_bound_used(), mean_of(nodes.bound_used));
@@ -139,7 +139,7 @@ std::string Summary2d::json() const {
       out["published"] = {{"pressure_pa", published->pressure},
                           {"sliding_velocity_m_per_s", published->sliding_velocity}};
     }
-    out["pressure_root_time_pa_s_half"] = interface.mean_pressure_root_time();
+    out["slip_pressure_root_time_pa_s_half"] = interface.mean_pressure_root_time();
     out["interface"] = {{"slip_m", nodes.slip},
                         {"peak_pressure_pa", nodes.highest_pressure},
                         {"peak_sliding_velocity_m_per_s", nodes.fastest_slip}};
