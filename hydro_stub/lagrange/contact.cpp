@@ -111,8 +111,8 @@ void Contact::find_compliance(const Guides& guides, const State& state) {
   }
 }
 
-// Finds the normal pressures by projected successive over-relaxation; each sweep reduces the error by a constant factor.
-// The velocities get the impulses after the last sweep.
+// Finds the normal pressures by projected successive over-relaxation; each sweep reduces the error by a constant
+// factor. The velocities get the impulses after the last sweep.
 void Contact::press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
   constexpr int kMostSweeps = 400;
   constexpr double kTolerance = 1e-13;

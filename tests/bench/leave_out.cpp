@@ -1,5 +1,6 @@
 // shearbus-bench-leave-out measures how much time is saved by leaving out options. The hydrocode problem
-// cone_al_steel_hot with zones of 0.5 mm runs once, and the inputs of its layers are recorded. The model alone then replays them with these variants:
+// cone_al_steel_hot with zones of 0.5 mm runs once, and the inputs of its layers are recorded. The model alone then
+// replays them with these variants:
 //
 //   everything      the variant `scene` with more options, none of which changes a bit of the answer: junctions that
 //                   cover the whole area and do not harden, a second direction without slip, the energy ledger
