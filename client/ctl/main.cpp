@@ -23,6 +23,7 @@
 #include "client/ctl/rehearse.hpp"
 #include "client/src/client.hpp"
 #include "proto/scene/scene.hpp"
+#include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/key_file.hpp"
 #include "proto/wire/program.hpp"
 #include "server/embedded.hpp"
@@ -290,7 +291,7 @@ class Commands {
           [options = options_]() -> std::vector<std::pair<std::string, std::string>> {
             if (options.all.empty()) return {{options.server, options.server}};
             std::vector<std::pair<std::string, std::string>> servers;
-            for (const auto& file : ctl::endpoint_files(options.all))
+            for (const auto& file : shearbus::wire::endpoint_files(options.all))
               servers.emplace_back(file.filename().string(), "file://" + file.string());
             return servers;
           },

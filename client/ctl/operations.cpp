@@ -147,18 +147,9 @@ void show_status(const wire::ServerStatus& s, bool json) {
                               static_cast<double>(s.resident_bytes) / (1 << 20), s.open_files, s.max_open_files));
 }
 
-std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory) {
-  std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::directory_iterator(directory))
-    if (entry.is_regular_file() && entry.path().extension() != ".partial") files.push_back(entry.path());
-  if (files.empty()) throw std::runtime_error(directory.string() + ": has no endpoint files; is a server running?");
-  std::sort(files.begin(), files.end());
-  return files;
-}
-
 bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of) {
   bool all_answer = true;
-  for (const auto& file : endpoint_files(directory)) {
+  for (const auto& file : wire::endpoint_files(directory)) {
     const std::string name = file.filename().string();
     try {
       const wire::ServerStatus s = status_of(std::string(wire::kFileScheme) + file.string());

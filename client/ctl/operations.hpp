@@ -17,8 +17,6 @@ void show_status(const wire::ServerStatus& status, bool json);
 // Returns the status of the server at an endpoint. Throws Error if the server does not answer.
 using StatusOf = std::function<wire::ServerStatus(const std::string& endpoint)>;
 
-// Returns the files of a directory of endpoint files, by name. Throws std::runtime_error if there are none.
-std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory);
 // Prints a line for each endpoint file of a directory: what the server holds, or why it does not answer. Returns false
 // if one does not answer.
 bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of);

@@ -4,10 +4,11 @@
 
 namespace shearbus::simulation {
 
-World::World(unsigned seed, Tally& tally)
+World::World(unsigned seed, Tally& tally, std::uint64_t last_epoch)
     : random(seed),
       durability_(seed % 2 == 0 ? store::Durability::kPower : store::Durability::kProcess),
-      tally_(tally) {
+      tally_(tally),
+      epoch_(last_epoch) {
   start();
 }
 
