@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 import h5py
@@ -28,17 +29,25 @@ class Shards(unittest.TestCase):
             process.kill()
             process.wait()
 
+    def start(self, directory, number, *options):
+        name = f"{directory.name}-{number}"
+        command = [OPTIONS.server, "--bind", f"ipc://{self.path}/{name}/s", "--endpoint-file", directory / str(number), "--threads", 1, *options]
+        with open(self.path / f"{name}.log", "a", encoding="utf-8") as log:
+            self.processes.append(subprocess.Popen([str(word) for word in command], stderr=log))
+        return self.processes[-1]
+
     def serve(self, name, count):
         """Starts servers that write endpoint files; returns the directory of the files."""
         directory = self.path / name
         directory.mkdir()
         for number in range(count):
-            command = [OPTIONS.server, "--bind", f"ipc://{self.path}/{name}-{number}/s", "--endpoint-file", directory / str(number), "--threads", 1]
-            with open(self.path / f"{name}-{number}.log", "w", encoding="utf-8") as log:
-                self.processes.append(subprocess.Popen([str(word) for word in command], stderr=log))
+            self.start(directory, number)
+        self.wait(directory, count)
+        return directory
+
+    def wait(self, directory, count):
         for number in range(count):
             subprocess.run([OPTIONS.ctl, "wait", "--server", f"file://{directory / str(number)}", "--timeout", "60"], check=True, capture_output=True)
-        return directory
 
     def sockets(self, directory):
         return [re.search('endpoint = "(.*)"', file.read_text())[1] for file in sorted(directory.iterdir())]
@@ -73,21 +82,47 @@ class Shards(unittest.TestCase):
         with self.assertRaisesRegex(shearbus.Error, "names several servers"):
             shearbus.open("none.toml\n", range(4), f"file://{self.path}/two")
 
-    def test_the_hydrocode_writes_the_same_numbers(self):
-        problem = pathlib.Path(OPTIONS.source) / "hydro_stub/problems/two_half_spaces.toml"
+    def datasets(self, out):
         found = {}
-        for name, count in (("one", 1), ("three", 3)):
-            endpoint = ",".join(self.sockets(self.serve(name, count)))
-            out = self.path / f"out-{name}"
-            subprocess.run([OPTIONS.hydro, problem, "--out", out, "--no-plot", "--server", endpoint], check=True, capture_output=True, timeout=120)
-            found[name] = {}
-            for path in sorted(out.glob("*.h5")):
-                with h5py.File(path) as file:
-                    file.visititems(lambda key, item: found[name].update({f"{path.name}/{key}": item[()]}) if isinstance(item, h5py.Dataset) else None)
-        self.assertEqual(found["one"].keys(), found["three"].keys())
-        self.assertTrue(any("stress" in key for key in found["one"]), found["one"].keys())
-        for key, values in found["one"].items():
-            numpy.testing.assert_array_equal(found["three"][key], values, key)
+        for path in sorted(out.glob("*.h5")):
+            with h5py.File(path) as file:
+                file.visititems(lambda key, item: found.update({f"{path.name}/{key}": item[()]}) if isinstance(item, h5py.Dataset) else None)
+        self.assertTrue(any("stress" in key for key in found), found.keys())
+        return found
+
+    def hydro(self, *words):
+        subprocess.run([OPTIONS.hydro, *map(str, words), "--no-plot"], check=True, capture_output=True, timeout=120)
+
+    def test_the_hydrocode_goes_on_from_a_dump_after_host_and_server_were_killed(self):
+        text = (pathlib.Path(OPTIONS.source) / "hydro_stub/problems/cone_al_steel_coarse.toml").read_text()
+        for name, value in {"zone_width_m": "1e-3", "end_time_s": "5e-6"}.items():
+            text, found = re.subn(rf"(?m)^{name} = \S+", f"{name} = {value}", text)
+            self.assertEqual(found, 1)
+        scene = self.path / "cone.toml"
+        scene.write_text(text)
+        whole, run, servers = self.path / "whole", self.path / "run", self.path / "servers"
+        self.hydro(scene, "--out", whole, "--server", f"file://{self.serve('one', 1)}")
+        servers.mkdir()
+        options = [("--state-dir", self.path / f"states-{number}") for number in range(3)]
+        processes = [self.start(servers, number, *options[number]) for number in range(3)]
+        self.wait(servers, 3)
+        host = subprocess.Popen([OPTIONS.hydro, str(scene), "--out", str(run), "--no-plot", "--dump-every", "20", "--server", f"file://{servers}"],
+                                stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        self.processes.append(host)
+        end = time.monotonic() + 60
+        while not list(run.glob("restart/dump-*.h5")):
+            self.assertLess(time.monotonic(), end)
+            self.assertIsNone(host.poll(), "the host has ended before a dump was seen")
+            time.sleep(0.002)
+        for process in (host, processes[1]):
+            process.kill()
+            process.wait()
+        self.start(servers, 1, *options[1])
+        self.hydro("--restart", run)
+        expected, found = self.datasets(whole), self.datasets(run)
+        self.assertEqual(found.keys(), expected.keys())
+        for key, values in expected.items():
+            numpy.testing.assert_array_equal(found[key], values, key)
 
 
 if __name__ == "__main__":
