@@ -21,6 +21,13 @@ ConeTarget make_cone_target(const guest::HydroScene& scene) {
                      .end_time = scene.hydro().end_time_s(),
                      .soft = make_metal(scene.scene().soft(), "soft", scene.hydro().cone_target().soft_eos()),
                      .hard = make_metal(scene.scene().hard(), "hard", scene.hydro().cone_target().hard_eos())};
+  const v1::Layer& layer = scene.scene().layer();
+  if (scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID && !layer.inertia() &&
+      physics::properties_of(problem.soft.strength.flow_law).vanishes_at_melting) {
+    problem.heat_bound = {.soft = problem.soft.strength,
+                          .hard = problem.hard.strength,
+                          .start_temperature = layer.initial_temperature_k()};
+  }
   const guest::ConeTarget& cone = problem.scene;
   const double widest = std::max(cone.front_radius_m(), cone.back_radius_m());
   if (!(widest < cone.confinement_radius_m())) {
@@ -101,6 +108,8 @@ Problem2d make_problem2d(const ConeTarget& problem) {
   made.frames = problem.scene.frames();
   made.soft = problem.soft.strength;
   made.hard = problem.hard.strength;
+  made.heat_bound = problem.heat_bound;
+  made.published = {.pressure = 10e9, .sliding_velocity = 400.0};  // DLP section 2
   return made;
 }
 

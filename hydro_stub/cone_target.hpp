@@ -20,6 +20,7 @@ struct ConeTarget {
   guest::ConeTarget scene;
   double end_time = 0.0;  // [s]
   Metal soft, hard;
+  std::optional<HeatBound> heat_bound = {};  // with the subgrid law, whose interface stays below melting
 
   // Indices of the three bodies among the blocks of the mesh.
   static constexpr int kCone = 0;

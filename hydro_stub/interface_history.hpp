@@ -3,8 +3,10 @@
 
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
+#include "hydro_stub/heat_bound.hpp"
 #include "hydro_stub/history_rows.hpp"
 #include "hydro_stub/lagrange/cycle.hpp"
 #include "proto/wire/energy_totals.hpp"
@@ -12,10 +14,37 @@
 
 namespace shearbus::hydro {
 
+// What happened to each interface node from the start to the last step: one value per node.
+struct NodeTotals {
+  explicit NodeTotals(std::size_t nodes)
+      : slip(nodes, 0.0),
+        highest_pressure(nodes, 0.0),
+        fastest_slip(nodes, 0.0),
+        pressure_impulse(nodes, 0.0),
+        slip_time(nodes, 0.0),
+        friction_work(nodes, 0.0),
+        friction_time(nodes, 0.0),
+        highest_melting(nodes, 0.0),
+        bound_used(nodes, 0.0) {}
+
+  std::vector<double> slip;  // slip distance: integral of |sliding velocity| dt while the contact is closed  [m]
+  std::vector<double> highest_pressure;  // [Pa]
+  std::vector<double> fastest_slip;      // highest sliding velocity of a closed contact  [m/s]
+  std::vector<double> pressure_impulse;  // integral of the pressure while the node slips  [Pa s]
+  std::vector<double> slip_time;         // [s]
+  std::vector<double> friction_work;     // integral of s [v]  [J/m2]
+  std::vector<double> friction_time;     // time since friction began  [s]
+  std::vector<double> highest_melting;   // highest melting temperature since friction began  [K]
+  std::vector<double> bound_used;        // friction_work over HeatBound::work(), between 0 and 1
+};
+
+double mean_of(const std::vector<double>& values);
+
 // The history of the interface nodes, and the totals over nodes and steps that the summary prints.
 class InterfaceHistory {
  public:
-  explicit InterfaceHistory(std::size_t nodes);
+  // Without a `bound`, nothing is said of it.
+  InterfaceHistory(std::size_t nodes, std::optional<HeatBound> bound);
 
   void observe(const lagrange::Cycle& cycle);  // adds the last step to the totals
   void record(const lagrange::Cycle& cycle);   // adds a row to the history
@@ -24,22 +53,31 @@ class InterfaceHistory {
   void load(const wire::DumpReader& dump);
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
 
-  std::size_t nodes() const { return slip_.size(); }
-  double share(wire::Regime regime) const;  // share of all node-steps so far that were in this regime
+  std::size_t nodes() const { return totals_.slip.size(); }
+  const NodeTotals& totals() const { return totals_; }
+  bool has_bound() const { return bound_.has_value(); }
+  double most_bound_used() const { return peaks_[kBoundUsed]; }  // of all nodes and times
+  double share(wire::Regime regime) const;          // share of all node-steps so far that were in this regime
+  double share_of_slip(wire::Regime regime) const;  // share of the slip distance of all nodes
   const wire::EnergyTotals& energy() const { return energy_; }
   double hottest() const { return peaks_[kTemperature]; }
   double highest_pressure() const { return peaks_[kPressure]; }
   double longest_slip() const;
   double mean_slip() const;
+  // Mean over the nodes of P sqrt(t), with the mean pressure P of a node over the time t of its slip  [Pa s^(1/2)]
+  double mean_pressure_root_time() const;
 
  private:
-  enum Peak : std::size_t { kTemperature, kPressure };
+  enum Peak : std::size_t { kTemperature, kPressure, kBoundUsed };
+
+  void use_bound(std::size_t i, double work, const InterfaceInputs& in);
 
   HistoryRows rows_;
-  // slip distance of each node: integral of |sliding velocity| dt while the contact is closed  [m]
-  std::vector<double> slip_;
-  std::array<double, 5> regimes_{};  // number of node-steps in each regime
-  std::array<double, 2> peaks_{};    // largest temperature [K] and pressure [Pa] so far
+  std::optional<HeatBound> bound_;
+  NodeTotals totals_;
+  std::array<double, 5> regimes_{};      // number of node-steps in each regime
+  std::array<double, 5> regime_slip_{};  // slip distance of all nodes in each regime  [m]
+  std::array<double, 3> peaks_{};        // largest temperature [K], pressure [Pa] and share of the bound so far
   wire::EnergyTotals energy_;
 };
 

@@ -22,7 +22,8 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)")->excludes(restart);
   app.add_option(
       "--server", options.server.endpoint,
-      "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH (default: a server inside this process)");
+      "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH, or of several, with commas (default: a server inside "
+      "this process)");
   std::filesystem::path server_key;
   std::filesystem::path key;
   app.add_option("--server-key", server_key, "by tcp: file of the server's public key");

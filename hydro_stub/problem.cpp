@@ -23,6 +23,13 @@ physics::Material resolve(const v1::Body& body, const std::string& table) {
   physics::MaterialResult result = physics::make_material(
       body.material(), scene::numbers_of(body), physics::FlowLaws::numbered(static_cast<int>(body.flow_law())));
   if (!result.fault.empty()) refuse(table + "." + result.fault_field, result.fault, "");
+  if (body.melting_curve() == v1::MELTING_CURVE_LINDEMANN)
+    result.material.melting_curve = physics::MeltingCurve::kLindemann;
+  if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED)
+    result.material.pressure_term = physics::PressureTerm::kCompressed;
+  if (const std::string_view missing = physics::constant_missing_for_options(result.material); !missing.empty())
+    refuse(fmt::format("{}.{}", table, missing), fmt::format("{}.{} is missing", table, missing),
+           "give it, or a material of the catalog that has it");
   return result.material;
 }
 

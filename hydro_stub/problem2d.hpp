@@ -3,10 +3,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "hydro_stub/heat_bound.hpp"
 #include "hydro_stub/lagrange/cycle.hpp"
 #include "server/physics/material/material.hpp"
 
@@ -20,6 +22,12 @@ struct Comparison {
   double found;
 };
 
+// The largest pressure and sliding velocity that an experiment's publication gives for the interface.
+struct Envelope {
+  double pressure;          // [Pa]
+  double sliding_velocity;  // [m/s]
+};
+
 struct Problem2d {
   explicit Problem2d(lagrange::Bodies meshed) : bodies(std::move(meshed)) {}
 
@@ -30,6 +38,9 @@ struct Problem2d {
   double history_interval = 0.0;  // time between two rows of the recorded histories  [s]
   std::uint32_t frames = 1;       // number of field outputs, at equal intervals up to the end
   physics::Material soft, hard;   // metals on the two sides of the interface, if there is one
+
+  std::optional<HeatBound> heat_bound;  // absent where the interface law or the scene does not obey it
+  std::optional<Envelope> published;
 
   std::function<bool(const lagrange::Cycle&)> over;                        // if set, ends the run by returning true
   std::function<std::vector<Comparison>(const lagrange::Cycle&)> compare;  // if set, compares the run with known values

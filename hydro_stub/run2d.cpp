@@ -84,7 +84,8 @@ class Run {
         over_(std::move(problem.over)),
         compare_(std::move(problem.compare)),
         dumps_(options.out, options.dumps),
-        interface_(interface_nodes(problem.bodies)),
+        published_(problem.published),
+        interface_(interface_nodes(problem.bodies), problem.heat_bound),
         surface_(problem.free_surface),
         fields_(field_writer(options.out / "fields.xmf", problem, effective_text_,
                              from != nullptr ? from->numbers("frame_times") : std::vector<double>())),
@@ -187,6 +188,7 @@ class Run {
                       .cycle = cycle_,
                       .start = start_,
                       .interface = interface_,
+                      .published = published_,
                       .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
                       .time = {.total = seconds(Clock::now() - begun_),
                                .output = seconds(output_),
@@ -211,6 +213,7 @@ class Run {
   std::function<bool(const Cycle&)> over_;
   std::function<std::vector<Comparison>(const Cycle&)> compare_;
   RestartDumps dumps_;
+  std::optional<Envelope> published_;
   InterfaceHistory interface_;
   SurfaceHistory surface_;
   wire::FieldWriter fields_;

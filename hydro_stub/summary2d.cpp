@@ -44,6 +44,30 @@ std::string error_text(const Comparison& c) {
 
 }  // namespace
 
+// What the interface saw, and how much of the bound on friction below melting it used.
+std::string Summary2d::flank_text() const {
+  const auto slip_in = [&](wire::Regime regime) { return 100.0 * interface.share_of_slip(regime); };
+  const NodeTotals& nodes = interface.totals();
+  const double fastest = *std::ranges::max_element(nodes.fastest_slip);
+  std::string out = fmt::format(
+      "  slip by regime          Coulomb {:.1f} %, Tresca {:.1f} %, of which melting {:.1f} %\n"
+      "  flank, highest          pressure {:.2f} GPa (mean of the nodes' highest {:.2f}), slip {:.0f} m/s ({:.0f})",
+      slip_in(wire::Regime::kCoulomb), slip_in(wire::Regime::kTresca) + slip_in(wire::Regime::kMelting),
+      slip_in(wire::Regime::kMelting), 1e-9 * interface.highest_pressure(), 1e-9 * mean_of(nodes.highest_pressure),
+      fastest, mean_of(nodes.fastest_slip));
+  if (published) {
+    out += fmt::format("; published: up to {:.0f} GPa, {:.0f} m/s", 1e-9 * published->pressure,
+                       published->sliding_velocity);
+  }
+  out +=
+      fmt::format("\n  P sqrt(t) of slip       mean {:.2f} GPa us^(1/2)\n", 1e-6 * interface.mean_pressure_root_time());
+  if (interface.has_bound()) {
+    out += fmt::format("  bound below melting     used by a node: at most {:.3f}, at the end {:.3f} (mean)\n",
+                       interface.most_bound_used(), mean_of(nodes.bound_used));
+  }
+  return out;
+}
+
 std::string Summary2d::text() const {
   const Ledger end = cycle.ledger();
   const bool has_axis = cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric;
@@ -66,6 +90,7 @@ std::string Summary2d::text() const {
         share(wire::Regime::kTresca), share(wire::Regime::kMelting), 1e3 * interface.mean_slip(),
         1e3 * interface.longest_slip(), interface.hottest(), 1e-9 * interface.highest_pressure(),
         turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
+    out += flank_text();
   }
   if (!interface.energy().empty())
     for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
@@ -105,6 +130,23 @@ std::string Summary2d::json() const {
     out["peak_interface_temperature_k"] = interface.hottest();
     out["peak_pressure_pa"] = interface.highest_pressure();
     out[has_axis ? "friction_heat_j" : "friction_heat_j_per_m"] = turn * end.friction_heat;
+    const NodeTotals& nodes = interface.totals();
+    out["slip_share_coulomb"] = interface.share_of_slip(wire::Regime::kCoulomb);
+    out["slip_share_tresca"] = interface.share_of_slip(wire::Regime::kTresca);
+    out["slip_share_melting"] = interface.share_of_slip(wire::Regime::kMelting);
+    out["peak_sliding_velocity_m_per_s"] = *std::ranges::max_element(nodes.fastest_slip);
+    if (published) {
+      out["published"] = {{"pressure_pa", published->pressure},
+                          {"sliding_velocity_m_per_s", published->sliding_velocity}};
+    }
+    out["slip_pressure_root_time_pa_s_half"] = interface.mean_pressure_root_time();
+    out["interface"] = {{"slip_m", nodes.slip},
+                        {"peak_pressure_pa", nodes.highest_pressure},
+                        {"peak_sliding_velocity_m_per_s", nodes.fastest_slip}};
+    if (interface.has_bound()) {
+      out["bound_used_most"] = interface.most_bound_used();
+      out["interface"]["bound_used"] = nodes.bound_used;
+    }
     out["layer_energy"] = as_json(interface.energy());
     out["service_share"] = time.service_share();
     out["waiting_share"] = time.waiting_share();

@@ -27,12 +27,15 @@ struct Summary2d {
   const lagrange::Cycle& cycle;
   const lagrange::Ledger& start;
   const InterfaceHistory& interface;
+  std::optional<Envelope> published;
   std::vector<Comparison> comparisons;
   RunTime2d time;
   OmittedCost omitted = {};  // options left off and the memory they would need; empty before InterfaceLaw::close()
 
   std::string text() const;
   std::string json() const;
+
+  std::string flank_text() const;  // the part of text() on an interface
 };
 
 }  // namespace shearbus::hydro

@@ -149,11 +149,8 @@ void show_status(const wire::ServerStatus& s, bool json) {
 
 ServerList servers_of(const std::filesystem::path& directory) {
   ServerList servers;
-  for (const auto& entry : std::filesystem::directory_iterator(directory))
-    if (entry.is_regular_file() && entry.path().extension() != ".partial")
-      servers.emplace_back(entry.path().filename(), std::string(wire::kFileScheme) + entry.path().string());
-  if (servers.empty()) throw std::runtime_error(directory.string() + ": has no endpoint files; is a server running?");
-  std::sort(servers.begin(), servers.end());
+  for (const auto& file : wire::endpoint_files(directory))
+    servers.emplace_back(file.filename(), std::string(wire::kFileScheme) + file.string());
   return servers;
 }
 

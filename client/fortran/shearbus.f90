@@ -66,7 +66,8 @@ module shearbus
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
                           offer_32, offer_64, copy
     ! open(nodes, scene | scene_text [, endpoint, domain, initial_temperature, name, server_key_file, secret_key_file,
-    !      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg])
+    !      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg]); endpoint: of a server, or
+    !      of several, with a comma between two of them or as the directory of their endpoint files, file://DIR
     generic :: open => open_32, open_64
     procedure :: resume          ! resume(ticket [, endpoint, ..., stat, msg]) continues a session of a process that has ended
     ! step(dt [, time [, n]] [, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg]); mask: the rows that

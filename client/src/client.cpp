@@ -9,6 +9,7 @@
 
 #include "client/src/connection.hpp"
 #include "client/src/session.hpp"
+#include "client/src/sharded_connection.hpp"
 #include "proto/wire/codec.hpp"
 
 namespace shearbus {
@@ -20,7 +21,7 @@ bool same_bytes(const wire::Request& a, const wire::Request& b) {
 
 }  // namespace
 
-Client::Client(ClientOptions options) : Client(std::make_shared<SocketConnection>(std::move(options))) {}
+Client::Client(ClientOptions options) : Client(connect_to(std::move(options))) {}
 
 Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(connection)) {
   wire::Request request;
@@ -84,7 +85,7 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
   try {
     received = connection_->call(request, connection_->options().reply_deadline);
   } catch (const Error& fault) {
-    connection_->opening_in_doubt = std::move(request);
+    if (!std::exchange(connection_->opening_undone, false)) connection_->opening_in_doubt = std::move(request);
     if (fault.status().code != Code::kUnknownOutcome) throw;
     wire::Status status = fault.status();
     status.remedy = "Open again with the same arguments: it is the same session, opened once.";

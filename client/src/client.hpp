@@ -51,7 +51,10 @@ using wire::TransferId;
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {
-  std::string endpoint;     // tcp://host:port, ipc://path, inproc://name, or file://path of a server's endpoint file
+  // tcp://host:port, ipc://path, inproc://name, or file://path of a server's endpoint file. Several endpoints with a
+  // comma between them, or file://path of a directory of endpoint files: the nodes are divided over these servers
+  // (proto/WIRE.md, "Several servers").
+  std::string endpoint;
   void* context = nullptr;  // libzmq context to use; required for inproc; null: a context of its own
   std::string server_key;   // tcp: the server's public CURVE key; empty: that of the endpoint file, or no encryption
   std::string secret_key;   // this client's secret key, required with server_key
@@ -195,6 +198,8 @@ class Session {
 
  private:
   friend class Client;
+  friend class ShardedConnection;
+  friend class ShardedSession;
   struct Impl;
   explicit Session(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

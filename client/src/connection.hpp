@@ -57,6 +57,7 @@ class Connection {
   std::chrono::milliseconds left_since(Clock::time_point started) const;
 
   const ClientOptions& options() const { return options_; }
+  void set_reply_deadline(std::chrono::milliseconds deadline) { options_.reply_deadline = deadline; }
   std::uint64_t next_request_id();  // never 0
   std::uint64_t claimant() {
     return claimant_ != 0 ? claimant_ : claimant_ = next_request_id();
@@ -66,6 +67,7 @@ class Connection {
   // succeed (for example when the disk has space again). A repeated opening must have the same bytes, so that one
   // session owns the nodes.
   std::optional<wire::Request> opening_in_doubt;
+  bool opening_undone = false;  // the last opening was refused, and its ids cannot be used again
 
   // Most rows of a step or of one of its parts, as the server's welcome says.
   std::size_t max_rows() const { return max_rows_; }

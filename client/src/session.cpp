@@ -99,6 +99,10 @@ Received Session::Impl::exchange(wire::Request&& request, const Accept& accept) 
   }
 }
 
+Received Session::Impl::send(wire::Request& request, const std::function<void(Received&)>& accept) {
+  return exchange(std::move(request), accept);  // leaves the request as it was sent
+}
+
 void Session::Impl::adopt_position(Received& where) {
   auto& resumed = body_of<wire::SessionResumed>(where);
   last_sequence = resumed.last_sequence;

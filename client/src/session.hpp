@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -84,6 +85,8 @@ struct Session::Impl {
     });
     return std::move(body_of<Answer>(received));
   }
+  // exchange() for a request that its caller keeps, and repeats after a fault that leaves its outcome unknown.
+  Received send(wire::Request& request, const std::function<void(Received&)>& accept);
   template <typename Answer, typename Question>
   Answer exchange(Question question) {
     return exchange<Answer>(std::move(question), {}, [](Received&) {});

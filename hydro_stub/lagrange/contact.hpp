@@ -64,6 +64,7 @@ class Contact {
   double& plastic_time() { return plastic_time_; }
 
  private:
+  void find_compliance(const Guides& guides, const State& state);
   void press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
   void ask_law(const State& state, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
                const std::vector<Vec2>& velocity);
@@ -79,6 +80,16 @@ class Contact {
   hydro::InterfaceAnswer answer_;
   std::vector<double> pressing_;  // pressure impulse p_i dt of each interface node in the step  [Pa s]
   std::vector<Vec2> impulse_;
+  // Work arrays of a step. compliance_[i] is a row of the matrix that turns pressure impulses into the rates at which
+  // gaps open; its first entry is that of node i itself  [m3/(s Pa s)].
+  std::vector<double> before_, excess_rate_;
+  std::vector<std::vector<RowWeight>> compliance_;
+  struct Response {
+    int row;
+    Vec2 velocity;  // velocity of a mesh node per pressure impulse of the interface node `row`  [m/(s Pa s)]
+  };
+  std::vector<std::vector<Response>> pushed_;  // of each mesh node
+  std::vector<double> hard_area_;
   double plastic_time_ = 0.0;  // time to which zone_plastic_strain in inputs_ belongs  [s]
   enum Cause : std::size_t { kFriction, kClosing };
   std::array<double, 2> heat_{};

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "hydro_stub/lagrange/hourglass.hpp"
-#include "hydro_stub/lagrange/strength.hpp"
 
 namespace shearbus::lagrange {
 
@@ -43,7 +42,7 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
       yy_new_(bodies_.mesh.num_zones(), 0.0),
       xy_new_(bodies_.mesh.num_zones(), 0.0),
       plastic_strain_new_(bodies_.mesh.num_zones(), 0.0),
-      on_rim_(bodies_.mesh.num_zones(), 0) {
+      zones_(bodies_.materials.size()) {
   const Mesh& mesh = bodies_.mesh;
   if (bodies_.materials.size() != mesh.blocks().size()) {
     throw std::invalid_argument(
@@ -180,17 +179,20 @@ void Cycle::predict_state(double dt) {
 #pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
     for (int z = first; z < last; ++z) {
       const Gradient& d = gradient_[z];
-      const Deviator s = {state_.deviator_xx[z], state_.deviator_yy[z], state_.deviator_xy[z]};
-      const double shear_power = s.xx * (d.xx - d.tt) + s.yy * (d.yy - d.tt) + s.xy * (d.xy + d.yx);
+      const double shear_power = state_.deviator_xx[z] * (d.xx - d.tt) + state_.deviator_yy[z] * (d.yy - d.tt) +
+                                 state_.deviator_xy[z] * (d.xy + d.yx);
       const double power = middle_.volume[z] * (shear_power - state_.pressure[z] * d.dilatation()) + heating_[z];
       middle_density_[z] = state_.mass[z] / middle_.volume[z];
       middle_energy_[z] = state_.energy[z] + half * power / state_.mass[z];
-      if (!material.strength) continue;
-      const StrengthStep step = advance_deviator(*material.strength, s, d, half, state_.plastic_strain[z],
-                                                 state_.pressure[z], state_.temperature[z]);
-      middle_xx_[z] = step.deviator.xx;
-      middle_yy_[z] = step.deviator.yy;
-      middle_xy_[z] = step.deviator.xy;
+    }
+    if (material.strength) {
+      for (const Reach reach : {Reach::kInner, Reach::kRim}) {
+        advance_strips(body, reach, half, state_.pressure, gradient_, [&](int z, const StrengthStep& step) {
+          middle_xx_[z] = step.deviator.xx;
+          middle_yy_[z] = step.deviator.yy;
+          middle_xy_[z] = step.deviator.xy;
+        });
+      }
     }
     material.eos.evaluate(middle_density_, middle_energy_, first, last, middle_pressure_, sound_squared_);
   }
@@ -311,32 +313,50 @@ void Cycle::find_rim() {
     for (const int n : line.soft.nodes) on_line[n] = true;
     for (const int n : line.hard.nodes) on_line[n] = true;
   }
-  for (int z = 0; z < bodies_.mesh.num_zones(); ++z) {
-    const int* n = bodies_.mesh.zone_nodes(z);
-    on_rim_[z] = static_cast<std::uint8_t>(std::any_of(n, n + 4, [&](int node) { return on_line[node]; }));
+  for (std::size_t body = 0; body < zones_.size(); ++body) {
+    const Block& block = bodies_.mesh.blocks()[body];
+    for (int z = block.first_zone; z < block.first_zone + block.num_zones(); ++z) {
+      const int* n = bodies_.mesh.zone_nodes(z);
+      const bool on_rim = std::any_of(n, n + 4, [&](int node) { return on_line[node]; });
+      zones_[body][on_rim ? Reach::kRim : Reach::kInner].push_back(z);
+    }
+  }
+}
+
+template <class Store>
+void Cycle::advance_strips(std::size_t body, Reach reach, double dt, const std::vector<double>& pressure,
+                           const std::vector<Gradient>& gradient, const Store& store) {
+  const std::vector<int>& zones = zones_[body][reach];
+  const int size = static_cast<int>(zones.size());
+#pragma omp parallel for schedule(static) if (size >= kFewestForThreads)
+  for (int first = 0; first < size; first += Strip::kMostZones) {
+    const std::span<const int> some(zones.data() + first, std::min(Strip::kMostZones, size - first));
+    Strip strip;
+    for (const int z : some) {
+      strip.add({state_.deviator_xx[z], state_.deviator_yy[z], state_.deviator_xy[z]}, gradient[z],
+                state_.plastic_strain[z], pressure[z], state_.temperature[z]);
+    }
+    advance_deviators(*bodies_.materials[body].strength, dt, strip);
+    for (std::size_t i = 0; i < some.size(); ++i) store(some[i], strip.step(static_cast<int>(i)));
   }
 }
 
 void Cycle::advance_stress(double dt, Reach reach) {
   for (std::size_t body = 0; body < bodies_.materials.size(); ++body) {
-    const Block& block = bodies_.mesh.blocks()[body];
-    const std::optional<physics::Material>& strength = bodies_.materials[body].strength;
-    const int first = block.first_zone;
-    const int last = first + block.num_zones();
-#pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
-    for (int z = first; z < last; ++z) {
-      if ((on_rim_[z] != 0) != (reach == Reach::kRim)) continue;
-      const Gradient d = velocity_gradient(bodies_.mesh, middle_, velocity_mean_, z);
-      dilatation_[z] = d.dilatation();
-      if (!strength) continue;
-      const Deviator old = {state_.deviator_xx[z], state_.deviator_yy[z], state_.deviator_xy[z]};
-      const StrengthStep step =
-          advance_deviator(*strength, old, d, dt, state_.plastic_strain[z], middle_pressure_[z], state_.temperature[z]);
+    const std::vector<int>& zones = zones_[body][reach];
+    const int size = static_cast<int>(zones.size());
+#pragma omp parallel for schedule(static) if (size >= kFewestForThreads)
+    for (int i = 0; i < size; ++i) {
+      gradient_[zones[i]] = velocity_gradient(bodies_.mesh, middle_, velocity_mean_, zones[i]);
+      dilatation_[zones[i]] = gradient_[zones[i]].dilatation();
+    }
+    if (!bodies_.materials[body].strength) continue;
+    advance_strips(body, reach, dt, middle_pressure_, gradient_, [&](int z, const StrengthStep& step) {
       xx_new_[z] = step.deviator.xx;
       yy_new_[z] = step.deviator.yy;
       xy_new_[z] = step.deviator.xy;
       plastic_strain_new_[z] = state_.plastic_strain[z] + step.plastic_strain_increment;
-    }
+    });
   }
 }
 

@@ -4,6 +4,7 @@
 // the force, so that the total energy changes only by the work of the boundaries, to rounding.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -17,6 +18,7 @@
 #include "hydro_stub/lagrange/geometry.hpp"
 #include "hydro_stub/lagrange/mesh.hpp"
 #include "hydro_stub/lagrange/state.hpp"
+#include "hydro_stub/lagrange/strength.hpp"
 #include "hydro_stub/lagrange/time_step.hpp"
 #include "hydro_stub/lagrange/viscosity.hpp"
 #include "server/physics/material/material.hpp"
@@ -96,7 +98,10 @@ class Cycle {
   void find_mean_velocities();
   bool go_to_end(double dt);
   void do_work(double dt);
-  enum class Reach { kInner, kRim };  // kInner: zones with no node on a slide line; kRim: all others
+  enum Reach : std::size_t { kInner, kRim };  // kInner: zones with no node on a slide line; kRim: all others
+  template <class Store>
+  void advance_strips(std::size_t body, Reach reach, double dt, const std::vector<double>& pressure,
+                      const std::vector<Gradient>& gradient, const Store& store);
   void advance_stress(double dt, Reach reach);
   void find_rim();
   void book_boundaries(double dt);
@@ -133,14 +138,15 @@ class Cycle {
   // mean of the velocities at the start and end of the step; it moves the nodes, and the work of forces uses it
   std::vector<Vec2> velocity_mean_;
   std::vector<double> volume_new_;
-  // velocity gradient of each zone, from the geometry at mid-step and the velocities at the start of the step  [1/s]
+  // velocity gradient of each zone, from the geometry at mid-step and the velocities at the start of the step, later
+  // the mean velocities of the step  [1/s]
   std::vector<Gradient> gradient_;
   std::vector<double> viscous_rate_;
   std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
   std::vector<double> heating_new_;
   std::vector<double> dilatation_;  // relative rate of volume change, dV/dt / V, in the last step  [1/s]
   std::vector<double> xx_new_, yy_new_, xy_new_, plastic_strain_new_;
-  std::vector<std::uint8_t> on_rim_;  // 1 for zones with a node on a slide line, 0 for all others
+  std::vector<std::array<std::vector<int>, 2>> zones_;  // zones of each body, by Reach
 };
 
 }  // namespace shearbus::lagrange

@@ -1,5 +1,6 @@
 #include "hydro_stub/lagrange/geometry.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -14,25 +15,24 @@ Corners corners_of(const Mesh& mesh, const std::vector<Vec2>& position, int zone
 }
 
 // Computes the integrals of the shape functions N_i over a zone exactly. The Jacobian is linear in the reference
-// square, and its corner values are half the areas of the corner triangles. The array `jacobian` holds twice these
-// areas, and the mass matrix of the square is (4 2 1 2)/9; so the divisor is 4 * 9 = 36.
-std::array<double, 4> shape_integrals(const Corners& x) {
-  std::array<double, 4> jacobian;
-  for (int k = 0; k < 4; ++k) jacobian[k] = cross(x[(k + 1) % 4] - x[k], x[(k + 3) % 4] - x[k]);
-  std::array<double, 4> integral;
-  for (int k = 0; k < 4; ++k) {
-    integral[k] =
-        (4.0 * jacobian[k] + 2.0 * (jacobian[(k + 1) % 4] + jacobian[(k + 3) % 4]) + jacobian[(k + 2) % 4]) / 36.0;
-  }
-  return integral;
+// square, and its corner values are half the areas of the corner triangles. The array `j` holds twice these areas, and
+// the mass matrix of the square is (4 2 1 2)/9; so the factor is 1/(4 * 9).
+inline std::array<double, 4> shape_integrals(const Corners& x) {
+  const std::array<double, 4> j = {cross(x[1] - x[0], x[3] - x[0]), cross(x[2] - x[1], x[0] - x[1]),
+                                   cross(x[3] - x[2], x[1] - x[2]), cross(x[0] - x[3], x[2] - x[3])};
+  const double even = 2.0 * (j[1] + j[3]);
+  const double odd = 2.0 * (j[0] + j[2]);
+  constexpr double kFactor = 1.0 / 36.0;
+  return {kFactor * (4.0 * j[0] + even + j[2]), kFactor * (4.0 * j[1] + odd + j[3]),
+          kFactor * (4.0 * j[2] + even + j[0]), kFactor * (4.0 * j[3] + odd + j[1])};
 }
 
 double area_of(const Corners& x) {
   return 0.5 * cross(x[2] - x[0], x[3] - x[1]);
 }
 
-double volume_about_axis(const Corners& x) {
-  const std::array<double, 4> h = shape_integrals(x);
+// Returns the volume of a zone whose shape functions have the integrals h.
+double volume_about_axis(const Corners& x, const std::array<double, 4>& h) {
   return (x[0].x * h[0] + x[1].x * h[1]) + (x[2].x * h[2] + x[3].x * h[3]);
 }
 
@@ -44,26 +44,25 @@ void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geom
 #pragma omp parallel for schedule(static) if (zones >= kFewestForThreads)
   for (int zone = 0; zone < zones; ++zone) {
     const Corners x = corners_of(mesh, position, zone);
-    Vec2* b = geometry.gradient_weight.data() + 4 * zone;
-    double* h = geometry.hoop_weight.data() + 4 * zone;
+    std::array<Vec2, 4> b;
     geometry.area[zone] = area_of(x);
     if (!axisymmetric) {
       for (int k = 0; k < 4; ++k) b[k] = 0.5 * right_of(x[(k + 1) % 4] - x[(k + 3) % 4]);
+      std::ranges::copy(b, geometry.gradient_weight.begin() + 4 * zone);
       geometry.volume[zone] = geometry.area[zone];
       continue;
     }
     const std::array<double, 4> shape = shape_integrals(x);
-    for (int k = 0; k < 4; ++k) {
-      h[k] = shape[k];
-      b[k] = {-shape[k], 0.0};
-    }
+    for (int k = 0; k < 4; ++k) b[k] = {-shape[k], 0.0};
     for (int k = 0; k < 4; ++k) {  // loop over the edges k; the radius is linear along an edge
       const int next = (k + 1) % 4;
-      const Vec2 normal = right_of(x[next] - x[k]);
-      b[k] += ((2.0 * x[k].x + x[next].x) / 6.0) * normal;
-      b[next] += ((x[k].x + 2.0 * x[next].x) / 6.0) * normal;
+      const Vec2 normal = (1.0 / 6.0) * right_of(x[next] - x[k]);
+      b[k] += (2.0 * x[k].x + x[next].x) * normal;
+      b[next] += (x[k].x + 2.0 * x[next].x) * normal;
     }
-    geometry.volume[zone] = volume_about_axis(x);
+    std::ranges::copy(b, geometry.gradient_weight.begin() + 4 * zone);
+    std::ranges::copy(shape, geometry.hoop_weight.begin() + 4 * zone);
+    geometry.volume[zone] = volume_about_axis(x, shape);
   }
 }
 
@@ -73,25 +72,8 @@ void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::v
 #pragma omp parallel for schedule(static) if (zones >= kFewestForThreads)
   for (int zone = 0; zone < zones; ++zone) {
     const Corners x = corners_of(mesh, position, zone);
-    volume[zone] = axisymmetric ? volume_about_axis(x) : area_of(x);
+    volume[zone] = axisymmetric ? volume_about_axis(x, shape_integrals(x)) : area_of(x);
   }
-}
-
-Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity, int zone) {
-  const int* n = mesh.zone_nodes(zone);
-  const Vec2* b = geometry.gradient_weight.data() + 4 * zone;
-  const double* h = geometry.hoop_weight.data() + 4 * zone;
-  Gradient g{};
-  for (int k = 0; k < 4; ++k) {
-    const Vec2 v = velocity[n[k]];
-    g.xx += v.x * b[k].x;
-    g.xy += v.x * b[k].y;
-    g.yx += v.y * b[k].x;
-    g.yy += v.y * b[k].y;
-    g.tt += v.x * h[k];
-  }
-  const double inverse = 1.0 / geometry.volume[zone];
-  return {g.xx * inverse, g.xy * inverse, g.yx * inverse, g.yy * inverse, g.tt * inverse};
 }
 
 std::vector<double> corner_volumes(const Mesh& mesh, const std::vector<Vec2>& position) {

@@ -52,7 +52,23 @@ void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geom
 // Computes only the volumes of the zones. If a step was too long, some volumes are not positive.
 void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::vector<double>& volume);
 
-Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity, int zone);
+inline Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity,
+                                  int zone) {
+  const int* n = mesh.zone_nodes(zone);
+  const Vec2* b = geometry.gradient_weight.data() + 4 * zone;
+  const double* h = geometry.hoop_weight.data() + 4 * zone;
+  Gradient g{};
+  for (int k = 0; k < 4; ++k) {
+    const Vec2 v = velocity[n[k]];
+    g.xx += v.x * b[k].x;
+    g.xy += v.x * b[k].y;
+    g.yx += v.y * b[k].x;
+    g.yy += v.y * b[k].y;
+    g.tt += v.x * h[k];
+  }
+  const double inverse = 1.0 / geometry.volume[zone];
+  return {g.xx * inverse, g.xy * inverse, g.yx * inverse, g.yy * inverse, g.tt * inverse};
+}
 
 // Returns the share of each corner in the volume of its zone, the integral of N_i r dA. Multiplied by the density of
 // the zone at the start, the shares are the corner masses, which never change.

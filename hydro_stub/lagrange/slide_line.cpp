@@ -67,13 +67,19 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
   for (std::size_t line = 0; line < lines_.size(); ++line) {
     const int soft_segments = static_cast<int>(lines_[line].soft.zones.size());
     const int hard_segments = static_cast<int>(lines_[line].hard.zones.size());
+    const int* hard = lines_[line].hard.nodes.data();
     for (int s = 0; s < soft_segments; ++s) {
       const Vec2 a = position[lines_[line].soft.nodes[s]];
       const Vec2 b = position[lines_[line].soft.nodes[s + 1]];
       const bool axisymmetric = symmetry_ == Symmetry::kAxisymmetric;
       whole_area_[first_[line] + s] += norm(b - a) * (axisymmetric ? (2.0 * a.x + b.x) / 6.0 : 0.5);
       whole_area_[row_after(line, s)] += norm(b - a) * (axisymmetric ? (a.x + 2.0 * b.x) / 6.0 : 0.5);
-      for (int h = 0; h < hard_segments; ++h) pair_segments(position, line, s, h);
+      for (int h = 0; h < hard_segments; ++h) {  // the segments that are near enough to face each other
+        const Vec2 p = position[hard[h]];
+        const Vec2 q = position[hard[h + 1]];
+        const Vec2 apart = (p + q) - (a + b);
+        if (dot(apart, apart) <= 8.0 * (dot(b - a, b - a) + dot(q - p, q - p))) pair_segments(position, line, s, h);
+      }
     }
   }
   for (std::size_t i = 0; i < node_.size(); ++i) {
@@ -105,8 +111,7 @@ void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::siz
   const Vec2 pq = position[hard_nodes[1]] - position[hard_nodes[0]];
   const double square = dot(ab, ab);
   const double reach = square + dot(pq, pq);
-  const Vec2 apart = p + 0.5 * pq - 0.5 * ab;
-  if (dot(apart, apart) > 2.0 * reach || !(dot(ab, pq) < 0.0)) return;
+  if (!(dot(ab, pq) < 0.0)) return;
 
   const double at_p = dot(p, ab) / square;  // place of p along the soft segment, from 0 at a to 1 at b
   const double at_q = dot(p + pq, ab) / square;

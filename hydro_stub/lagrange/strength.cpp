@@ -5,87 +5,150 @@
 namespace shearbus::lagrange {
 namespace {
 
-Deviator rotated(const Deviator& s, double spin, double dt) {
-  const double t = 0.5 * spin * dt;  // tangent of half the angle of rotation
-  const double scale = 1.0 / (1.0 + t * t);
-  const double cosine = (1.0 - t * t) * scale;
-  const double sine = 2.0 * t * scale;
-  const double shear = 2.0 * sine * cosine * s.xy;
-  const double cc = cosine * cosine;
-  const double ss = sine * sine;
-  return {cc * s.xx + ss * s.yy - shear, ss * s.xx + cc * s.yy + shear,
-          sine * cosine * (s.xx - s.yy) + (cc - ss) * s.xy};
+// Rotates the old deviators with the metal, and adds the elastic growth of the step. Stores the equivalent stresses.
+void find_trial(double shear_modulus, double dt, Strip& strip, double (&trial)[Strip::kMostZones]) {
+  const double stretch = 2.0 * shear_modulus * dt;
+  for (int i = 0; i < strip.zones; ++i) {
+    const double xx = strip.xx[i], yy = strip.yy[i], xy = strip.xy[i];
+    const double t = 0.5 * strip.spin[i] * dt;  // tangent of half the angle of rotation
+    const double scale = 1.0 / (1.0 + t * t);
+    const double cosine = (1.0 - t * t) * scale;
+    const double sine = 2.0 * t * scale;
+    const double shear = 2.0 * sine * cosine * xy;
+    const double cc = cosine * cosine;
+    const double ss = sine * sine;
+    const Deviator s = {(cc * xx + ss * yy - shear) + stretch * strip.strain_rate_xx[i],
+                        (ss * xx + cc * yy + shear) + stretch * strip.strain_rate_yy[i],
+                        (sine * cosine * (xx - yy) + (cc - ss) * xy) + stretch * strip.strain_rate_xy[i]};
+    strip.xx[i] = s.xx;
+    strip.yy[i] = s.yy;
+    strip.xy[i] = s.xy;
+    trial[i] = equivalent_stress(s);
+  }
 }
 
-// The metal of a zone, with the zone's state before the step and the step length.
-struct Zone {
-  const physics::Material& metal;
-  double g;  // softening g(pressure, temperature): a factor of the flow stress
-  double plastic_strain;
-  double pressure;     // [Pa]
-  double temperature;  // [K]
-  double dt;           // step length  [s]
+// Stores the softening g(P, T) of the zones and their flow stress at rest.
+template <class Law>
+void find_strength(const physics::Material& metal, const Strip& strip, double (&g)[Strip::kMostZones],
+                   double (&strength)[Strip::kMostZones]) {
+  const physics::Material m = metal;  // a copy, which no store to the arrays can change
+  if (m.varies_with_compression()) {
+    for (int i = 0; i < strip.zones; ++i) {
+      const physics::Material now = physics::at_pressure(m, strip.pressure[i]);
+      g[i] = Law::softening(now, strip.pressure[i], strip.temperature[i]).g;
+    }
+  } else {
+    for (int i = 0; i < strip.zones; ++i) g[i] = Law::softening(m, strip.pressure[i], strip.temperature[i]).g;
+  }
+  for (int i = 0; i < strip.zones; ++i) {
+    strength[i] = g[i] * Law::hardened(m, strip.plastic_strain[i], 0.0, strip.pressure[i], strip.temperature[i]);
+  }
+}
 
-  // Returns the flow stress after the plastic strain increment x, at the mean strain rate x/dt  [Pa].
-  double yield(double x) const {
-    return physics::hardened_strength(metal, plastic_strain + x, x / dt, pressure, temperature) * g;
+// Zones that yield: for each the increment x of the plastic strain that solves Y(ep + x, x/dt) + 3 G x = trial, with
+// the flow stress Y at plastic strain and strain rate, the shear modulus G, and the equivalent stress `trial` of the
+// trial deviator. The left side rises strictly. Newton's iterates are kept between 0 and the increment of perfect
+// plasticity. Under concave hardening they rise from x = 0 to the root and do not pass the root.
+template <class Law>
+class Yielding {
+ public:
+  Yielding(const physics::Material& metal, double dt) : metal_(metal), dt_(dt), stiffness_(3.0 * metal.shear_modulus) {}
+
+  // Adds zone i of the strip, whose trial stress exceeds its strength.
+  void add(const Strip& strip, int i, double trial, double softening, double strength) {
+    zone_[count_] = i;
+    trial_[count_] = trial;
+    g_[count_] = softening;
+    ep_[count_] = strip.plastic_strain[i];
+    pressure_[count_] = strip.pressure[i];
+    temperature_[count_] = strip.temperature[i];
+    left_[count_] = x_[count_] = 0.0;
+    right_[count_] = (trial - strength) / stiffness_;
+    ++count_;
   }
-  double yield_slope(double x) const {
-    return physics::hardening_slope(metal, plastic_strain, x, dt, pressure, temperature) * g;
+  // Solves for the increments of all zones and stores them in the strip.
+  void solve(Strip& strip) {
+    if (!Law::hardens(metal_)) {
+      for (int j = 0; j < count_; ++j) strip.increment[zone_[j]] = right_[j];
+      return;
+    }
+    constexpr int kMostIterations = 200;
+    for (int i = 0; i < kMostIterations && count_ > 0; ++i) {
+      iterate();
+      keep_unsolved(strip, i + 1 == kMostIterations);
+    }
   }
+
+ private:
+  static constexpr double kConverged = 1e-7;  // the error after a step of Newton's method is of the order of its square
+  static constexpr double kRounding = 1e-13;  // an error of rounding, which no step lowers
+
+  void iterate() {
+    const physics::Material m = metal_;  // copies, which no store to the arrays can change
+    const double dt = dt_, stiffness = stiffness_;
+    for (int j = 0; j < count_; ++j) {
+      const double x = x_[j];
+      const double strength = g_[j] * Law::hardened(m, ep_[j] + x, x / dt, pressure_[j], temperature_[j]);
+      const double slope = g_[j] * Law::hardening_slope(m, ep_[j], x, dt, pressure_[j], temperature_[j]);
+      const double missing = trial_[j] - stiffness * x - strength;
+      double left = left_[j], right = right_[j];
+      left = missing > 0.0 ? x : left;
+      right = missing > 0.0 ? right : x;
+      const double next = x + missing / (stiffness + slope);
+      const double middle = 0.5 * (left + right);
+      const double error = std::abs(missing) / trial_[j];
+      const bool inside = (next >= left) & (next <= right);
+      left_[j] = left;
+      right_[j] = right;
+      x_[j] = inside ? next : middle;
+      error_[j] = inside | (error <= kRounding) ? error : 1.0;
+    }
+  }
+  void keep_unsolved(Strip& strip, bool last) {
+    int kept = 0;
+    for (int j = 0; j < count_; ++j) {
+      strip.increment[zone_[j]] = x_[j];
+      if (error_[j] <= kConverged || last) continue;
+      zone_[kept] = zone_[j];
+      for (double(*values)[Strip::kMostZones] : {&trial_, &g_, &ep_, &pressure_, &temperature_, &left_, &right_, &x_}) {
+        (*values)[kept] = (*values)[j];
+      }
+      ++kept;
+    }
+    count_ = kept;
+  }
+
+  const physics::Material& metal_;
+  double dt_, stiffness_;
+  int count_ = 0;
+  int zone_[Strip::kMostZones];
+  double trial_[Strip::kMostZones], g_[Strip::kMostZones], ep_[Strip::kMostZones], pressure_[Strip::kMostZones],
+      temperature_[Strip::kMostZones], left_[Strip::kMostZones], right_[Strip::kMostZones], x_[Strip::kMostZones],
+      error_[Strip::kMostZones];
 };
-
-// Solves Y(ep + x, x/dt) + 3 G x = trial for the plastic strain increment x, with the flow stress Y at plastic strain
-// and strain rate, the shear modulus G, and the equivalent stress `trial` of the trial deviator. The left side rises
-// strictly. Newton's iterates are kept between 0 and the increment of perfect plasticity. Under concave hardening they
-// rise from x = 0 to the root and do not pass the root.
-double plastic_increment(const Zone& zone, double trial, double yield) {
-  const physics::Material& metal = zone.metal;
-  const double stiffness = 3.0 * metal.shear_modulus;
-  double left = 0.0;
-  double right = (trial - yield) / stiffness;
-  if (!physics::hardens(metal)) return right;
-  constexpr int kMostIterations = 200;
-  constexpr double kConverged = 1e-13;
-  double x = 0.0;
-  double strength = yield;
-  for (int i = 0; i < kMostIterations; ++i) {
-    const double missing = trial - stiffness * x - strength;
-    if (std::abs(missing) <= kConverged * trial) break;
-    (missing > 0.0 ? left : right) = x;
-    const double next = x + missing / (stiffness + zone.yield_slope(x));
-    x = next > left && next <= right ? next : 0.5 * (left + right);
-    strength = zone.yield(x);
-  }
-  return x;
-}
 
 }  // namespace
 
-double equivalent_stress(const Deviator& s) {
-  const double zz = s.xx + s.yy;
-  return std::sqrt(1.5 * (s.xx * s.xx + s.yy * s.yy + zz * zz + 2.0 * s.xy * s.xy));
-}
-
-StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& d, double dt,
-                              double plastic_strain, double pressure, double temperature) {
-  // 1. rotates the old deviator with the metal
-  Deviator s = rotated(old, 0.5 * (d.yx - d.xy), dt);
-  // 2. adds the elastic growth of the step, which gives the trial deviator
-  const double stretch = 2.0 * metal.shear_modulus * dt;
-  const double mean = d.dilatation() / 3.0;
-  s.xx += stretch * (d.xx - mean);
-  s.yy += stretch * (d.yy - mean);
-  s.xy += stretch * 0.5 * (d.xy + d.yx);
-  // 3. returns the trial deviator radially to the flow stress
-  const double trial = equivalent_stress(s);
-  if (trial == 0.0) return {s, 0.0};
-  const Zone zone{metal, physics::softening(metal, pressure, temperature).g, plastic_strain, pressure, temperature, dt};
-  const double yield = zone.yield(0.0);
-  if (trial <= yield) return {s, 0.0};
-  const double increment = plastic_increment(zone, trial, yield);
-  const double keep = std::fmax(0.0, 1.0 - 3.0 * metal.shear_modulus * increment / trial);
-  return {{keep * s.xx, keep * s.yy, keep * s.xy}, increment};
+void advance_deviators(const physics::Material& metal, double dt, Strip& strip) {
+  physics::FlowLaws::with(metal.flow_law, [&](auto law) {
+    using Law = typename decltype(law)::type;
+    double trial[Strip::kMostZones], g[Strip::kMostZones], strength[Strip::kMostZones];
+    find_trial(metal.shear_modulus, dt, strip, trial);
+    find_strength<Law>(metal, strip, g, strength);
+    Yielding<Law> yielding(metal, dt);
+    for (int i = 0; i < strip.zones; ++i) {
+      strip.increment[i] = 0.0;
+      if (trial[i] > strength[i]) yielding.add(strip, i, trial[i], g[i], strength[i]);
+    }
+    yielding.solve(strip);
+    for (int i = 0; i < strip.zones; ++i) {
+      const double lost = 3.0 * metal.shear_modulus * strip.increment[i];
+      const double keep = lost > 0.0 ? std::fmax(0.0, 1.0 - lost / trial[i]) : 1.0;
+      strip.xx[i] *= keep;
+      strip.yy[i] *= keep;
+      strip.xy[i] *= keep;
+    }
+  });
 }
 
 }  // namespace shearbus::lagrange

@@ -120,4 +120,13 @@ EndpointFile read_endpoint_file(const std::filesystem::path& file) {
   return contents;
 }
 
+std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(directory))
+    if (entry.is_regular_file() && entry.path().extension() != ".partial") files.push_back(entry.path());
+  if (files.empty()) throw std::runtime_error(directory.string() + ": has no endpoint files; is a server running?");
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
 }  // namespace shearbus::wire

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace shearbus::wire {
 
@@ -28,5 +29,9 @@ std::string text_of(const EndpointFile& contents);
 
 // Throws std::runtime_error for a file that is absent, incomplete or no endpoint file; its text names the file.
 EndpointFile read_endpoint_file(const std::filesystem::path& file);
+
+// Returns the endpoint files in a directory, ordered by their names. Throws std::runtime_error if it has none or cannot
+// be read.
+std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory);
 
 }  // namespace shearbus::wire

@@ -69,6 +69,21 @@ std::string quoted(const std::string& text) {
   return word + "'";
 }
 
+// Name of the run whose nodes are divided over several servers, each with a domain NAME#SHARD/SHARDS; of any other
+// domain its name.
+std::string_view run_of(std::string_view domain) {
+  const std::size_t at = domain.rfind('#');
+  if (at == std::string_view::npos) return domain;
+  const std::string_view part = domain.substr(at + 1);
+  const std::size_t slash = part.find('/');
+  const auto is_number = [](std::string_view digits) {
+    return !digits.empty() && digits.find_first_not_of("0123456789") == std::string_view::npos;
+  };
+  const bool divided =
+      slash != std::string_view::npos && is_number(part.substr(0, slash)) && is_number(part.substr(slash + 1));
+  return divided ? domain.substr(0, at) : domain;
+}
+
 }  // namespace
 
 wire::Batch node_column(std::span<const std::uint64_t> node_ids) {
@@ -96,7 +111,7 @@ std::uint64_t Service::Member::held_bytes() const {
 
 // Throws NODE_OWNED if one of the nodes belongs to another session of the domain than `self`, or to an offer that waits
 // to be accepted. Offers that `self` made after its request `withdrawn_after` do not count, because the present request
-// withdraws them.
+// withdraws them. Throws INVALID_VALUE if a session of the same run is open here in another domain.
 void Service::check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                            std::span<const std::uint64_t> node_ids) const {
   if (domain.name.empty()) return;
@@ -115,7 +130,15 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
                  .node_ids = std::move(owned)});
   };
   for (const auto& [id, other] : members_) {
-    if (!other->shard || other.get() == self || other->domain_it_is_in() != domain) continue;
+    if (!other->shard || other.get() == self || other->identity != domain.identity) continue;
+    if (other->domain != domain.name && !other->domain.empty() && run_of(other->domain) == run_of(domain.name))
+      throw Error({.code = Code::kInvalidValue,
+                   .text = fmt::format("the domain is \"{}\", and session {} of the same run is open in \"{}\": their "
+                                       "clients divide the nodes over different servers",
+                                       printable(std::string(domain.name)), short_name(id), printable(other->domain)),
+                   .remedy = "Give all clients of a run the same endpoints in the same order.",
+                   .field = "open_session.domain"});
+    if (other->domain_it_is_in() != domain) continue;
     if (auto owned = other->shard->nodes().common(ids); !owned.empty())
       refuse(std::move(owned),
              fmt::format("session {} (\"{}\"), opened {:.0f} s ago and idle for {:.0f} s", short_name(id),

@@ -1,5 +1,6 @@
-// shearbus-bench-leave-out measures how much time is saved by leaving out options. The hydrocode problem of the coarse
-// cone runs once, and the inputs of its layers are recorded. The model alone then replays them with these variants:
+// shearbus-bench-leave-out measures how much time is saved by leaving out options. The hydrocode problem
+// cone_al_steel_hot with zones of 0.5 mm runs once, and the inputs of its layers are recorded. The model alone then
+// replays them with these variants:
 //
 //   everything      the variant `scene` with more options, none of which changes a bit of the answer: junctions that
 //                   cover the whole area and do not harden, a second direction without slip, the energy ledger
@@ -208,8 +209,8 @@ double stuck_tile(const physics::ModelOptions& options) {
 
 int main(int argc, char** argv) {
   guest::HydroScene file =
-      hydro::load_scene(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_coarse.toml")
-          .scene;
+      hydro::load_scene(argc > 1 ? argv[1] : SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_hot.toml").scene;
+  if (argc <= 1) file.mutable_hydro()->mutable_cone_target()->set_zone_width_m(0.5e-3);
   v1::Scene& scene = *file.mutable_scene();
   if (scene.layer().heat() == v1::HEAT_MODES) {
     v1::Layer& layer = *scene.mutable_layer();

@@ -16,8 +16,8 @@ import numpy
 OPTIONS = None
 
 
-def scene(directory, **changes):
-    text = (pathlib.Path(OPTIONS.problems) / "cone_al_steel_coarse.toml").read_text()
+def scene(directory, name="cone_al_steel_coarse", **changes):
+    text = (pathlib.Path(OPTIONS.problems) / f"{name}.toml").read_text()
     for key, value in {"zone_width_m": "1e-3", "end_time_s": "5e-6", **changes}.items():
         text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
         assert found == 1, key
@@ -53,6 +53,59 @@ class Cone(unittest.TestCase):
                 self.assertGreater(f["axial_velocity"][-1, 0], 500.0)
             self.fields_are_as_the_sidecar_says(out)
             self.assertEqual(len(list(out.glob("cone_*.png"))), 7)
+
+    def test_the_summary_says_what_the_flank_saw_and_the_bound_holds_at_every_node(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = scene(directory)
+            slip = {}
+            for law in ("subgrid", "coulomb_tresca"):
+                out = pathlib.Path(directory) / law
+                done = run(path, "--interface-law", law, "--out", out, "--no-plot")
+                self.assertEqual(done.returncode, 0, done.stderr)
+                summary = json.loads((out / "summary.json").read_text())
+                slip[law] = summary["mean_slip_m"]
+                self.assertEqual(summary["published"], {"pressure_pa": 10e9, "sliding_velocity_m_per_s": 400.0})
+                self.assertRegex(done.stdout, r"flank, highest +pressure [\d.]+ GPa .*published: up to 10 GPa, 400 m/s")
+                nodes = summary["interface"]
+                with h5py.File(out / "interface.h5") as f:
+                    numpy.testing.assert_array_equal(nodes["slip_m"], f["slip_distance"][-1])
+                    self.assertTrue((numpy.array(nodes["peak_pressure_pa"]) >= f["pressure"][:].max(axis=0)).all())
+                    for name in ("pressure", "sliding_velocity"):
+                        peak = next(key for key in nodes if name in key)
+                        self.assertEqual(max(nodes[peak]), summary[peak])
+                    self.assertEqual("bound_used" in f, law == "subgrid", "law (5) does not stay below melting by itself")
+                    if law == "subgrid":
+                        used = f["bound_used"][:]
+                        self.assertTrue((used >= 0.0).all() and (used <= 1.0).all())
+                        self.assertGreater(used.max(), 0.5)
+                        self.assertGreaterEqual(summary["bound_used_most"], used.max())
+                        numpy.testing.assert_array_equal(nodes["bound_used"], used[-1])
+                        self.assertRegex(done.stdout, r"bound below melting +used by a node: at most 0\.\d+")
+                    else:
+                        self.assertNotIn("bound", done.stdout)
+            self.assertLess(slip["subgrid"], 0.7 * slip["coulomb_tresca"])
+
+    def test_flow_stress_as_printed_gives_the_figures_and_the_hot_scene_reverses_the_order(self):
+        with tempfile.TemporaryDirectory() as directory:
+            def summaries(name):
+                path = scene(directory, name=name)
+                found = {}
+                for law in ("subgrid", "coulomb_tresca"):
+                    out = pathlib.Path(directory) / name / law
+                    done = run(path, "--interface-law", law, "--out", out, "--no-plot")
+                    self.assertEqual(done.returncode, 0, done.stderr)
+                    found[law] = json.loads((out / "summary.json").read_text())
+                return found["coulomb_tresca"], found["subgrid"]
+
+            law5, subgrid = summaries("cone_as_printed")
+            self.assertGreater(law5["slip_share_coulomb"], 0.8)  # Fig. 18
+            self.assertGreater(subgrid["slip_share_tresca"], 2 * law5["slip_share_tresca"])  # Fig. 19
+            self.assertLess(subgrid["mean_slip_m"], 0.9 * law5["mean_slip_m"])
+            self.assertGreater(subgrid["peak_interface_temperature_k"], 700)
+            self.assertLess(law5["peak_interface_temperature_k"], 400)
+            law5, subgrid = summaries("cone_al_steel_hot")
+            self.assertGreater(subgrid["mean_slip_m"], 1.2 * law5["mean_slip_m"])
+            self.assertGreater(subgrid["slip_share_melting"], 0.5)
 
     def fields_are_as_the_sidecar_says(self, out):
         tree = xml.etree.ElementTree.parse(out / "fields.xmf")

@@ -167,7 +167,8 @@ TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
   Client client(options());
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   const int seen = bus_.requests_seen;
-  session.start_trial(columns(0), {.dt_s = 1e-9});
+  const Batch request = columns(0);
+  session.start_trial(request, {.dt_s = 1e-9});
   const auto end = std::chrono::steady_clock::now() + 5s;
   while (direct_.server_status().node_steps == 0 && std::chrono::steady_clock::now() < end)
     std::this_thread::sleep_for(1ms);

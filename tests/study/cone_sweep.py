@@ -19,7 +19,7 @@ import h5py
 import numpy
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-SCENE = ROOT / "hydro_stub/problems/cone_al_steel_coarse.toml"
+SCENE = ROOT / "hydro_stub/problems/cone_al_steel_hot.toml"
 BEST = "modes 1e-6, sdirk2"
 COMMON = 'thickness_m = 100e-6\nfar_boundary = "half_space"'
 LAYERS = {  # keys of [layer] that replace the scene's

@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <random>
 #include <string>
@@ -35,14 +36,27 @@ class MemoryStorage final : public store::Storage {
   };
 
   void plan(Fault fault) {
+    const auto turn = this->turn();
     fault_ = fault;
     calls_ = 0;
     dead_ = false;
   }
-  void heal() { fault_.reset(); }
-  std::uint64_t calls() const { return calls_; }
-  bool dead() const { return dead_; }
-  bool fired() const { return fault_ && calls_ >= fault_->at_call; }
+  void heal() {
+    const auto turn = this->turn();
+    fault_.reset();
+  }
+  std::uint64_t calls() const {
+    const auto turn = this->turn();
+    return calls_;
+  }
+  bool dead() const {
+    const auto turn = this->turn();
+    return dead_;
+  }
+  bool fired() const {
+    const auto turn = this->turn();
+    return fault_ && calls_ >= fault_->at_call;
+  }
 
   // die_of_process() restarts the disk after a death of the process, die_of_power() after a loss of power.
   void die_of_process() {
@@ -80,24 +94,24 @@ class MemoryStorage final : public store::Storage {
   }
 
   std::vector<std::string> list() override {
-    enter(Call::kList);
+    const auto turn = enter(Call::kList);
     std::vector<std::string> names;
     for (const auto& [name, node] : names_) names.push_back(name);
     return names;
   }
   std::vector<std::byte> read(const std::string& name) override {
-    enter(Call::kRead);
+    const auto turn = enter(Call::kRead);
     return find(name)->written;
   }
   std::unique_ptr<store::File> create(const std::string& name) override {
-    enter(Call::kCreate);
+    const auto turn = enter(Call::kCreate);
     if (names_.contains(name)) throw store::StorageError("cannot make " + name, EEXIST);
     auto node = std::make_shared<Node>();
     change([=](Names& names) { names[name] = node; });
     return std::make_unique<OpenFile>(*this, node);
   }
   void rename(const std::string& from, const std::string& to) override {
-    enter(Call::kRename);
+    const auto turn = enter(Call::kRename);
     find(from);
     change([=](Names& names) {
       const auto node = names[from];
@@ -106,12 +120,12 @@ class MemoryStorage final : public store::Storage {
     });
   }
   void remove(const std::string& name) override {
-    enter(Call::kRemove);
+    const auto turn = enter(Call::kRemove);
     find(name);
     change([=](Names& names) { names.erase(name); });
   }
   void sync_directory() override {
-    enter(Call::kSyncDirectory);
+    const auto turn = enter(Call::kSyncDirectory);
     durable_names_ = names_;
     changes_.clear();
   }
@@ -122,8 +136,12 @@ class MemoryStorage final : public store::Storage {
     names_[name] = std::make_shared<Node>(Node{bytes, bytes});
     durable_names_ = names_;
   }
-  bool exists(const std::string& name) const { return names_.contains(name); }
+  bool exists(const std::string& name) const {
+    const auto turn = this->turn();
+    return names_.contains(name);
+  }
   std::vector<std::string> names() const {
+    const auto turn = this->turn();
     std::vector<std::string> all;
     for (const auto& [name, node] : names_) all.push_back(name);
     return all;
@@ -142,6 +160,7 @@ class MemoryStorage final : public store::Storage {
     void append(std::span<const store::Bytes> parts) override {
       std::vector<std::byte> all;
       for (const store::Bytes part : parts) all.insert(all.end(), part.begin(), part.end());
+      const auto turn = disk_.turn();
       const bool fails = disk_.fails(Call::kAppend);
       // A failing call may have written any part of its data. Half of the data is hardest to distinguish from all of
       // it.
@@ -150,16 +169,16 @@ class MemoryStorage final : public store::Storage {
       if (fails) disk_.fail();
     }
     void overwrite(std::uint64_t offset, store::Bytes bytes) override {
-      disk_.enter(Call::kOverwrite);
+      const auto turn = disk_.enter(Call::kOverwrite);
       std::copy(bytes.begin(), bytes.end(), node_->written.begin() + static_cast<std::ptrdiff_t>(offset));
     }
     void truncate(std::uint64_t size) override {
-      disk_.enter(Call::kTruncate);
+      const auto turn = disk_.enter(Call::kTruncate);
       node_->written.resize(size);
       if (node_->synced.size() > size) node_->synced.resize(size);
     }
     void sync() override {
-      disk_.enter(Call::kSync);
+      const auto turn = disk_.enter(Call::kSync);
       node_->synced = node_->written;
     }
 
@@ -184,8 +203,12 @@ class MemoryStorage final : public store::Storage {
     }
     throw store::StorageError("the disk of the test fails", fault_->code);
   }
-  void enter(Call call) {
+  // A checkpoint is written by a thread of its own, while the server appends to its journal.
+  std::unique_lock<std::mutex> turn() const { return std::unique_lock(*mutex_); }
+  [[nodiscard]] std::unique_lock<std::mutex> enter(Call call) {
+    auto turn = this->turn();
     if (fails(call)) fail();
+    return turn;
   }
   void change(std::function<void(Names&)> how) {
     how(names_);
@@ -197,6 +220,7 @@ class MemoryStorage final : public store::Storage {
     return found->second;
   }
 
+  std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();  // of all that follows; a disk can be moved
   Names names_;
   Names durable_names_;
   std::vector<std::function<void(Names&)>> changes_;  // changes of names since the last sync of the directory

@@ -68,7 +68,9 @@ void call(Function function, Arguments... arguments) {
 }
 
 struct Options {
-  std::string endpoint;    // tcp://host:port, ipc://path, file://path; empty or "embedded": a server in this process
+  // tcp://host:port, ipc://path, file://path; a list of them with commas, or file://path of a directory of endpoint
+  // files: several servers; empty or "embedded": a server in this process
+  std::string endpoint;
   std::string scene_file;  // path of a TOML file; set either scene_file or scene_text
   std::string scene_text;
   std::string domain;  // node ids are unique among the sessions of a domain; empty: within this session only

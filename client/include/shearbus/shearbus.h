@@ -173,7 +173,9 @@ enum {
 typedef struct shearbus_options {
   size_t size;
   const char* endpoint;        /* tcp://host:port, ipc://path, or file://path of a server's endpoint file; NULL, "" or
-                                  "embedded": a server in this process */
+                                  "embedded": a server in this process. Several endpoints with a comma between two of
+                                  them, or file://path of a directory of endpoint files: the nodes are divided over
+                                  these servers, and the answers are those of one server */
   const char* scene_file;      /* path of a TOML file; set either scene_file or scene_text */
   const char* scene_text;      /* TOML text */
   const char* domain;          /* node ids are unique among the sessions of a domain; NULL: within this session only */
@@ -296,7 +298,8 @@ SHEARBUS_API int shearbus_accept(shearbus_session* session, const uint8_t transf
 SHEARBUS_API size_t shearbus_offers(const shearbus_session* session, size_t capacity,
                                     uint8_t (*transfers)[SHEARBUS_TRANSFER_BYTES]);
 
-/* The number of nodes, and their ids in the order of the rows of a step without node_ids. */
+/* The number of nodes, and their ids in the order of the rows of a step without node_ids. A session on several servers
+ * that was resumed has its nodes in ascending order of the ids, where that was their order on each server. */
 SHEARBUS_API size_t shearbus_node_count(const shearbus_session* session);
 SHEARBUS_API const uint64_t* shearbus_node_ids(const shearbus_session* session);
 

@@ -4,6 +4,7 @@ import contextlib
 import logging
 import os
 import pathlib
+import re
 import stat
 import struct
 import time
@@ -115,6 +116,9 @@ class Connection:
             raise Unreachable(Code.UNREACHABLE, f"{endpoint!r} is not an endpoint",
                               "Use tcp://host:port, ipc://path, or file://path of an endpoint file.")
         by_file = endpoint.startswith(FILE_SCHEME)
+        if re.search(r", *(tcp|ipc|file)://", endpoint) or by_file and os.path.isdir(endpoint.removeprefix(FILE_SCHEME)):
+            raise Error(Code.UNSUPPORTED, f"{endpoint} names several servers, and the Python client uses one",
+                        "Give the endpoint of one server; the C, C++ and Fortran clients use several.", "endpoint")
         if (server_key is None) != (key is None) and not (by_file and server_key is None):
             raise AuthError(Code.AUTH,
                             "server_key and key go together: the server's public key and one's own secret key",

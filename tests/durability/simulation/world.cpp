@@ -4,10 +4,12 @@
 
 namespace shearbus::simulation {
 
-World::World(unsigned seed, Tally& tally)
+World::World(unsigned seed, Tally& tally, std::uint64_t last_epoch, bool disk_fills)
     : random(seed),
       durability_(seed % 2 == 0 ? store::Durability::kPower : store::Durability::kProcess),
-      tally_(tally) {
+      tally_(tally),
+      epoch_(last_epoch),
+      disk_fills_(disk_fills) {
   start();
 }
 
@@ -40,7 +42,7 @@ std::optional<Packet> World::next(std::uint64_t socket, Clock::time_point until)
 void World::start() {
   static constexpr int kFaults[] = {0, 0, EIO, ENOSPC};  // errno of the fault; 0: the machine dies
   if (chance(2)) {
-    disk_.plan({.at_call = 1 + random() % 80, .code = kFaults[random() % 4]});
+    disk_.plan({.at_call = 1 + random() % 80, .code = kFaults[random() % (disk_fills_ ? 4 : 3)]});
     ++tally_.disk_faults;
   }
   try {

@@ -42,7 +42,8 @@ struct Tally {
 
 class World {
  public:
-  World(unsigned seed, Tally& tally);
+  // last_epoch: before the first server's; differs among servers of one client. disk_fills: a fault may be a full disk.
+  World(unsigned seed, Tally& tally, std::uint64_t last_epoch = 0, bool disk_fills = true);
 
   bool chance(int one_in) { return random() % static_cast<unsigned>(one_in) == 0; }
   Clock::time_point now() const { return now_; }
@@ -68,7 +69,8 @@ class World {
   MemoryStorage disk_;
   std::set<std::string> damaged_;
   std::unique_ptr<DurableServer> server_;  // null while no server runs
-  std::uint64_t epoch_ = 0;
+  std::uint64_t epoch_;
+  bool disk_fills_;
   std::uint64_t last_socket_ = 0;
   Clock::time_point now_{};
   Clock::time_point back_at_{};

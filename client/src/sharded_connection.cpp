@@ -1,0 +1,292 @@
+#include "client/src/sharded_connection.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <set>
+#include <utility>
+#include <variant>
+
+#include "client/src/shards.hpp"
+#include "proto/wire/codec.hpp"
+
+namespace shearbus {
+namespace {
+
+// The weakest of the servers is the durability of a session over all of them.
+int rank_of(const std::string& durability) {
+  return durability == "power" ? 2 : durability == "process" ? 1 : 0;
+}
+
+std::string hex(const wire::SessionId& id) {
+  std::string text;
+  for (const std::uint8_t byte : id) text += fmt::format("{:02x}", byte);
+  return text;
+}
+
+// The welcome of all servers together.
+void join(wire::Welcome& all, const wire::Welcome& one) {
+  if (rank_of(one.durability) < rank_of(all.durability)) all.durability = one.durability;
+  std::erase_if(all.capabilities, [&](const std::string& word) {
+    return std::ranges::find(one.capabilities, word) == one.capabilities.end();
+  });
+  const auto least = [&](auto member) { all.limits.*member = std::min(all.limits.*member, one.limits.*member); };
+  using L = wire::Limits;
+  for (const auto member :
+       {&L::max_header_bytes, &L::max_payload_bytes, &L::max_nodes_per_session, &L::max_sessions, &L::max_marks,
+        &L::max_frames, &L::max_state_bytes, &L::max_work_budget, &L::max_replay_work, &L::max_rows_per_message,
+        &L::max_sessions_per_user, &L::max_state_bytes_per_user})
+    least(member);
+}
+
+}  // namespace
+
+std::shared_ptr<Connection> connect_to(ClientOptions options) {
+  const std::vector<std::string> endpoints = endpoints_in(options.endpoint);
+  if (endpoints.size() == 1) {
+    options.endpoint = endpoints.front();
+    return std::make_shared<SocketConnection>(std::move(options));
+  }
+  std::vector<std::shared_ptr<Connection>> shards;
+  std::error_code no_directory;
+  const bool one_record = !options.record.empty() && !std::filesystem::is_directory(options.record, no_directory);
+  for (const std::string& endpoint : endpoints) {
+    ClientOptions of_shard = options;
+    of_shard.endpoint = endpoint;
+    if (one_record) of_shard.record += fmt::format(".{}", shards.size());
+    shards.push_back(std::make_shared<SocketConnection>(std::move(of_shard)));
+  }
+  return std::make_shared<ShardedConnection>(std::move(options), std::move(shards));
+}
+
+ShardedConnection::ShardedConnection(ClientOptions options, std::vector<std::shared_ptr<Connection>> shards)
+    : Connection(std::move(options)), links_(std::move(shards)) {}
+
+Received ShardedConnection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
+  links_.begin_call(deadline);
+  if (std::holds_alternative<wire::Hello>(request.body)) return hello(request);
+  if (std::holds_alternative<wire::OpenSession>(request.body)) return open(request);
+  if (const auto* resumed = std::get_if<wire::ResumeSession>(&request.body)) {
+    if (resumed->claim != 0) return resume(request);
+    Received received;  // the position that this client knows; of another session, nothing: the claim brings it
+    const auto known = sessions_.find(request.session_id);
+    received.reply.body = known == sessions_.end() ? wire::SessionResumed{} : known->second->position();
+    if (known != sessions_.end()) received.reply.batch = named_nodes(known->second->node_ids());
+    return received;
+  }
+  if (std::holds_alternative<wire::CloseSession>(request.body) && sessions_.contains(request.session_id)) {
+    Received received = sessions_.at(request.session_id)->close(request);
+    sessions_.erase(request.session_id);
+    return received;
+  }
+  return session_of(request).call(request);
+}
+
+void ShardedConnection::post(const wire::Request& request) {
+  session_of(request).post(request);
+}
+
+void ShardedConnection::say(const wire::Request& request) noexcept {
+  const auto known = sessions_.find(request.session_id);
+  if (known == sessions_.end()) return;
+  known->second->say_close(request);
+  sessions_.erase(known);
+}
+
+ShardedSession& ShardedConnection::session_of(const wire::Request& request) {
+  const auto known = sessions_.find(request.session_id);
+  if (known == sessions_.end())
+    throw Error({.code = Code::kUnsupported,
+                 .text = fmt::format("{} is not a request to several servers", verb_of(request)),
+                 .remedy = "Ask each server by an endpoint of its own."});
+  return *known->second;
+}
+
+Received ShardedConnection::hello(const wire::Request& request) {
+  std::vector<wire::Request> requests;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    requests.push_back({.request_id = links_[k]->next_request_id(), .body = request.body});
+    try_post(*links_[k], requests.back());
+  }
+  Received joined;
+  std::set<std::uint64_t> epochs;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    Received received = links_[k]->call(requests[k], links_.left(k));
+    auto& welcome = body_of<wire::Welcome>(received);
+    const auto refuse = [&](Code code, std::string text, std::string remedy) {
+      throw Error({.code = code,
+                   .text = fmt::format("{} {}", links_[k]->options().endpoint, text),
+                   .remedy = std::move(remedy),
+                   .field = "endpoint"});
+    };
+    if (!epochs.insert(received.reply.epoch).second)
+      refuse(Code::kInvalidValue, "is a server that another endpoint of the list names, too",
+             "Give the endpoint of each server once.");
+    links_[k]->set_durable(welcome.durability != "none");
+    links_[k]->set_max_rows(welcome.limits.max_rows_per_message);
+    if (k == 0) {
+      joined.reply.body = std::move(welcome);
+      continue;
+    }
+    auto& all = std::get<wire::Welcome>(joined.reply.body);
+    if (welcome.server_version != all.server_version)
+      refuse(Code::kVersion,
+             fmt::format("is a server of version {}, and {} one of {}", welcome.server_version,
+                         links_[0]->options().endpoint, all.server_version),
+             "Start all servers of a run from the same version: others may answer with other bits.");
+    join(all, welcome);
+  }
+  return joined;
+}
+
+void ShardedConnection::begin_opening(const wire::Request& request, std::uint64_t hash) {
+  const auto& asked = std::get<wire::OpenSession>(request.body);
+  const auto ids = request.batch.u64(Field::kNodeId);
+  if (asked.domain.empty() && ids.empty())
+    throw Error({.code = Code::kShape,
+                 .text = "a session without a domain needs at least one node; none was given",
+                 .remedy = "Give nodes, or a domain.",
+                 .field = wire::name(Field::kNodeId)});
+  const std::uint32_t shards = links_.size();
+  Opening opening{.id = asked.session_id, .hash = hash, .requests = {}, .opened = {}, .refused = {}};
+  opening.opened.resize(shards);
+  opening.refused.resize(shards);
+  const auto rows = rows_of_shards(ids, shards);
+  for (std::uint32_t k = 0; k < shards; ++k) {
+    wire::OpenSession of_shard = asked;
+    of_shard.session_id = session_of_shard(asked.session_id, k, shards);
+    of_shard.domain =
+        domain_of_shard(asked.domain.empty() ? "session " + hex(asked.session_id) : asked.domain, k, shards);
+    wire::Request& made = opening.requests.emplace_back();
+    made.request_id = links_[k]->next_request_id();
+    made.body = std::move(of_shard);
+    if (!rows[k].empty()) made.batch = rows_of(request.batch, rows[k]);
+  }
+  opening_ = std::move(opening);
+  for (std::uint32_t k = 0; k < shards; ++k) try_post(*links_[k], opening_->requests[k]);
+}
+
+Received ShardedConnection::open(const wire::Request& request) {
+  const std::string header = wire::encode_header(request);
+  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
+  const std::uint64_t hash = wire::hash_of(bytes);
+  if (!opening_ || opening_->hash != hash) begin_opening(request, hash);
+  Opening& opening = *opening_;
+  std::optional<Error> unsettled;
+  const Error* refusal = nullptr;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    if (!opening.opened[k] && !opening.refused[k]) {
+      try {
+        Received received = links_[k]->call(opening.requests[k], links_.left(k));
+        body_of<wire::SessionOpened>(received);
+        opening.opened[k] = std::move(received);
+      } catch (const Error& fault) {
+        // A refused opening may be repeated with the same bytes unless it was undone, so all other refusals are final.
+        const int kind = static_cast<int>(fault.status().code) / 100;
+        if (kind == 1 || kind == 2 || kind == 3 || fault.status().code == Code::kDraining)
+          opening.refused[k] = fault;
+        else if (!unsettled)
+          unsettled = fault;
+      }
+    }
+    if (opening.refused[k] && refusal == nullptr) refusal = &*opening.refused[k];
+  }
+  if (unsettled && refusal == nullptr) {
+    if (unsettled->status().code == Code::kUnreachable &&
+        std::ranges::any_of(opening.opened, [](const auto& opened) { return opened.has_value(); })) {
+      wire::Status status = unsettled->status();
+      status.code = Code::kUnknownOutcome;  // the others have opened it: the same call goes on
+      throw Error(std::move(status));
+    }
+    throw *unsettled;
+  }
+  if (refusal != nullptr) {
+    const Error fault = *refusal;
+    undo_opening();
+    throw fault;
+  }
+  std::vector<std::unique_ptr<Session::Impl>> sessions;
+  Received joined;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    const auto& asked = std::get<wire::OpenSession>(opening.requests[k].body);
+    auto& opened = body_of<wire::SessionOpened>(*opening.opened[k]);
+    auto& session = *sessions.emplace_back(std::make_unique<Session::Impl>());
+    session.connection = links_[k];
+    session.id = asked.session_id;
+    session.resume_token = asked.resume_token;
+    session.epoch = opening.opened[k]->reply.epoch;
+    const auto nodes = std::as_const(opening.requests[k].batch).u64(Field::kNodeId);
+    session.node_ids.assign(nodes.begin(), nodes.end());
+    if (k == 0) {
+      joined.reply.body = opened;
+      continue;
+    }
+    auto& all = std::get<wire::SessionOpened>(joined.reply.body);
+    for (const std::string& warning : opened.warnings)
+      if (std::ranges::find(all.warnings, warning) == all.warnings.end()) all.warnings.push_back(warning);
+  }
+  const auto ids = request.batch.u64(Field::kNodeId);
+  sessions_[opening.id] =
+      std::make_unique<ShardedSession>(links_, std::move(sessions), std::vector<std::uint64_t>(ids.begin(), ids.end()));
+  opening_.reset();
+  return joined;
+}
+
+// Some shards have refused the opening: closes the sessions of the others.
+void ShardedConnection::undo_opening() noexcept {
+  opening_undone = true;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    if (!opening_->opened[k]) continue;
+    try {
+      const wire::Request close{
+          .request_id = links_[k]->next_request_id(),
+          .session_id = std::get<wire::OpenSession>(opening_->requests[k].body).session_id,
+          .sequence = 1,
+          .epoch = opening_->opened[k]->reply.epoch,
+          .body = wire::CloseSession{.reason = "another server of the run has refused the session"}};
+      links_[k]->call(close, links_.left(k));
+    } catch (const std::exception&) {
+      // The server has the session until an operator closes it.
+    }
+  }
+  opening_.reset();
+}
+
+Received ShardedConnection::resume(const wire::Request& request) {
+  const auto& asked = std::get<wire::ResumeSession>(request.body);
+  std::vector<std::unique_ptr<Session::Impl>> sessions;
+  std::vector<wire::SessionResumed> positions;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    auto& session = *sessions.emplace_back(std::make_unique<Session::Impl>());
+    session.connection = links_[k];
+    session.id = session_of_shard(request.session_id, k, links_.size());
+    session.resume_token = asked.resume_token;
+    links_.left(k);
+    try {
+      Received where = claim_session(*links_[k], session.id, session.resume_token);
+      positions.push_back(body_of<wire::SessionResumed>(where));
+      session.epoch = where.reply.epoch;
+      session.adopt_position(where);
+    } catch (const Error& fault) {
+      if (fault.status().code != Code::kUnknownSession) throw;
+      wire::Status status = fault.status();
+      status.text = fmt::format("{} does not have shard {} of {} of this session: {}", links_[k]->options().endpoint, k,
+                                links_.size(), status.text);
+      status.remedy = "Resume a session with the endpoints that it was opened with, all of them, in the same order.";
+      throw Error(std::move(status));
+    }
+  }
+  auto session = std::make_unique<ShardedSession>(links_, std::move(sessions), std::vector<std::uint64_t>());
+  session->reconcile(positions);
+  Received joined;
+  auto& resumed = joined.reply.body.emplace<wire::SessionResumed>(session->position());
+  resumed.session = std::move(positions.front().session);
+  resumed.claim = asked.claim;
+  joined.reply.batch = named_nodes(session->node_ids());
+  sessions_[request.session_id] = std::move(session);
+  return joined;
+}
+
+}  // namespace shearbus

@@ -1,0 +1,125 @@
+// Internal to the client library: one session of a Session that is held by several servers, its shards. Each request of
+// the Session becomes a request to every shard that it concerns, sent to all at once; the replies are joined. A request
+// that some shards have run and others have not yet answered is an operation under way: it is gone on with by the same
+// request, and completed before any other.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "client/src/session.hpp"
+
+namespace shearbus {
+
+// The connections to the shards, and the deadline that their requests of one call share.
+class ShardLinks {
+ public:
+  explicit ShardLinks(std::vector<std::shared_ptr<Connection>> shards) : shards_(std::move(shards)) {}
+  std::uint32_t size() const { return static_cast<std::uint32_t>(shards_.size()); }
+  const std::shared_ptr<Connection>& operator[](std::uint32_t shard) const { return shards_[shard]; }
+  void begin_call(std::chrono::milliseconds deadline);
+  // Time left to the call for a request to this shard, at least 1 ms; also set as the shard's reply deadline.
+  std::chrono::milliseconds left(std::uint32_t shard) const;
+
+ private:
+  std::vector<std::shared_ptr<Connection>> shards_;
+  std::vector<Connection::Clock::time_point> started_;  // each by the clock of its shard
+  std::chrono::milliseconds deadline_{0};
+};
+
+// Sends the request without waiting, if that is possible; the call that follows sends it otherwise.
+void try_post(Connection& connection, const wire::Request& request) noexcept;
+
+// Rows of each shard, for rows that belong to these nodes.
+std::vector<std::vector<std::uint32_t>> rows_of_shards(std::span<const std::uint64_t> node_ids, std::uint32_t shards);
+
+// Copies some rows of the columns of a request. Throws Error{kShape} if columns differ in length or lack a component.
+Batch rows_of(const Batch& batch, std::span<const std::uint32_t> rows);
+
+class ShardedSession {
+ public:
+  // `shards`: the sessions opened or resumed, in the order of the shards, with their nodes. `node_ids`: the order of the
+  // rows; empty: ascending in the ids if each shard has its nodes in ascending order.
+  ShardedSession(ShardLinks& links, std::vector<std::unique_ptr<Session::Impl>> shards,
+                 std::vector<std::uint64_t> node_ids);
+
+  Received call(const wire::Request& request);
+  void post(const wire::Request& request);
+  void say_close(const wire::Request& request) noexcept;
+  Received close(const wire::Request& request);
+
+  // After resuming: brings all shards to the same step. Of a commit that only some shards have run, the others run it
+  // now; a trial that does not stand on all shards is rolled back.
+  void reconcile(std::span<const wire::SessionResumed> positions);
+  wire::SessionResumed position() const;
+  const std::vector<std::uint64_t>& node_ids() const { return *node_ids_; }
+
+ private:
+  using Ids = std::vector<std::uint64_t>;
+  struct Shard {
+    std::unique_ptr<Session::Impl> session;
+    std::vector<std::uint32_t> rows;  // row of each of its nodes, in the order of the shard's session
+    // Of the operation under way:
+    std::vector<std::uint32_t> named_rows;  // the shard's rows of a step that names its nodes
+    wire::Request request;                  // the last one
+    bool open = false;                      // it has no answer yet
+    std::optional<Received> reply;          // to the last request
+    std::optional<Received> answer;         // to the step, while the requests that follow are made
+    std::optional<Error> refusal;
+  };
+  enum class Stage { kDropTrial, kAsked, kCommit, kCommitPrevious, kUndo };
+  struct Operation {
+    std::uint64_t hash = 0;
+    std::uint64_t sequence = 0;
+    wire::Request question;  // without the columns of a step
+    std::size_t rows = 0;
+    bool named = false;
+    bool commits_previous = false;
+    Stage stage = Stage::kAsked;
+    std::optional<Error> refusal;
+  };
+
+  void begin(const wire::Request& request, std::uint64_t hash);
+  void begin_step(const wire::Request& request, const wire::Downscale& step);
+  void begin_nodes(const wire::Request& request, bool leaving);
+  Received complete();
+  template <typename Body>
+  void ask(Shard& shard, Body body, Batch batch = {});
+  template <typename Body>
+  void ask_all(const Body& body);
+  void post_all();
+  void settle();
+  void adopt(Session::Impl& session, const wire::Request& request, Received& received) const;
+  bool go_on();
+  void go_back();
+  Received join();
+  Batch join_rows(std::span<Received* const> replies) const;
+  wire::Upscale join_steps(std::span<Received* const> replies);
+  bool place(std::shared_ptr<const Ids> order);
+  Ids merged() const;
+  std::uint64_t same_version(std::span<const std::uint64_t> versions);
+  std::span<const std::uint32_t> rows_in(const Shard& shard) const {
+    return operation_->named ? shard.named_rows : shard.rows;
+  }
+
+  ShardLinks& links_;
+  std::vector<Shard> shards_;
+  std::shared_ptr<const Ids> node_ids_;
+  std::map<std::string, std::shared_ptr<const Ids>> marks_;  // order of the rows at each mark
+  std::optional<Operation> operation_;
+  std::uint64_t last_sequence_ = 0;
+  std::uint64_t state_version_ = 0;
+  bool trial_stands_ = false;
+  // A step was refused after it had committed the trial before: its repetition must not commit again.
+  bool previous_committed_ = false;
+  std::string torn_;  // why the shards are not at the same step; empty: they are
+};
+
+}  // namespace shearbus
