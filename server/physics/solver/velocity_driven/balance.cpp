@@ -6,9 +6,11 @@
 #include <limits>
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/heated.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
 #include "server/physics/solver/work.hpp"
@@ -20,6 +22,8 @@ constexpr double kConverged = 1e-10;  // a Newton step of at most this fraction 
 // Newton's last step may start from a residual F of at most this fraction of the trial stress: it squares the fraction.
 constexpr double kFlowConverged = 1e-3;
 constexpr double kBalanced = 1e-8;  // largest accepted residual F of an answer, relative to a_trial - a
+// The same where every sum may be the answer, in addition to what a change of the stress by its last digits makes of F.
+constexpr double kClosed = 1e-11, kDigits = 2e-14;
 // If the flow relieves more than this multiple of the trial stress, Newton works on the logarithm of the flow.
 constexpr double kFarAbove = 100.0;
 constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
@@ -99,12 +103,17 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   }
   // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
   // flow by more than the whole slip; above the second a vertex would be molten.
-  const double most_strain =
-      h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
-  const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
-                                                  most_strain / dt, pressure, heated.T(hottest_ad, 0.0)) *
-                                g_ad / kSqrt3;
-  double beyond = all_at_hottest * (1.0 + kConverged);
+  const double guess = state.direction * s_start;
+  const bool guessed = guess > kLeastGuess * state.hi && guess < state.hi;
+  double beyond = std::numeric_limits<double>::infinity();
+  if (!guessed || !has_expanded_flow(soft)) {  // an expanded flow is solved from a good guess without this bound
+    const double most_strain =
+        h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
+    const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
+                                                    most_strain / dt, pressure, heated.T(hottest_ad, 0.0)) *
+                                  g_ad / kSqrt3;
+    beyond = all_at_hottest * (1.0 + kConverged);
+  }
   for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
     beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
   }
@@ -113,7 +122,6 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.bound = Bound::kNotAnAnswer;
   }
 
-  const double guess = state.direction * s_start;
   state.a = guess > kLeastGuess * state.hi && guess < state.hi
                 ? guess
                 : (state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi);
@@ -121,8 +129,9 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
 }
 
 // One iteration of a lane after the flow under `lane.a` has been summed. Ends with `done`, or with the next `a` in the
-// bracket.
-void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
+// bracket. Newton's last step starts from a residual F of at most `open`; where `expanded` is positive, it is the root
+// by the expansion of the flow and replaces Newton's step.
+void iterate(Lane& lane, double compliance, double slip, double slope, double open, double expanded, int iteration) {
   const double flow = compliance * slip;
   const double left = lane.a_trial - lane.a;  // trial stress that the flow must relieve
   // 1. Narrow the bracket.
@@ -153,11 +162,15 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
   //    trial stress, it is a high power of the stress, and Newton's method works on the logarithm of the flow.
   double next = -1.0;
   if (flow > 0.0 && lane.a > 0.0) {
-    const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
+    double step = (flow - left) / (compliance * slope / lane.a + 1.0);
     next = lane.a - step;
-    if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
+    if (expanded > 0.0) {
+      next = expanded;
+      step = lane.a - expanded;
+    } else if (flow > kFarAbove * lane.a_trial) {
+      next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
+    }
     // Very near melting a small step in stress may be a large step in the flow, so the residual must be small, too.
-    const double open = lane.check_balance ? kBalanced * left : kFlowConverged * lane.a_trial;
     if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= open) {
       lane.a = std::clamp(next, lane.lo, lane.hi);
       lane.done = true;
@@ -191,7 +204,9 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
       if (lanes[l].done) continue;
       const double tried = lanes[l].a;
       ++lanes[l].sums;
-      iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
+      const double open =
+          lanes[l].check_balance ? kBalanced * (lanes[l].a_trial - tried) : kFlowConverged * lanes[l].a_trial;
+      iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], open, -1.0, iteration);
       set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
       all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
     }
@@ -200,6 +215,47 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
+}
+
+// The same for a law with an expanded flow. Every sum writes the strain, and the search of a lane ends with a sum that
+// balances, so that nothing remains to be evaluated.
+void find_roots_by_expansion(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs,
+                             double compliance, Lane (&lanes)[kLanes], double* strain_new, double (&slip)[kLanes]) {
+  alignas(64) double a_trial[kLanes], root[kLanes];
+  StressLoad load;
+  for (int l = 0; l < kLanes; ++l) {
+    const double pressure = contains(inputs.active, l) ? inputs.pressure[l] : 0.0;
+    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating, l, load);
+    a_trial[l] = lanes[l].a_trial;
+  }
+  ExpandedFlow sum;
+  start_flow(flow, scratch_tile(Scratch::kFlow, rows_of(*flow.grid)), sum);
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    sum_flow(flow, load, strain_new, sum);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+    double open[kLanes];
+    bool balanced[kLanes];
+    bool all_balanced = true;
+    for (int l = 0; l < kLanes; ++l) {
+      const double left = a_trial[l] - lanes[l].a;
+      open[l] = kClosed * left + kDigits * (compliance * sum.slope[l] + lanes[l].a);
+      balanced[l] = lanes[l].done || std::abs(compliance * sum.slip[l] - left) <= open[l];
+      all_balanced = all_balanced && balanced[l];
+    }
+    if (!all_balanced) roots_of(sum, load, compliance, a_trial, root);
+    bool all_done = true;
+    for (int l = 0; l < kLanes; ++l) {
+      Lane& lane = lanes[l];
+      if (lane.done) continue;
+      ++lane.sums;
+      iterate(lane, compliance, sum.slip[l], sum.slope[l], open[l], balanced[l] ? -1.0 : root[l], iteration);
+      if (lane.done) continue;
+      all_done = false;
+      load.stress[l] = lane.a;
+    }
+    if (all_done) break;
+  }
+  std::copy_n(sum.slip, kLanes, slip);
 }
 
 // The search ends without evaluating the balance after Newton's last step. If a vertex begins to flow within that step,
@@ -287,6 +343,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // fall of the stress per slip integral(dep)  [Pa/m]
   const bool layer_hardens = hardens(soft);
+  const bool expands = has_expanded_flow(soft);
   bool loaded = false;  // at least one lane has a trial stress other than 0; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
@@ -332,19 +389,23 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       lanes[l].at_bound = true;
       lanes[l].done = true;
     }
-    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
+    if (!expands) set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
   }
 
   // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
   FlowSum sum{};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
-  if (layer_hardens && loaded) {
+  if (layer_hardens && loaded && expands) {
+    find_roots_by_expansion(flow, soft_at, inputs, compliance, lanes, strain_new, sum.slip);
+  } else if (layer_hardens && loaded) {
     find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
     if (resume_unbalanced(compliance, sum, lanes))
       find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
+
+  for (int l = 0; l < kLanes; ++l) load.flux[l] = lanes[l].heating * lanes[l].a;
 
   // 5. Add the heat of this step to the temperatures: T = T_ad + q B, or T_ad + q B_phi if the layer releases the heat.
   if (spreads) {
