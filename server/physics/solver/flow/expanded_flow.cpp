@@ -14,6 +14,10 @@ bool has_expanded_flow(const Material& soft) {
   return soft.flow_law == FlowLaws::place<SteinbergCochranGuinan>();
 }
 
+bool carries_stress(const Material& soft, double pressure, double T) {
+  return SteinbergCochranGuinan::carries_stress(soft, pressure, T);
+}
+
 void set_load(const Material& soft, double pressure, double a, double heating, int lane, StressLoad& load) {
   load.stress[lane] = load.base[lane] = a;
   load.heating[lane] = heating;

@@ -40,7 +40,7 @@ struct ExpandedFlow {
   alignas(64) double u[kLanes], y[kLanes];    // a / base - 1 and (1 + u)^exponent
   alignas(64) double steepest[kLanes];        // how fast the fastest of the vertices' expansions grows with u
   alignas(64) double origin[kLanes];          // stress about which `limit` is known  [Pa]
-  alignas(64) double limit[kLanes];           // number of vertices from z = 0 to the last one that can yield
+  alignas(64) double limit[kLanes];           // number of vertices from z = 0 to the last block with one that can yield
   std::ptrdiff_t num_rows[kLanes];            // the largest limit of a register, at its first lane
   double exponent;                            // exponent of the flow law, 1 / n
   FlowBounds bounds;
@@ -49,6 +49,8 @@ struct ExpandedFlow {
 
 // Whether the flow law has an explicit strain increment.
 bool has_expanded_flow(const Material& soft);
+// Whether the softening g of such a law is above 0; `soft` is the material at the pressure.
+bool carries_stress(const Material& soft, double pressure, double T);
 
 // Loads a lane with the stress magnitude a; `soft` is the material at the pressure.
 void set_load(const Material& soft, double pressure, double a, double heating, int lane, StressLoad& load);

@@ -27,34 +27,38 @@ inline constexpr double kMostChange = 0.5;  // largest relative change of the se
   return lanes_where(mask) == (1u << kWidth) - 1u;
 }
 
-// The parts of exp(x) = scale (1 + rest) with an error below 1e-15, where x is cut to -kExponentialRange and most.
-struct ScaledExponential {
+// The parts of 2^x = scale (1 + rest) with an error below 1.2e-15, where x is cut to -kPowers and most. `rest` has this
+// error times r^2 / 2 for small r = x ln(2): the polynomial fits (exp(r) - 1 - r) / r^2 for |r| <= ln(2) / 2.
+inline constexpr double kLog2E = 1.4426950408889634, kLn2 = 0.6931471805599453;
+inline constexpr double kPowers = kExponentialRange * kLog2E;
+struct ScaledPower {
   Register scale, rest;
 };
-[[gnu::always_inline]] inline ScaledExponential scaled_exponential(Register unlimited, double most) {
+[[gnu::always_inline]] inline ScaledPower power_of_2(Register unlimited, double most) {
   constexpr double kShift = 0x1.8p52;
-  const Register x = smaller(larger(unlimited, all(-kExponentialRange)), all(most));
-  const Register shifted = x * 1.4426950408889634 + kShift;
-  const Register k = shifted - kShift;
-  const Register r = (x - k * 0x1.62e42feep-1) - k * 0x1.a39ef35793c76p-33;
+  const Register x = smaller(larger(unlimited, all(-kPowers)), all(most));
+  const Register shifted = x + kShift;
+  const Register r = (x - (shifted - kShift)) * kLn2;
   const Register r2 = r * r;
   const Register r4 = r2 * r2;
-  const Register low = (1.0 / 2 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120));
-  const Register mid = (1.0 / 720 + r * (1.0 / 5040)) + r2 * (1.0 / 40320 + r * (1.0 / 362880));
-  const Register high = (1.0 / 3628800 + r * (1.0 / 39916800)) + r2 * (1.0 / 479001600);
-  return {(Register)(((Bits)shifted << 52) + 0x3ff0000000000000u), r + r2 * (low + r4 * (mid + r4 * high))};
+  const Register low = (0.5 + r * 0.1666666666664829) + r2 * (0.04166666666665136 + r * 0.008333333353729397);
+  const Register mid =
+      (0.0013888888905881542 + r * 0.00019841208732536384) + r2 * (2.4801536388690766e-05 + r * 2.762511557828763e-06);
+  return {(Register)(((Bits)shifted << 52) + 0x3ff0000000000000u),
+          r + r2 * (low + r4 * (mid + r4 * 2.761380686153829e-07))};
 }
-[[gnu::always_inline]] inline Register exponential_of(Register x, double most = kExponentialRange) {
-  const ScaledExponential e = scaled_exponential(x, most);
+[[gnu::always_inline]] inline Register exp2_of(Register x, double most = kPowers) {
+  const ScaledPower e = power_of_2(x, most);
   return e.scale + e.scale * e.rest;
 }
-[[gnu::always_inline]] inline Register exponential_minus_1_of(Register x) {
-  const ScaledExponential e = scaled_exponential(x, kExponentialRange);
+[[gnu::always_inline]] inline Register exp2_minus_1_of(Register x) {
+  const ScaledPower e = power_of_2(x, kPowers);
   return e.scale * e.rest + (e.scale - 1.0);
 }
 
-// The natural logarithm of positive normal numbers x = 2^k (1 + f) with an error below 1e-15, absolute or relative. The
-// division s = f / (2 + f) is left to the caller: log(1 + f) = 2 atanh(s), |s| < 0.172.
+// The binary logarithm of positive normal numbers x = 2^k (1 + f) with an error below 1e-15, absolute or relative. The
+// division s = f / (2 + f) is left to the caller: ln(1 + f) = 2 atanh(s), |s| < 0.172; the polynomial fits
+// (2 atanh(s) / s - 2) / s^2.
 struct SplitLogarithm {
   Register k, f;
   [[gnu::always_inline]] explicit SplitLogarithm(Register x) {
@@ -66,13 +70,14 @@ struct SplitLogarithm {
   [[gnu::always_inline]] Register value(Register s) const {
     const Register z = s * s;
     const Register z2 = z * z;
-    const Register low = (2.0 / 3 + z * (2.0 / 5)) + z2 * (2.0 / 7 + z * (2.0 / 9));
-    const Register high = (2.0 / 11 + z * (2.0 / 13)) + z2 * (2.0 / 15 + z * (2.0 / 17));
-    return k * 0.6931471805599453 + s * (2.0 + z * (low + z2 * z2 * high));
+    const Register low = (kLog2E * 0.6666666666666208 + z * (kLog2E * 0.400000000112122)) +
+                         z2 * (kLog2E * 0.2857142413651635 + z * (kLog2E * 0.22222862476849542));
+    const Register high = kLog2E * 0.18140185202493248 + z * (kLog2E * 0.166219470901774);
+    return k + s * (2.0 * kLog2E + z * (low + z2 * z2 * high));
   }
 };
 
-[[gnu::always_inline]] inline Register logarithm_of(Register x) {
+[[gnu::always_inline]] inline Register log2_of(Register x) {
   const SplitLogarithm log(x);
   return log.value(log.f / (2.0 + log.f));
 }
@@ -84,7 +89,7 @@ struct Vertex {
   Register hot, c1, c2, c3, growth;
 };
 
-// The law and the loads of the lanes of one register.
+// The law and the loads of the lanes of one register. Logarithms and excesses are binary.
 struct Law {
   Register log_load, bracket, T_melt;
   double inverse_n, melting, hT, inverse_beta;
@@ -98,12 +103,13 @@ struct Law {
         inverse_beta(1.0 / m.hardening_coefficient) {
     const Register ratio = (kSqrt3 / m.yield_strength) * load(at.base + lane);
     const Mask loads = ratio > kLeastStress;
-    log_load = where(loads, inverse_n * logarithm_of(where(loads, ratio, all(1.0))), all(kNoLoad));
+    const Register logarithm = inverse_n * log2_of(where(loads, ratio, all(1.0)));
+    log_load = where(loads, logarithm + log2_of(all(inverse_beta)), all(kNoLoad));
   }
 
-  // hot is exp(log_load + excess) / beta, with the softening excess at T = T_ad + rise. At T_ad + (1 + u) rise the excess
-  // is a series in u: the ratio of consecutive powers is f for its term -log(bracket) / n, and v for its term
-  // 0.001 T / (T_melt - T) / n. A molten vertex is as hot as kMaxExcess permits.
+  // hot is exp(load + softening excess) / beta at T = T_ad + rise. At T_ad + (1 + u) rise the excess is a series in u:
+  // the ratio of consecutive powers is f for its term -log(bracket) / n, and v for its term 0.001 T / (T_melt - T) / n.
+  // A molten vertex is as hot as kMaxExcess permits.
   [[gnu::always_inline]] Vertex at(Register T, Register rise) const {
     const Register x = larger(T_melt - T, all(kLeastToMelting)), b = larger(bracket - hT * T, all(kLeastBracket));
     const SplitLogarithm log_b(b);
@@ -113,8 +119,9 @@ struct Law {
     const Register inverse = 1.0 / (xb * divisor);
     const Register inverse_xb = divisor * inverse;
     const Register inverse_x = b * inverse_xb;
-    const Register excess = melting * T * inverse_x - inverse_n * log_b.value(log_b.f * (xb * inverse));
-    const Register hot = inverse_beta * exponential_of(log_load + excess, kMaxExcess);
+    const Register excess =
+        (kLog2E * melting) * T * inverse_x - inverse_n * log_b.value(log_b.f * (xb * inverse));
+    const Register hot = exp2_of(log_load + excess, kLog2E * kMaxExcess);
     const Register f = hT * rise * x * inverse_xb, v = rise * inverse_x;
     const Register f1 = inverse_n * f, v1 = melting * T_melt * inverse_x * v;
     const Register f2 = f1 * f, v2 = v1 * v;
@@ -168,7 +175,7 @@ struct Following {
       limited & (magnitude(change) <= farthest) & (magnitude(change) * load(flow.steepest + lane) <= kReach);
   const Register u = where(near, change, all(0.0));
   store(u, flow.u + lane);
-  store(exponential_of(flow.exponent * logarithm_of(1.0 + u)), flow.y + lane);
+  store(exp2_of(flow.exponent * log2_of(1.0 + u)), flow.y + lane);
   store(where(near, base, stress), at.base + lane);
   store(where(limited, origin, stress), flow.origin + lane);
   store(where(limited, load(flow.limit + lane), all(kUnlimited)), flow.limit + lane);
@@ -183,10 +190,12 @@ template <bool kSpread>
   const FlowBounds& bounds = flow.bounds;
   const Register flux = load(at.heating + lane) * load(at.base + lane), limit = load(flow.limit + lane);
   const std::ptrdiff_t n = limited ? flow.num_rows[lane] : problem.grid->num_vertices();
-  Register steepest{}, num_yielding{}, number{};  // number: of the vertices up to this one
+  Register steepest{}, num_yielding{};
   Sums sums;
   std::ptrdiff_t i = 0;
-  for (std::ptrdiff_t block = 1, end = limited ? n : bounds.rows; i < n; ++i) {
+  Mask inside = limit > 0.0, may_yield{};  // of the block: lanes whose limit is behind it; lanes with a vertex that may
+  Register steepest_here{};                // of the block
+  for (std::ptrdiff_t block = 1, end = std::min(n, bounds.rows); i < n;) {
     const std::ptrdiff_t row = i * kLanes + lane;
     const Register rise = flux * (kSpread ? load(problem.spread_response + row) : all(problem.response[i]));
     const Register T = load(problem.T_ad + row) + rise;
@@ -200,17 +209,27 @@ template <bool kSpread>
     store(vertex.c3, kept + 3 * kLanes);
     store(ep + sums.add(vertex, vertex.hot, cold, problem.grid->weight[static_cast<std::size_t>(i)]), strain_new + row);
     // A vertex that yields nowhere in the first range of the expansion does not limit the second one.
-    const Register hottest = vertex.hot * (1.0 + kHotter + kHotter * vertex.growth);
-    const Mask may_yield = ((hottest >= cold) | (vertex.growth >= kSteep)) & (number < limit);
-    number += 1.0;
-    steepest = larger(steepest, (Register)((Bits)vertex.growth & (Bits)may_yield));
-    num_yielding = where(may_yield, number, num_yielding);
-    if (i + 1 != end || end >= n) continue;
-    const Register most_rise = flux * (kSpread ? load(bounds.spread[block] + lane) : all(problem.response[end]));
-    const Mask colder = (T >= load(bounds.T_ad[block] + lane) + most_rise) & (rise >= most_rise);
-    const Mask harder = hottest * kMargin < law.inverse_beta + load(bounds.strain[block] + lane);
-    if (everywhere((colder & harder & (vertex.growth < kSteep)) | (number >= limit))) break;
-    end += bounds.rows;
+    const Mask may = ((1.0 + kHotter + kHotter * kSteep) * vertex.hot >= cold) | (vertex.growth >= kSteep);
+    may_yield |= may;
+    steepest_here = larger(steepest_here, (Register)((Bits)vertex.growth & (Bits)may));
+    if (++i != end) continue;
+    const Register number = all(static_cast<double>(end));
+    steepest = larger(steepest, (Register)((Bits)steepest_here & (Bits)inside));
+    num_yielding = where(may_yield & inside, number, num_yielding);
+    if (end == n) break;
+    inside = number < limit;
+    if (!limited) {
+      const Register most_rise = flux * (kSpread ? load(bounds.spread[block] + lane) : all(problem.response[end]));
+      const Mask colder = (T >= load(bounds.T_ad[block] + lane) + most_rise) & (rise >= most_rise);
+      const Register hottest = vertex.hot * (1.0 + kHotter + kHotter * vertex.growth);
+      const Mask harder = hottest * kMargin < law.inverse_beta + load(bounds.strain[block] + lane);
+      // A lane with a known limit needs all vertices up to it, whatever its stress now.
+      const Mask unknown = limit >= kUnlimited;
+      if (everywhere((colder & harder & (vertex.growth < kSteep) & unknown) | without(inside))) break;
+    }
+    may_yield = Mask{};
+    steepest_here = Register{};
+    end = std::min(n, end + bounds.rows);
     ++block;
   }
   store(steepest, flow.steepest + lane);
@@ -220,7 +239,7 @@ template <bool kSpread>
   double most = 0.0;
   for (int l = lane; l < lane + kWidth; ++l) most = flow.limit[l] > most ? flow.limit[l] : most;
   flow.num_rows[lane] = static_cast<std::ptrdiff_t>(most);
-  for (++i; i < n; ++i) store(load(problem.strain + i * kLanes + lane), strain_new + i * kLanes + lane);
+  for (; i < n; ++i) store(load(problem.strain + i * kLanes + lane), strain_new + i * kLanes + lane);
 }
 
 // Sums the flow of the lanes of a register by their expansions, and writes the strain.
@@ -267,7 +286,7 @@ inline void find_roots(const ExpandedFlow& flow, const StressLoad& at, double co
       const Register open = base * u + (constant + compliance * (y * hot));
       const Register du_dy = inverse_exponent * (1.0 + u) / y;
       y = larger(y - open / (compliance * (hot + y * sums.steepness(u) * du_dy) + base * du_dy), all(kLeastStress));
-      u = exponential_minus_1_of(inverse_exponent * logarithm_of(y));
+      u = exp2_minus_1_of(inverse_exponent * log2_of(y));
       hot = sums.m0 + sums.change(u);
     }
     const Mask reached = (sums.m0 > 0.0) & (magnitude(hot - sums.m0) <= kMostChange * sums.m0);

@@ -79,15 +79,17 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   state.hi = state.a_trial;
   // Ceiling: the stress a = Y_max g(T) / sqrt(3) of the hottest vertex, which the stress itself heats; with g = 0 the
   // layer carries no stress.
-  StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
-  limit.effort = inputs.effort;
+  const double strongest = strength_ceiling(soft) / kSqrt3;
   const int hottest_ad = heated.hottest(0.0);
+  const double T_hottest = heated.T(hottest_ad, 0.0);
   state.hottest = hottest_ad;
-  const double g_ad = softening(soft, pressure, heated.T(hottest_ad, 0.0)).g;
-  if (g_ad <= 0.0) {
+  const bool expands = has_expanded_flow(soft);
+  if (expands ? !carries_stress(soft, pressure, T_hottest) : softening(soft, pressure, T_hottest).g <= 0.0) {
     state.hi = 0.0;
     state.bound = Bound::kCeiling;
-  } else if (std::isfinite(limit.tresca)) {
+  } else if (std::isfinite(strongest)) {
+    StressLimit limit{std::numeric_limits<double>::infinity(), strongest, pressure, &soft};
+    limit.effort = inputs.effort;
     const double ceiling =
         ceiling_stress(limit, heated, {0.0, 1.0, state.heating, 0.0}, state.hi, std::abs(s_start), state.hottest);
     if (ceiling < state.hi) {
@@ -102,26 +104,28 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.bound = Bound::kCoulomb;
   }
   // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
-  // flow by more than the whole slip; above the second a vertex would be molten.
+  // flow by more than the whole slip; above the second a vertex would be molten. An expanded flow is solved from a good
+  // guess without the first.
   const double guess = state.direction * s_start;
   const bool guessed = guess > kLeastGuess * state.hi && guess < state.hi;
-  double beyond = std::numeric_limits<double>::infinity();
-  if (!guessed || !has_expanded_flow(soft)) {  // an expanded flow is solved from a good guess without this bound
-    const double most_strain =
-        h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
-    const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
-                                                    most_strain / dt, pressure, heated.T(hottest_ad, 0.0)) *
-                                  g_ad / kSqrt3;
-    beyond = all_at_hottest * (1.0 + kConverged);
+  if (state.hi > 0.0 && hardens(soft)) {
+    double beyond = std::numeric_limits<double>::infinity();
+    if (!guessed || !expands) {
+      const double most_strain =
+          h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
+      const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
+                                                      most_strain / dt, pressure, T_hottest) *
+                                    softening(soft, pressure, T_hottest).g / kSqrt3;
+      beyond = all_at_hottest * (1.0 + kConverged);
+    }
+    for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
+      beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
+    }
+    if (beyond < state.hi) {
+      state.hi = beyond;
+      state.bound = Bound::kNotAnAnswer;
+    }
   }
-  for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
-    beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
-  }
-  if (g_ad > 0.0 && hardens(soft) && beyond < state.hi) {
-    state.hi = beyond;
-    state.bound = Bound::kNotAnAnswer;
-  }
-
   state.a = guess > kLeastGuess * state.hi && guess < state.hi
                 ? guess
                 : (state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi);
