@@ -119,8 +119,7 @@ struct Law {
     const Register inverse = 1.0 / (xb * divisor);
     const Register inverse_xb = divisor * inverse;
     const Register inverse_x = b * inverse_xb;
-    const Register excess =
-        (kLog2E * melting) * T * inverse_x - inverse_n * log_b.value(log_b.f * (xb * inverse));
+    const Register excess = (kLog2E * melting) * T * inverse_x - inverse_n * log_b.value(log_b.f * (xb * inverse));
     const Register hot = exp2_of(log_load + excess, kLog2E * kMaxExcess);
     const Register f = hT * rise * x * inverse_xb, v = rise * inverse_x;
     const Register f1 = inverse_n * f, v1 = melting * T_melt * inverse_x * v;

@@ -263,7 +263,8 @@ void find_roots_by_expansion(const FlowProblem& flow, const LaneMaterials& soft_
       if (lane.done) continue;
       ++lane.sums;
       const double left = a_trial[l] - lane.a;
-      lane.done = narrow(lane, compliance * sum.slip[l], left) ? lane.done : is_balanced(sum, l, lane.a, compliance, left);
+      lane.done =
+          narrow(lane, compliance * sum.slip[l], left) ? lane.done : is_balanced(sum, l, lane.a, compliance, left);
       all_done = all_done && lane.done;
     }
     if (all_done) break;
