@@ -267,5 +267,22 @@ TEST(PhysicsVelocityDriven, AStressThatWouldMeltTheLayerIsNoAnswer) {
   EXPECT_LT(figures.nearest_melting, 1.0);
 }
 
+// Within a kelvin of melting the strength falls by hundreds of powers of ten; the search must find a stress so far below
+// the stress before the step.
+TEST(PhysicsVelocityDriven, ALayerAlmostMoltenBeforeTheStepHasAnAnswer) {
+  Figures figures;
+  Rig rig(graded(paper_options()));
+  rig.set_all(100.0, 11.2e9);
+  for (double below = 1e-4; below < 3.0; below *= 1.1) {
+    double T[kLanes];
+    for (int l = 0; l < kLanes; ++l) T[l] = rig.model.options().soft.melting_temperature - below * (1.0 + 0.01 * l);
+    rig.start(T);
+    std::fill_n(rig.committed.data() + rig.model.layout().shear_stress, kLanes, 2e8);
+    rig.step(1e-9);
+    for (int l = 0; l < kLanes; ++l) ASSERT_NO_THROW(require_invariants(rig, l, 1e-9, figures)) << below;
+  }
+  EXPECT_LT(figures.nearest_melting, 1e-3);
+}
+
 }  // namespace
 }  // namespace shearbus::testing

@@ -18,6 +18,11 @@ bool carries_stress(const Material& soft, double pressure, double T) {
   return SteinbergCochranGuinan::carries_stress(soft, pressure, T);
 }
 
+bool searches_unbounded(const Material& soft, double T) {
+  constexpr double kMostExponent = 10.0;  // of the melting factor exp(-0.001 T / (T_melt - T))
+  return kMeltingFactor * T <= kMostExponent * (soft.melting_temperature - T);
+}
+
 void set_load(const Material& soft, double pressure, double a, double heating, int lane, StressLoad& load) {
   load.stress[lane] = load.base[lane] = a;
   load.heating[lane] = heating;

@@ -51,6 +51,9 @@ struct ExpandedFlow {
 bool has_expanded_flow(const Material& soft);
 // Whether the softening g of such a law is above 0; `soft` is the material at the pressure.
 bool carries_stress(const Material& soft, double pressure, double T);
+// Whether a search at the temperature T needs no bound of the stress from above: the softening g is not so small that
+// the answer may be many powers of ten below any guess.
+bool searches_unbounded(const Material& soft, double T);
 
 // Loads a lane with the stress magnitude a; `soft` is the material at the pressure.
 void set_load(const Material& soft, double pressure, double a, double heating, int lane, StressLoad& load);

@@ -10,7 +10,7 @@ inline constexpr double kSteep = 3.0, kHotter = 0.03;
 // A vertex is left out only if it misses yielding by this factor, far above rounding: which vertices are left out
 // depends on all lanes of a register, and must not change the bits of any.
 inline constexpr double kMargin = 1.0 + 1e-9;
-inline constexpr double kLeastStress = 1e-300;  // smallest stress that is a load, over the yield strength and in Pa
+inline constexpr double kLeastStress = 0x1p-1022;  // smallest stress that is a load, over the yield strength and in Pa
 inline constexpr double kLeastToMelting = 1e-10, kLeastBracket = 1e-60;  // smallest T_melt - T [K], smallest bracket
 inline constexpr double kUnlimited = 1e9;   // limit of a lane whose yielding vertices are not known
 inline constexpr int kNewtonSteps = 2;      // of find_roots(); the balance is nearly linear in y

@@ -105,12 +105,12 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   }
   // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
   // flow by more than the whole slip; above the second a vertex would be molten. An expanded flow is solved from a good
-  // guess without the first.
+  // guess without the first, unless melting is near.
   const double guess = state.direction * s_start;
   const bool guessed = guess > kLeastGuess * state.hi && guess < state.hi;
   if (state.hi > 0.0 && hardens(soft)) {
     double beyond = std::numeric_limits<double>::infinity();
-    if (!guessed || !expands) {
+    if (!guessed || !expands || !searches_unbounded(soft, T_hottest)) {
       const double most_strain =
           h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
       const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
