@@ -3,6 +3,7 @@
 #include <cmath>
 #include <vector>
 
+#include "tests/support/invariants.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -215,6 +216,72 @@ TEST(PhysicsVelocityDriven, AStressJustBelowItsBoundDoesNotSwallowTheSlip) {
     EXPECT_EQ(rig.outputs.regime[l], Regime::kCoulomb) << l;
     EXPECT_NEAR(rig.outputs.sliding_velocity[l], 1e-3, 1e-8) << l;
   }
+}
+
+// Near melting the flow stress changes by much more than the stress: the strain of an answer must be that of its stress
+// and temperature. Layers run into melting in one step.
+TEST(PhysicsVelocityDriven, NearMeltingTheLayerFlowsUnderItsFlowStress) {
+  Figures figures;
+  for (const double n : {0.05, 0.1, 0.5, 1.0}) {
+    for (const double dt : {1e-9, 1e-8, 1e-7, 1e-6}) {
+      ModelOptions options = graded(paper_options(), 40, 1.12);
+      options.soft.hardening_exponent = n;
+      Rig rig(options);
+      for (int step = 0; step < 4; ++step) {
+        for (int l = 0; l < kLanes; ++l) {
+          rig.inputs.velocity_jump[l] = 1000.0 * (l + 1);
+          rig.inputs.pressure[l] = 11.2e9;
+        }
+        rig.step(dt);
+        for (int l = 0; l < kLanes; ++l) ASSERT_NO_THROW(require_invariants(rig, l, dt, figures)) << n << ", " << dt;
+      }
+    }
+  }
+  EXPECT_LT(figures.nearest_melting, 1.0);
+  EXPECT_GT(figures.regime(Regime::kMelting), 400);
+}
+
+// A step begins its search at the stress before the step. Here this stress would bring the interface to within a
+// fraction of a kelvin of melting, where the last digit of the stress changes the flow by any amount; yet it is no
+// answer, because the layer would flow by far too much.
+TEST(PhysicsVelocityDriven, AStressThatWouldMeltTheLayerIsNoAnswer) {
+  const double dt = 1e-9, T_before = 1200.0;
+  Figures figures;
+  Rig rig(graded(paper_options()));
+  const ModelOptions& options = rig.model.options();
+  rig.set_all(1e4, 11.2e9);
+  rig.operators = rig.model.operators(dt);
+  const double rise =
+      heat_partition(options.soft, options.hard) * 1e4 * rig.operators->heat().layer_response()[0];  // [K/Pa]
+  for (double below = 1e-9; below < 0.1; below *= 1.01) {
+    double T[kLanes];
+    for (int l = 0; l < kLanes; ++l) T[l] = T_before;
+    rig.start(T);
+    for (int l = 0; l < kLanes; ++l) {
+      const double T_guess = options.soft.melting_temperature - below * (1.0 + 0.1 * l);
+      rig.committed[rig.model.layout().shear_stress + l] = (T_guess - T_before) / rise;
+    }
+    rig.step(dt);
+    for (int l = 0; l < kLanes; ++l) ASSERT_NO_THROW(require_invariants(rig, l, dt, figures)) << below;
+  }
+  EXPECT_LT(figures.nearest_melting, 1.0);
+}
+
+// Within a kelvin of melting the strength falls by hundreds of powers of ten; the search must find a stress so far below
+// the stress before the step.
+TEST(PhysicsVelocityDriven, ALayerAlmostMoltenBeforeTheStepHasAnAnswer) {
+  Figures figures;
+  Rig rig(graded(paper_options()));
+  rig.set_all(100.0, 11.2e9);
+  for (double below = 1e-4; below < 3.0; below *= 1.1) {
+    double T[kLanes];
+    for (int l = 0; l < kLanes; ++l) T[l] = rig.model.options().soft.melting_temperature - below * (1.0 + 0.01 * l);
+    rig.start(T);
+    std::fill_n(rig.committed.data() + rig.model.layout().shear_stress, kLanes, 2e8);
+    rig.step(1e-9);
+    for (int l = 0; l < kLanes; ++l) ASSERT_NO_THROW(require_invariants(rig, l, 1e-9, figures)) << below;
+  }
+  EXPECT_LT(figures.nearest_melting, 1e-3);
 }
 
 }  // namespace

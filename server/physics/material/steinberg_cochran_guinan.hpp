@@ -41,13 +41,17 @@ class SteinbergCochranGuinan {
 
   static LawFault fault_of(const Material&) { return {}; }
 
-  static Softening softening(const Material& m, double pressure, double T) {
+  // Whether g is above 0. Costs less than g.
+  static bool carries_stress(const Material& m, double pressure, double T) {
     const double bracket = 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (T - kReference);
     const double to_melting = m.melting_temperature - T;
-    if (!(bracket > 0.0) || !(to_melting > 0.0)) return {};
-    const double exponent = kMeltingFactor * T / to_melting;
-    if (!(exponent < kExponentialRange)) return {};
-    const double melting = exponential(-exponent);
+    return bracket > 0.0 && to_melting > 0.0 && kMeltingFactor * T / to_melting < kExponentialRange;
+  }
+  static Softening softening(const Material& m, double pressure, double T) {
+    if (!carries_stress(m, pressure, T)) return {};
+    const double bracket = 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (T - kReference);
+    const double to_melting = m.melting_temperature - T;
+    const double melting = exponential(-kMeltingFactor * T / to_melting);
     const double melting_rate = kMeltingFactor * m.melting_temperature / (to_melting * to_melting);
     return {bracket * melting, -melting * (m.temperature_coefficient + bracket * melting_rate)};
   }

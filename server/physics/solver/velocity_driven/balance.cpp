@@ -6,9 +6,11 @@
 #include <limits>
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/heated.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
 #include "server/physics/solver/work.hpp"
@@ -20,6 +22,8 @@ constexpr double kConverged = 1e-10;  // a Newton step of at most this fraction 
 // Newton's last step may start from a residual F of at most this fraction of the trial stress: it squares the fraction.
 constexpr double kFlowConverged = 1e-3;
 constexpr double kBalanced = 1e-8;  // largest accepted residual F of an answer, relative to a_trial - a
+// Of an expanded flow: the same, and the part of F that rounding makes, per strain and per change of the stress.
+constexpr double kClosed = 1e-11, kRounded = 2e-15, kDigits = 2e-15;
 // If the flow relieves more than this multiple of the trial stress, Newton works on the logarithm of the flow.
 constexpr double kFarAbove = 100.0;
 constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
@@ -75,15 +79,17 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   state.hi = state.a_trial;
   // Ceiling: the stress a = Y_max g(T) / sqrt(3) of the hottest vertex, which the stress itself heats; with g = 0 the
   // layer carries no stress.
-  StressLimit limit{std::numeric_limits<double>::infinity(), strength_ceiling(soft) / kSqrt3, pressure, &soft};
-  limit.effort = inputs.effort;
+  const double strongest = strength_ceiling(soft) / kSqrt3;
   const int hottest_ad = heated.hottest(0.0);
+  const double T_hottest = heated.T(hottest_ad, 0.0);
   state.hottest = hottest_ad;
-  const double g_ad = softening(soft, pressure, heated.T(hottest_ad, 0.0)).g;
-  if (g_ad <= 0.0) {
+  const bool expands = has_expanded_flow(soft);
+  if (expands ? !carries_stress(soft, pressure, T_hottest) : softening(soft, pressure, T_hottest).g <= 0.0) {
     state.hi = 0.0;
     state.bound = Bound::kCeiling;
-  } else if (std::isfinite(limit.tresca)) {
+  } else if (std::isfinite(strongest)) {
+    StressLimit limit{std::numeric_limits<double>::infinity(), strongest, pressure, &soft};
+    limit.effort = inputs.effort;
     const double ceiling =
         ceiling_stress(limit, heated, {0.0, 1.0, state.heating, 0.0}, state.hi, std::abs(s_start), state.hottest);
     if (ceiling < state.hi) {
@@ -98,39 +104,43 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.bound = Bound::kCoulomb;
   }
   // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
-  // flow by more than the whole slip; above the second a vertex would be molten.
-  const double most_strain =
-      h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
-  const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
-                                                  most_strain / dt, pressure, heated.T(hottest_ad, 0.0)) *
-                                g_ad / kSqrt3;
-  double beyond = all_at_hottest * (1.0 + kConverged);
-  for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
-    beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
-  }
-  if (g_ad > 0.0 && hardens(soft) && beyond < state.hi) {
-    state.hi = beyond;
-    state.bound = Bound::kNotAnAnswer;
-  }
-
+  // flow by more than the whole slip; above the second a vertex would be molten. An expanded flow is solved from a good
+  // guess without the first, unless melting is near.
   const double guess = state.direction * s_start;
+  const bool guessed = guess > kLeastGuess * state.hi && guess < state.hi;
+  if (state.hi > 0.0 && hardens(soft)) {
+    double beyond = std::numeric_limits<double>::infinity();
+    if (!guessed || !expands || !searches_unbounded(soft, T_hottest)) {
+      const double most_strain =
+          h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
+      const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
+                                                      most_strain / dt, pressure, T_hottest) *
+                                    softening(soft, pressure, T_hottest).g / kSqrt3;
+      beyond = all_at_hottest * (1.0 + kConverged);
+    }
+    for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
+      beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
+    }
+    if (beyond < state.hi) {
+      state.hi = beyond;
+      state.bound = Bound::kNotAnAnswer;
+    }
+  }
   state.a = guess > kLeastGuess * state.hi && guess < state.hi
                 ? guess
                 : (state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi);
   return state;
 }
 
-// One iteration of a lane after the flow under `lane.a` has been summed. Ends with `done`, or with the next `a` in the
-// bracket.
-void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
-  const double flow = compliance * slip;
-  const double left = lane.a_trial - lane.a;  // trial stress that the flow must relieve
-  // 1. Narrow the bracket.
+// Narrows the bracket of a lane after the flow under `lane.a` has been summed. Sets `done` where the search ends:
+// at the upper end of the bracket, at the root to the last digit, or because the bracket has closed. Returns whether the
+// lane has its next stress, or none is needed.
+bool narrow(Lane& lane, double flow, double left) {
   if (flow < left) {
     if (lane.a == lane.hi && !lane.hi_seen) {
       lane.at_bound = true;
       lane.done = true;
-      return;
+      return true;
     }
     lane.lo = lane.a;
   } else {
@@ -139,7 +149,7 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     lane.hi_seen = true;
     if (flow == left) {
       lane.done = true;
-      return;
+      return true;
     }
   }
   if (lane.hi - lane.lo <= 2.0 * std::numeric_limits<double>::epsilon() * lane.hi) {
@@ -147,15 +157,39 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
     const bool unseen_bound = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
     if (unseen_bound) lane.a = lane.hi;
     lane.done = !unseen_bound;
-    return;
+    return true;
   }
-  // 2. Newton's method on F, which is nearly linear over the strain of one step. If the flow relieves far more than the
-  //    trial stress, it is a high power of the stress, and Newton's method works on the logarithm of the flow.
+  return false;
+}
+
+// The stress that Newton's method on F tries next; F is nearly linear over the strain of one step. If the flow relieves
+// far more than the trial stress, it is a high power of the stress, and the method works on the logarithm of the flow.
+double newton(const Lane& lane, double compliance, double slip, double slope, double flow, double left) {
+  if (flow > kFarAbove * lane.a_trial) return lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
+  return lane.a - (flow - left) / (compliance * slope / lane.a + 1.0);
+}
+
+// Keeps the next stress inside the bracket. Tries its upper end itself if this bound can be the answer.
+void go_on_with(Lane& lane, double next, double flow, int iteration) {
+  const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
+  const bool answer_at_hi = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
+  if (answer_at_hi && (flow == 0.0 || next >= lane.hi)) {
+    lane.a = lane.hi;
+  } else {
+    lane.a = !bisect && next > lane.lo && next < lane.hi ? next : 0.5 * (lane.lo + lane.hi);
+  }
+}
+
+// One iteration of a lane after the flow under `lane.a` has been summed. Ends with `done`, or with the next `a` in the
+// bracket.
+void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
+  const double flow = compliance * slip;
+  const double left = lane.a_trial - lane.a;  // trial stress that the flow must relieve
+  if (narrow(lane, flow, left)) return;
   double next = -1.0;
   if (flow > 0.0 && lane.a > 0.0) {
+    next = newton(lane, compliance, slip, slope, flow, left);
     const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
-    next = lane.a - step;
-    if (flow > kFarAbove * lane.a_trial) next = lane.a * (1.0 - logarithm(flow / lane.a_trial) * slip / slope);
     // Very near melting a small step in stress may be a large step in the flow, so the residual must be small, too.
     const double open = lane.check_balance ? kBalanced * left : kFlowConverged * lane.a_trial;
     if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= open) {
@@ -164,14 +198,7 @@ void iterate(Lane& lane, double compliance, double slip, double slope, int itera
       return;
     }
   }
-  // 3. Keep the next stress inside the bracket. Try its upper end itself if this bound can be the answer.
-  const bool bisect = iteration >= kNewtonIterations && iteration % 2 == 0;
-  const bool answer_at_hi = !lane.hi_seen && lane.bound != Bound::kNotAnAnswer;
-  if (answer_at_hi && (flow == 0.0 || next >= lane.hi)) {
-    lane.a = lane.hi;
-  } else {
-    lane.a = !bisect && next > lane.lo && next < lane.hi ? next : 0.5 * (lane.lo + lane.hi);
-  }
+  go_on_with(lane, next, flow, iteration);
 }
 
 // Finds the roots of the balances of all lanes together. On return `sum` and `strain_new` hold flow and strain under
@@ -200,6 +227,62 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
     if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
   }
   flow_to(flow, load, num_rows, strain_new, sum);
+}
+
+// Whether a stress at which the flow was summed is the answer of its lane: F is 0 to kClosed, or to what rounding makes
+// of it. The rounding of the strains, of which the flow is a small difference, always counts. The last digits of the
+// stress count through the slope of the flow only if the flow is at most twice what it must be: far above the root, in
+// a vertex that a few more digits would melt, the slope is so large that any residual would pass.
+bool is_balanced(const ExpandedFlow& sum, int lane, double a, double compliance, double left) {
+  const double flow = compliance * sum.slip[lane];
+  double open = kClosed * left + kRounded * (compliance * sum.moment[0][lane]);
+  if (flow <= 2.0 * left) open += kDigits * (compliance * sum.slope[lane] + a);
+  return std::abs(flow - left) <= open;
+}
+
+// The same for a law with an expanded flow. The answer of a lane is a stress at which the flow was summed: each sum
+// writes the strain, so that strain, temperature and stress belong together. A last step without a sum would not do:
+// near melting the flow stress changes by far more than the stress.
+void find_roots_by_expansion(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs,
+                             double compliance, Lane (&lanes)[kLanes], double* strain_new, double (&slip)[kLanes]) {
+  alignas(64) double a_trial[kLanes], root[kLanes];
+  StressLoad load;
+  for (int l = 0; l < kLanes; ++l) {
+    const double pressure = contains(inputs.active, l) ? inputs.pressure[l] : 0.0;
+    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating, l, load);
+    a_trial[l] = lanes[l].a_trial;
+  }
+  ExpandedFlow sum;
+  start_flow(flow, scratch_tile(Scratch::kFlow, rows_of(*flow.grid)), sum);
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    sum_flow(flow, load, strain_new, sum);
+    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+    bool all_done = true;
+    for (int l = 0; l < kLanes; ++l) {
+      Lane& lane = lanes[l];
+      if (lane.done) continue;
+      ++lane.sums;
+      const double left = a_trial[l] - lane.a;
+      lane.done =
+          narrow(lane, compliance * sum.slip[l], left) ? lane.done : is_balanced(sum, l, lane.a, compliance, left);
+      all_done = all_done && lane.done;
+    }
+    if (all_done) break;
+    roots_of(sum, load, compliance, a_trial, root);
+    for (int l = 0; l < kLanes; ++l) {
+      Lane& lane = lanes[l];
+      if (lane.done) continue;
+      if (lane.a == load.stress[l]) {
+        const double layer_flow = compliance * sum.slip[l], left = a_trial[l] - lane.a;
+        double next = root[l];
+        if (!(next > 0.0) && layer_flow > 0.0 && lane.a > 0.0)
+          next = newton(lane, compliance, sum.slip[l], sum.slope[l], layer_flow, left);
+        go_on_with(lane, next, layer_flow, iteration);
+      }
+      load.stress[l] = lane.a;
+    }
+  }
+  std::copy_n(sum.slip, kLanes, slip);
 }
 
 // The search ends without evaluating the balance after Newton's last step. If a vertex begins to flow within that step,
@@ -287,6 +370,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // fall of the stress per slip integral(dep)  [Pa/m]
   const bool layer_hardens = hardens(soft);
+  const bool expands = has_expanded_flow(soft);
   bool loaded = false;  // at least one lane has a trial stress other than 0; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
@@ -332,19 +416,23 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       lanes[l].at_bound = true;
       lanes[l].done = true;
     }
-    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
+    if (!expands) set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
   }
 
   // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
   FlowSum sum{};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
-  if (layer_hardens && loaded) {
+  if (layer_hardens && loaded && expands) {
+    find_roots_by_expansion(flow, soft_at, inputs, compliance, lanes, strain_new, sum.slip);
+  } else if (layer_hardens && loaded) {
     find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
     if (resume_unbalanced(compliance, sum, lanes))
       find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
+
+  for (int l = 0; l < kLanes; ++l) load.flux[l] = lanes[l].heating * lanes[l].a;
 
   // 5. Add the heat of this step to the temperatures: T = T_ad + q B, or T_ad + q B_phi if the layer releases the heat.
   if (spreads) {

@@ -1,5 +1,6 @@
-// Force-driven steps of one tile under the paper's conditions, for tests/bench/instructions.py:
-//   shearbus-bench-force-steps (profile | modes) STEPS
+// Steps of one tile under the paper's conditions, for tests/bench/instructions.py:
+//   shearbus-bench-steps (profile | modes | layer_shear | interface_slip) STEPS
+// The first two are force-driven, with a temperature profile or with modes; the others are velocity-driven.
 // Ends with 77 on a machine without registers of four doubles, for which the counts are not meant.
 #include <cstdlib>
 #include <string_view>
@@ -11,8 +12,11 @@ int main(int argc, char** argv) {
   using namespace shearbus::testing;
   if (argc != 3) return 2;
   if (!machine_has_registers_of_four()) return 77;
-  ModelOptions options = graded(paper_options(Strategy::kForceDriven));
-  if (std::string_view(argv[1]) == "modes") {
+  const std::string_view name = argv[1];
+  const bool forced = name == "profile" || name == "modes";
+  ModelOptions options = graded(paper_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven));
+  if (name == "interface_slip") options.drive = Drive::kInterfaceSlip;
+  if (name == "modes") {
     options.grid.far_boundary = FarBoundary::kHalfSpace;
     options.modes = {.accuracy = 1e-3, .shortest_step = 1e-9, .longest_time = 1e-6};
   }

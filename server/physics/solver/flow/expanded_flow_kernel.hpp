@@ -1,0 +1,317 @@
+// The kernel of expanded_flow.hpp for the law of Steinberg, Cochran and Guinan; each_register.hpp includes this file
+// once per register width.
+#if SHEARBUS_WIDTH > 1
+
+// An expansion is used while |u| is at most kFarthest / exponent and growth |u| at most kReach.
+inline constexpr double kFarthest = 0.02, kReach = 3e-3;
+// In the first of these ranges a vertex with a growth below kSteep becomes hotter by the factor 1 + kHotter + kHotter
+// growth at most: the exponent is at least 1.
+inline constexpr double kSteep = 3.0, kHotter = 0.03;
+// A vertex is left out only if it misses yielding by this factor, far above rounding: which vertices are left out
+// depends on all lanes of a register, and must not change the bits of any.
+inline constexpr double kMargin = 1.0 + 1e-9;
+inline constexpr double kLeastStress = 0x1p-1022;  // smallest stress that is a load, over the yield strength and in Pa
+inline constexpr double kLeastToMelting = 1e-10, kLeastBracket = 1e-60;  // smallest T_melt - T [K], smallest bracket
+inline constexpr double kUnlimited = 1e9;   // limit of a lane whose yielding vertices are not known
+inline constexpr int kNewtonSteps = 2;      // of find_roots(); the balance is nearly linear in y
+inline constexpr double kMostChange = 0.5;  // largest relative change of the series with which a root is of use
+
+[[gnu::always_inline]] inline Register larger(Register a, Register b) {
+#if SHEARBUS_WIDTH == 4
+  return __builtin_ia32_maxpd256(a, b);
+#else
+  return a > b ? a : b;
+#endif
+}
+[[gnu::always_inline]] inline bool everywhere(Mask mask) {
+  return lanes_where(mask) == (1u << kWidth) - 1u;
+}
+
+// The parts of 2^x = scale (1 + rest) with an error below 1.2e-15, where x is cut to -kPowers and most. `rest` has this
+// error times r^2 / 2 for small r = x ln(2): the polynomial fits (exp(r) - 1 - r) / r^2 for |r| <= ln(2) / 2.
+inline constexpr double kLog2E = 1.4426950408889634, kLn2 = 0.6931471805599453;
+inline constexpr double kPowers = kExponentialRange * kLog2E;
+struct ScaledPower {
+  Register scale, rest;
+};
+[[gnu::always_inline]] inline ScaledPower power_of_2(Register unlimited, double most) {
+  constexpr double kShift = 0x1.8p52;
+  const Register x = smaller(larger(unlimited, all(-kPowers)), all(most));
+  const Register shifted = x + kShift;
+  const Register r = (x - (shifted - kShift)) * kLn2;
+  const Register r2 = r * r;
+  const Register r4 = r2 * r2;
+  const Register low = (0.5 + r * 0.1666666666664829) + r2 * (0.04166666666665136 + r * 0.008333333353729397);
+  const Register mid =
+      (0.0013888888905881542 + r * 0.00019841208732536384) + r2 * (2.4801536388690766e-05 + r * 2.762511557828763e-06);
+  return {(Register)(((Bits)shifted << 52) + 0x3ff0000000000000u),
+          r + r2 * (low + r4 * (mid + r4 * 2.761380686153829e-07))};
+}
+[[gnu::always_inline]] inline Register exp2_of(Register x, double most = kPowers) {
+  const ScaledPower e = power_of_2(x, most);
+  return e.scale + e.scale * e.rest;
+}
+[[gnu::always_inline]] inline Register exp2_minus_1_of(Register x) {
+  const ScaledPower e = power_of_2(x, kPowers);
+  return e.scale * e.rest + (e.scale - 1.0);
+}
+
+// The binary logarithm of positive normal numbers x = 2^k (1 + f) with an error below 1e-15, absolute or relative. The
+// division s = f / (2 + f) is left to the caller: ln(1 + f) = 2 atanh(s), |s| < 0.172; the polynomial fits
+// (2 atanh(s) / s - 2) / s^2.
+struct SplitLogarithm {
+  Register k, f;
+  [[gnu::always_inline]] explicit SplitLogarithm(Register x) {
+    constexpr std::uint64_t kSqrtHalf = 0x3fe6a09e667f3bcdu, kBias = 1024;  // 1 + f is in sqrt(1/2) to sqrt(2)
+    const Bits shifted = (Bits)x + ((kBias << 52) - kSqrtHalf);
+    k = (Register)((shifted >> 52) | 0x4330000000000000u) - (0x1p52 + static_cast<double>(kBias));
+    f = (Register)((shifted & 0x000fffffffffffffu) + kSqrtHalf) - 1.0;
+  }
+  [[gnu::always_inline]] Register value(Register s) const {
+    const Register z = s * s;
+    const Register z2 = z * z;
+    const Register low = (kLog2E * 0.6666666666666208 + z * (kLog2E * 0.400000000112122)) +
+                         z2 * (kLog2E * 0.2857142413651635 + z * (kLog2E * 0.22222862476849542));
+    const Register high = kLog2E * 0.18140185202493248 + z * (kLog2E * 0.166219470901774);
+    return k + s * (2.0 * kLog2E + z * (low + z2 * z2 * high));
+  }
+};
+
+[[gnu::always_inline]] inline Register log2_of(Register x) {
+  const SplitLogarithm log(x);
+  return log.value(log.f / (2.0 + log.f));
+}
+
+// A vertex in each lane under the stress base (1 + u):
+//   dep = max(0, (1 + u)^exponent hot (1 + c1 u + c2 u^2 + c3 u^3) - cold),   cold = 1 / beta + ep
+// The terms left out are below (growth u)^4.
+struct Vertex {
+  Register hot, c1, c2, c3, growth;
+};
+
+// The law and the loads of the lanes of one register. Logarithms and excesses are binary.
+struct Law {
+  Register log_load, bracket, T_melt;
+  double inverse_n, melting, hT, inverse_beta;
+
+  [[gnu::always_inline]] Law(const Material& m, const StressLoad& at, int lane)
+      : bracket(load(at.bracket + lane)),
+        T_melt(load(at.T_melt + lane)),
+        inverse_n(1.0 / m.hardening_exponent),
+        melting(kMeltingFactor / m.hardening_exponent),
+        hT(m.temperature_coefficient),
+        inverse_beta(1.0 / m.hardening_coefficient) {
+    const Register ratio = (kSqrt3 / m.yield_strength) * load(at.base + lane);
+    const Mask loads = ratio > kLeastStress;
+    const Register logarithm = inverse_n * log2_of(where(loads, ratio, all(1.0)));
+    log_load = where(loads, logarithm + log2_of(all(inverse_beta)), all(kNoLoad));
+  }
+
+  // hot is exp(load + softening excess) / beta at T = T_ad + rise. At T_ad + (1 + u) rise the excess is a series in u:
+  // the ratio of consecutive powers is f for its term -log(bracket) / n, and v for its term 0.001 T / (T_melt - T) / n.
+  // A molten vertex is as hot as kMaxExcess permits.
+  [[gnu::always_inline]] Vertex at(Register T, Register rise) const {
+    const Register x = larger(T_melt - T, all(kLeastToMelting)), b = larger(bracket - hT * T, all(kLeastBracket));
+    const SplitLogarithm log_b(b);
+    // One division yields 1 / x, 1 / b and the division of the logarithm.
+    const Register divisor = 2.0 + log_b.f;
+    const Register xb = x * b;
+    const Register inverse = 1.0 / (xb * divisor);
+    const Register inverse_xb = divisor * inverse;
+    const Register inverse_x = b * inverse_xb;
+    const Register excess = (kLog2E * melting) * T * inverse_x - inverse_n * log_b.value(log_b.f * (xb * inverse));
+    const Register hot = exp2_of(log_load + excess, kLog2E * kMaxExcess);
+    const Register f = hT * rise * x * inverse_xb, v = rise * inverse_x;
+    const Register f1 = inverse_n * f, v1 = melting * T_melt * inverse_x * v;
+    const Register f2 = f1 * f, v2 = v1 * v;
+    const Register s1 = f1 + v1, s2 = 0.5 * f2 + v2, s3 = (1.0 / 3.0) * (f2 * f) + v2 * v;
+    const Register square = s1 * s1;
+    return {hot, s1, 0.5 * square + s2, s1 * ((1.0 / 6.0) * square + s2) + s3, s1 + v};
+  }
+};
+
+// The sums over the vertices.
+struct Sums {
+  Register slip{}, m0{}, m1{}, m2{}, m3{};
+
+  // Adds a vertex, where `now` is its `hot` under the stress, and returns dep.
+  [[gnu::always_inline]] Register add(const Vertex& at, Register now, Register cold, double weight) {
+    const Register dep = larger(now - cold, Register{});
+    const Register weighted = (Register)((Bits)(weight * at.hot) & (Bits)(dep > 0.0));
+    slip += weight * dep;
+    m0 += weighted;
+    m1 += weighted * at.c1;
+    m2 += weighted * at.c2;
+    m3 += weighted * at.c3;
+    return dep;
+  }
+  [[gnu::always_inline]] Register change(Register u) const { return u * (m1 + u * (m2 + u * m3)); }
+  [[gnu::always_inline]] Register steepness(Register u) const { return m1 + u * (2.0 * m2 + u * (3.0 * m3)); }
+
+  [[gnu::always_inline]] void write(Register u, Register y, int lane, ExpandedFlow& flow) const {
+    store(slip, flow.slip + lane);
+    store(y * (flow.exponent * (m0 + change(u)) + (1.0 + u) * steepness(u)), flow.slope + lane);
+    store(m0, flow.moment[0] + lane);
+    store(m1, flow.moment[1] + lane);
+    store(m2, flow.moment[2] + lane);
+    store(m3, flow.moment[3] + lane);
+  }
+};
+
+// Moves the lanes of a register to their stresses: sets u and y; base, where the expansion does not reach the stress;
+// origin and limit, where the vertices that can yield are not known at the stress.
+struct Following {
+  bool reached;  // the expansions of all lanes reach their stresses
+  bool at_base;  // all lanes are at their base
+  bool limited;  // the vertices that can yield are known in all lanes
+};
+[[gnu::always_inline]] inline Following follow(StressLoad& at, int lane, ExpandedFlow& flow) {
+  const Register base = load(at.base + lane), stress = load(at.stress + lane), origin = load(flow.origin + lane);
+  const double farthest = kFarthest / flow.exponent;
+  const Mask limited = magnitude(stress - origin) <= farthest * origin;
+  const Register change = (stress - base) / larger(base, all(kLeastStress));
+  const Mask near =
+      limited & (magnitude(change) <= farthest) & (magnitude(change) * load(flow.steepest + lane) <= kReach);
+  const Register u = where(near, change, all(0.0));
+  store(u, flow.u + lane);
+  store(exp2_of(flow.exponent * log2_of(1.0 + u)), flow.y + lane);
+  store(where(near, base, stress), at.base + lane);
+  store(where(limited, origin, stress), flow.origin + lane);
+  store(where(limited, load(flow.limit + lane), all(kUnlimited)), flow.limit + lane);
+  return {everywhere(near), everywhere(u == 0.0), everywhere(limited)};
+}
+
+// Expands the vertices of the lanes of a register about `base`, sums their flow there and writes the strain.
+template <bool kSpread>
+[[gnu::always_inline]] inline void expand(const FlowProblem& problem, const StressLoad& at, bool limited, int lane,
+                                          double* strain_new, ExpandedFlow& flow) {
+  const Law law(*problem.soft, at, lane);
+  const FlowBounds& bounds = flow.bounds;
+  const Register flux = load(at.heating + lane) * load(at.base + lane), limit = load(flow.limit + lane);
+  const std::ptrdiff_t n = limited ? flow.num_rows[lane] : problem.grid->num_vertices();
+  Register steepest{}, num_yielding{};
+  Sums sums;
+  std::ptrdiff_t i = 0;
+  Mask inside = limit > 0.0, may_yield{};  // of the block: lanes whose limit is behind it; lanes with a vertex that may
+  Register steepest_here{};                // of the block
+  for (std::ptrdiff_t block = 1, end = std::min(n, bounds.rows); i < n;) {
+    const std::ptrdiff_t row = i * kLanes + lane;
+    const Register rise = flux * (kSpread ? load(problem.spread_response + row) : all(problem.response[i]));
+    const Register T = load(problem.T_ad + row) + rise;
+    const Register ep = load(problem.strain + row);
+    const Register cold = law.inverse_beta + ep;
+    const Vertex vertex = law.at(T, rise);
+    double* kept = flow.rows + i * (ExpandedFlow::kTerms * kLanes) + lane;
+    store(vertex.hot, kept);
+    store(vertex.c1, kept + kLanes);
+    store(vertex.c2, kept + 2 * kLanes);
+    store(vertex.c3, kept + 3 * kLanes);
+    store(ep + sums.add(vertex, vertex.hot, cold, problem.grid->weight[static_cast<std::size_t>(i)]), strain_new + row);
+    // A vertex that yields nowhere in the first range of the expansion does not limit the second one.
+    const Mask may = ((1.0 + kHotter + kHotter * kSteep) * vertex.hot >= cold) | (vertex.growth >= kSteep);
+    may_yield |= may;
+    steepest_here = larger(steepest_here, (Register)((Bits)vertex.growth & (Bits)may));
+    if (++i != end) continue;
+    const Register number = all(static_cast<double>(end));
+    steepest = larger(steepest, (Register)((Bits)steepest_here & (Bits)inside));
+    num_yielding = where(may_yield & inside, number, num_yielding);
+    if (end == n) break;
+    inside = number < limit;
+    if (!limited) {
+      const Register most_rise = flux * (kSpread ? load(bounds.spread[block] + lane) : all(problem.response[end]));
+      const Mask colder = (T >= load(bounds.T_ad[block] + lane) + most_rise) & (rise >= most_rise);
+      const Register hottest = vertex.hot * (1.0 + kHotter + kHotter * vertex.growth);
+      const Mask harder = hottest * kMargin < law.inverse_beta + load(bounds.strain[block] + lane);
+      // A lane with a known limit needs all vertices up to it, whatever its stress now.
+      const Mask unknown = limit >= kUnlimited;
+      if (everywhere((colder & harder & (vertex.growth < kSteep) & unknown) | without(inside))) break;
+    }
+    may_yield = Mask{};
+    steepest_here = Register{};
+    end = std::min(n, end + bounds.rows);
+    ++block;
+  }
+  store(steepest, flow.steepest + lane);
+  sums.write(all(0.0), all(1.0), lane, flow);
+  if (limited) return;
+  store(where(limit < kUnlimited, limit, num_yielding), flow.limit + lane);
+  double most = 0.0;
+  for (int l = lane; l < lane + kWidth; ++l) most = flow.limit[l] > most ? flow.limit[l] : most;
+  flow.num_rows[lane] = static_cast<std::ptrdiff_t>(most);
+  for (; i < n; ++i) store(load(problem.strain + i * kLanes + lane), strain_new + i * kLanes + lane);
+}
+
+// Sums the flow of the lanes of a register by their expansions, and writes the strain.
+[[gnu::always_inline]] inline void sum(const FlowProblem& problem, int lane, double* strain_new, ExpandedFlow& flow) {
+  const Register u = load(flow.u + lane), y = load(flow.y + lane), yu = y * u;
+  const double inverse_beta = 1.0 / problem.soft->hardening_coefficient;
+  Sums sums;
+  for (std::ptrdiff_t i = 0; i < flow.num_rows[lane]; ++i) {
+    const std::ptrdiff_t row = i * kLanes + lane;
+    const double* kept = flow.rows + i * (ExpandedFlow::kTerms * kLanes) + lane;
+    const Vertex at{load(kept), load(kept + kLanes), load(kept + 2 * kLanes), load(kept + 3 * kLanes), {}};
+    const Register now = at.hot * (y + yu * (at.c1 + u * (at.c2 + u * at.c3)));
+    const Register ep = load(problem.strain + row);
+    store(ep + sums.add(at, now, inverse_beta + ep, problem.grid->weight[static_cast<std::size_t>(i)]),
+          strain_new + row);
+  }
+  sums.write(u, y, lane, flow);
+}
+
+inline void sum_flow(const FlowProblem& problem, StressLoad& at, double* strain_new, ExpandedFlow& flow) {
+  for (int lane = 0; lane < kLanes; lane += kWidth) {
+    const Following following = follow(at, lane, flow);
+    if (!following.reached && problem.spread_response == nullptr) {
+      expand<false>(problem, at, following.limited, lane, strain_new, flow);
+    } else if (!following.reached) {
+      expand<true>(problem, at, following.limited, lane, strain_new, flow);
+    }
+    if (following.reached || !following.at_base) sum(problem, lane, strain_new, flow);
+  }
+}
+
+// Newton's method for y, of which the flow is nearly a linear function.
+inline void find_roots(const ExpandedFlow& flow, const StressLoad& at, double compliance, const double* a_trial,
+                       double* root) {
+  const double inverse_exponent = 1.0 / flow.exponent;
+  for (int lane = 0; lane < kLanes; lane += kWidth) {
+    const Sums sums{load(flow.slip + lane), load(flow.moment[0] + lane), load(flow.moment[1] + lane),
+                    load(flow.moment[2] + lane), load(flow.moment[3] + lane)};
+    const Register base = load(at.base + lane);
+    Register u = load(flow.u + lane), y = load(flow.y + lane);
+    Register hot = sums.m0 + sums.change(u);
+    const Register constant = (base - load(a_trial + lane)) + compliance * (sums.slip - y * hot);
+    for (int step = 0; step < kNewtonSteps; ++step) {
+      const Register open = base * u + (constant + compliance * (y * hot));
+      const Register du_dy = inverse_exponent * (1.0 + u) / y;
+      y = larger(y - open / (compliance * (hot + y * sums.steepness(u) * du_dy) + base * du_dy), all(kLeastStress));
+      u = exp2_minus_1_of(inverse_exponent * log2_of(y));
+      hot = sums.m0 + sums.change(u);
+    }
+    const Mask reached = (sums.m0 > 0.0) & (magnitude(hot - sums.m0) <= kMostChange * sums.m0);
+    store(where(reached, base * (1.0 + u), all(-1.0)), root + lane);
+  }
+}
+
+inline void find_bounds(const FlowProblem& problem, FlowBounds& bounds) {
+  const std::ptrdiff_t n = problem.grid->num_vertices();
+  bounds.rows = (n + FlowBounds::kBlocks - 1) / FlowBounds::kBlocks;
+  for (int lane = 0; lane < kLanes; lane += kWidth) {
+    std::ptrdiff_t i = n - 1;
+    Register T = load(problem.T_ad + i * kLanes + lane), strain = load(problem.strain + i * kLanes + lane);
+    Register spread{};
+    for (std::ptrdiff_t block = i / bounds.rows; block > 0; --block) {
+      for (; i >= block * bounds.rows; --i) {
+        const std::ptrdiff_t row = i * kLanes + lane;
+        T = larger(T, load(problem.T_ad + row));
+        strain = smaller(strain, load(problem.strain + row));
+        if (problem.spread_response != nullptr) spread = larger(spread, load(problem.spread_response + row));
+      }
+      store(T, bounds.T_ad[block] + lane);
+      store(strain, bounds.strain[block] + lane);
+      store(spread, bounds.spread[block] + lane);
+    }
+  }
+}
+
+#endif
