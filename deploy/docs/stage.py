@@ -19,6 +19,7 @@ import re
 import shutil
 import subprocess
 import sys
+import textwrap
 
 PAGES = "deploy/docs/pages"
 PYTHON_CLIENT = pathlib.Path(__file__).resolve().parents[2] / "client/python"
@@ -153,6 +154,15 @@ def output_of(*command):
     return done.stdout
 
 
+def wrapped(text, width=108):
+    """Returns a help text whose long lines go on below their description."""
+    lines = []
+    for line in text.splitlines():
+        start = re.match(r"\s*(?:\S.*?\s{2,})?", line).end()
+        lines += textwrap.wrap(line, width, subsequent_indent=" " * min(start, 32), break_long_words=False, break_on_hyphens=False) or [""]
+    return "\n".join(lines)
+
+
 def programs_page(directory):
     """Returns the page of the programs: the help of each program and of each subcommand."""
     page = "# Programs\n\nThe help of each program, as the program prints it; `man` shows the same where the packages are installed.\n"
@@ -161,7 +171,7 @@ def programs_page(directory):
         subcommands = re.findall(r"^  ([a-z]+) ", helps[0][1].split("Subcommands:\n")[1], re.M) if "Subcommands:\n" in helps[0][1] else []
         helps += [(f"{program} {name}", output_of(directory / program, name, "--help")) for name in subcommands]
         for depth, (name, text) in zip(["##"] + ["###"] * len(subcommands), helps):
-            page += f"\n{depth} {name}\n\n```text\n{text.replace(str(directory) + '/', '').strip()}\n```\n"
+            page += f"\n{depth} {name}\n\n```text\n{wrapped(text.replace(str(directory) + '/', '').strip())}\n```\n"
     return page
 
 
