@@ -67,19 +67,21 @@ def run_page(text, directory, environment):
         elif comments.get("prints") or comments.get("prepare"):
             return [f"line {line}: a block of {kind or 'no kind'} is not run, and has a comment for one that is"], 0, []
     script.append("echo '@@ end'")
-    shell = subprocess.Popen(["bash", "-c", "\n".join(script)], cwd=directory, env=environment, text=True, stdin=subprocess.DEVNULL,
-                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
-    try:
-        output, timed_out = shell.communicate(timeout=TIMEOUT_S)[0], False
-    except subprocess.TimeoutExpired:
-        timed_out = True
-    finally:
+    with tempfile.TemporaryFile("w+", errors="replace") as log:  # no pipe: what the page leaves running would hold it open
+        shell = subprocess.Popen(["bash", "-c", "\n".join(script)], cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=log,
+                                 stderr=subprocess.STDOUT, start_new_session=True)
+        timed_out = False
         try:
-            os.killpg(shell.pid, signal.SIGKILL)  # what the page has left running
+            shell.wait(timeout=TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            timed_out = True
+        try:
+            os.killpg(shell.pid, signal.SIGKILL)
         except ProcessLookupError:
             pass
-    if timed_out:
-        output = shell.communicate()[0]
+        shell.wait()
+        log.seek(0)
+        output = log.read()
     parts = re.split(r"^@@ (\d+|end)\n", output, flags=re.M)
     printed = dict(zip(parts[1::2], parts[2::2]))
     last = parts[-2] if len(parts) > 1 else "0"
