@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 1;
+inline constexpr std::uint16_t kNumericsVersion = 2;
 
 }  // namespace shearbus::physics
