@@ -200,7 +200,8 @@ void kill_under_load(std::deque<Incarnations>& servers, int rounds) {
   std::string endpoint;
   for (Incarnations& server : servers) {
     server.start();
-    endpoint += (endpoint.empty() ? "" : ",") + server.endpoint();
+    if (!endpoint.empty()) endpoint += ',';
+    endpoint += server.endpoint();
   }
   std::atomic<bool> stop{false};
   std::atomic<std::uint64_t> requests{0};
