@@ -101,7 +101,8 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
 }
 
 Session Client::resume(const Session::Ticket& ticket) {
-  Received received = claim_session(*connection_, ticket.session_id, ticket.resume_token);
+  ClaimInDoubt claim;
+  Received received = claim_session(*connection_, ticket.session_id, ticket.resume_token, claim);
   auto impl = std::make_unique<Session::Impl>();
   impl->connection = connection_;
   impl->id = ticket.session_id;

@@ -33,16 +33,27 @@ Received ask(Connection& connection, wire::Request request) {
   return connection.call(request, connection.options().reply_deadline);
 }
 
-Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token) {
-  const auto stand = [&](std::uint64_t epoch, std::uint64_t claim) {
-    const wire::ResumeSession claimed{
-        .resume_token = token, .claim = claim, .claimant = claim == 0 ? 0 : connection.claimant()};
-    return ask(connection, {.session_id = id, .epoch = epoch, .body = claimed});
-  };
+Received repeat_claim(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token,
+                      ClaimInDoubt& in_doubt) {
+  const wire::ResumeSession claim{.resume_token = token, .claim = in_doubt.number, .claimant = connection.claimant()};
+  try {
+    Received granted = ask(connection, {.session_id = id, .epoch = in_doubt.epoch, .body = claim});
+    in_doubt = {};
+    return granted;
+  } catch (const Error& fault) {
+    const Code code = fault.status().code;
+    if (code == Code::kEpoch || code == Code::kSuperseded) in_doubt = {};  // no server will grant it
+    throw;
+  }
+}
+
+Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token,
+                       ClaimInDoubt& in_doubt) {
   for (int restarts = 0;; ++restarts) {
-    Received asked = stand(0, 0);
+    Received asked = ask(connection, {.session_id = id, .body = wire::ResumeSession{.resume_token = token}});
+    in_doubt = {.number = body_of<wire::SessionResumed>(asked).claim + 1, .epoch = asked.reply.epoch};
     try {
-      return stand(asked.reply.epoch, body_of<wire::SessionResumed>(asked).claim + 1);
+      return repeat_claim(connection, id, token, in_doubt);
     } catch (const Error& fault) {
       // EPOCH means that the server was restarted between asking for the session's position and claiming it.
       if (fault.status().code != Code::kEpoch || restarts == kMostRestarts) throw;
@@ -128,7 +139,8 @@ void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
 
 // A restarted server answers the last request of a session in any epoch. It refuses the next request with EPOCH; the
 // client then claims the session, checks its last sequence number and sends the request again with the new epoch. The
-// deadline begins anew: the restarted server is at work.
+// deadline begins anew: the restarted server is at work. A request that is SUPERSEDED after a claim of unknown outcome
+// may have met a late copy of this client's own claim.
 Received Session::Impl::call(wire::Request& request) {
   auto started = connection->now();
   for (int restarts = 0;;) {
@@ -136,7 +148,9 @@ Received Session::Impl::call(wire::Request& request) {
     try {
       return connection->call(request, left);
     } catch (const Error& fault) {
-      const bool restarted = fault.status().code == Code::kEpoch && request.epoch != 0 && restarts < kMostRestarts;
+      const Code code = fault.status().code;
+      const bool restarted = (code == Code::kEpoch || (code == Code::kSuperseded && claim_in_doubt.number != 0)) &&
+                             request.epoch != 0 && restarts < kMostRestarts;
       const bool stopping =
           fault.status().code == Code::kShuttingDown && connection->durable() && left > kStoppingPause;
       if (!restarted && !stopping) throw;
@@ -154,9 +168,13 @@ Received Session::Impl::call(wire::Request& request) {
 void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
   Received where;
   try {
-    where = claim_session(*connection, id, resume_token);
+    where = fault.status().code == Code::kSuperseded ? repeat_claim(*connection, id, resume_token, claim_in_doubt)
+                                                     : claim_session(*connection, id, resume_token, claim_in_doubt);
   } catch (const Error& refusal) {
-    if (refusal.status().code == Code::kUnknownSession) throw fault;  // the first error explains the restart
+    const Code code = refusal.status().code;
+    // the first error explains the restart, or that another client has the session
+    if (code == Code::kUnknownSession || (fault.status().code == Code::kSuperseded && code == Code::kEpoch))
+      throw fault;
     throw;
   }
   const std::uint64_t stands_at = body_of<wire::SessionResumed>(where).last_sequence;

@@ -37,9 +37,20 @@ Body& body_of(Received& received) {
 // Sends a request that has no sequence number, with a new request id, and waits for the reply.
 Received ask(Connection& connection, wire::Request request);
 
+// A claim that was sent and not granted: a late copy may still be granted by the server of this epoch. 0: no claim.
+struct ClaimInDoubt {
+  std::uint64_t number = 0;
+  std::uint64_t epoch = 0;
+};
+
 // Claims the session for this client: the server then refuses requests of other clients, even ones sent before the
-// claim. The reply holds the last sequence number, the nodes and the offers of the session.
-Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token);
+// claim. The reply holds the last sequence number, the nodes and the offers of the session. Sets `in_doubt` to the claim
+// if its outcome is unknown after an Error.
+Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token,
+                       ClaimInDoubt& in_doubt);
+// Makes the claim in doubt again. Throws Error: SUPERSEDED if another client was granted a claim.
+Received repeat_claim(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token,
+                      ClaimInDoubt& in_doubt);
 
 // The payload of a request about some nodes: their ids and temperatures; empty without nodes.
 wire::Batch named_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> temperatures = {});
@@ -58,6 +69,7 @@ struct Session::Impl {
     std::uint64_t epoch = 0;
   };
   std::optional<InDoubt> in_doubt;
+  ClaimInDoubt claim_in_doubt;
   std::vector<TransferId> offers;
   TransferId offered{};                 // id of the last offer, used again if its outcome is unknown
   std::optional<wire::Request> posted;  // request of start_trial(), whose reply finish_trial() will receive

@@ -265,7 +265,7 @@ Received ShardedConnection::resume(const wire::Request& request) {
     session.resume_token = asked.resume_token;
     links_.left(k);
     try {
-      Received where = claim_session(*links_[k], session.id, session.resume_token);
+      Received where = claim_session(*links_[k], session.id, session.resume_token, session.claim_in_doubt);
       positions.push_back(body_of<wire::SessionResumed>(where));
       session.epoch = where.reply.epoch;
       session.adopt_position(where);
