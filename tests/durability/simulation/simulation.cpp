@@ -52,7 +52,7 @@ void simulate(unsigned seed, Tally& tally) {
 // checkpoint that was missing in the list of checkpoints and existed longer than its journal.
 TEST(Simulation, SeedsThatOnceFoundABugFindNone) {
   Tally tally;
-  for (const unsigned seed : {1407U, 2682U}) {
+  for (const unsigned seed : {392U, 1407U, 2682U}) {
     SCOPED_TRACE(seed);
     simulate(seed, tally);
   }
@@ -82,6 +82,7 @@ TEST(Simulation, WhateverHappensTheAnswersAreThoseOfAServerToWhichNothingDoes) {
             << " changes of the set of nodes, " << tally.moved << " nodes moved, " << tally.held
             << " requests answered after others; nodes lost or owned twice, answers that differ: "
             << (HasFailure() ? "SOME" : "0") << "\n";
+  if (count < 100) return;  // few seeds, run to find a fault
   EXPECT_GT(tally.crashes, count / 2);
   EXPECT_GT(tally.held, count);
 }
