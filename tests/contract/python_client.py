@@ -362,6 +362,32 @@ class Decisions(Live):
         taker.retire(taker.nodes)
         self.assertEqual(len(taker.step(1e-9, jump=1.0, pressure=1e9).stress), 0)
 
+    def test_a_claim_that_was_granted_after_its_refusal_is_this_clients_own(self):
+        session = self.open()
+        session.step(1e-9, **drive(1, 2, 3))
+        send, ask, happened = session._send, session._ask, []
+
+        def restarted(envelope, verb, *rest, **how):
+            if verb == "downscale" and "restart" not in happened:
+                happened.append("restart")
+                raise shearbus.SessionError(shearbus.Code.EPOCH, "the server was restarted")
+            return send(envelope, verb, *rest, **how)
+
+        def granted_too_late(verb, body, *rest, **envelope):
+            reply = ask(verb, body, *rest, **envelope)
+            if body.get("claim") and "refusal" not in happened:
+                happened.append("refusal")
+                raise shearbus.ServerError(shearbus.Code.NO_SPACE, "the disk is full")
+            return reply
+
+        session._send, session._ask = restarted, granted_too_late
+        self.assert_refused(shearbus.ServerError, "NO_SPACE", lambda: session.step(1e-9, **drive(1, 2, 3)))
+        self.assertEqual(session.step(1e-9, **drive(1, 2, 3)).state_version, 2)
+        self.assertEqual(happened, ["restart", "refusal"])
+        successor = shearbus.resume(session.ticket, OPTIONS.endpoint)
+        self.addCleanup(successor.close)
+        self.assert_refused(shearbus.SessionError, "SUPERSEDED", lambda: session.step(1e-9, **drive(1, 2, 3)))
+
     def test_a_successor_resumes_by_the_ticket(self):
         bus, plain = self.open(), self.open()
         expected = [each.step(1e-9, **drive(100, 90, 80)).stress for each in (bus, plain)]

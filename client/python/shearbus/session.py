@@ -256,6 +256,7 @@ class Session:
         self._transfer = b""  # number of an offer that has not been answered
         self._closed = True
         self._claimant = connection.next_request_id()
+        self._claim_in_doubt = None  # (number, epoch of the server) of a claim that was sent and not granted
         self.offers = []
         self._plans = {}  # keywords of a request -> its columns
         hello = {
@@ -320,7 +321,9 @@ class Session:
                     reply = self._send(envelope, verb, body, answer, columns, frame, left)
                     break
                 except Error as fault:
-                    if fault.code == Code.EPOCH and envelope["epoch"] and restarts < MOST_RESTARTS:
+                    # SUPERSEDED after a claim of unknown outcome: by a late copy of this client's own claim, perhaps.
+                    restarted = fault.code == Code.EPOCH or fault.code == Code.SUPERSEDED and self._claim_in_doubt
+                    if restarted and envelope["epoch"] and restarts < MOST_RESTARTS:
                         envelope["epoch"] = self._follow_restart(fault)
                         self._doubt = request_id, self._epoch
                         # The restarted server is at work: the deadline begins anew.
@@ -347,26 +350,38 @@ class Session:
         """Claims the session for this client, after a restart of the server or as a successor. Returns the reply to the
         claim."""
         for restarts in range(MOST_RESTARTS + 1):
-            token = {"resume_token": self._token}
-            asked = self._ask("resume_session", token, "session_resumed", session_id=self._id).header
+            asked = self._ask("resume_session", {"resume_token": self._token}, "session_resumed",
+                              session_id=self._id).header
+            self._claim_in_doubt = asked.session_resumed.claim + 1, asked.epoch
             try:
-                return self._ask("resume_session",
-                                 {**token, "claim": asked.session_resumed.claim + 1, "claimant": self._claimant},
-                                 "session_resumed",
-                                 session_id=self._id,
-                                 epoch=asked.epoch)
+                return self._repeat_claim()
             except Error as fault:
                 # EPOCH means that the server was restarted between the two requests.
                 if fault.code != Code.EPOCH or restarts == MOST_RESTARTS:
                     raise
 
+    def _repeat_claim(self):
+        """Makes the claim in doubt (number, epoch of the server) again. Returns the reply to it."""
+        number, epoch = self._claim_in_doubt
+        claim = {"resume_token": self._token, "claim": number, "claimant": self._claimant}
+        try:
+            granted = self._ask("resume_session", claim, "session_resumed", session_id=self._id, epoch=epoch)
+        except Error as fault:
+            if fault.code in (Code.EPOCH, Code.SUPERSEDED):
+                self._claim_in_doubt = None  # no server will grant it
+            raise
+        self._claim_in_doubt = None
+        return granted
+
     def _follow_restart(self, fault):
         """Claims the session on the restarted server. Returns the epoch with which the refused request may be sent
         again."""
         try:
-            claimed = self._claim().header
+            claimed = (self._repeat_claim() if fault.code == Code.SUPERSEDED else self._claim()).header
         except Error as refusal:
-            raise fault if refusal.code == Code.UNKNOWN_SESSION else refusal  # the first error explains the restart
+            # The first error explains the restart, or that another client has the session.
+            first = refusal.code == Code.UNKNOWN_SESSION or fault.code == Code.SUPERSEDED and refusal.code == Code.EPOCH
+            raise fault if first else refusal
         stands_at = claimed.session_resumed.last_sequence
         if stands_at != self._sequence:
             raise SessionError(
