@@ -313,11 +313,11 @@ void read_message(T& message, std::span<const std::byte> bytes, const FieldPath&
   T::fields(FieldClearer{}, message);
   Decoder in(bytes);
   EncodedField found;
-  std::uint64_t numbers = 0;  // bit n: field n was found
+  std::uint64_t numbers = 0;  // bit n: field n was found, with the type of the member
   while (in.next(found)) {
-    if (found.number < 64) numbers |= std::uint64_t{1} << found.number;
     FieldReader reader(found, path, strict);
     T::fields(reader, message);
+    if (reader.known() && found.number < 64) numbers |= std::uint64_t{1} << found.number;
     if (!reader.known() && strict) refuse_unknown(found.number, path);
   }
   if (in.fault()) refuse_field(Code::kMalformed, path, "does not parse");

@@ -34,7 +34,7 @@ import shearbus  # noqa: E402
 from shearbus.errors import Code  # noqa: E402
 
 HOSTS, USERS = 5, 8
-DISK_MB = 48
+DISK_MB = 96
 PATIENCE_S = 120.0  # a server on a busy machine that is killed now and then
 STEPS = 60
 DT = 1e-9
@@ -147,7 +147,7 @@ def greedy(work, user, seed, told):
         taken = []
         try:
             for _ in range(150):
-                taken.append(shearbus.open(SCENES[0], nodes=range(50), idle_limit=10, **connection(work, user)))
+                taken.append(shearbus.open(SCENES[0], nodes=range(8), idle_limit=10, **connection(work, user)))
         except shearbus.Error as fault:
             told["refusals"][fault.code.name] = told["refusals"].get(fault.code.name, 0) + 1
         told["sessions"] += len(taken)

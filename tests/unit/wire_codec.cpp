@@ -159,6 +159,20 @@ TEST(Codec, NewerMinorVersionMayAddFieldsButNotMeanings) {
   EXPECT_EQ(code_of(envelope(1, kProtocolMinor + 1) + mode_of_tomorrow), Code::kMalformed);
 }
 
+// A field of a later version may have another type: then it is not the one that is required here.
+TEST(Codec, ARequiredFieldOfAnotherTypeIsMissing) {
+  constexpr std::uint32_t kStatusField = 9, kResumedField = 23;
+  const std::string status = field(kStatusField, field(1, 1));  // OK
+  Reply found;
+  try {
+    decode(header_only(envelope(1, kProtocolMinor + 1) + status + field(kResumedField, field(1, 13))).views(), found);
+    FAIL();
+  } catch (const Error& fault) {
+    EXPECT_EQ(fault.status().code, Code::kMalformed);
+    EXPECT_EQ(fault.status().field, "session_resumed.session");
+  }
+}
+
 TEST(Codec, VerbOfALaterVersionIsUnsupported) {
   for (const std::uint32_t number : {32U, 47U}) {
     EXPECT_EQ(code_of(envelope() + field(number, std::string())), Code::kUnsupported);
