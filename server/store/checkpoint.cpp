@@ -65,6 +65,8 @@ shard::States states_of(hid_t parent, const std::string& name) {
   for (const std::string& name_of_column : words_of(text_of(group, "columns"))) {
     shard::StateColumn column{.name = name_of_column, .units = {}, .width = 0, .values = {}};
     column.values = numbers_of<double>(group, column.name, &column.width);
+    if (column.values.size() != states.rows.size() * column.width)
+      throw Hdf5Error("find a row for each slot in dataset " + column.name);
     column.units = text_of(open_dataset(group, column.name, hdf5_type<double>()), "units");
     states.columns.push_back(std::move(column));
   }
