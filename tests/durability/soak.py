@@ -114,8 +114,9 @@ def host(work, user, seed, told):
     link = connection(work, user)
     if ticket.exists():  # this user was killed: its session stands where it was, and goes on
         try:
-            with insist(lambda: shearbus.resume(ticket.read_text(), **link), told) as session:
-                insist(session.rollback, told)
+            session = insist(lambda: shearbus.resume(ticket.read_text(), **link), told)
+            insist(session.rollback, told)
+            insist(session.close, told)
         except shearbus.Error as fault:
             if fault.code != Code.UNKNOWN_SESSION:  # it was killed while it closed its session
                 raise
@@ -160,10 +161,11 @@ def greedy(work, user, seed, told):
 def hard_work(work, user, seed, told):
     """Asks for steps that need more work than the server gives to a node."""
     while True:
-        with insist(lambda: shearbus.open(POISON, nodes=range(4), idle_limit=30, **connection(work, user)), told) as session:
-            answer = insist(lambda: session.step(1e-6, jump=np.linspace(100.0, 300.0, 4), pressure=np.full(4, 5e9)), told)
-            told["answers"] += 1
-            told["failed"] = told.get("failed", 0) + int(np.count_nonzero(answer.outcome & shearbus.Outcome.OVER_BUDGET))
+        session = insist(lambda: shearbus.open(POISON, nodes=range(4), idle_limit=30, **connection(work, user)), told)
+        answer = insist(lambda: session.step(1e-6, jump=np.linspace(100.0, 300.0, 4), pressure=np.full(4, 5e9)), told)
+        told["answers"] += 1
+        told["failed"] = told.get("failed", 0) + int(np.count_nonzero(answer.outcome & shearbus.Outcome.OVER_BUDGET))
+        insist(session.close, told)
         write_told(work, user, seed, told)
 
 
