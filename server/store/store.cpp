@@ -470,7 +470,7 @@ void Store::append(const Record& record) {
       // A segment of the largest size that a file may have is continued in another file.
       if (fault.code() != EFBIG || !journal_ || journal_->broken() || journal_->next_index() == journal_->first_index())
         throw;
-      journal_.reset();
+      end_segment();
       write();
     }
   } catch (const StorageError& fault) {
@@ -490,6 +490,12 @@ void Store::settle() {
   failed_ = true;
   journal_->settle();
   failed_ = false;
+}
+
+// Later records begin a new segment. Its sync does not reach the records of this one, so these are made durable here.
+void Store::end_segment() {
+  settle();
+  journal_.reset();
 }
 
 bool Store::checkpoint_due() const {
@@ -514,7 +520,8 @@ bool Store::checkpoint(Snapshot snapshot) {
   return end_checkpoint(*job);
 }
 
-// Later records begin a new segment, so that the segments before it can be removed once they are not needed.
+// Ends the segment, so that it can be removed once its records are not needed. The records are made durable before the
+// checkpoint that includes them: if that checkpoint is damaged later, they are replayed after the checkpoint before it.
 std::shared_ptr<Store::CheckpointJob> Store::begin_checkpoint(Snapshot snapshot) {
   auto job = std::make_shared<CheckpointJob>();
   job->snapshot = std::move(snapshot);
@@ -523,8 +530,8 @@ std::shared_ptr<Store::CheckpointJob> Store::begin_checkpoint(Snapshot snapshot)
   job->bytes_before = std::exchange(bytes_since_checkpoint_, 0);
   job->work_before = std::exchange(work_since_checkpoint_, 0.0);
   changed_ = false;
-  if (journal_ && journal_->next_index() != journal_->first_index()) journal_.reset();
   try {
+    if (journal_ && journal_->next_index() != journal_->first_index()) end_segment();
     const Found found = find();
     while (found.names.contains(checkpoint_name(next_generation_))) ++next_generation_;
   } catch (const std::exception& fault) {

@@ -143,6 +143,7 @@ class Store {
   void write_identity(StoreIdentity identity);
   void publish_identity(const StoreIdentity& identity);
   void start_segment();
+  void end_segment();
   void prune();
   void log(const std::string& line) const;
 

@@ -582,6 +582,17 @@ class Losses(Live):
         self.assert_refused(shearbus.SessionError, "SEQUENCE_REUSED", lambda: bus.step(1e-9, **drive(1, 1, 1)))
         self.assertEqual(bus.step(1e-9, **drive(1, 1, 1)).state_version, 2)
 
+    def test_a_close_of_unknown_outcome_is_made_again(self):
+        server = self.durable()
+        bus = self.open(endpoint=server.endpoint, reply_deadline=0.4, retry_after=0.15)
+        bus.step(1e-9, **drive(1, 2, 3))
+        server.process.send_signal(signal.SIGSTOP)
+        self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", bus.close)
+        server.process.send_signal(signal.SIGCONT)
+        bus._connection.reply_deadline = 5.0
+        self.assertEqual(bus.close().node_steps, 3)
+        self.assert_refused(shearbus.SessionError, "UNKNOWN_SESSION", bus.close)
+
     def test_an_interrupt_leaves_a_session_that_can_be_closed(self):
         server = self.durable()
         bus = self.open(endpoint=server.endpoint)

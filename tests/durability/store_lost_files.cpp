@@ -296,6 +296,37 @@ TEST(LostFiles, ASegmentOfTheLargestSizeAllowedIsContinuedInAnother) {
   EXPECT_EQ(Server(disk).counter.seen, up_to(4));
 }
 
+// The record that is not settled yet when its segment ends, for a checkpoint or for its size.
+TEST(LostFiles, ASegmentIsDurableBeforeAnotherFollowsIt) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    std::mt19937 random(seed);
+    for (const bool for_checkpoint : {true, false}) {
+      SCOPED_TRACE(for_checkpoint ? "checkpoint" : "size");
+      MemoryStorage disk;
+      {
+        Server server(disk);
+        server.run(1);
+        ASSERT_TRUE(server.checkpoint());
+        server.append(2);
+        if (for_checkpoint) {
+          ASSERT_TRUE(server.checkpoint());
+        } else {
+          server.append(3);
+          disk.plan({.at_call = 1, .code = EFBIG, .for_ever = false, .of = Call::kAppend});
+          server.append(4);
+          disk.heal();
+        }
+        server.run(server.counter.seen.back() + 1);
+      }
+      disk.die_of_power(random);
+      if (for_checkpoint) disk.bytes(checkpoint_name(2))[200] ^= std::byte{1};
+      std::optional<Server> again;
+      ASSERT_NO_THROW(again.emplace(disk));
+      EXPECT_EQ(again->counter.seen, up_to(for_checkpoint ? 3 : 5));
+    }
+  }
+}
+
 TEST(LostFiles, SegmentsThatCouldNotBeStartedLeaveNothing) {
   MemoryStorage disk;
   Server server(disk);

@@ -54,10 +54,13 @@ struct Server {
   }
   // Writes a request to the journal and makes it durable. Throws if the request must not be answered.
   void run(std::uint64_t value) {
+    append(value);
+    store.settle();
+  }
+  void append(std::uint64_t value) {
     const auto frame = bytes_of(value);
     store.append({.sequence = value, .header_frame = frame});
     counter.seen.push_back(value);
-    store.settle();
   }
   bool checkpoint() { return store.checkpoint(counter.snapshot()); }
 

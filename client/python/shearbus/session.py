@@ -658,11 +658,11 @@ class Session:
 
     def close(self):
         """Closes the session, frees its states and ends a server of its own. Returns the session's totals: requests,
-        node_steps, solver_ns, asleep_node_steps."""
-        try:
-            return self._close()
-        finally:
-            self.leave()
+        node_steps, solver_ns, asleep_node_steps. After an error the session is still this client's: call close() again, or
+        leave()."""
+        totals = self._close()
+        self.leave()
+        return totals
 
     def _close(self):
         try:
@@ -691,8 +691,11 @@ class Session:
         if kind is not None and issubclass(kind, (Unreachable, UnknownOutcome)):
             self.leave()  # the server does not answer: to ask it once more would only cost the host another deadline
             return
-        with contextlib.suppress(Error) if kind is not None else contextlib.nullcontext():
-            self.close()
+        try:
+            with contextlib.suppress(Error) if kind is not None else contextlib.nullcontext():
+                self.close()
+        finally:
+            self.leave()
 
     def __repr__(self):
         state = "closed" if self._closed else f"{len(self.nodes)} nodes"
