@@ -5,6 +5,7 @@ In the last third nothing is killed: then the memory and the descriptors of the 
 Needs --server, --ctl and --source. --seconds: how long; --seed: of the histories and of the faults. As root the states are on a disk of
 their own, made with unshare and tmpfs; otherwise no disk fills up, and the last line says so. Exit code 0: everything held."""
 import argparse
+import contextlib
 import json
 import os
 import pathlib
@@ -269,17 +270,13 @@ class Soak:
     def fill_disk(self, until):
         """Leaves no room on the disk until a time."""
         self.disks += 1
-        with open(self.ballast, "wb") as ballast:
-            try:
-                while True:
-                    ballast.write(bytes(1 << 16))
-                    ballast.flush()
-            except OSError:
-                pass
+        with contextlib.suppress(OSError), open(self.ballast, "wb", buffering=0) as ballast:
+            while True:
+                ballast.write(bytes(1 << 16))
         while time.monotonic() < until:
             time.sleep(0.05)
             self.watch()
-        self.ballast.unlink()
+        self.ballast.unlink(missing_ok=True)
 
     def run(self, seconds):
         began = time.monotonic()
