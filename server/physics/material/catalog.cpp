@@ -172,6 +172,12 @@ constexpr std::array kCatalog = {
                  "constants of compression; heat: Incropera table A.1 at 300 K (k 21.9, c 522)",
                  metal(4510, {43.4, 850, 1.45, 210, 0.10, 1.15e-11, 6.22e-4, 2260}, 21.9, 522)},
     CatalogEntry{
+        "titanium_6al_4v",
+        "strength and T_melt, shock and melting too: the set for Ti-6Al-4V of the Uintah code (University of Utah), "
+        "after "
+        "Steinberg's tables (UCRL-MA-106439, 1996); heat: ASM typical values, grade 5, annealed (k 6.7, c 526.3)",
+        with(metal(4419, {41.9, 1330, 2.12, 12, 0.10, 1.15e-11, 6.44e-4, 2110}, 6.7, 526.3), {5130, 1.028, 1.23, 1.0})},
+    CatalogEntry{
         "tantalum",
         "strength: Steinberg, Cochran, Guinan 1980 and Steinberg's tables, shock and melting too; heat: Incropera "
         "table A.1 at 300 K (k 57.5, c 140)",
