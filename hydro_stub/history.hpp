@@ -7,6 +7,7 @@
 
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/shear_column.hpp"
+#include "proto/wire/profile_record.hpp"
 #include "proto/wire/recording.hpp"
 
 namespace shearbus::hydro {
@@ -19,7 +20,10 @@ class History {
           const std::string& scene, const std::string& law);
 
   void record(const ShearColumn& column);
-  void close() { writer_.close(); }
+  void close(const wire::ProfileRecord& profiles) {
+    profiles.write(writer_);
+    writer_.close();
+  }
 
  private:
   wire::HistoryWriter writer_;

@@ -26,7 +26,8 @@ void HistoryRows::load(const wire::DumpReader& dump, const std::string& name) {
   }
 }
 
-void HistoryRows::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const {
+void HistoryRows::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
+                        const wire::ProfileRecord* profiles) const {
   wire::HistoryWriter writer(file, node_ids(nodes_), quantities_, meta);
   std::vector<std::uint8_t> codes;
   for (std::size_t row = 0; row < times_.size(); ++row) {
@@ -42,6 +43,7 @@ void HistoryRows::write(const std::filesystem::path& file, const std::map<std::s
     }
     writer.end_row();
   }
+  if (profiles != nullptr) profiles->write(writer);
   writer.close();
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "proto/wire/dump.hpp"
+#include "proto/wire/profile_record.hpp"
 #include "proto/wire/recording.hpp"
 
 namespace shearbus::hydro {
@@ -26,7 +27,8 @@ class HistoryRows {
 
   void save(wire::DumpWriter& dump, const std::string& name) const;
   void load(const wire::DumpReader& dump, const std::string& name);
-  void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
+  void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
+             const wire::ProfileRecord* profiles = nullptr) const;
 
  private:
   std::vector<wire::Quantity> quantities_;

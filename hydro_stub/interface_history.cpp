@@ -129,8 +129,9 @@ void InterfaceHistory::load(const wire::DumpReader& dump) {
   dump.fill("interface_energy", energy_.numbers());
 }
 
-void InterfaceHistory::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const {
-  rows_.write(file, meta);
+void InterfaceHistory::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
+                             const wire::ProfileRecord& profiles) const {
+  rows_.write(file, meta, &profiles);
 }
 
 double InterfaceHistory::share(wire::Regime regime) const {

@@ -51,7 +51,8 @@ class InterfaceHistory {
 
   void save(wire::DumpWriter& dump) const;
   void load(const wire::DumpReader& dump);
-  void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const;
+  void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
+             const wire::ProfileRecord& profiles) const;
 
   std::size_t nodes() const { return totals_.slip.size(); }
   const NodeTotals& totals() const { return totals_; }

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -99,6 +100,9 @@ class InterfaceLaw {
   // Undoes the last advance(), because the host rejects the step and will repeat it with a shorter one. May be called
   // at most once per advance().
   virtual void take_back() {}
+  // Reads the profiles of some nodes across their layers, as the last advance() left them; that step can then not be
+  // taken back. The rows are those of wire::Profiles. Throws wire::Error; laws without layers refuse the call.
+  virtual wire::Batch profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa);
   virtual LawTime time_spent() const = 0;
 
   // Saves the state of the law under `name` and returns a text from which another process restores the state

@@ -82,6 +82,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   const std::unique_ptr<InterfaceLaw> law =
       make_law_2d(file, problem, server, from != nullptr ? from->text("kept") : "");
   if (options.check) {
+    profile_record(scene, interface_nodes(problem.bodies), *law);
     fmt::print("{}: in order; {} zones, {} interface nodes, interface law {}\n", file.document.file,
                problem.bodies.mesh.num_zones(), interface_nodes(problem.bodies), name(scene.hydro().interface_law()));
     return;
@@ -106,6 +107,7 @@ void carry_out(const Options& options, SceneFile& file) {
       make_law(file, problem.soft_material, problem.hard_material, problem.initial_temperature,
                {.address = options.server, .state_dir = {}});
   if (options.check) {
+    profile_record(scene, problem.columns, *law);
     fmt::print("{}: in order; {} columns, {} steps of {:.6g} ns, interface law {}\n", file.document.file,
                problem.columns, problem.steps, problem.dt * 1e9, name(scene.hydro().interface_law()));
     return;

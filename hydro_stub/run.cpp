@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <stdexcept>
 #include <system_error>
@@ -72,12 +73,38 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
   return law;
 }
 
+wire::ProfileRecord profile_record(const guest::HydroScene& scene, std::size_t nodes, InterfaceLaw& law) {
+  const guest::Profiles& asked = scene.hydro().profiles();
+  std::vector<std::uint64_t> ids;
+  for (const double node : asked.node()) {
+    if (node != std::floor(node) || !(node < static_cast<double>(nodes)))
+      refuse("hydro.profiles.node", fmt::format("node {:g}, expected a whole number below {}", node, nodes),
+             "name interface nodes of this problem, which are numbered from 0");
+    ids.push_back(static_cast<std::uint64_t>(node));
+  }
+  if (!ids.empty()) {
+    if (scene.hydro().interface_law() != guest::INTERFACE_LAW_SUBGRID)
+      refuse("hydro.profiles", fmt::format("the law {} has no layers", name(scene.hydro().interface_law())),
+             "leave out [hydro.profiles], or set interface_law = \"subgrid\"");
+    law.profiles(ids, {});
+  }
+  return {std::move(ids), {asked.time_s().begin(), asked.time_s().end()}};
+}
+
+void record_profiles(wire::ProfileRecord& record, double time_s, std::span<const double> pressure, InterfaceLaw& law) {
+  if (!record.due(time_s)) return;
+  std::vector<double> of_nodes;
+  for (const std::uint64_t node : record.node_ids()) of_nodes.push_back(pressure[node]);
+  record.add(time_s, law.profiles(record.node_ids(), of_nodes), of_nodes);
+}
+
 void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
          const std::filesystem::path& out, bool progress) {
   std::filesystem::create_directories(out);
   const std::string law_name = name(scene.hydro().interface_law());
   ShearColumn column(problem);
   History history(out / "history.h5", problem, column, scene::to_toml(effective_scene(scene, problem)), law_name);
+  wire::ProfileRecord profiles = profile_record(scene, problem.columns, law);
   Summary summary(problem, law_name);
   wire::Progress bar(problem.name, problem.steps, progress);
 
@@ -92,11 +119,12 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
     const Clock::time_point stepped = Clock::now();
     summary.observe(column);
     history.record(column);
+    record_profiles(profiles, column.inputs().time, column.inputs().pressure, law);
     time.output += Clock::now() - stepped;
     bar.at(step + 1);
   }
   const Clock::time_point stepped = Clock::now();
-  history.close();
+  history.close(profiles);
   time.output += Clock::now() - stepped;
   time.total = Clock::now() - start;
   bar.clear();

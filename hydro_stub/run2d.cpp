@@ -17,6 +17,7 @@
 #include "hydro_stub/interface_history.hpp"
 #include "hydro_stub/lagrange/strength.hpp"
 #include "hydro_stub/law_name.hpp"
+#include "hydro_stub/run.hpp"
 #include "hydro_stub/summary2d.hpp"
 #include "proto/wire/fields.hpp"
 #include "proto/wire/interrupt.hpp"
@@ -87,6 +88,7 @@ class Run {
         published_(problem.published),
         interface_(interface_nodes(problem.bodies), problem.heat_bound),
         surface_(problem.free_surface),
+        profiles_(profile_record(file.scene, interface_.nodes(), law)),
         fields_(field_writer(options.out / "fields.xmf", problem, effective_text_,
                              from != nullptr ? from->numbers("frame_times") : std::vector<double>())),
         cycle_(std::move(problem.bodies), &law),
@@ -137,6 +139,7 @@ class Run {
         surface_.record(cycle_);
         next_row_ += history_interval_;
       }
+      record_profiles(profiles_, cycle_.state().time, cycle_.contact().inputs().pressure, law_);
       if (cycle_.state().time >= until) write_fields(fields_, cycle_);
     });
   }
@@ -151,6 +154,7 @@ class Run {
       for (const auto& [what, values] : memory.counts) to.counts(std::string("cycle/") + what, values);
       interface_.save(to);
       surface_.save(to);
+      profiles_.save(to);
       to.numbers("frame_times", fields_.times_s());
       to.numbers("next_row", std::span(&next_row_, 1));
     });
@@ -162,6 +166,7 @@ class Run {
     for (const auto& [what, values] : memory.counts) from.fill(std::string("cycle/") + what, values);
     interface_.load(from);
     surface_.load(from);
+    profiles_.load(from);
     from.fill("next_row", std::span(&next_row_, 1));
   }
 
@@ -180,7 +185,7 @@ class Run {
                                                      {"scene_name", file_.scene.scene().name()},
                                                      {"interface_law", name(file_.scene.hydro().interface_law())}};
     timed([&] {
-      if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta);
+      if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta, profiles_);
       if (!surface_.empty()) surface_.write(options_.out / "free_surface.h5", meta);
     });
     Summary2d summary{.scene = file_.scene.scene().name(),
@@ -216,6 +221,7 @@ class Run {
   std::optional<Envelope> published_;
   InterfaceHistory interface_;
   SurfaceHistory surface_;
+  wire::ProfileRecord profiles_;
   wire::FieldWriter fields_;
   Cycle cycle_;
   Ledger start_;

@@ -4,6 +4,13 @@
 #include <cmath>
 
 namespace shearbus::hydro {
+
+wire::Batch InterfaceLaw::profiles(std::span<const std::uint64_t> /*node_ids*/, std::span<const double> /*pressure*/) {
+  throw wire::Error({.code = wire::Code::kUnsupported,
+                     .text = "this interface law has no layers, and so no profiles",
+                     .remedy = "leave out [hydro.profiles]",
+                     .field = "hydro.profiles"});
+}
 namespace {
 
 // The laws of this file compute no interface temperature: they answer the temperature of the soft zone, or 300 K if the

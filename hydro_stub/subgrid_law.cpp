@@ -228,6 +228,11 @@ void SubgridLaw::take_back() {
   impl_->session.rollback();
   impl_->trial_stands = false;
 }
+wire::Batch SubgridLaw::profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa) {
+  const Stopwatch stopwatch(impl_->time);
+  if (std::exchange(impl_->trial_stands, false)) impl_->session.commit();
+  return impl_->session.profiles(node_ids, pressure_pa).rows;
+}
 std::string SubgridLaw::keep(const std::string& name) {
   if (impl_->trial_stands) impl_->session.commit();
   impl_->trial_stands = false;

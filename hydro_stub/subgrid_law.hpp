@@ -48,6 +48,7 @@ class SubgridLaw : public InterfaceLaw {
   void start(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;  // sends the request
   void finish() override;                                                       // waits for the answer
   void take_back() override;
+  wire::Batch profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa) override;
   LawTime time_spent() const override;
   std::string keep(const std::string& name) override;
   std::string cannot_keep() const override;

@@ -88,6 +88,15 @@ void describe_replay(CLI::App& app, Command& command) {
                "with --scene alone: which parts of the model it switches on, what each costs on this machine");
   app.add_flag("--closed-loop", command.run.closed_loop,
                "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
+  auto* const nodes = app.add_option("--profile-nodes", command.run.profile_nodes,
+                                     "of a history: record the profiles of these nodes, in the group /profiles")
+                          ->delimiter(',')
+                          ->type_name("ID,...");
+  app.add_option("--profile-times", command.run.profile_times_s,
+                 "times of the profiles, in s: each is of the end of the first step at or after it")
+      ->delimiter(',')
+      ->needs(nodes)
+      ->type_name("SECONDS,...");
   app.add_flag_callback(
       "--no-progress", [&command] { command.run.progress = false; }, "no progress line on the terminal");
 }
@@ -150,9 +159,10 @@ void check(const CLI::App& app, Command& command) {
   if (command.explain || !command.capsule.empty()) return;
   if (command.inputs.empty()) throw CLI::RequiredError("INPUT");
   if (app.count("--dt") > 0 && !(run.table.dt_s > 0)) throw CLI::ValidationError("--dt", "expected a length above 0 s");
+  if (run.profile_nodes.empty() != run.profile_times_s.empty()) throw CLI::RequiredError("--profile-times");
   if (!command.sweep.empty() && run.out.empty()) throw CLI::RequiredError("--out");
   if (replay::holds_event_logs(command.inputs.front())) {
-    for (const char* name : {"--points", "--steps", "--dt", "--columns", "--check", "--closed-loop"})
+    for (const char* name : {"--points", "--steps", "--dt", "--columns", "--check", "--closed-loop", "--profile-nodes"})
       if (app.count(name) > 0) throw CLI::ExcludesError(name, "event logs");
     return;
   }

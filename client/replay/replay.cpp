@@ -16,6 +16,7 @@
 #include "client/src/client.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
+#include "proto/wire/profile_record.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/recording.hpp"
 #include "server/embedded.hpp"
@@ -89,8 +90,19 @@ const StepResult& advance(Session& session, const Batch& request, const Table& h
   }
 }
 
+// Adds the profiles after a step to the record.
+void record_profiles(Session& session, const Table& history, std::size_t step, const Batch& request,
+                     wire::ProfileRecord& profiles) {
+  std::vector<double> pressure;
+  for (const std::uint64_t node : profiles.node_ids()) {
+    const auto row = std::ranges::find(history.node_ids(), node) - history.node_ids().begin();
+    pressure.push_back(request.f64(Field::kPressure)[static_cast<std::size_t>(row)]);
+  }
+  profiles.add(history.times_s()[step], session.profiles(profiles.node_ids(), pressure).rows, pressure);
+}
+
 void replay(const Options& options, const Table& history, HistoryInput& input, Session& session,
-            wire::HistoryWriter& writer, Tally& tally, RunTime& time) {
+            wire::HistoryWriter& writer, wire::ProfileRecord& profiles, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", history.steps(), options.progress);
   Batch request = session.request(input.optional_columns(), input.form());
   const std::vector<ReplyColumn> columns = reply_columns(session.opened());
@@ -114,6 +126,7 @@ void replay(const Options& options, const Table& history, HistoryInput& input, S
     time.writing += Clock::now() - answered;
     tally.add(result, history.times_s()[step], dt_s);
     input.feed_back(result, request);
+    if (profiles.due(history.times_s()[step])) record_profiles(session, history, step, request, profiles);
     progress.at(step + 1);
   }
 }
@@ -205,6 +218,8 @@ void run(const Options& options) {
   const OpenOptions opening = {.initial_temperature_k = initial_temperature, .domain = {}};
   Session session = service.client.open(scene, options.scene.string(), history.node_ids(), opening);
   HistoryInput input(history, session.opened(), options.closed_loop);
+  wire::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
+  if (!options.profile_nodes.empty()) session.profiles(options.profile_nodes);  // what cannot be read is refused here
   if (options.check) input.check_all_rows();
   session.want_energy_ledger();
   for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
@@ -229,9 +244,10 @@ void run(const Options& options) {
   wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.opened()), meta,
                              history.start_time_s());
   Tally tally(history.node_ids());
-  replay(options, history, input, session, writer, tally, time);
+  replay(options, history, input, session, writer, profiles, tally, time);
   const wire::SessionClosed totals = session.close();
   const auto replayed = Clock::now();
+  profiles.write(writer);
   writer.close();
   time.writing += Clock::now() - replayed;
   time.total = Clock::now() - start;

@@ -19,6 +19,8 @@ struct Options {
   wire::ServerAddress server;    // without an endpoint: a server inside this process
   bool check = false;            // only check: read the history and open a session, but replay nothing
   bool closed_loop = false;      // force-driven: send back each answered jump, even if the history has /velocity_jump
+  std::vector<std::uint64_t> profile_nodes;  // nodes whose profiles are recorded, in the group /profiles of the result
+  std::vector<double> profile_times_s;       // times of these profiles
   bool progress = true;
   std::string version;  // version of this program, for /meta of the result
 };

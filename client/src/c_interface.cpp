@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <new>
 #include <optional>
 #include <string_view>
@@ -714,6 +715,43 @@ int shearbus_mark(shearbus_session* session, const char* name, shearbus_status* 
 
 int shearbus_rollback_to(shearbus_session* session, const char* name, shearbus_status* status) {
   return guarded(status, [&] { session_of(session).rollback_to(name_of(name, "name")); });
+}
+
+int shearbus_profiles(shearbus_session* session, size_t n, const uint64_t* node_ids, const double* pressure_pa,
+                      const shearbus_output* outputs, size_t n_outputs, size_t* vertices, shearbus_status* status) {
+  return guarded(status, [&] {
+    if (vertices == nullptr)
+      refuse(Code::kInvalidValue, "vertices is NULL", "Give the room of the arrays, in vertices.", "vertices");
+    const auto ids = values_of(node_ids, n, "node_ids");
+    if (n_outputs > 0 && outputs == nullptr)
+      refuse(Code::kInvalidValue, "outputs is NULL", "Give n_outputs outputs.", "outputs");
+    const std::span<const shearbus_output> wanted(outputs, n_outputs);
+    for (const shearbus_output& output : wanted) {
+      if (output.values == nullptr)
+        refuse(Code::kInvalidValue, "the values of an output are NULL", "Give an array.", "outputs");
+      const wire::ColumnRow* row = wire::find_column(static_cast<Field>(output.field));
+      if (row == nullptr || row->kind != wire::Kind::kProfile || output.component > (row->tangential ? 1U : 0U))
+        refuse(Code::kShape,
+               fmt::format("column {} with component {} is none of a profile", output.field, output.component),
+               "Ask for SHEARBUS_POSITION to SHEARBUS_LAYER_SHEAR_STRESS.", "outputs");
+    }
+    const std::size_t room = *vertices;
+    const Profiles profiles = session_of(session).profiles(ids, std::span(pressure_pa, pressure_pa == nullptr ? 0 : n));
+    *vertices = profiles.vertices;
+    if (room < profiles.vertices && n_outputs > 0)
+      refuse(Code::kShape,
+             fmt::format("a profile has {} vertices, and the arrays have room for {}", profiles.vertices, room),
+             "Make the arrays larger, and make the call again.", "vertices");
+    for (const shearbus_output& output : wanted) {
+      const std::span<const double> values = profiles.of(static_cast<Field>(output.field), output.component);
+      const std::ptrdiff_t stride = output.stride_bytes == 0 ? std::ptrdiff_t{sizeof(double)} : output.stride_bytes;
+      auto* at = static_cast<char*>(output.values);
+      for (std::size_t row = 0; row < profiles.nodes * profiles.vertices; ++row, at += stride) {
+        const double value = values.empty() ? std::numeric_limits<double>::quiet_NaN() : values[row];
+        std::memcpy(at, &value, sizeof value);
+      }
+    }
+  });
 }
 
 int shearbus_register(shearbus_session* session, size_t n, const uint64_t* node_ids,

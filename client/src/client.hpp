@@ -129,6 +129,23 @@ class StepResult {
   std::chrono::nanoseconds round_trip_{0};
 };
 
+// Profiles of nodes across the layer: columns kPosition to kLayerShearStress of proto/wire/columns.inc, as far as the
+// scene has them, each of shape [nodes * vertices], the vertices of a node in ascending z. Positions and widths are the
+// same for all nodes. NaN: the vertex lies outside of the layer and the quantity is one of the layer.
+struct Profiles {
+  std::size_t nodes = 0;
+  std::size_t vertices = 0;
+  std::uint64_t state_version = 0;  // number of commits that led to these states
+  Batch rows;
+
+  // The values of all nodes or of one node; empty if the scene does not have the quantity.
+  std::span<const double> of(Field field, std::uint32_t component = 0) const { return rows.f64(field, component); }
+  std::span<const double> of_node(std::size_t node, Field field, std::uint32_t component = 0) const {
+    const std::span<const double> all = of(field, component);
+    return all.empty() ? all : all.subspan(node * vertices, vertices);
+  }
+};
+
 class Connection;  // owns the socket and applies deadlines and retries
 
 class Session {
@@ -172,6 +189,10 @@ class Session {
   // accept_nodes(). Between the two calls the server keeps the nodes. The offering session may accept its own offer.
   TransferId offer_nodes(std::span<const std::uint64_t> node_ids);
   std::vector<std::uint64_t> accept_nodes(const TransferId& transfer);
+  // Reads the profiles of some nodes from their committed states. `pressure_pa`: P at which the flow stress is
+  // evaluated, one value per node; empty: 0. Throws Error: kUnsupported for a scene that keeps no profile, kLimit for
+  // more rows than a message holds (welcome().limits.max_rows_per_message).
+  Profiles profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa = {});
   wire::SessionClosed close();
 
   // Columns of the replies to later steps; an empty list asks for all default columns of the session.

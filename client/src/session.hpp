@@ -138,8 +138,11 @@ struct Session::Impl {
 
  private:
   void resynchronise();
-  Received call(wire::Request& request);
   void follow_restart(wire::Request& request, const Error& fault);
+
+ public:
+  // Sends a request and waits for the reply, across restarts of the server.
+  Received call(wire::Request& request);
 };
 
 }  // namespace shearbus

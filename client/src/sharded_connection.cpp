@@ -81,6 +81,7 @@ Received ShardedConnection::call(const wire::Request& request, std::chrono::mill
     sessions_.erase(request.session_id);
     return received;
   }
+  if (std::holds_alternative<wire::ReadProfiles>(request.body)) return session_of(request).read_profiles(request);
   return session_of(request).call(request);
 }
 

@@ -625,6 +625,57 @@ wire::Upscale ShardedSession::join_steps(std::span<Received* const> replies) {
   return sum;
 }
 
+// The profiles of nodes of several shards: each shard answers with the rows of its nodes, which are joined in the order
+// of the request. The request changes nothing, so it is no operation under way.
+Received ShardedSession::read_profiles(const wire::Request& request) {
+  const auto rows = rows_of_shards(request.batch.u64(Field::kNodeId), links_.size());
+  Received joined;
+  auto& sum = joined.reply.body.emplace<wire::Profiles>();
+  sum.nodes = request.batch.u64(Field::kNodeId).size();
+  sum.state_version = state_version_;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    if (rows[k].empty()) continue;
+    Session::Impl& session = *shards_[k].session;
+    wire::Request asked{.request_id = links_[k]->next_request_id(),
+                        .session_id = session.id,
+                        .sequence = session.last_sequence + 1,
+                        .epoch = session.epoch,
+                        .body = wire::ReadProfiles{}};
+    asked.batch = rows_of(request.batch, rows[k]);
+    links_.left(k);
+    Received received = session.call(asked);
+    const auto& one = body_of<wire::Profiles>(received);
+    const Batch& some = std::as_const(received.reply.batch);
+    Batch& all = joined.reply.batch;
+    if (all.columns().empty()) {
+      sum.vertices = one.vertices;
+      std::vector<Field> fields;
+      std::uint32_t components = 1;
+      for (const wire::Column& column : some.columns()) {
+        if (column.component == 0) fields.push_back(column.field);
+        components = std::max(components, column.component + 1);
+      }
+      all = Batch::of(fields, sum.nodes * sum.vertices, components);
+    }
+    for (const wire::Column& column : all.columns()) {
+      const auto copy = [&](auto from, auto to) {
+        if (one.vertices != sum.vertices || from.size() != rows[k].size() * sum.vertices)
+          refuse(Code::kUnexpectedReply, fmt::format("shard {} answers other rows of a profile", k),
+                 "Are all servers of the same version?");
+        for (std::size_t i = 0; i < rows[k].size(); ++i)
+          std::ranges::copy(from.subspan(i * sum.vertices, sum.vertices), to.begin() + rows[k][i] * sum.vertices);
+      };
+      if (column.element == wire::Element::kUint64)
+        copy(some.u64(column.field), all.u64(column.field));
+      else
+        copy(some.f64(column.field, column.component), all.f64(column.field, column.component));
+    }
+  }
+  if (joined.reply.batch.columns().empty())
+    refuse(Code::kShape, "read_profiles needs at least one node; none was given", "Name a node.", Field::kNodeId);
+  return joined;
+}
+
 // ---- the order of the rows ----
 
 // Makes `order` the order of the rows. Returns false, and changes nothing, if the shards have other nodes.

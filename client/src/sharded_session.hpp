@@ -51,6 +51,7 @@ class ShardedSession {
                  std::vector<std::uint64_t> node_ids);
 
   Received call(const wire::Request& request);
+  Received read_profiles(const wire::Request& request);
   void post(const wire::Request& request);
   void say_close(const wire::Request& request) noexcept;
   Received close(const wire::Request& request);

@@ -188,10 +188,10 @@ def columns_page(root):
     page = ("# Columns\n\nEvery column of a request or a reply, from `proto/wire/columns.inc`. A column that is *tangential* comes twice in a scene with "
             "`tangential_components = 2`. Python's keywords and attributes are the quantities, but for the short names `jump`, `stress`, `slip`, "
             "`temperature` and `jump_new`.\n\n| no. | name | unit | kind | tangential | meaning |\n|---|---|---|---|---|---|\n")
-    kinds = {"NODE": "node", "INPUT": "input", "STICK": "input, stick form", "OUTPUT": "answer", "EXCHANGE": "answer on request", "LEDGER": "energy ledger, on request"}
+    kinds = {"NODE": "node", "INPUT": "input", "STICK": "input, stick form", "OUTPUT": "answer", "EXCHANGE": "answer on request", "LEDGER": "energy ledger, on request", "PROFILE": "profile of the layer"}
     text = (root / "proto/wire/columns.inc").read_text()
     rows = []
-    for macro, call in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER)\((.*?)\)$", text, re.M | re.S):
+    for macro, call in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER|PROFILE)\((.*?)\)$", text, re.M | re.S):
         words = [w.strip().strip('"') for w in re.findall(r'(?:"[^"]*"|[^,"])+', call)]
         if macro == "LEDGER":
             del words[1]

@@ -32,7 +32,7 @@ enum class Use : std::uint8_t {
   kOnRequest,  // a reply has the column only if `wanted` names it
 };
 
-enum class Kind : std::uint8_t { kNode, kInput, kOutput, kLedger };
+enum class Kind : std::uint8_t { kNode, kInput, kOutput, kLedger, kProfile };
 
 struct ColumnRow {
   Field field;

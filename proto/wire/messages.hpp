@@ -169,6 +169,10 @@ struct Inspect {
     v(3, "count", m.count);
   }
 };
+struct ReadProfiles {
+  static constexpr BodyRow kBody = {32, "read_profiles", true};
+  static void fields(auto&&, auto&) {}
+};
 struct ResumeSession {
   static constexpr BodyRow kBody = {23, "resume_session"};
   ResumeToken resume_token{};
@@ -190,7 +194,8 @@ struct Request {
   std::uint64_t sequence = 0;
   std::uint64_t epoch = 0;
   std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery,
-               ResumeSession, Mark, RegisterNodes, RetireNodes, OfferNodes, AcceptNodes, Checkpoint, Drain, Inspect>
+               ResumeSession, Mark, RegisterNodes, RetireNodes, OfferNodes, AcceptNodes, Checkpoint, Drain, Inspect,
+               ReadProfiles>
       body;
   Batch batch;
 };
@@ -444,6 +449,18 @@ struct Inspected {
     v(3, "matching", m.matching);
   }
 };
+struct Profiles {
+  static constexpr BodyRow kBody = {32, "profiles", true};
+  std::uint64_t nodes = 0;
+  std::uint64_t vertices = 0;  // rows of each node
+  std::uint64_t state_version = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "nodes", m.nodes);
+    v(2, "vertices", m.vertices);
+    v(3, "state_version", m.state_version);
+  }
+};
 struct ServerStatus {
   static constexpr BodyRow kBody = {22, "server_status"};
   std::uint64_t sessions = 0;
@@ -523,7 +540,7 @@ struct Reply {
   Status status;
   bool replayed = false;
   std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus,
-               SessionResumed, Marked, NodesChanged, Checkpointed, Draining, Inspected>
+               SessionResumed, Marked, NodesChanged, Checkpointed, Draining, Inspected, Profiles>
       body;
   Batch batch;
 };

@@ -55,6 +55,10 @@ class HistoryWriter {
 
   // Writes a dataset of one dimension and any length, such as one mass per node.
   void add_static(const Quantity& quantity, std::span<const double> values);
+  // Write a dataset of any shape that is no row of the history, such as "profiles/time": a group is made where it is
+  // missing.
+  void add_array(const Quantity& quantity, std::span<const double> values, const std::vector<std::size_t>& shape);
+  void add_ids(const Quantity& quantity, std::span<const std::uint64_t> ids);
   // Returns when the file is on the disk under its final name. An older file of that name is replaced.
   void close(const std::map<std::string, std::string>& closing_meta = {});
 

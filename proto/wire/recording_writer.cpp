@@ -84,12 +84,14 @@ struct HistoryWriter::Impl {
   }
 
   void create();
-  Properties chunked(std::initializer_list<hsize_t> chunk) const;
+  Properties chunked(std::span<const hsize_t> chunk) const;
   Dataset create_dataset(const std::string& name, hid_t type, std::initializer_list<hsize_t> size,
                          std::initializer_list<hsize_t> chunk, bool grows) const;
   void write_text(hid_t object, const std::string& name, const std::string& text) const;
   void write_meta(const std::map<std::string, std::string>& meta) const;
   void describe_dataset(hid_t dataset, const Quantity& quantity) const;
+  void write_array(const Quantity& quantity, hid_t type, hid_t memory_type, const void* values,
+                   const std::vector<hsize_t>& shape) const;
   void append(hid_t dataset, hid_t memory_type, const void* values, std::size_t rows, bool per_node) const;
   void create_series(Quantity quantity);
   Series& in_open_row(std::size_t quantity, std::size_t count, bool bytes);
@@ -101,9 +103,9 @@ void HistoryWriter::Impl::create() {
   created = true;
 }
 
-Properties HistoryWriter::Impl::chunked(std::initializer_list<hsize_t> chunk) const {
+Properties HistoryWriter::Impl::chunked(std::span<const hsize_t> chunk) const {
   Properties creation(check(H5Pcreate(H5P_DATASET_CREATE), "cannot prepare a dataset"));
-  check(H5Pset_chunk(creation, static_cast<int>(chunk.size()), chunk.begin()), "cannot set chunks");
+  check(H5Pset_chunk(creation, static_cast<int>(chunk.size()), chunk.data()), "cannot set chunks");
   check(H5Pset_shuffle(creation), "cannot set shuffle");
   check(H5Pset_deflate(creation, 1), "cannot set gzip");
   check(H5Pset_fletcher32(creation), "cannot set fletcher32");
@@ -116,7 +118,8 @@ Dataset HistoryWriter::Impl::create_dataset(const std::string& name, hid_t type,
   if (grows) most.front() = H5S_UNLIMITED;
   const Space space(
       check(H5Screate_simple(static_cast<int>(size.size()), size.begin(), most.data()), "cannot set a size"));
-  return Dataset(check(H5Dcreate2(handle, name.c_str(), type, space, H5P_DEFAULT, chunked(chunk), H5P_DEFAULT),
+  return Dataset(check(H5Dcreate2(handle, name.c_str(), type, space, H5P_DEFAULT,
+                                  chunked(std::span(chunk.begin(), chunk.size())), H5P_DEFAULT),
                        "cannot create a dataset"));
 }
 
@@ -210,6 +213,29 @@ HistoryWriter::Impl::Series& HistoryWriter::Impl::in_open_row(std::size_t quanti
   if (one.set) refuse(file, fmt::format("/{} is set twice in one row", name), {}, name);
   one.set = true;
   return one;
+}
+
+void HistoryWriter::Impl::write_array(const Quantity& quantity, hid_t type, hid_t memory_type, const void* values,
+                                      const std::vector<hsize_t>& shape) const {
+  if (const std::size_t slash = quantity.name.find('/'); slash != std::string::npos) {
+    const std::string group = quantity.name.substr(0, slash);
+    if (H5Lexists(handle, group.c_str(), H5P_DEFAULT) <= 0)
+      const Group made(
+          check(H5Gcreate2(handle, group.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), "cannot create a group"));
+  }
+  std::vector<hsize_t> chunk = shape;  // the values of one time, or of one node
+  hsize_t elements = 1;
+  for (std::size_t i = chunk.size(); i-- > 0;) {
+    chunk[i] = std::max<hsize_t>(1, std::min<hsize_t>(chunk[i], kChunkElements / elements));
+    elements *= chunk[i];
+  }
+  const Space space(
+      check(H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), "cannot set a size"));
+  const Dataset dataset(
+      check(H5Dcreate2(handle, quantity.name.c_str(), type, space, H5P_DEFAULT, chunked(chunk), H5P_DEFAULT),
+            "cannot create a dataset"));
+  describe_dataset(dataset, quantity);
+  check(H5Dwrite(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), "cannot write a dataset");
 }
 
 Quantity quantity_of_column(Field field, std::uint32_t component, const std::string& long_name) {
@@ -314,6 +340,17 @@ void HistoryWriter::add_static(const Quantity& quantity, std::span<const double>
   self.describe_dataset(dataset, quantity);
   self.check(H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()),
              "cannot write a dataset");
+}
+
+void HistoryWriter::add_array(const Quantity& quantity, std::span<const double> values,
+                              const std::vector<std::size_t>& shape) {
+  const Quiet quiet;
+  impl_->write_array(quantity, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), {shape.begin(), shape.end()});
+}
+
+void HistoryWriter::add_ids(const Quantity& quantity, std::span<const std::uint64_t> ids) {
+  const Quiet quiet;
+  impl_->write_array(quantity, H5T_STD_U64LE, H5T_NATIVE_UINT64, ids.data(), {ids.size()});
 }
 
 void HistoryWriter::close(const std::map<std::string, std::string>& closing_meta) {

@@ -154,6 +154,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     return reply;
   }
   if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, arrival, reply);
+  if (std::holds_alternative<wire::ReadProfiles>(request.body)) return read_profiles(arrival, reply);
   // The header holds the checksum of the payload, which decode() has compared, so the hash of the header identifies the
   // whole request.
   arrival.hash = wire::hash_of(frames.first(1));
@@ -213,8 +214,8 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   if (store_ != nullptr) welcome.limits.max_replay_work = static_cast<std::uint64_t>(store_->checkpoint_work());
   welcome.limits.max_work_budget = static_cast<std::uint64_t>(options_.max_work_budget);
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial",   "resume",     "mark", "domains",
-                          "stick_form",      "absent_nodes", "closure", "idle_limit", "parts"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial",   "resume",     "mark",  "domains",
+                          "stick_form",      "absent_nodes", "closure", "idle_limit", "parts", "profiles"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);

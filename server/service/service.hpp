@@ -151,6 +151,7 @@ class Service : private store::Recovery {
   void checkpoint_now(wire::Reply& reply);
   void drain(const wire::Drain& drain, const Caller& caller, wire::Reply& reply);
   void inspect(const wire::Inspect& inspect, const wire::Request& request, wire::Reply& reply) const;
+  ReplyPtr read_profiles(const Arrival& arrival, const ReplyPtr& reply);
   void top_nodes(const Member& member, const wire::Inspect& inspect, wire::Reply& reply) const;
   wire::SessionInfo info_of(const Member& member) const;
   void check_epoch(const wire::Request& request, const Member* member) const;

@@ -189,6 +189,18 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
   return rows;
 }
 
+// Refuses values of a request that are outside of the bounds of their columns.
+void check_inputs(const wire::Batch& batch, const shard::Rows& rows, const shard::NodeTable& nodes) {
+  const auto row_ids = batch.u64(Field::kNodeId);
+  for (const wire::ColumnRow& row : wire::column_rows())
+    for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)
+      check_values(
+          row.field, batch.f64(row.field, component),
+          [&] { return fmt::format("a number from {:g} to {:g} {}", row.lowest, row.highest, row.unit); },
+          [&](double value) { return value >= row.lowest && value <= row.highest; },
+          [&](std::size_t at) { return rows.all ? nodes.ids()[at] : row_ids[at]; });
+}
+
 // The node_id column of an opening or of a change of nodes. The column may be empty only if `needed` is null; else
 // `needed` names, for the message, the request that needs nodes.
 std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const char* needed) {
@@ -325,14 +337,22 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
            "Divide the step into parts (downscale.part and parts), which are committed as one.");
   // The nodes that no part names are stepped with the last part.
   rows.others_are_open = !rows.all && step.absent_nodes == wire::AbsentNodes::kOpen && step.part == step.parts;
-  const auto row_ids = batch.u64(Field::kNodeId);
-  for (const wire::ColumnRow& row : wire::column_rows())
-    for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)
-      check_values(
-          row.field, batch.f64(row.field, component),
-          [&] { return fmt::format("a number from {:g} to {:g} {}", row.lowest, row.highest, row.unit); },
-          [&](double value) { return value >= row.lowest && value <= row.highest; },
-          [&](std::size_t at) { return rows.all ? nodes.ids()[at] : row_ids[at]; });
+  check_inputs(batch, rows, nodes);
+  return rows;
+}
+
+shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
+  check_components(batch, 1);
+  for (const wire::Column& column : batch.columns())
+    if (column.field != Field::kNodeId && column.field != Field::kPressure)
+      refuse(Code::kShape, wire::name(column.field),
+             fmt::format("column {} does not belong to nodes whose profiles are read", wire::name(column.field)),
+             "Send node_id and, for the flow stress, pressure_pa.");
+  if (batch.u64(Field::kNodeId).empty())
+    refuse(Code::kShape, wire::name(Field::kNodeId), "read_profiles needs at least one node; none was given",
+           "Send a node_id column.");
+  shard::Rows rows = locate_rows(batch, nodes);
+  check_inputs(batch, rows, nodes);
   return rows;
 }
 

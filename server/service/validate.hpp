@@ -23,6 +23,10 @@ std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const s
 // The node-table slots of the nodes to retire or offer: at least one, each named once and present in the session.
 shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
 
+// The node-table slots of the nodes whose profiles are read: at least one, each named once and present in the session.
+// Checks the optional column of pressures, too.
+shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable& nodes);
+
 // Refuses a session that would have too many nodes.
 void check_session_size(std::size_t nodes);
 

@@ -331,6 +331,27 @@ static void steps(void) {
   CHECK(half[0].temperature == first[4].temperature && half[1].temperature == first[0].temperature &&
         half[2].temperature == first[2].temperature);
 
+  /* The profiles of some nodes. The scene is force-driven with a rigid layer: it has no plastic strain. */
+  size_t vertices = 0;
+  const uint64_t two_ids[2] = {ids[4], ids[0]};
+  OK(shearbus_profiles(session, 2, two_ids, NULL, NULL, 0, &vertices, &status));
+  CHECK(vertices > 10 && vertices < 1000);
+  double position[2000], heat[2000], strain[2000];
+  const shearbus_output layers[3] = {{SHEARBUS_POSITION, 0, position, 0},
+                                     {SHEARBUS_LAYER_TEMPERATURE, 0, heat, 0},
+                                     {SHEARBUS_LAYER_PLASTIC_STRAIN, 0, strain, 0}};
+  size_t room = vertices - 1;
+  REFUSED(shearbus_profiles(session, 2, two_ids, NULL, layers, 3, &room, &status), SHEARBUS_SHAPE, "vertices");
+  CHECK(room == vertices);
+  OK(shearbus_profiles(session, 2, two_ids, NULL, layers, 3, &room, &status));
+  CHECK(position[0] == 0.0 && position[vertices] == 0.0 && position[vertices - 1] > position[vertices - 2]);
+  CHECK(heat[0] == first[4].temperature && heat[vertices] == first[0].temperature);
+  CHECK(strain[0] != strain[0]);
+  const shearbus_output wrong = {SHEARBUS_PRESSURE, 0, heat, 0};
+  REFUSED(shearbus_profiles(session, 2, two_ids, NULL, &wrong, 1, &room, &status), SHEARBUS_SHAPE, "none of a profile");
+  const uint64_t stranger = 999;
+  REFUSED(shearbus_profiles(session, 1, &stranger, NULL, layers, 3, &room, &status), SHEARBUS_UNKNOWN_NODE, "");
+
   /* Nodes that come and go. */
   const uint64_t newcomers[2] = {5, 6};
   const double warm[2] = {310.0, 320.0};

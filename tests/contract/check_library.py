@@ -29,7 +29,7 @@ def library_faults(library, header, allowed):
 def number_faults(header, columns, schema):
     numbers = {name: int(value) for name, value in re.findall(r"^\s*SHEARBUS_(\w+) = (\d+)", header, re.M)}
     rows = {}
-    for kind, body in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER)\((.*)", columns, re.M):
+    for kind, body in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER|PROFILE)\((.*)", columns, re.M):
         parts = [part.strip() for part in body.split(",")]
         number, quantity = (parts[2], parts[4]) if kind == "LEDGER" else (parts[1], parts[3])
         if kind != "NODE":

@@ -137,6 +137,12 @@ void steps() {
   bus.mark("start");
   const shearbus_result result = bus.step(host.step());
   const Column first = host.temperature, first_stress = host.stress;
+  const shearbus::Profiles profiles = bus.profiles({host.ids[3], host.ids[0]}, {1e9, 2e9});
+  CHECK(profiles.nodes == 2 && profiles.vertices > 10 && profiles(SHEARBUS_POSITION)[0] == 0.0);
+  CHECK(profiles(SHEARBUS_LAYER_TEMPERATURE)[0] == first[3]);
+  CHECK(profiles(SHEARBUS_LAYER_TEMPERATURE)[profiles.vertices] == first[0]);
+  CHECK(profiles(SHEARBUS_LAYER_SHEAR_STRESS)[profiles.vertices] == first_stress[0]);
+  REFUSED(bus.profiles({424242}), SHEARBUS_UNKNOWN_NODE, "424242");
   CHECK(result.nodes == kNodes && first[0] > 300 && host.stress[0] > 0 && host.regime[0] != 0);
   bus.step(host.step());
   const Column second = host.temperature;

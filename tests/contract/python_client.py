@@ -130,6 +130,26 @@ class Steps(Live):
         with self.assertRaisesRegex(AttributeError, "interface_work.*want="):
             first.interface_work
 
+    def test_profiles_hold_the_state_and_change_nothing(self):
+        bus, plain = self.open(), self.open()
+        for _ in range(5):
+            answer = bus.step(20e-9, **drive(100, -100, 50))
+            plain.step(20e-9, **drive(100, -100, 50))
+        profiles = bus.profiles([NODES[2], NODES[0]], pressure=11.2e9)
+        vertices = profiles.position.size
+        self.assertEqual((profiles.position[0], profiles.width.shape), (0.0, (vertices,)))
+        self.assertEqual((list(profiles.nodes), profiles.state_version), ([NODES[2], NODES[0]], 5))
+        numpy.testing.assert_array_equal(profiles.layer_temperature[:, 0], answer.temperature[[2, 0]])
+        numpy.testing.assert_array_equal(profiles.layer_shear_stress[:, 0], answer.stress[[2, 0]])
+        inside = ~numpy.isnan(profiles.layer_flow_stress)
+        limit = profiles.layer_flow_stress[inside] * (1 + 1e-9)
+        self.assertTrue((3**0.5 * abs(profiles.layer_shear_stress[inside]) <= limit).all())
+        self.assertTrue((profiles.layer_flow_stress[inside] > bus.profiles(profiles.nodes).layer_flow_stress[inside]).all())
+        numpy.testing.assert_array_equal(bus.step(1e-9, **drive(1, 2, 3)).stress, plain.step(1e-9, **drive(1, 2, 3)).stress)
+        self.assert_refused(shearbus.ContentError, "UNKNOWN_NODE", lambda: bus.profiles([77]), "node_id", [77])
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: bus.profiles(NODES, pressure=float("nan")), "pressure")
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: bus.profiles([]), "node_id")
+
     def test_numbers_stand_for_all_rows_and_lists_and_integers_are_taken(self):
         a, b = self.open(), self.open()
         x = a.step(1e-9, jump=100, pressure=11.2e9)

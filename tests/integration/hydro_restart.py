@@ -33,6 +33,13 @@ def shortened_cone(directory):
     return path
 
 
+def with_profiles(scene):
+    """Gives the layers cells in place of modes, and asks for profiles at some times. Law (5) has none of either."""
+    text, found = re.subn(r'(?ms)^heat = "modes".*?^\[layer\.modes\].*?(?=^\[)', "cells = 30\ngrading = 1.2\n\n", scene.read_text())
+    assert found == 1
+    scene.write_text(text + "\n[hydro.profiles]\nnode = [0, 7]\ntime_s = [4e-6, 0.5e-6, 1e-6, 1.5e-6, 2e-6]\n")
+
+
 def same(test, ours, theirs):
     """Compares every dataset of histories and fields, and every number of the summary."""
     names = sorted(p.relative_to(theirs) for p in theirs.rglob("*.h5"))
@@ -127,7 +134,13 @@ class Restart(unittest.TestCase):
         self.killed_again_and_again("--interface-law", "coulomb_tresca")
 
     def test_server_in_the_process(self):
+        with_profiles(self.scene)
         self.killed_again_and_again()
+        with h5py.File(self.path / "run/interface.h5") as file:
+            profiles = file["profiles"]
+            numpy.testing.assert_allclose(profiles["time"], [0.5e-6, 1e-6, 1.5e-6, 2e-6, 4e-6], atol=2e-8)
+            self.assertEqual(profiles["layer_temperature"].shape, (5, 2, profiles["position"].shape[0]))
+            self.assertGreater(profiles["layer_temperature"][-1, 1, 0], 320.0)
 
     def test_hydro_killed_beside_a_server(self):
         self.serve()

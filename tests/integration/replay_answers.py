@@ -98,6 +98,29 @@ class Results(ReplayTest):
         self.assertAlmostEqual(soft / result["friction_heat"].sum() * jump.shape[1], 1.0, places=5)
         self.assertTrue(0.9 * work < plastic < work and 0.0 < elastic < 0.01 * work)
 
+    def test_profiles_of_chosen_nodes_and_times(self):
+        self.write(**velocity_history(steps=40, nodes=3))
+        plain = self.result()
+        asked = self.result("--profile-nodes", "12,10", "--profile-times", "30e-9,0,10.5e-9")
+        for name in ("shear_stress", "interface_temperature"):
+            np.testing.assert_array_equal(asked[name], plain[name])
+        with h5py.File(self.out) as file:
+            group = file["profiles"]
+            np.testing.assert_allclose(group["time"], np.array([1, 11, 30]) * 1e-9, rtol=1e-12)
+            self.assertEqual(list(group["node_id"]), [12, 10])
+            self.assertEqual(group["layer_temperature"].shape, (3, 2, group["position"].size))
+            self.assertEqual({name: data.attrs["units"] for name, data in group.items()}, {
+                "time": "s", "node_id": "1", "pressure": "Pa", "position": "m", "width": "m", "layer_temperature": "K",
+                "layer_plastic_strain": "1", "layer_flow_stress": "Pa", "layer_shear_stress": "Pa"})
+            rows = [0, 10, 29]
+            np.testing.assert_array_equal(group["layer_temperature"][:, :, 0], asked["interface_temperature"][rows][:, [2, 0]])
+            np.testing.assert_array_equal(group["layer_shear_stress"][:, :, 0], asked["shear_stress"][rows][:, [2, 0]])
+        for arguments, text in ((("--profile-nodes", "99", "--profile-times", "1e-9"), "node 99 is not of this session"),
+                                (("--profile-nodes", "10"), "--profile-times")):
+            done = self.replay(*arguments)
+            self.assertNotEqual(done.returncode, 0)
+            self.assertIn(text, done.stderr)
+
     def test_an_older_result_is_replaced_and_the_summary_says_so(self):
         self.write(**velocity_history())
         self.assertNotIn("replaced", self.result()["text"])

@@ -31,7 +31,7 @@ class ReplayTest(unittest.TestCase):
         run = self.replay(*arguments, **options)
         self.assertEqual(run.returncode, 0, run.stderr)
         with h5py.File(self.out) as file:
-            values = {name: file[name][()] for name in file if name != "meta"}
+            values = {name: data[()] for name, data in file.items() if isinstance(data, h5py.Dataset)}
         values["text"] = run.stdout
         return values
 

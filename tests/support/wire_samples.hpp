@@ -140,6 +140,8 @@ inline std::vector<std::pair<std::string, Request>> requests() {
   add("retire_nodes", RetireNodes{}, some_nodes(std::span(opening, 1)));
   add("offer_nodes", OfferNodes{.transfer_id = session_id()}, some_nodes(std::span(opening, 1)));
   add("accept_nodes", AcceptNodes{.transfer_id = session_id()});
+  const Field of_profile[] = {Field::kNodeId, Field::kPressure};
+  add("read_profiles", ReadProfiles{}, some_nodes(of_profile));
   return all;
 }
 
@@ -236,6 +238,8 @@ inline std::vector<std::pair<std::string, Reply>> replies() {
   full.open_files = 47;
   full.max_open_files = 48;
   add("server_status_in_full", std::move(full));
+  const Field of_vertices[] = {Field::kNodeId, Field::kPosition, Field::kLayerTemperature};
+  add("profiles", Profiles{.nodes = 2, .vertices = 3, .state_version = 49}).batch = Batch::of(of_vertices, 6);
   Reply& refusal = add("refusal", std::monostate{});
   refusal.status = {.code = Code::kInvalidValue,
                     .text = "pressure_pa of node 7 is nan, expected a finite number",

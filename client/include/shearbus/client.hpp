@@ -165,6 +165,32 @@ class Step {
 using Ids = std::vector<std::uint64_t>;
 using TransferId = std::array<std::uint8_t, SHEARBUS_TRANSFER_BYTES>;
 
+// Profiles of nodes across the layer. Each column has the shape [nodes][vertices], with the vertices in ascending z.
+struct Profiles {
+  struct Column {
+    std::uint32_t field = 0;
+    std::uint32_t component = 0;
+    std::vector<double> values;
+  };
+  std::size_t nodes = 0;
+  std::size_t vertices = 0;
+  std::vector<Column> columns;
+
+  static std::vector<std::uint32_t> fields(std::uint32_t tangential_components) {
+    std::vector<std::uint32_t> all = {SHEARBUS_POSITION,          SHEARBUS_WIDTH,
+                                      SHEARBUS_LAYER_TEMPERATURE, SHEARBUS_LAYER_PLASTIC_STRAIN,
+                                      SHEARBUS_LAYER_FLOW_STRESS, SHEARBUS_LAYER_SHEAR_STRESS};
+    if (tangential_components == 2) all.push_back(SHEARBUS_LAYER_SHEAR_STRESS);
+    return all;
+  }
+  // The values of a column, such as SHEARBUS_LAYER_TEMPERATURE. Throws std::out_of_range for any other column.
+  const std::vector<double>& operator()(std::uint32_t field, std::uint32_t component = 0) const {
+    for (const Column& column : columns)
+      if (column.field == field && column.component == component) return column.values;
+    throw std::out_of_range("no column of these profiles");
+  }
+};
+
 // A session. Its destructor leaves it open on the server, to be resumed with its ticket; close() ends it there.
 class Session {
  public:
@@ -215,6 +241,27 @@ class Session {
   void rollback() { call(shearbus_rollback, handle_); }
   void mark(const std::string& name) { call(shearbus_mark, handle_, name.c_str()); }
   void rollback_to(const std::string& name) { call(shearbus_rollback_to, handle_, name.c_str()); }
+
+  // The profiles of some nodes across the layer, from their committed states; shearbus.h says what they hold.
+  // pressure_pa: P at which the flow stress is evaluated, one value per node; empty: 0.
+  Profiles profiles(const Ids& ids, const std::vector<double>& pressure_pa = {}) {
+    if (!pressure_pa.empty() && pressure_pa.size() != ids.size())
+      throw std::invalid_argument("pressure_pa: give one value per node, or none");
+    const double* pressures = pressure_pa.empty() ? nullptr : pressure_pa.data();
+    Profiles profiles;
+    profiles.nodes = ids.size();
+    call(shearbus_profiles, handle_, ids.size(), ids.data(), pressures, static_cast<const shearbus_output*>(nullptr),
+         std::size_t{0}, &profiles.vertices);
+    std::vector<shearbus_output> outputs;
+    for (const std::uint32_t field : Profiles::fields(info().tangential_components)) {
+      const std::uint32_t component = !outputs.empty() && outputs.back().field == field ? 1 : 0;
+      profiles.columns.push_back({field, component, std::vector<double>(profiles.nodes * profiles.vertices)});
+      outputs.push_back({field, component, profiles.columns.back().values.data(), 0});
+    }
+    call(shearbus_profiles, handle_, ids.size(), ids.data(), pressures,
+         static_cast<const shearbus_output*>(outputs.data()), outputs.size(), &profiles.vertices);
+    return profiles;
+  }
 
   void register_nodes(const Ids& ids, const std::vector<double>& initial_temperature_k = {}) {
     if (!initial_temperature_k.empty() && initial_temperature_k.size() != ids.size())

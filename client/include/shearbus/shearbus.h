@@ -277,6 +277,19 @@ SHEARBUS_API int shearbus_rollback(shearbus_session* session, shearbus_status* s
 SHEARBUS_API int shearbus_mark(shearbus_session* session, const char* name, shearbus_status* status);
 SHEARBUS_API int shearbus_rollback_to(shearbus_session* session, const char* name, shearbus_status* status);
 
+/* ---- profiles ---- */
+
+/* The profiles of n nodes across the layer, from their committed states. The outputs take the columns SHEARBUS_POSITION
+ * to SHEARBUS_LAYER_SHEAR_STRESS, each an array of at least n * *vertices doubles: the vertices of a node in ascending
+ * z, the nodes in the order of node_ids. NaN: the vertex lies outside of the layer and the quantity is one of the
+ * layer, or the scene does not have the quantity (a layer that cannot flow has no plastic strain). pressure_pa: P at
+ * which the flow stress is evaluated, one value per node, or NULL for 0. Before the call *vertices is the number of
+ * vertices per node for which the arrays have room; afterwards it is the number of vertices of each node. Where that is larger the call is SHEARBUS_SHAPE and writes no output: make the arrays larger and call
+ * again. A scene that keeps no profile is SHEARBUS_UNSUPPORTED, with the reason. Does not change the session. */
+SHEARBUS_API int shearbus_profiles(shearbus_session* session, size_t n, const uint64_t* node_ids,
+                                   const double* pressure_pa, const shearbus_output* outputs, size_t n_outputs,
+                                   size_t* vertices, shearbus_status* status);
+
 /* ---- nodes ---- */
 
 /* New nodes are added after the present ones, which keep their order; retired nodes are removed with their states. */

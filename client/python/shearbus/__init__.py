@@ -23,12 +23,12 @@ from .history import History
 from .recorder import Recorder
 from .scene import Scene, toml_of
 from .server import Server
-from .session import Answer, Outcome, Regime, Session, Trial, named_nodes, node_ids
+from .session import Answer, Outcome, Profiles, Regime, Session, Trial, named_nodes, node_ids
 
 __version__ = "0.1.0"
 __all__ = [
     "Answer", "AuthError", "COLUMNS", "ClosureError", "ClosureWarning", "Code", "ContentError", "Error", "History",
-    "MessageError", "Outcome", "Regime", "Scene", "Server", "ServerError", "Session", "SessionError", "Trial",
+    "MessageError", "Outcome", "Profiles", "Regime", "Scene", "Server", "ServerError", "Session", "SessionError", "Trial",
     "UnexpectedReply", "UnknownOutcome", "Unreachable", "open", "resume"
 ]
 

@@ -33,7 +33,7 @@ ELEMENT = {"Float64": FLOAT64, "Uint64": UINT64, "Uint8": UINT8}
 
 def _rows(text):
     """Yields the columns of the rows of columns.inc, each a macro call whose arguments the head of the file names."""
-    for macro, call in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER)\((.*?)\)$", text, re.M | re.S):
+    for macro, call in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER|PROFILE)\((.*?)\)$", text, re.M | re.S):
         arguments = [a.strip().strip('"') for a in re.findall(r'(?:"[^"]*"|[^,"])+', call)]
         if macro == "LEDGER":
             del arguments[1]  # the term of the ledger
@@ -47,6 +47,7 @@ COLUMNS = tuple(_rows(pathlib.Path(__file__).with_name("columns.inc").read_text(
 FAR_FIELD_FORM = ("stress_soft", "stress_hard", "mass_soft", "mass_hard")
 STICK_FORM = ("stick_stress", "impedance")
 LEDGER = range(40, 49)  # numbers of the energy ledger
+PROFILE = range(50, 56)  # numbers of the columns of a profile
 
 BY_NUMBER = {column.number: column for column in COLUMNS}
 BY_NAME = {column.name: column for column in COLUMNS}

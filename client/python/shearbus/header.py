@@ -230,6 +230,7 @@ MARK = Message("Mark", ("name", 1, "string"))
 REGISTER_NODES, RETIRE_NODES = Message("RegisterNodes"), Message("RetireNodes")
 OFFER_NODES = Message("OfferNodes", ("transfer_id", 1, "bytes"))
 ACCEPT_NODES = Message("AcceptNodes", ("transfer_id", 1, "bytes"))
+READ_PROFILES = Message("ReadProfiles")
 
 WELCOME = Message("Welcome", ("protocol_major", 1, "uint"), ("protocol_minor", 2, "uint"),
                   ("server_version", 3, "string"), ("limits", 4, LIMITS), ("capabilities", 5, "string", True),
@@ -251,6 +252,7 @@ SESSION_RESUMED = Message("SessionResumed", ("session", 1, SESSION_OPENED), ("la
                           ("offers", 6, "bytes", True))
 MARKED = Message("Marked", ("state_version", 1, "uint"), ("names", 2, "string", True))
 NODES_CHANGED = Message("NodesChanged", ("nodes", 1, "uint"))
+PROFILES = Message("Profiles", ("nodes", 1, "uint"), ("vertices", 2, "uint"), ("state_version", 3, "uint"))
 
 _ENVELOPE = (("magic", 1, "fixed32"), ("protocol_major", 2, "uint"), ("protocol_minor", 3, "uint"), ("request_id", 4,
                                                                                                      "fixed64"),
@@ -259,9 +261,9 @@ REQUEST_HEADER = Message("RequestHeader", *_ENVELOPE, ("hello", 16, HELLO), ("op
                          ("downscale", 18, DOWNSCALE), ("commit", 19, COMMIT), ("rollback", 20, ROLLBACK),
                          ("close_session", 21, CLOSE_SESSION), ("resume_session", 23, RESUME_SESSION),
                          ("mark", 24, MARK), ("register_nodes", 25, REGISTER_NODES), ("retire_nodes", 26, RETIRE_NODES),
-                         ("offer_nodes", 27, OFFER_NODES), ("accept_nodes", 28, ACCEPT_NODES))
+                         ("offer_nodes", 27, OFFER_NODES), ("accept_nodes", 28, ACCEPT_NODES), ("read_profiles", 32, READ_PROFILES))
 REPLY_HEADER = Message("ReplyHeader", *_ENVELOPE, ("status", 9, STATUS), ("replayed", 10, "bool"),
                        ("welcome", 16, WELCOME), ("session_opened", 17, SESSION_OPENED), ("upscale", 18, UPSCALE),
                        ("committed", 19, COMMITTED), ("rolled_back", 20, ROLLED_BACK),
                        ("session_closed", 21, SESSION_CLOSED), ("session_resumed", 23, SESSION_RESUMED),
-                       ("marked", 24, MARKED), ("nodes_changed", 25, NODES_CHANGED))
+                       ("marked", 24, MARKED), ("nodes_changed", 25, NODES_CHANGED), ("profiles", 32, PROFILES))

@@ -11,8 +11,8 @@ import numpy
 from . import header
 from .checksum import xxh3
 from .closure import ClosureCheck
-from .columns import (BY_NAME, BY_NUMBER, DTYPE, FAR_FIELD_FORM, INITIAL_TEMPERATURE, LEDGER, NODE_ID, STICK_FORM,
-                      UINT64)
+from .columns import (BY_NAME, BY_NUMBER, DTYPE, FAR_FIELD_FORM, INITIAL_TEMPERATURE, LEDGER, NODE_ID, PROFILE,
+                      STICK_FORM, UINT64)
 from .connection import SMALL_BYTES, Connection
 from .errors import Code, ContentError, Error, MessageError, SessionError, UnexpectedReply, UnknownOutcome, Unreachable
 from .history import History
@@ -226,6 +226,31 @@ class Trial(Answer):
             return
         with contextlib.suppress(Error) if kind is not None else contextlib.nullcontext():
             self._session.rollback()
+
+
+class Profiles:
+    """The layers of N nodes at V vertices. nodes: ids; state_version: number of commits that led to these states;
+    position, width (m), shape (V,): z of each vertex, above 0 in the soft body, and the length that it stands for;
+    layer_temperature (K), layer_plastic_strain, layer_flow_stress, layer_shear_stress (Pa): shape (N, V), the stress
+    (N, V, 2) with two tangential components. NaN: the vertex lies outside of the layer. A layer that cannot flow has
+    neither strain nor flow stress: they are None."""
+
+    def __init__(self, reply, nodes):
+        self.nodes, self.state_version = nodes, reply.header.profiles.state_version
+        shape, parts = (len(nodes), reply.header.profiles.vertices), reply.header.payload.columns.parts
+        for column in (BY_NUMBER[number] for number in PROFILE):
+            of_component = [
+                numpy.frombuffer(reply.payload, DTYPE[part.element], part.count,
+                                 part.offset_bytes).reshape(shape).astype(float)
+                for part in parts.get(column.name, ())
+            ]
+            array = of_component[0] if len(of_component) == 1 else numpy.stack(of_component, -1) if of_component else None
+            if column.name in ("position", "width"):
+                array = array[0]
+            setattr(self, column.name, array if array is None else _frozen(array))
+
+    def __repr__(self):
+        return f"<Profiles of {len(self.nodes)} nodes at {len(self.position)} vertices>"
 
 
 # -- the session --
@@ -608,6 +633,32 @@ class Session:
         if self.history is not None:
             self.history._rollback_to(name)
         return reply.header.rolled_back.state_version
+
+    # -- profiles --
+
+    def profiles(self, nodes, pressure=None):
+        """Reads the layers of some nodes, vertex by vertex, from their committed states; changes nothing. pressure
+        (Pa): a number or an array (N,), at which the flow stress is evaluated; None: 0.
+
+        Returns Profiles of N nodes and V vertices in ascending z, in SI units. A scene that keeps no profile is a
+        MessageError (UNSUPPORTED), which gives the reason."""
+        named = node_ids(nodes)
+        columns = ((NODE_ID.number, 0),) if pressure is None else ((NODE_ID.number, 0), (BY_NAME["pressure"].number, 0))
+        frame = numpy.empty((len(columns), len(named)))
+        frame[0].view(numpy.uint64)[:] = named
+        if pressure is not None:
+            fill(frame[1:], "pressure", pressure)
+            check_finite(frame[1:], "pressure", named)
+        if self._closed:
+            raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
+        for restarts in range(MOST_RESTARTS + 1):
+            envelope = {"request_id": self._connection.next_request_id(), "session_id": self._id, "epoch": self._epoch}
+            try:
+                return Profiles(self._send(envelope, "read_profiles", {}, "profiles", columns, frame), named)
+            except Error as fault:
+                if fault.code != Code.EPOCH or restarts == MOST_RESTARTS:
+                    raise
+                self._follow_restart(fault)
 
     # -- the set of nodes --
 

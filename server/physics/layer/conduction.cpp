@@ -12,6 +12,12 @@
 
 namespace shearbus::physics {
 
+// Each vertex of a matched grid holds the heat of one half of each of its two cells. T0 would therefore rise less under
+// a flux than in the continuum, by the fraction (ln grading)^2/16. Longer conduction lengths compensate this.
+double conduction_stretch(const Grid& grid) {
+  return grid.matched ? 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading) : 1.0;
+}
+
 HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.width) {
   if (far_boundary == FarBoundary::kHalfSpace) {
     const double ratio = grid.matched ? std::max(grid.grading, kLeastMatchedGrading) : kExtensionGrading;
@@ -31,9 +37,7 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.widt
     weight.push_back(0.5 * width.back());
   }
   if (!grid.matched) return;
-  // Each vertex of this graded grid holds the heat of one half of each of its two cells. T0 would therefore rise less
-  // under a flux than in the continuum, by the fraction (ln grading)^2/16. Longer conduction lengths compensate this.
-  const double stretch = 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading);
+  const double stretch = conduction_stretch(grid);
   for (double& cell : width) cell *= stretch;
 }
 

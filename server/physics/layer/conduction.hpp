@@ -41,6 +41,9 @@ struct HeatGrid {
   double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };
 
+// Ratio of the conduction length of a cell to its width: 1, except on a matched grid.
+double conduction_stretch(const Grid& grid);
+
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
 //   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   old and t: temperature before and after, and with
 //   a[i] = alpha dt / (weight[i] * width of the cell before i), c[i] likewise with the cell behind i

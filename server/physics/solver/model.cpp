@@ -15,6 +15,7 @@
 #include "server/physics/solver/parts.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/profile.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/text.hpp"
 
@@ -143,6 +144,16 @@ std::vector<std::string> Model::warnings() const {
 
 double Model::interface_temperature(const double* tile, int lane) const {
   return physics::interface_temperature(*impl_, tile, lane);
+}
+
+bool Model::keeps_profile() const {
+  return physics::keeps_profile(*impl_);
+}
+std::size_t Model::profile_vertices() const {
+  return physics::profile_vertices(*impl_);
+}
+void Model::profile(const double* tile, int lane, double pressure, const ProfileRows& rows) const {
+  read_profile(*impl_, tile, lane, pressure, rows);
 }
 
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {

@@ -2,6 +2,7 @@
 // used by several threads at once.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,6 +17,18 @@ namespace shearbus::physics {
 // Operators that depend on the model and on dt but not on a node: the factorised heat operator and the response B to
 // unit flux (DLP 26-35). One object per step length, shared by all nodes and threads.
 class StepOperators;
+
+// Where Model::profile() writes the profile of a node: arrays of one value per vertex, in ascending z. Quantities that
+// the model lacks, or that are not wanted, have null. NaN: the vertex lies outside of the layer.
+struct ProfileRows {
+  double* position = nullptr;             // z of the vertex; below 0 in a conducting hard body  [m]
+  double* width = nullptr;                // length that the vertex stands for; at z = 0 that in the soft body  [m]
+  double* temperature = nullptr;          // T  [K]
+  double* plastic_strain = nullptr;       // ep of a layer that can flow
+  double* flow_stress = nullptr;          // Y(ep, P, T) of a layer that can flow, at the strain rate 0  [Pa]
+  double* shear_stress = nullptr;         // s; uniform in a layer without inertia  [Pa]
+  double* second_shear_stress = nullptr;  // second tangential component of s  [Pa]
+};
 
 class Model {
  public:
@@ -34,6 +47,12 @@ class Model {
 
   // Interface temperature T0 of the node in one lane, which may be asleep (ModelOptions::sleep)  [K].
   double interface_temperature(const double* tile, int lane) const;
+
+  // The profile of the node in one lane, which may be asleep. A model with heat modes keeps none: it has only T0.
+  // `pressure`: P at which the flow stress is evaluated  [Pa].
+  bool keeps_profile() const;
+  std::size_t profile_vertices() const;  // of the layer, a conducting hard body, and a half-space behind the layer
+  void profile(const double* tile, int lane, double pressure, const ProfileRows& rows) const;
 
   // Writes the initial states of a tile: no stress, no strain, and each lane uniformly at its `temperature`  [K].
   void initialise(double* tile, const double (&temperature)[kLanes]) const;

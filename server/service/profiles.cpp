@@ -1,0 +1,87 @@
+// The profiles of nodes across the layer, read from their committed states.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "server/service/member.hpp"
+#include "server/service/service.hpp"
+#include "server/service/validate.hpp"
+
+namespace shearbus::service {
+
+using wire::Code;
+using wire::Error;
+using wire::Field;
+
+namespace {
+
+std::vector<Field> profile_columns(const physics::TileLayout& layout) {
+  std::vector<Field> fields = {Field::kNodeId, Field::kPosition, Field::kWidth, Field::kLayerTemperature};
+  if (layout.num_strain_vertices > 0)
+    fields.insert(fields.end(), {Field::kLayerPlasticStrain, Field::kLayerFlowStress});
+  fields.push_back(Field::kLayerShearStress);
+  return fields;
+}
+
+}  // namespace
+
+Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
+  const auto found = members_.find(request.session_id);
+  if (found == members_.end() || !found->second->shard)
+    throw Error({.code = Code::kUnknownSession,
+                 .text = "no open session has this id",
+                 .remedy = "Open a session, or resume one with its token."});
+  Member& member = *found->second;
+  check_identity(member, arrival.caller);
+  member.last_request_ns = arrival.started_ns;
+  check_epoch(request, &member);
+  if (must_wait(member)) return reply;
+  const shard::Shard& shard = *member.shard;
+  const physics::Model& model = shard.model();
+  if (!model.keeps_profile())
+    throw Error({.code = Code::kUnsupported,
+                 .text = "the nodes of this scene keep no profile: layer.heat is \"modes\", a sum of exponentials that "
+                         "gives the interface temperature alone",
+                 .remedy = "Open the session with layer.heat = \"profile\", and with cells and grading in place of a "
+                           "tolerance.",
+                 .field = "layer.heat"});
+  const shard::Rows rows = check_profile_nodes(request.batch, shard.nodes());
+  const std::size_t vertices = model.profile_vertices();
+  if (const std::size_t most = wire::kMaxRowsPerMessage / vertices; rows.slots.size() > most)
+    throw Error({.code = Code::kLimit,
+                 .text = fmt::format("profiles of {} nodes with {} vertices each; a message has at most {} rows",
+                                     rows.slots.size(), vertices, wire::kMaxRowsPerMessage),
+                 .remedy = fmt::format("Ask for at most {} nodes at once.", most),
+                 .field = wire::name(Field::kNodeId)});
+  const auto ids = request.batch.u64(Field::kNodeId);
+  const auto pressures = request.batch.f64(Field::kPressure);
+  const auto components = static_cast<std::uint32_t>(model.options().tangential_components);
+  wire::Batch batch = wire::Batch::of(profile_columns(model.layout()), rows.slots.size() * vertices, components);
+  const std::span<std::uint64_t> id_of_row = batch.u64(Field::kNodeId);
+  for (std::size_t node = 0; node < rows.slots.size(); ++node) {
+    const std::size_t first = node * vertices;
+    const auto rows_of = [&](Field field, std::uint32_t component = 0) {
+      const std::span<double> column = batch.f64(field, component);
+      return column.empty() ? nullptr : column.data() + first;
+    };
+    std::fill_n(id_of_row.begin() + static_cast<std::ptrdiff_t>(first), vertices, ids[node]);
+    model.profile(shard.committed_tile(rows.slots[node]).data(), static_cast<int>(rows.slots[node] % physics::kLanes),
+                  pressures.empty() ? 0.0 : pressures[node],
+                  {.position = rows_of(Field::kPosition),
+                   .width = rows_of(Field::kWidth),
+                   .temperature = rows_of(Field::kLayerTemperature),
+                   .plastic_strain = rows_of(Field::kLayerPlasticStrain),
+                   .flow_stress = rows_of(Field::kLayerFlowStress),
+                   .shear_stress = rows_of(Field::kLayerShearStress),
+                   .second_shear_stress = rows_of(Field::kLayerShearStress, 1)});
+  }
+  reply->batch = std::move(batch);
+  reply->body =
+      wire::Profiles{.nodes = rows.slots.size(), .vertices = vertices, .state_version = shard.state_version()};
+  return reply;
+}
+
+}  // namespace shearbus::service
