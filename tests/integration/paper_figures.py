@@ -1,0 +1,61 @@
+"""Tests of tests/study/paper_figures.py: some figures from coarse runs, their sentences, and what is refused."""
+import argparse
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+OPTIONS = None
+
+
+class PaperFigures(unittest.TestCase):
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.out = pathlib.Path(scratch.name)
+
+    def run_program(self, *arguments):
+        programs = pathlib.Path(OPTIONS.replay).parent
+        self.assertEqual(programs, pathlib.Path(OPTIONS.hydro).parent)
+        return subprocess.run([sys.executable, "-B", OPTIONS.program, "-o", self.out, "--bin", programs, *arguments],
+                              capture_output=True, text=True, timeout=200)
+
+    def figures(self, only):
+        done = self.run_program("--coarse", "--only", only)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return {entry["figure"]: entry for entry in json.loads((self.out / "figures.json").read_text(encoding="utf-8"))}, done.stdout
+
+    def test_figures_have_a_picture_and_sentences_with_numbers(self):
+        figures, printed = self.figures("12,14,18")
+        self.assertEqual(list(figures), [12, 14, 18])
+        for number, entry in figures.items():
+            self.assertEqual(set(entry), {"figure", "title", "file", "scene", "agrees", "differs"})
+            self.assertEqual((self.out / entry["file"]).read_bytes()[:4], b"\x89PNG")
+            self.assertIn(entry["title"], printed)
+            self.assertTrue(any(letter.isdigit() for letter in " ".join(entry["agrees"])), number)
+        agrees = {number: " ".join(entry["agrees"]) for number, entry in figures.items()}
+        self.assertIn("No vertex is loaded beyond its flow stress", agrees[12])
+        self.assertIn("peaks at 293.4 MPa after 0.28 \u00b5s and has fallen to 142.6 MPa", agrees[14])
+        self.assertIn("Mainly Coulomb, measured by slip", agrees[18])
+        self.assertIn("Only with (14) as it is printed", " ".join(figures[18]["differs"]))
+        again, printed = self.figures("18")
+        self.assertEqual(list(again), [18])
+        self.assertNotIn("run cone", printed, "a run of the same inputs is used again")
+        self.assertEqual(again[18], figures[18])
+
+    def test_what_is_no_figure_and_what_is_missing_are_refused(self):
+        done = self.run_program("--only", "11")
+        self.assertEqual((done.returncode, "expected numbers from 12 to 22" in done.stderr), (2, True), done.stderr)
+        done = self.run_program("--only", "12", "--bin", self.out)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("shearbus-replay is missing", done.stderr)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    for name in ("replay", "hydro", "program"):
+        parser.add_argument(f"--{name}", required=True)
+    OPTIONS, rest = parser.parse_known_args()
+    unittest.main(argv=[sys.argv[0], *rest])
