@@ -171,7 +171,7 @@ void draw(std::string script, const std::filesystem::path& results, const std::f
 }  // namespace
 
 void plot(const std::filesystem::path& out) {
-  draw(SHEARBUS_PLOT_SCRIPT, out / "history.h5", out);
+  draw(SHEARBUS_PLOT_SCRIPT, out, out);
 }
 void plot_cone(const std::filesystem::path& out) {
   draw(SHEARBUS_PLOT_CONE_SCRIPT, out, out);

@@ -24,8 +24,8 @@ fs::path script() {
   const char* const name = "plot_history.py";
   std::error_code ignored;
   const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  const fs::path installed = program.parent_path().parent_path() / "share" / "shearbus" / name;
-  return fs::exists(installed, ignored) ? installed : fs::path(SHEARBUS_REPLAY_SOURCE) / name;
+  const fs::path installed = program.parent_path().parent_path() / "share" / "shearbus" / "report" / name;
+  return fs::exists(installed, ignored) ? installed : fs::path(SHEARBUS_REPLAY_SOURCE) / ".." / "report" / name;
 }
 
 void run(std::vector<std::string> words) {

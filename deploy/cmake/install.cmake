@@ -65,7 +65,6 @@ endforeach()
 install(FILES deploy/slurm/job.sh DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/slurm COMPONENT server)
 install(PROGRAMS deploy/slurm/one_node.sbatch deploy/slurm/several_nodes.sbatch deploy/slurm/mpi.sbatch
         DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/slurm COMPONENT server)
-install(PROGRAMS client/replay/plot_history.py DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT server)
 foreach(program shearbus-server shearbus-ctl shearbus-replay)
   if(TARGET ${program})
     install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT server)

@@ -8,11 +8,13 @@ if(SHEARBUS_HELP2MAN AND SHEARBUS_GZIP)
   set(shearbus-server_name "subgrid friction server for hydrocodes")
   set(shearbus-ctl_name "operate a shearbus server, check scenes, make keys")
   set(shearbus-replay_name "replay interface histories through the subgrid model")
-  foreach(program ${programs})
+  set(shearbus-report_name "put runs of shearbus into one HTML page")
+  foreach(program ${programs} shearbus-report)
+    set(file ${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/${program})
     set(page ${CMAKE_CURRENT_BINARY_DIR}/man/${program}.1.gz)
-    add_custom_command(OUTPUT ${page} DEPENDS ${program} VERBATIM
+    add_custom_command(OUTPUT ${page} DEPENDS $<IF:$<TARGET_EXISTS:${program}>,${program},${file}> VERBATIM
       COMMAND ${CMAKE_COMMAND} -E make_directory ${CMAKE_CURRENT_BINARY_DIR}/man
-      COMMAND sh -c "\"$1\" --no-info --name=\"$2\" \"$3\" | \"$4\" -9n > \"$5\"" sh ${SHEARBUS_HELP2MAN} ${${program}_name} $<TARGET_FILE:${program}>
+      COMMAND sh -c "\"$1\" --no-info --name=\"$2\" \"$3\" | \"$4\" -9n > \"$5\"" sh ${SHEARBUS_HELP2MAN} ${${program}_name} ${file}
               ${SHEARBUS_GZIP} ${page})
     list(APPEND manual ${page})
   endforeach()
@@ -21,7 +23,7 @@ if(SHEARBUS_HELP2MAN AND SHEARBUS_GZIP)
 endif()
 
 set(packaging ${PROJECT_SOURCE_DIR}/deploy/packaging)
-foreach(program ${programs})
+foreach(program ${programs} shearbus-report)
   install(FILES ${packaging}/completion.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program} COMPONENT server)
 endforeach()
 install(FILES deploy/systemd/shearbus-server.service DESTINATION lib/systemd/system COMPONENT server)
@@ -41,7 +43,7 @@ set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_SERVER_PACKAGE_NAME shearbus-server)
 set(CPACK_DEBIAN_SERVER_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS "adduser, python3:any")
-set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "python3-shearbus, python3-matplotlib, python3-h5py")
+set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "python3-shearbus, python3-matplotlib, python3-h5py, python3-jinja2")
 set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS shearbus-doc)
 set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA "${packaging}/server/postinst;${packaging}/server/prerm;${packaging}/server/postrm")
 set(CPACK_DEBIAN_SERVER_DESCRIPTION "subgrid friction server for hydrocodes

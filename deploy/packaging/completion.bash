@@ -19,4 +19,4 @@ _shearbus() {
     _filedir
   fi
 }
-complete -F _shearbus shearbus-server shearbus-ctl shearbus-replay
+complete -F _shearbus shearbus-server shearbus-ctl shearbus-replay shearbus-report

@@ -14,7 +14,8 @@ SKIPPED = 77
 PACKAGES = {"shearbus-server": "amd64", "libshearbus1": "amd64", "libshearbus-dev": "amd64", "python3-shearbus": "all", "shearbus-doc": "all"}
 # Some files of each package; every package has its copyright and its changelog in addition.
 FILES = {
-    "shearbus-server": ["usr/bin/shearbus-server", "usr/bin/shearbus-ctl", "usr/bin/shearbus-replay",
+    "shearbus-server": ["usr/bin/shearbus-server", "usr/bin/shearbus-ctl", "usr/bin/shearbus-replay", "usr/bin/shearbus-report",
+                        "usr/share/shearbus/report/report.html", "usr/share/man/man1/shearbus-report.1.gz",
                         "usr/lib/systemd/system/shearbus-server.service", "usr/share/man/man1/shearbus-ctl.1.gz",
                         "usr/share/bash-completion/completions/shearbus-ctl", "usr/share/shearbus/slurm/one_node.sbatch",
                         "usr/share/shearbus/slurm/job.sh"],

@@ -1,9 +1,11 @@
-"""Common parts of the studies' pictures: the command line, and small files."""
+"""Common parts of the studies' pictures: the command line, the look (client/report/style.py) and the footer."""
 import argparse
 import json
 import pathlib
+import sys
 
-from PIL import Image
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/report"))
+import style  # noqa: E402
 
 
 def arguments(description):
@@ -15,7 +17,9 @@ def arguments(description):
     return json.loads(options.study.read_text()), options.out or options.study.with_suffix(".png")
 
 
-def save_small(figure, out):
-    figure.savefig(out, dpi=110)
-    Image.open(out).convert("P", palette=Image.Palette.ADAPTIVE, colors=48).save(out, optimize=True)  # a third of the size
+def save(figure, out, study):
+    """Writes a picture with the study's provenance as footer."""
+    known = {"program": f"shearbus-study {study['study']}", "version": study["version"], "commit": study["commit"], "date": study["date"],
+             "machine": study["processor"]}
+    style.save(figure, out, style.provenance_text(known), colours=128)
     print(f"written: {out}")

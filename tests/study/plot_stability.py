@@ -1,61 +1,67 @@
 #!/usr/bin/python3
-"""Draws the envelope from stability.json, rows against physics. The colour shows the largest effort of a step of eight nodes, in
-evaluations; the number is the share of the heat that a molten interface would take, in brackets if the row did not reach its regime; a
-cross marks a broken invariant; blank cells do not apply. For a single scene the evaluations are printed, too.   plot_stability.py
-stability.json [--out FILE.png]"""
+"""Draws the envelope from stability.json as a map, rows against physics. The colour shows the largest effort of a step of eight nodes, in
+evaluations; a cross marks a broken invariant, a ring a row that did not reach its regime; blank cells do not apply. Prints the ten cells
+with the most effort. For a single scene: bars, with the share of the heat that a molten interface would take.
+plot_stability.py stability.json [--out FILE.png]"""
 import textwrap
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-from matplotlib.colors import LogNorm  # noqa: E402
-from pictures import arguments  # noqa: E402
+import numpy as np
+from matplotlib.colors import LogNorm
+from pictures import arguments, save, style
 
 
 def effort(cell):
     return max(1, cell["layer_sums"] + cell["limit_values"] + cell["newton_steps"])
 
 
-def text_of(cell, alone):
-    if cell["verdict"] == "broken":
-        return {"s": "x", "fontsize": 11, "color": "red"}
-    share = f"{cell['bound_share']:.2f}".lstrip("0") if cell["bound_share"] else ""
-    if cell["verdict"] == "not met":
-        share = f"({share})"
-    return {"s": f"{share}   {effort(cell)}" if alone else share, "fontsize": 5, "color": "black"}
+def of_one_scene(study, cells):
+    """Bars of one scene, one for each row that applies."""
+    asked = [(row, cells[row["name"], study["physics"][0]]) for row in study["rows"]]
+    asked = [(row, cell) for row, cell in asked if cell["verdict"] != "not asked"][::-1]
+    figure, axes = style.figure(1, 1, (9, 0.3 * len(asked) + 1.6))
+    colours = {"held": style.FAINT, "not met": style.GRID, "broken": style.SECOND}
+    axes.barh(range(len(asked)), [effort(cell) for _, cell in asked], color=[colours[cell["verdict"]] for _, cell in asked])
+    for i, (_, cell) in enumerate(asked):
+        share = f"   {cell['bound_share']:.2f} of melting" if cell["bound_share"] else ""
+        axes.text(effort(cell) * 1.1, i, f"{effort(cell)}{share}{'' if cell['verdict'] == 'held' else '   ' + cell['verdict']}", va="center", fontsize=9)
+    axes.set_yticks(range(len(asked)), [f"{row['name']}: {row['what']}" for row, _ in asked])
+    axes.set(xscale="log", xlim=(0.8, 40 * max(effort(cell) for _, cell in asked)), xlabel="evaluations, most in a step of eight nodes")
+    axes.set_title(textwrap.fill(f"{study['scene']['physics']}; {study['scene']['host']}", 100), fontsize=8, loc="right")
+    return figure
+
+
+def of_all(study, cells):
+    rows, physics = [row["name"] for row in study["rows"]], study["physics"]
+    field = np.full((len(rows), len(physics)), np.nan)
+    figure, axes = style.figure(1, 1, (11, 0.26 * len(rows) + 2.4))
+    marks = {"broken": {"marker": "x", "color": style.SECOND, "s": 60, "lw": 2}, "not met": {"marker": "o", "facecolor": "none", "edgecolor": style.INK, "s": 30}}
+    for (row, name), cell in cells.items():
+        r, p = rows.index(row), physics.index(name)
+        if cell["verdict"] != "not asked":
+            field[r, p] = effort(cell)
+        if cell["verdict"] in marks:
+            axes.scatter(p, r, **marks[cell["verdict"]])
+    picture = axes.imshow(field, norm=LogNorm(1, 2e5), cmap="YlGnBu", aspect="auto")
+    axes.set_xticks(range(len(physics)), physics, rotation=90, fontsize=9)
+    axes.set_yticks(range(len(rows)), rows, fontsize=9)
+    axes.set_xticks(np.arange(-0.5, len(physics)), minor=True)
+    axes.set_yticks(np.arange(-0.5, len(rows)), minor=True)
+    axes.grid(which="minor", color="white", linewidth=1.2)
+    axes.tick_params(which="both", length=0)
+    figure.colorbar(picture, label="evaluations, most in a step of eight nodes", fraction=0.03, pad=0.01, extend="max")
+    asked = [cell for cell in cells.values() if cell["verdict"] != "not asked"]
+    held = sum(cell["verdict"] == "held" for cell in asked)
+    axes.set_title(f"{held} of {len(asked)} combinations of input and physics keep every invariant")
+    print("| row | physics | evaluations |\n|---|---|---|")
+    for cell in sorted(asked, key=effort, reverse=True)[:10]:
+        print(f"| {cell['row']} | {cell['physics']} | {effort(cell):,} |")
+    return figure
 
 
 def main():
     study, out = arguments(__doc__)
-    rows = [row["name"] for row in study["rows"]]
-    physics = study["physics"]
-    alone = study["scene"] is not None
     cells = {(cell["row"], cell["physics"]): cell for cell in study["cells"]}
-    field = [[float("nan")] * len(physics) for _ in rows]
-    figure, axes = plt.subplots(figsize=(6 if alone else 0.42 * len(physics) + 3.4, 0.3 * len(rows) + (1.5 if alone else 2.6)))
-    for r, row in enumerate(rows):
-        for p, name in enumerate(physics):
-            cell = cells[row, name]
-            if cell["verdict"] != "not asked":
-                field[r][p] = effort(cell)
-                axes.text(p, r, ha="center", va="center", **text_of(cell, alone))
-    picture = axes.imshow(field, norm=LogNorm(1, 2e4), cmap="YlGnBu", aspect="auto", alpha=0.75)
-    axes.set_xticks(range(len(physics)), physics, rotation=0 if alone else 55, ha="center" if alone else "right", fontsize=6)
-    axes.set_yticks(range(len(rows)), [f"{row['name']}: {row['what']}" for row in study["rows"]], fontsize=6)
-    bar = figure.colorbar(picture, fraction=0.06 if alone else 0.03, pad=0.03 if alone else 0.01, aspect=40)
-    bar.set_label("evaluations, most in a step of eight nodes", fontsize=6)
-    bar.ax.tick_params(labelsize=6)
-    held = sum(cell["verdict"] == "held" for cell in cells.values())
-    asked = sum(cell["verdict"] != "not asked" for cell in cells.values())
-    told = "share of the heat a molten interface would take" + (", evaluations" if alone else "")
-    title = f"Stability: {held} of {asked} held ({study['date']}). Numbers: {told}"
-    if alone:
-        title += "\n" + textwrap.fill(f"{study['scene']['physics']}; {study['scene']['host']}", 105)
-    figure.suptitle(title, fontsize=7 if not alone else 6)
-    figure.tight_layout()
-    figure.savefig(out, dpi=110 if alone else 72)
-    print(f"written: {out}")
+    save((of_all if study["scene"] is None else of_one_scene)(study, cells), out, study)
 
 
 if __name__ == "__main__":

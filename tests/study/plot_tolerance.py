@@ -1,43 +1,34 @@
 #!/usr/bin/python3
-"""Draws the delivered against the requested error from tolerance.json, one line per problem and number of host steps; below the diagonal
-the request is met. Left: the error of T0; right: its cost.   plot_tolerance.py tolerance.json [--out FILE.png]"""
-import matplotlib
+"""Draws the delivered against the requested error from tolerance.json, one line per problem, the largest over its numbers of host steps;
+below the diagonal the request is met. Left: the error of T0; right: its cost.   plot_tolerance.py tolerance.json [--out FILE.png]"""
+from pictures import arguments, save, style
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-from pictures import arguments, save_small  # noqa: E402
-
-COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple")
-DASHES = (":", "--", "-")
+COLOURS = (style.INK, "#2a8fbd", "#8a7f2d", style.SECOND, "#8a5ba6")
 
 
 def main():
     study, out = arguments(__doc__)
-    figure, (errors, costs) = plt.subplots(1, 2, figsize=(8.0, 3.6))
+    figure, (errors, costs) = style.figure(1, 2, (11, 4.4))
+    labels = ([], [])
     for problem, colour in zip(study["problems"], COLOURS):
-        by_steps = {}
-        for run in problem["runs"]:
-            by_steps.setdefault(run["steps"], []).append(run)
-        for (steps, runs), dashes in zip(sorted(by_steps.items()), DASHES):
-            x = [r["requested"] for r in runs]
-            errors.plot(x, [max(r["temperature_error"] or 1.0, 1e-9) if r["temperature_error"] != 0 else None for r in runs],
-                        dashes, color=colour, marker=".", markersize=4, linewidth=0.9, label=f"{problem['name']}, {steps} steps")
-            costs.plot(x, [r["ns_per_node_step"] * 1e-3 for r in runs], dashes, color=colour, marker=".", markersize=4, linewidth=0.9)
-    ends = (1e-6, 1e-1)
-    errors.plot(ends, ends, color="black", linewidth=1.2, label="requested")
-    errors.set(ylabel="largest |T0 error| / (T_melt - T_ref) delivered", ylim=(1e-8, 1))
-    costs.set(ylabel="CPU time of a node's step, µs")
+        requests = sorted({run["requested"] for run in problem["runs"]}, reverse=True)
+        of = lambda request: [run for run in problem["runs"] if run["requested"] == request]
+        worst = [max(max(1.0 if run["temperature_error"] is None else run["temperature_error"], 1e-9) for run in of(request)) for request in requests]
+        cost = [max(run["ns_per_node_step"] for run in of(request)) * 1e-3 for request in requests]
+        for axes, values, ends in zip((errors, costs), (worst, cost), labels):
+            axes.plot(requests, values, color=colour, marker="o", markersize=4, linewidth=1.8)
+            ends.append((requests[-1], values[-1], problem["name"], colour))
+    span = [run["requested"] for problem in study["problems"] for run in problem["runs"]]
+    errors.plot((min(span), max(span)), (min(span), max(span)), color=style.FAINT, linewidth=1.2, linestyle="--")
+    errors.annotate("requested", (max(span), max(span)), color=style.FAINT, fontsize=9, va="bottom", ha="left")
+    errors.set(ylabel="largest error of T0 / (T_melt - T_ref) delivered", ylim=(1e-9, 1))
+    costs.set(ylabel="processor time of a node's step (µs), most")
     for axes in (errors, costs):
         axes.set(xscale="log", yscale="log", xlabel="tolerance requested")
         axes.invert_xaxis()
-        axes.grid(alpha=0.3, linewidth=0.4)
-        axes.tick_params(labelsize=7)
-        axes.xaxis.label.set_fontsize(8)
-        axes.yaxis.label.set_fontsize(8)
-    costs.legend(*errors.get_legend_handles_labels(), fontsize=5, loc="upper left")
-    figure.suptitle(f"Tolerances, {study['date']}, {study['processor']}", fontsize=8)
-    figure.tight_layout()
-    save_small(figure, out)
+        axes.grid()
+    errors.legend(handles=[style.plt.Line2D([], [], color=colour, linewidth=1.8, label=label) for _, _, label, colour in labels[0]], loc="lower left")
+    save(figure, out, study)
 
 
 if __name__ == "__main__":

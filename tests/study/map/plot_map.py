@@ -11,18 +11,18 @@ import json
 import pathlib
 import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "client/report"))
+import style  # noqa: E402
 
 LINES = [  # key in map.json, meaning, style
-    ("sticking_below_m_per_s", "sticks below", {"color": "black", "linestyle": "-"}),
-    ("domain_limit_m_per_s", "outside the domain below", {"color": "black", "linestyle": "--"}),
-    ("melting_above_m_per_s", "melting above", {"color": "#7a0019", "linestyle": "-."}),
+    ("sticking_below_m_per_s", "sticks below", {"color": style.INK, "linestyle": "-"}),
+    ("domain_limit_m_per_s", "outside the domain below", {"color": style.INK, "linestyle": "--"}),
+    ("melting_above_m_per_s", "melting above", {"color": style.MELTING, "linestyle": "-."}),
 ]
 PANELS = [  # column of nodes.csv, title, colour map, scale, logarithmic
     ("slip_share", "share of the imposed slip carried", "viridis", 1.0, False),
@@ -34,6 +34,7 @@ PANELS = [  # column of nodes.csv, title, colour map, scale, logarithmic
 class Map:
     def __init__(self, directory):
         self.json = json.loads((directory / "map.json").read_text())
+        self.provenance = {"program": "shearbus-study map", "version": self.json.get("version", self.json.get("server_version", ""))}
         self.pressure = np.array(self.json["pressure_pa"]) * 1e-9
         self.velocity = np.array(self.json["velocity_jump_m_per_s"])
         self.times = [seen["time_s"] for seen in self.json["observations"]]
@@ -52,59 +53,63 @@ class Map:
 
 def axes_of(ax, title):
     ax.set(xscale="log", yscale="log", title=title, xlabel="pressure (GPa)", ylabel="velocity jump (m/s)")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def draw_lines(ax, the_map, time, colors=None):
-    for key, _, style in LINES:
-        ax.plot(the_map.pressure, the_map.line(time, key), linewidth=1.8, **(style | (colors or {})))
+    for key, _, line in LINES:
+        ax.plot(the_map.pressure, the_map.line(time, key), linewidth=1.8, **(line | (colors or {})))
 
 
-def legend():
-    return [Line2D([], [], label=meaning, **style) for _, meaning, style in LINES]
+def handles(color=None):
+    return [Line2D([], [], label=meaning, **(line | ({"color": color} if color else {}))) for _, meaning, line in LINES]
 
 
 def microseconds(time):
     return f"{time * 1e6:g} µs"
 
 
-def draw_fields(the_map, path):
-    figure, axes = plt.subplots(len(PANELS), len(the_map.times), figsize=(4.2 * len(the_map.times), 3.6 * len(PANELS)),
-                                squeeze=False, sharex=True, sharey=True, constrained_layout=True)
+def draw_fields(the_map):
+    count = len(the_map.times)
+    figure, axes = style.figure(len(PANELS), count, (1.2 + 3.2 * count, 0.8 + 2.9 * len(PANELS)), legend=True, squeeze=False, sharex=True, sharey=True)
     for row, (name, title, colors, scale, logarithmic) in zip(axes, PANELS):
         values = the_map.columns[name] * scale
         low, high = np.nanmin(values), np.nanmax(values)
         norm = {"norm": LogNorm(max(low, 1e-4 * high), high)} if logarithmic else {"vmin": low, "vmax": high}
         for time, ax in enumerate(row):
-            image = ax.pcolormesh(the_map.pressure, the_map.velocity, values[time].T, cmap=colors, shading="nearest", **norm)
+            image = ax.pcolormesh(the_map.pressure, the_map.velocity, values[time].T, cmap=colors, shading="gouraud", rasterized=True, **norm)
             draw_lines(ax, the_map, time, {"color": "white"} if name != "slip_share" else None)
-            axes_of(ax, f"{title}, {microseconds(the_map.times[time])}" if time == 0 else microseconds(the_map.times[time]))
+            axes_of(ax, microseconds(the_map.times[time]))
             ax.label_outer()
-        figure.colorbar(image, ax=row, location="right")
-    axes[0][0].legend(handles=legend(), fontsize=7, loc="lower right")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+        figure.colorbar(image, ax=list(row), location="right", label=title)
+    style.legend_below(figure, handles(style.FAINT))
+    return figure
 
 
-def draw_limits(the_map, path):
-    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), constrained_layout=True)
-    shades = plt.cm.viridis(np.linspace(0.0, 0.85, len(the_map.times)))
+def draw_limits(the_map):
+    figure, (left, right) = style.figure(1, 2, (11, 4.8), legend=True)
+    shades = style.plt.cm.viridis(np.linspace(0.0, 0.85, len(the_map.times)))
     for time, shade in enumerate(shades):
         draw_lines(left, the_map, time, {"color": shade})
     axes_of(left, "the lines move with the time of observation")
     left.set_ylim(the_map.velocity[0], the_map.velocity[-1])
-    left.legend(handles=[Line2D([], [], color=shade, label=microseconds(t)) for t, shade in zip(the_map.times, shades)]
-                + [Line2D([], [], color="grey", linestyle=style["linestyle"], label=meaning) for _, meaning, style in LINES],
-                fontsize=7, loc="upper right", ncol=2)
-    melting = the_map.columns["melting_time_s"][-1] * 1e6
-    if np.isfinite(melting).any():
-        image = right.pcolormesh(the_map.pressure, the_map.velocity, melting.T, cmap="plasma_r", shading="nearest",
-                                 norm=LogNorm(np.nanmin(melting), np.nanmax(melting)))
-        right.contour(the_map.pressure, the_map.velocity, melting.T, levels=[t * 1e6 for t in the_map.times], colors="black", linewidths=1)
-        figure.colorbar(image, ax=right, label="time to melting, 0.99 T_melt (µs)")
-    axes_of(right, f"time to melting (blank: later than {microseconds(the_map.times[-1])})")
+    left.grid()
+    left.legend(handles=[Line2D([], [], color=shade, lw=3, label=microseconds(t)) for t, shade in zip(the_map.times, shades)], loc="upper right")
+    melting = np.ma.masked_invalid(the_map.columns["melting_time_s"][-1] * 1e6)
+    axes_of(right, f"time to melting (grey: later than {microseconds(the_map.times[-1])})")
+    right.set_facecolor(style.OPEN)
+    if melting.count() > 3:
+        levels = np.geomspace(melting.min(), melting.max() * (1 + 1e-9), 16)
+        image = right.contourf(the_map.pressure, the_map.velocity, melting.T, levels=levels, cmap="plasma_r", norm=LogNorm(levels[0], levels[-1]))
+        lines = right.contour(the_map.pressure, the_map.velocity, melting.T, levels=[t * 1e6 for t in the_map.times if levels[0] < t * 1e6 < levels[-1]],
+                              colors=style.INK, linewidths=1)
+        right.clabel(lines, fmt="%g µs", fontsize=9)
+        bar = figure.colorbar(image, ax=right, label=f"time to {style.MELTING_LABEL} (µs)", format="%.2g")
+        bar.ax.minorticks_off()
     right.set_ylim(the_map.velocity[0], the_map.velocity[-1])
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    style.legend_below(figure, handles(style.FAINT))
+    return figure
 
 
 def main():
@@ -120,7 +125,7 @@ def main():
         return 1
     out.mkdir(parents=True, exist_ok=True)
     for name, draw in (("limits.png", draw_limits), ("fields.png", draw_fields)):
-        draw(the_map, out / name)
+        style.save(draw(the_map), out / name, style.provenance_text(the_map.provenance))
         print(out / name)
     return 0
 

@@ -1,0 +1,219 @@
+#!/usr/bin/python3
+"""Pictures of one or more runs of cone_target: the cone's free-surface velocity; shape and temperature at the end, two laws left and right of
+the axis, with the temperature of the flank on its own scale; and space-time maps along the interface (regime, interface temperature, sliding
+speed, shear stress: DLP Figs 16-22; pressure) up to the last contact. Runs with free slip or stick appear only in the first picture, unless
+there are no other runs.
+
+    plot_cone.py RUN [RUN ...] --out DIRECTORY       RUN: a directory that shearbus-hydro wrote
+"""
+import argparse
+import pathlib
+import sys
+
+import numpy as np
+import style
+from matplotlib.collections import PolyCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+from matplotlib.patheffects import withStroke
+from runs import Fault, Run, style_text
+
+NODES = "interface node: its {} at the start (mm)"
+LEVELS = (350, 500, 750, 1000, 1250)  # contours of the interface temperature (K)
+FRONT = {"color": "white", "lw": 1.0, "path_effects": [withStroke(linewidth=2.4, foreground=style.INK)]}
+MAPS = ("regime", "interface_temperature", "sliding_velocity", "shear_stress", "pressure")
+
+
+def main_runs(runs):
+    """Returns the runs whose law has a layer or a temperature of its own, or all if there are none."""
+    return [run for run in runs if run.law not in ("free_slip", "stick", "constant")] or runs
+
+
+def shown(run, name):
+    """Returns a map [T, N] in the unit of the pictures, masked where the contact is open; sliding as a speed."""
+    values = run[name] * style.QUANTITIES[name][1]
+    values = np.abs(values) if name == "sliding_velocity" else values
+    return np.ma.masked_where(run["regime"] == 0, values)
+
+
+def zones(axis, run, frame, values, side, **colours):
+    """Draws the zones of a frame left (side -1) or right (1) of the axis."""
+    corners = (frame["place"] * 1e3 * (side, 1))[run.quads()]
+    drawn = PolyCollection(corners, array=values, edgecolor="none", antialiased=False, rasterized=True, **colours)
+    axis.add_collection(drawn)
+    return drawn
+
+
+def outlines(run, frame):
+    """Returns {body: [n, 2] corners of its outline in mm}: the edges that one zone alone has, as one loop."""
+    found, quads = {}, run.quads()
+    for body in np.unique(frame["body"]):
+        own = quads[frame["body"] == body]
+        edges = np.stack([own, np.roll(own, -1, axis=1)], axis=-1).reshape(-1, 2)
+        _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+        after = dict(edges[first[count == 1]])
+        loop = [next(iter(after))]
+        while after[loop[-1]] != loop[0] and len(loop) < len(after):
+            loop.append(after[loop[-1]])
+        found[int(body)] = frame["place"][loop] * 1e3
+    return found
+
+
+def sides(runs):
+    """Returns (run, side) of a mirrored picture: two runs, or one run on both sides."""
+    return [(runs[0], -1), (runs[1] if len(runs) > 1 else runs[0], 1)]
+
+
+def mirrored(axis, runs, time=None, name="temperature", scale=1.0):
+    """Draws one zone quantity, the first run left of the axis and the second right of it. Returns what a colour bar needs, and the arrows."""
+    frames = [(run, run.frame(time), side) for run, side in sides(runs)]
+    span, extend = style.limits("temperature", *(frame[name] * scale for _, frame, _ in frames), percentile=99.7)
+    for run, frame, side in frames:
+        drawn = zones(axis, run, frame, frame[name] * scale, side, cmap=style.COLOUR_MAPS["temperature"], clim=(span["vmin"], span["vmax"]))
+        for loop in outlines(run, frame).values():
+            axis.add_patch(Polygon(loop * (side, 1), fill=False, edgecolor="white", lw=0.7))
+    axis.autoscale_view()
+    axis.set_aspect("equal")
+    axis.set_xlabel("r (mm)")
+    axis.set_ylabel("z (mm)")
+    axis.xaxis.set_major_formatter(lambda x, _: f"{abs(x):g}")
+    for run, _, side in frames if len(runs) > 1 else ():
+        axis.text(0.25 if side < 0 else 0.75, 1.01, run.label, transform=axis.transAxes, ha="center", va="bottom", fontsize=10)
+    return drawn, extend, frames[0][1]["time"]
+
+
+def shape_and_flank(runs):
+    runs = runs[:2]
+    figure, (shape, flank) = style.figure(1, 2, (11, 5.0), legend=True, width_ratios=(1.25, 1))
+    drawn, extend, time = mirrored(shape, runs)
+    figure.colorbar(drawn, ax=shape, label=f"temperature of the zones at {time:.1f} µs (K)", extend=extend, shrink=0.85)
+    for run in runs:
+        heat, colour = run["interface_temperature"], style.law_colour(run.law)
+        flank.plot(run.place * 1e3, heat.max(axis=0), color=colour, lw=1.8)
+        flank.plot(run.place * 1e3, heat[-1], "--", color=colour, lw=1.2)
+    flank.set(xlabel=NODES.format(runs[0].place_name), ylabel="temperature of the flank (K)", ylim=(280, None))
+    flank.set_title("the flank, on a scale of its own", fontsize=10)
+    flank.grid()
+    where = {"coulomb_tresca": ", of the zones at the flank"}
+    style.legend_below(figure, [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label + where.get(run.law, "")) for run in runs] +
+                       [Line2D([], [], color=style.FAINT, lw=1.8, label="highest"), Line2D([], [], color=style.FAINT, ls="--", label=f"at {time:.1f} µs")])
+    return figure
+
+
+def front(run):
+    """Returns when the shock reaches each node (µs): the first time its pressure exceeds a tenth of its highest; NaN if it never rises."""
+    pressure = run["pressure"]
+    above = pressure > 0.1 * pressure.max(axis=0)
+    return np.where(above.any(axis=0) & (pressure.max(axis=0) > 0), run.time[above.argmax(axis=0)], np.nan)
+
+
+def melting_outline(axis, run):
+    melting = run["regime"] == list(style.REGIMES).index("MELTING")
+    if melting.any():
+        axis.contour(run.time, run.place * 1e3, melting.T.astype(float), levels=[0.5], colors=[style.MELTING], linewidths=1.1)
+    return bool(melting.any())
+
+
+def difference(run, other, name):
+    """Returns the map of `run` less that of `other` at the times of `run`, masked where either is open."""
+    on_time = lambda values: np.column_stack([np.interp(run.time, other.time, values[:, i]) for i in range(values.shape[1])])
+    both = (run["regime"] > 0) & (on_time((other["regime"] > 0).astype(float)) > 0.99)
+    return np.ma.masked_where(~both, shown(run, name).data - on_time(shown(other, name).data))
+
+
+def space_time(runs, name):
+    """Draws the maps of one quantity side by side, and their difference where two runs have the same nodes. Returns the figure."""
+    compared = name in ("sliding_velocity", "pressure") and len(runs) == 2 and np.array_equal(runs[0].nodes, runs[1].nodes)
+    count = len(runs) + compared
+    figure, axes = style.figure(1, count, (4.3 * count + 1.2, 4.6), legend=True, squeeze=False, sharey=True)
+    label, _, kind = ("friction regime", 1, None) if name == "regime" else style.QUANTITIES[name]
+    span, extend = (None, None) if name == "regime" else style.limits(kind, *(shown(run, name) for run in runs))
+    molten, contours = False, []
+    for axis, run in zip(axes[0], runs):
+        axis.set_facecolor(style.OPEN)
+        nodes = run.place * 1e3  # the height moves with the metal: each node keeps its line
+        if name == "regime":
+            axis.pcolormesh(run.time, nodes, run["regime"].T, shading="nearest", rasterized=True, **style.regime_colours())
+            share = run.summary.get("slip_share_coulomb")
+            axis.set_title(run.label + (f"\nCoulomb {100 * share:.0f} % of the slip" if share is not None else ""))
+        else:
+            values = shown(run, name)
+            image = axis.pcolormesh(run.time, nodes, values.T, shading="nearest", rasterized=True, cmap=style.COLOUR_MAPS[kind], **span)
+            levels = [level for level in LEVELS if values.min() < level < values.max()] if kind == "temperature" else []
+            if levels:
+                contours.append(axis.contour(run.time, nodes, values.T, levels=levels, colors="white", linewidths=0.7))
+            axis.set_title(run.label)
+            molten |= melting_outline(axis, run)
+        axis.plot(front(run), nodes, **FRONT)
+    if name != "regime":
+        bar = figure.colorbar(image, ax=list(axes[0][: len(runs)]), label=label, extend=extend, pad=0.02)
+        for lines in contours:
+            bar.add_lines(lines, erase=False)
+    if compared:
+        values = difference(*runs, name)
+        span, extend = style.limits("signed", values)
+        image = axes[0][-1].pcolormesh(runs[0].time, runs[0].place * 1e3, values.T, shading="nearest", rasterized=True, cmap=style.COLOUR_MAPS["signed"], **span)
+        axes[0][-1].set_facecolor(style.OPEN)
+        axes[0][-1].set_title("left minus middle")
+        figure.colorbar(image, ax=axes[0][-1], label=f"difference of {label}", extend=extend)
+    for axis in axes[0]:
+        axis.set_xlim(0.0, 1.1 * max(run.last_contact for run in runs))
+        axis.set_xlabel("time (µs)")
+    axes[0][0].set_ylabel(NODES.format(runs[0].place_name))
+    handles = [Line2D([], [], **FRONT, label="shock: a tenth of the highest pressure")]
+    if name == "regime":
+        handles = style.regime_handles(np.concatenate([np.unique(run["regime"]) for run in runs])) + handles
+    else:
+        handles = style.regime_handles([0]) + handles + [Line2D([], [], color=style.MELTING, lw=1.1, label=style.MELTING_LABEL)] * molten
+    style.legend_below(figure, handles)
+    return figure
+
+
+def free_surface(runs):
+    runs = [run for run in runs if run.surface is not None]
+    figure, axes = style.figure(1, 2, (11, 4.2), sharey=True)
+    begin = min(time[(np.abs(speed) > 1.0).any(axis=1)][0] if (np.abs(speed) > 1.0).any() else time[0] for time, speed in (run.surface for run in runs))
+    for axis, where, title in zip(axes, (0.0, 0.5), ("on the axis", "at half the radius")):
+        for run in runs:
+            time, speed = run.surface
+            axis.plot(time, speed[:, int(where * (speed.shape[1] - 1))], color=style.law_colour(run.law), lw=1.5)
+        axis.set(xlabel="time (µs)", title=title, xlim=(0.9 * begin, max(run.surface[0][-1] for run in runs)))
+        axis.grid()
+    axes[0].set_ylabel("velocity of the cone's free surface (m/s)")
+    figure.canvas.draw()
+    for axis, where in zip(axes, (0.0, 0.5)):
+        style.label_ends(axis, [(run.surface[0][-1], run.surface[1][-1, int(where * (run.surface[1].shape[1] - 1))], run.label, style.law_colour(run.law))
+                                for run in runs])
+    return figure
+
+
+def pictures(runs):
+    """Yields (name of the file, figure) of all pictures of these runs."""
+    if main := main_runs([run for run in runs if run.table is not None]):
+        yield "cone_temperature.png", shape_and_flank(main)
+        for name in MAPS:
+            yield f"cone_{name}.png", space_time(main, name)
+    if any(run.surface is not None for run in runs):
+        yield "cone_free_surface.png", free_surface(runs)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", nargs="+", type=pathlib.Path)
+    parser.add_argument("--out", type=pathlib.Path, required=True)
+    options = parser.parse_args()
+    try:
+        runs = [Run(path) for path in options.runs]
+        if flat := [run for run in runs if not run.two_dimensions]:
+            raise Fault(f"{flat[0].path}: expected a run in two dimensions")
+    except Fault as fault:
+        print(f"plot_cone.py: {fault}", file=sys.stderr)
+        return 1
+    for name, figure in pictures(runs):
+        style.save(figure, options.out / name, style_text(*runs))
+        print(f"  picture                 {options.out / name}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,132 @@
+#!/usr/bin/python3
+"""Draws histories of shearbus-hydro in one dimension, or results of shearbus-replay: temperature, shear stress and sliding speed of the
+interface against time, and a map of regimes where there are many columns. Several runs stand side by side.
+
+    plot_histories.py RUN [RUN ...] --out DIRECTORY      RUN: a directory that shearbus-hydro wrote, or a file of results
+"""
+import argparse
+import pathlib
+import sys
+
+import matplotlib.pyplot as plt
+import numpy as np
+import style
+from matplotlib.colors import Normalize
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from runs import Fault, Run, style_text
+
+MOST_LINES = 8   # lines in one panel; with more columns, some lines and the band of all columns
+MOST_PANELS = 6  # panels side by side
+BAND = "#ebebeb"
+SHOWN = ("interface_temperature", "shear_stress", "sliding_velocity")
+
+
+def jump(run):
+    """Returns the initial velocity jump of each column (m/s)."""
+    return np.abs(run["velocity_jump"][0] if "velocity_jump" in run else run["sliding_velocity"][0])
+
+
+def pressure_varies(run):
+    return "pressure" in run and bool(np.any(run["pressure"] != run["pressure"][0]))
+
+
+def groups(run):
+    """Returns (title, columns) for each initial pressure, with the columns in the order of their initial jump."""
+    order = np.argsort(jump(run), kind="stable")
+    if "pressure" not in run or pressure_varies(run) or np.unique(run["pressure"][0]).size > 3 * MOST_PANELS:
+        return [("", order)]
+    first = run["pressure"][0]
+    return [(f"P = {value * 1e-9:g} GPa", order[first[order] == value]) for value in sorted(set(first), reverse=True)]
+
+
+def panels_of(runs):
+    """Returns (run, title, columns) for each panel, in the order of pressure, then of runs, and the number of panels left out."""
+    most = max(1, MOST_PANELS // len(runs))
+    chosen = []
+    for run in runs:
+        own = groups(run)
+        kept = np.unique(np.linspace(0, len(own) - 1, min(most, len(own))).round().astype(int))
+        chosen.append([own[i] for i in kept])
+    panels = [(run, "\n".join(text for text in (run.label, own[rank][0]) if text), own[rank][1])
+              for rank in range(max(map(len, chosen))) for run, own in zip(runs, chosen) if rank < len(own)]
+    return panels, sum(len(groups(run)) for run in runs) - len(panels)
+
+
+def histories(runs):
+    """Returns the figure of the histories and the number of panels that it leaves out."""
+    panels, left_out = panels_of(runs)
+    quantities = list(SHOWN) + ["pressure"] * any(pressure_varies(run) for run in runs)
+    figure, axes = style.figure(len(quantities), len(panels), (1.6 + max(2.7 * len(panels), 5.0), 2.2 * len(quantities) + 1.0), legend=True,
+                                sharex=True, sharey="row", squeeze=False)
+    jumps = np.concatenate([jump(run)[columns] for run, _, columns in panels])
+    scale = plt.cm.ScalarMappable(Normalize(jumps.min(), jumps.max() if jumps.max() > jumps.min() else jumps.min() + 1.0), "viridis")
+    banded, melts = False, False
+    for p, (run, title, columns) in enumerate(panels):
+        chosen = columns if columns.size <= MOST_LINES else columns[np.unique(np.linspace(0, columns.size - 1, 6).round().astype(int))]
+        for axis, name in zip(axes[:, p], quantities):
+            label, factor, _ = style.QUANTITIES[name]
+            values = np.abs(run[name]) * factor if name == "sliding_velocity" else run[name] * factor
+            if columns.size > chosen.size:
+                banded = True
+                axis.fill_between(run.time, values[:, columns].min(axis=1), values[:, columns].max(axis=1), color=BAND, lw=0)
+            for column in chosen:
+                axis.plot(run.time, values[:, column], color=scale.to_rgba(jump(run)[column]), lw=1.4)
+            melting = run.scene.get("soft", {}).get("melting_temperature_k")
+            if name == "interface_temperature" and melting and run.scene["soft"].get("melting_curve", "constant") == "constant":
+                melts = True
+                axis.axhline(0.99 * melting, color=style.MELTING, lw=1.0, ls="--")
+            axis.set_ylabel(label if p == 0 else "")
+            axis.grid()
+            axis.set_xlim(0.0, run.time[-1])
+        axes[0, p].set_title(title)
+        axes[-1, p].set_xlabel("time (µs)")
+    if jumps.max() > jumps.min():
+        figure.colorbar(scale, ax=list(axes[:, -1]), label="initial velocity jump (m/s)", shrink=0.6, pad=0.03)
+    handles = [Patch(color=BAND, label="range of all columns")] * banded
+    handles += [Line2D([], [], color=style.MELTING, lw=1.0, ls="--", label=style.MELTING_LABEL)] * melts
+    if handles:
+        style.legend_below(figure, handles)
+    return figure, left_out
+
+
+def regimes(runs):
+    panels, _ = panels_of(runs)
+    figure, axes = style.figure(1, len(panels), (1.2 + 2.7 * len(panels), 4.4), legend=True, sharey=True, squeeze=False)
+    for axis, (run, title, columns) in zip(axes[0], panels):
+        rows = jump(run)[columns]
+        regular = columns.size > 1 and np.all(np.diff(rows) > 0)
+        axis.pcolormesh(run.time, rows if regular else np.arange(columns.size), run["regime"][:, columns].T, shading="nearest", rasterized=True,
+                        **style.regime_colours())
+        axis.set(xlim=(0.0, min(1.1 * run.last_contact, run.time[-1])), title=title, xlabel="time (µs)",
+                 ylabel="initial velocity jump (m/s)" if regular else "column, by initial jump")
+        axis.label_outer()
+    style.legend_below(figure, style.regime_handles(np.concatenate([np.unique(run["regime"][:, columns]) for run, _, columns in panels])))
+    return figure
+
+
+def pictures(runs):
+    """Yields (name of the file, figure, number of panels left out) of all pictures of these runs."""
+    yield "histories.png", *histories(runs)
+    if all("regime" in run for run in runs) and any(run["regime"].shape[1] > MOST_LINES for run in runs):
+        yield "regimes.png", regimes(runs), 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", nargs="+", type=pathlib.Path)
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="directory for the pictures")
+    options = parser.parse_args()
+    try:
+        runs = [Run(path) for path in options.runs]
+    except Fault as fault:
+        print(f"plot_histories.py: {fault}", file=sys.stderr)
+        return 1
+    for name, figure, left_out in pictures(runs):
+        style.save(figure, options.out / name, style_text(*runs))
+        print(f"  picture                 {options.out / name}" + (f" ({left_out} panels left out)" if left_out else ""))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

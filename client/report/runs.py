@@ -1,0 +1,226 @@
+"""Reads what shearbus-hydro and shearbus-replay leave: one Run for a directory of shearbus-hydro, in one or two dimensions, or for a file of
+results. Whatever is missing in a run is None or empty; a file that is no result raises Fault with the reason."""
+import json
+import pathlib
+import tomllib
+
+import h5py
+import numpy as np
+from style import REGIMES, law_label
+
+MOST_ROWS = 1500  # rows of a history that are kept: more would be finer than the pixels of a picture
+NEEDED = ("interface_temperature", "shear_stress", "sliding_velocity")
+
+
+class Fault(Exception):
+    """A run that cannot be read: what was expected, what was found."""
+
+
+def thinned(dataset, rows):
+    """Returns these rows of a dataset, read chunk by chunk, because the whole need not fit into memory."""
+    starts = [0, *boundaries(dataset), dataset.shape[0]]
+    wanted = [(begin, rows[(rows >= begin) & (rows < end)]) for begin, end in zip(starts, starts[1:])]
+    return np.concatenate([dataset[own[0] : own[-1] + 1][own - own[0]] for _, own in wanted if own.size])
+
+
+def boundaries(dataset):
+    step = dataset.chunks[0] if dataset.chunks else max(1, dataset.shape[0])
+    return range(step, dataset.shape[0], step)
+
+
+def chunks(dataset):
+    """Yields the rows of a dataset, chunk by chunk."""
+    starts = [0, *boundaries(dataset), dataset.shape[0]]
+    for begin, end in zip(starts, starts[1:]):
+        yield dataset[begin:end]
+
+
+def text_of(value):
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def table_of(path):
+    """Returns a history or a result as {name: array} with time (s), node_id, regime as positions in style.REGIMES, and meta."""
+    with h5py.File(path) as file:
+        missing = [name for name in ("time", "node_id", *NEEDED) if name not in file]
+        if missing:
+            raise Fault(f"{path}: expected a result of shearbus-hydro or shearbus-replay; it has no dataset {', '.join(missing)}")
+        steps = file["time"].shape[0]
+        rows = np.unique(np.linspace(0, steps - 1, min(steps, MOST_ROWS)).round().astype(int))
+        found = {"time": file["time"][:][rows], "node_id": file["node_id"][:]}
+        found["rows"], found["steps"] = rows, steps
+        for name, data in file.items():
+            if isinstance(data, h5py.Dataset) and data.ndim == 2 and data.shape == (steps, found["node_id"].size):
+                found[name] = thinned(data, rows)
+        if "regime" in found:
+            names = list(REGIMES)
+            codes = h5py.check_enum_dtype(file["regime"].dtype) or {name: code for code, name in enumerate(names)}
+            position = np.zeros(256, dtype="u1")
+            for name, code in codes.items():
+                position[code] = names.index(name)
+            found["regime"] = position[found["regime"]]
+        meta = file.get("meta")
+        found["meta"] = {key: text_of(value) for key, value in meta.attrs.items()} if meta is not None else {}
+        scene = meta["scene"][()] if meta is not None and "scene" in meta else found["meta"].pop("scene", "")
+        found["scene"] = text_of(scene)
+        found["outcomes"] = outcome_counts(file) if "outcome" in file else {}
+        found["hottest"] = max(part.max() for part in chunks(file["interface_temperature"]))
+        found["heat"] = sum(part.sum(axis=0) for part in chunks(file["friction_heat"])) if "friction_heat" in file else None
+        lengths = iter(np.array_split(file["dt"][:] if "dt" in file else np.diff(file["time"][:], prepend=0.0), boundaries(file["sliding_velocity"])))
+        found["slip"] = sum((np.abs(part) * next(lengths)[:, None]).sum(axis=0) for part in chunks(file["sliding_velocity"]))
+        if "profiles" in file:
+            found["profiles"] = {name: data[:] for name, data in file["profiles"].items()}
+    return found
+
+
+def outcome_counts(file):
+    """Returns meaning -> number of node-steps, from the bits of /outcome and its attribute `legend`."""
+    data = file["outcome"]
+    count = sum(np.bincount(part.ravel(), minlength=256) for part in chunks(data))
+    legend = [part.strip().split(" ", 1) for part in text_of(data.attrs.get("legend", "")).split(",") if " " in part.strip()]
+    meanings = {int(bit): meaning for bit, meaning in legend if bit.isdigit()}
+    codes = np.arange(256)
+    return {meanings.get(bit, f"bit {bit}"): int(count[(codes & bit) > 0].sum()) for bit in (1 << i for i in range(8)) if count[(codes & bit) > 0].any()}
+
+
+class Run:
+    """One run. Times in µs, everything else in SI.
+
+    path, law, label: where it is, the name of its interface law, how pictures call it. scene, scene_text: effective scene. summary:
+    summary.json. provenance: facts for a footer. table: {name: [T, N] array} of the interface, or None; time [T]; nodes [N] ids;
+    place [N]: z or r (place_name) of each node at the start (m) in two dimensions, else None. fields: directory of the frames, or None."""
+
+    def __init__(self, path):
+        self.path = self.reading = path = pathlib.Path(path)
+        self.two_dimensions = path.is_dir() and (path / "fields.xmf").is_file()
+        try:
+            self._read(path)
+        except (OSError, KeyError, IndexError, ValueError) as fault:
+            raise Fault(f"{self.reading}: cannot be read: {fault}") from fault
+
+    def _read(self, path):
+        if not path.exists():
+            raise Fault(f"{path}: there is no such run")
+        self.summary, self.table, self.fields, self.surface = {}, None, None, None
+        history = path / ("interface.h5" if self.two_dimensions else "history.h5") if path.is_dir() else path
+        report = path / "summary.json" if path.is_dir() else path.with_suffix(".json")
+        if report.is_file():
+            self.reading = report
+            self.summary = json.loads(report.read_text())
+        self.reading = path
+        if history.is_file():
+            self.reading = history
+            self.table = table_of(history)
+        elif not self.two_dimensions:
+            raise Fault(f"{path}: expected a directory that shearbus-hydro wrote, or a result of shearbus-replay; found neither fields.xmf nor history.h5")
+        self.reading = path
+        if self.two_dimensions:
+            self.fields = path / "fields"
+            self.frames = sorted(self.fields.glob("[0-9]*.h5"))
+            if not self.frames:
+                raise Fault(f"{path}: has no frame of the fields; the run did not begin")
+            if (path / "free_surface.h5").is_file():
+                with h5py.File(path / "free_surface.h5") as file:
+                    self.surface = (file["time"][:] * 1e6, file["axial_velocity"][:])
+        meta = self.table["meta"] if self.table else {}
+        text = self.table["scene"] if self.table else self._scene_of_mesh()
+        try:
+            self.scene_text, self.scene = text, tomllib.loads(text)
+        except tomllib.TOMLDecodeError:
+            self.scene_text, self.scene = text, {}
+        self.law = meta.get("interface_law") or self.summary.get("interface_law") or "subgrid"
+        self.label = law_label(self.law)
+        self.name = self.scene.get("name") or meta.get("scene_name") or path.stem
+        known = self.summary.get("provenance", {})
+        self.provenance = {"scene": known.get("scene", self.name), "program": known.get("program", meta.get("producer", "")),
+                           "version": known.get("version", meta.get("server_version", "")), "commit": known.get("commit", ""),
+                           "date": known.get("date", meta.get("created", ""))[:10], "machine": known.get("machine", "")}
+        if self.table:
+            self.time, self.nodes = self.table["time"] * 1e6, self.table["node_id"]
+            self.place, self.place_name = None, ""
+            if "height" in self.table:  # along the axis that the interface follows
+                self.place_name, name = ("z", "height") if np.ptp(self.table["height"][0]) >= np.ptp(self.table["radius"][0]) else ("r", "radius")
+                self.place = self.table[name][0]
+
+    def _scene_of_mesh(self):
+        with h5py.File(self.fields / "mesh.h5") as file:
+            return bytes(file["scene"][:]).decode() if "scene" in file else ""
+
+    def __contains__(self, name):
+        return self.table is not None and name in self.table
+
+    def __getitem__(self, name):
+        return self.table[name]
+
+    @property
+    def last_contact(self):
+        """Time (µs) of the last row in which any node was closed; the end of the run where no row has a regime."""
+        if "regime" not in self:
+            return self.time[-1]
+        closed = np.flatnonzero((self["regime"] > 0).any(axis=1))
+        return self.time[closed[-1]] if closed.size else self.time[-1]
+
+    def slip(self):
+        """Returns the slip distance of each node at the end (m)."""
+        if "slip_distance" in self:
+            return self["slip_distance"][-1]
+        return np.array(self.summary.get("slip_distance_m", self["slip"]))
+
+    def molten_time(self):
+        """Returns the time that each node spent in the regime MELTING (µs)."""
+        melting = self["regime"] == list(REGIMES).index("MELTING") if "regime" in self else np.zeros((len(self.time), len(self.nodes)), dtype=bool)
+        return (melting * np.diff(self.time, prepend=0.0)[:, None]).sum(axis=0)
+
+    def selected(self):
+        """Returns {node index: reasons} of the nodes that are worth a look: hottest, fastest, longest molten, and one that never slips or
+        slips least."""
+        found = {}
+        molten, slip = self.molten_time(), self.slip()
+        choices = [("hottest", self["interface_temperature"].max(axis=0).argmax()), ("fastest", np.abs(self["sliding_velocity"]).max(axis=0).argmax())]
+        choices += [("longest molten", molten.argmax())] * bool(molten.any()) + [("slips least", slip.argmin())]
+        for reason, node in choices:
+            found.setdefault(int(node), []).append(reason)
+        return found
+
+    def quads(self):
+        with h5py.File(self.fields / "mesh.h5") as file:
+            return file["quads"][:]
+
+    def frame(self, time=None):
+        """Returns the frame at or just after a time (µs), by default the last: {"time" (µs), "place" [M, 2], zone quantities [Z]}."""
+        path = self.frames[-1]
+        for candidate in self.frames if time is not None else ():
+            with h5py.File(candidate) as file:
+                if file["time"][0] * 1e6 >= time - 1e-9:
+                    path = candidate
+                    break
+        with h5py.File(path) as file:
+            found = {name: data[:] for name, data in file.items()}
+        found["time"] = found["time"][0] * 1e6
+        found["place"], found["velocity"] = found["place"][:, :2], found["velocity"][:, :2]
+        return found
+
+    def kinetic_energy(self, frame):
+        """Returns the kinetic energy of each body of a frame: J in axisymmetry, J/m in plane strain. Nodes share the mass of their zones."""
+        quads = self.quads()
+        corners = frame["place"][quads]
+        x, y = corners[..., 0], corners[..., 1]
+        area = 0.5 * ((x[:, 2] - x[:, 0]) * (y[:, 3] - y[:, 1]) - (x[:, 3] - x[:, 1]) * (y[:, 2] - y[:, 0]))
+        turn = 2 * np.pi * x.mean(axis=1) if self.axisymmetric else 1.0
+        mass = frame["density"] * np.abs(area) * turn
+        speed = (frame["velocity"] ** 2).sum(axis=1)[quads].mean(axis=1)
+        return np.bincount(frame["body"].astype(int), weights=0.5 * mass * speed)
+
+    @property
+    def axisymmetric(self):
+        return "friction_heat_j" in self.summary
+
+    def footer(self):
+        zones = f"{self.summary['zones']} zones" if "zones" in self.summary else ""
+        return " · ".join(part for part in (style_text(self), zones) if part)
+
+
+def style_text(*runs):
+    from style import provenance_text
+
+    return provenance_text(*(run.provenance for run in runs))

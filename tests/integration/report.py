@@ -1,0 +1,238 @@
+"""shearbus-report on runs that the test makes: what is in the page, that its HTML is valid, and, in a browser without a screen, that nothing
+overflows, overlaps or is missing at the width of a phone and of a desk, light and dark. Where Chromium is missing, only its part is skipped.
+
+report.py --hydro ... --replay ... --report ... --source ... [--screenshots DIR]      DIR keeps the pictures of the pages"""
+import argparse
+import base64
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+OPTIONS = None
+LARGEST = 3_000_000  # bytes of a report
+CHROMIUM = ["/usr/bin/chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+            "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe"]
+# Returns the faults of a page: what is wider than the screen, pictures that are missing, texts that lie upon each other.
+FAULTS = r"""
+(() => {
+  const faults = [];
+  const width = document.documentElement.clientWidth;
+  if (document.documentElement.scrollWidth > width) {
+    const wide = [...document.querySelectorAll("body *")].filter(e => e.getBoundingClientRect().right > width + 1 && !e.closest(".plate, .scroll, pre"));
+    faults.push("overflows to " + document.documentElement.scrollWidth + ": " + wide.slice(0, 3).map(e => e.outerHTML.slice(0, 80)).join(" | "));
+  }
+  for (const image of document.images) if (!(image.complete && image.naturalWidth > 0)) faults.push("image is missing: " + image.alt);
+  const texts = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node; (node = walker.nextNode());) {
+    if (!node.data.trim() || node.parentElement.closest("details:not([open]) > :not(summary)")) continue;
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    for (const r of range.getClientRects()) if (r.width > 1 && r.height > 1 && getComputedStyle(node.parentElement).visibility === "visible")
+      texts.push({r, text: node.data.trim(), parent: node.parentElement, clip: node.parentElement.closest(".plate, .scroll, pre")});
+  }
+  for (let i = 0; i < texts.length; ++i) for (let j = i + 1; j < texts.length; ++j) {
+    const a = texts[i], b = texts[j];
+    if (a.parent === b.parent || a.clip !== b.clip && (a.clip || b.clip)) continue;
+    const w = Math.min(a.r.right, b.r.right) - Math.max(a.r.left, b.r.left), h = Math.min(a.r.bottom, b.r.bottom) - Math.max(a.r.top, b.r.top);
+    if (w > 1.5 && h > 0.35 * Math.min(a.r.height, b.r.height)) faults.push("texts overlap: " + a.text.slice(0, 40) + " / " + b.text.slice(0, 40));
+  }
+  return {faults, paper: getComputedStyle(document.body).backgroundColor, height: document.documentElement.scrollHeight, texts: texts.length};
+})()
+"""
+
+
+class Browser:
+    """Chromium without a screen, driven by its protocol over a pipe."""
+
+    def __init__(self, profile):
+        to_it, self.commands = os.pipe()
+        self.answers, from_it = os.pipe()
+
+        # The browser reads commands from descriptor 3 and answers on 4.
+        renumber = ["bash", "-c", 'exec 3<&"$1" 4>&"$2"; shift 2; exec "$@"', "bash", str(to_it), str(from_it)]
+        self.process = subprocess.Popen([*renumber, *CHROMIUM, f"--user-data-dir={profile}", "about:blank"], pass_fds=(to_it, from_it),
+                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        os.close(to_it)
+        os.close(from_it)
+        self.sent, self.rest, self.session = 0, b"", None
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self.call("Page.enable")
+
+    def message(self):
+        while b"\0" not in self.rest:
+            part = os.read(self.answers, 1 << 20)
+            if not part:
+                raise RuntimeError("the browser ended")
+            self.rest += part
+        found, self.rest = self.rest.split(b"\0", 1)
+        return json.loads(found)
+
+    def call(self, method, **parameters):
+        self.sent += 1
+        text = json.dumps({"id": self.sent, "method": method, "params": parameters, **({"sessionId": self.session} if self.session else {})})
+        os.write(self.commands, text.encode() + b"\0")
+        while (answer := self.message()).get("id") != self.sent:
+            pass
+        if "error" in answer:
+            raise RuntimeError(f"{method}: {answer['error']}")
+        return answer["result"]
+
+    def open(self, url, width, theme):
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+        self.call("Page.navigate", url=url)
+        for _ in range(200):
+            ready = self.call("Runtime.evaluate", expression="document.readyState + location.protocol")["result"]["value"]
+            if ready == "completefile:":
+                break
+            time.sleep(0.05)
+        return self.call("Runtime.evaluate", expression=FAULTS, returnByValue=True)["result"]["value"]
+
+    def screenshot(self, path, width, height):
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait(20)
+
+
+def run(*words, code=0):
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=250)
+    assert done.returncode == code, f"{words}: {done.returncode}\n{done.stdout}{done.stderr}"
+    return done
+
+
+class Report(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        cls.path = path = pathlib.Path(cls.scratch.name)
+        problems = OPTIONS.source / "hydro_stub/problems"
+        text = (problems / "cone_al_steel_coarse.toml").read_text()
+        for key, value in {"zone_width_m": "1.25e-3\nframes = 6", "end_time_s": "5e-6"}.items():
+            text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
+            assert found == 1, key
+        (path / "cone.toml").write_text(text)
+        cls.cones = [path / law for law in ("subgrid", "coulomb_tresca")]
+        for out in cls.cones:
+            run(OPTIONS.hydro, path / "cone.toml", "--interface-law", out.name, "--out", out, "--no-plot", "--no-progress")
+        cls.column = path / "column"
+        run(OPTIONS.hydro, problems / "sliding_to_a_stop.toml", "--out", cls.column, "--no-plot", "--no-progress")
+        run("/usr/bin/python3", OPTIONS.source / "client/examples/make_history.py", "ramp", path / "history.h5", "--steps", 200)
+        cls.result = path / "result.h5"
+        run(OPTIONS.replay, path / "history.h5", "--scene", OPTIONS.source / "client/examples/paper_velocity_driven.toml", "--out", cls.result)
+        cls.reports = {}
+        for name, runs in {"cone": cls.cones, "column": [cls.column], "replay": [cls.result]}.items():
+            cls.reports[name] = path / f"{name}.html"
+            run(OPTIONS.report, *runs, "-o", cls.reports[name], "--figures", cls.paper()) if name == "cone" else run(OPTIONS.report, *runs, "-o", cls.reports[name])
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    @classmethod
+    def paper(cls):
+        """Returns a directory with figures of the paper."""
+        sys.path.insert(0, str(OPTIONS.source / "client/report"))
+        import style
+
+        directory = cls.path / "figures"
+        figure, axis = style.figure(1, 1, (6, 3))
+        axis.plot([0, 1])
+        style.save(figure, directory / "figure_12.png")
+        (directory / "figures.json").write_text(json.dumps([{"figure": "12", "title": "profiles", "file": "figure_12.png", "agrees": ["It falls."], "differs": "By a fifth."}]))
+        return directory
+
+    def test_the_page_says_what_the_run_found(self):
+        page = self.reports["cone"].read_text()
+        summary = json.loads((self.cones[0] / "summary.json").read_text())
+        for text in ("cone_al_steel_coarse", "Coulomb–Tresca (DLP 5)", f"{summary['peak_interface_temperature_k']:,.0f}", f"{summary['friction_heat_j']:.1f}",
+                     "energy closed to", "aluminium_dlp", "Selected nodes", "hottest", "left out", "Figure 12: profiles", "It falls.", "By a fifth.", "[hydro.cone_target]"):
+            self.assertTrue(text in page, text)
+        column = self.reports["column"].read_text()
+        for text in ("sliding_to_a_stop", "No figures of the paper were given", "solver of the layers"):
+            self.assertTrue(text in column, text)
+        self.assertTrue("velocity_driven" in self.reports["replay"].read_text())
+
+    def test_the_page_is_one_file_without_network_or_script(self):
+        for report in self.reports.values():
+            page = report.read_text()
+            self.assertLess(len(page), LARGEST)
+            self.assertNotRegex(page, r"(?i)<script|<link|@import|\son\w+=")
+            self.assertEqual([found for found in re.findall(r"""(?:src|href|url\()=?["'(]?([^"')\s>]+)""", page) if not found.startswith(("#", "data:image/"))], [])
+            ids = re.findall(r'\bid="([^"]+)"', page)
+            self.assertEqual(len(ids), len(set(ids)), "an id is there twice")
+
+    def test_html_is_valid(self):
+        try:
+            import html5lib
+        except ImportError:
+            self.skipTest("python3-html5lib is missing")
+        for report in self.reports.values():
+            parser = html5lib.HTMLParser(strict=False)
+            parser.parse(report.read_text())
+            self.assertEqual([(place, code) for place, code, _ in parser.errors], [])
+        parser.parse("<!DOCTYPE html><title>x</title><p><b>unclosed</p>")
+        self.assertNotEqual(parser.errors, [])
+
+    def test_layout_in_a_browser(self):
+        if not pathlib.Path(CHROMIUM[0]).exists():
+            self.skipTest("chromium is missing")
+        browser = Browser(self.path / "profile")
+        try:
+            for name, report in self.reports.items():
+                for width in (360, 1400):
+                    for theme in ("light", "dark"):
+                        found = browser.open(report.as_uri(), width, theme)
+                        self.assertEqual(found["faults"], [], f"{name} at {width} pixels, {theme}")
+                        self.assertGreater(found["texts"], 50)
+                        self.assertEqual(found["paper"], {"light": "rgb(255, 255, 255)", "dark": "rgb(22, 24, 27)"}[theme])
+                        if OPTIONS.screenshots:
+                            OPTIONS.screenshots.mkdir(parents=True, exist_ok=True)
+                            browser.screenshot(OPTIONS.screenshots / f"{name}-{width}-{theme}.png", width, min(found["height"], 16000))
+            # The check itself notices a page with each fault.
+            (self.path / "bad.html").write_text('<!DOCTYPE html><body style="margin:0"><div style="width:2000px">wide</div><img src="gone.png" alt="gone">'
+                                                '<p style="position:absolute;top:50px">one text</p><p style="position:absolute;top:52px">other text</p>')
+            faults = " ".join(browser.open((self.path / "bad.html").as_uri(), 360, "light")["faults"])
+            for fault in ("overflows to", "image is missing: gone", "texts overlap"):
+                self.assertIn(fault, faults)
+        finally:
+            browser.close()
+
+    def test_bad_input_gets_one_line_and_leaves_no_file(self):
+        empty, broken = self.path / "empty", self.path / "broken"
+        empty.mkdir()
+        shutil.copytree(self.cones[0], broken)
+        (broken / "interface.h5").write_bytes((broken / "interface.h5").read_bytes()[:3000])
+        bad_summary = self.path / "bad_summary"
+        shutil.copytree(self.column, bad_summary)
+        (bad_summary / "summary.json").write_text("{")
+        out = self.path / "no.html"
+        for runs, text in (([self.path / "gone"], "no such run"), ([empty], "neither fields.xmf nor history.h5"), ([self.path / "cone.toml"], "cannot be read"),
+                           ([self.path / "history.h5"], "no dataset"), ([broken], "interface.h5"), ([bad_summary], "summary.json"),
+                           ([self.column, "--figures", empty], "figures.json")):
+            done = run(OPTIONS.report, *runs, "-o", out, code=1)
+            self.assertIn(text, done.stderr)
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+            self.assertTrue(done.stderr.startswith("shearbus-report: "))
+        self.assertEqual(list(self.path.glob("no.html*")), [])
+        run(OPTIONS.report, self.column, "-o", empty / "gone" / "x.html", code=1)
+        run(OPTIONS.report, self.column, code=2)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    for name in ("hydro", "replay", "report", "source", "screenshots"):
+        parser.add_argument(f"--{name}", type=pathlib.Path, required=name != "screenshots")
+    OPTIONS, rest = parser.parse_known_args()
+    unittest.main(argv=[sys.argv[0], *rest])
