@@ -24,6 +24,7 @@ from .recorder import Recorder
 from .scene import Scene, toml_of
 from .server import Server
 from .session import Answer, Outcome, Profiles, Regime, Session, Trial, named_nodes, node_ids
+from .shards import ShardedSession, endpoints_in
 
 __version__ = "0.1.0"
 __all__ = [
@@ -40,9 +41,11 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     """Opens a session: one shear layer for each node. Returns a Session, which is a context manager.
 
     scene: path of a TOML file, TOML text (anything with a line break), or a dict. nodes: distinct whole numbers from 0
-    on; none only in a domain. endpoint: tcp://host:port, ipc://path, or file://path of a server's endpoint file; None
-    starts a server, which ends with the session. initial_temperature (K): a number or an array (N,); None: the scene's. domain: sessions of a domain share
-    their node ids, and nodes move between them. want: names of columns that every reply shall have in addition
+    on; none only in a domain. endpoint: tcp://host:port, ipc://path, or file://path of a server's endpoint file; several
+    with commas between them, or file://path of a directory of endpoint files, divide the nodes over several servers
+    (proto/WIRE.md, "Several servers"); None starts a server, which ends with the session. initial_temperature (K): a
+    number or an array (N,); None: the scene's. domain: sessions of a domain share their node ids, and nodes move
+    between them. want: names of columns that every reply shall have in addition
     ("ledger": the energy ledger). record: keeps a history. closure: what a
     force-driven host meets whose jump is not the jump that its last step answered, "warn", "error" or "off"
     (shearbus.closure.ClosureCheck). idle_limit (s): the server closes the session after so long without a request; 0:
@@ -58,9 +61,9 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     ids = node_ids(nodes)
     payload = named_nodes(ids, initial_temperature)
     with _session(endpoint, want, record, closure, connection) as session:
-        link = session._connection
-        contents = (link.endpoint, text, file, domain, payload[1].tobytes() if len(ids) else b"")
-        opening = _doubted.pop(contents, None) or (link.next_request_id(), os.urandom(16), os.urandom(16))
+        contents = (session._endpoint, text, file, domain, payload[1].tobytes() if len(ids) else b"")
+        opening = _doubted.pop(contents, None) or (session._connection.next_request_id(), os.urandom(16),
+                                                   os.urandom(16))
         request_id, session._id, session._token = opening
         if idle_limit:
             session._require("idle_limit", "idle_limit")
@@ -68,15 +71,13 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
                 "domain": domain, "idle_limit_s": int(idle_limit),
                 "check_closure": closure != "off" and "closure" in session.welcome.capabilities}
         try:
-            reply = session._send({"request_id": request_id}, "open_session", body, "session_opened", *payload)
+            session._open(request_id, body, ids, *payload)
         except Error as fault:
             # The same arguments again are the same session, opened once.
-            if fault.code == Code.UNKNOWN_OUTCOME or int(fault.code) // 100 == 4:
+            in_doubt = fault.code == Code.UNKNOWN_OUTCOME or int(fault.code) // 100 == 4
+            if in_doubt and not session._opening_undone:
                 _doubted[contents] = opening
             raise
-        session.nodes = ids
-        ids.setflags(write=False)
-        session._opened(reply.header.session_opened, reply.header.epoch)
     return session
 
 
@@ -96,15 +97,13 @@ def resume(ticket, endpoint=None, *, want=(), record=False, closure="warn", **co
                           "Give endpoint=.")
     with _session(endpoint, want, record, closure, connection) as session:
         session._id, session._token = session_id, token
-        claimed = session._claim()
-        session._adopt(claimed)
-        session._opened(claimed.header.session_resumed.session, claimed.header.epoch)
+        session._resume()
     return session
 
 
 @contextlib.contextmanager
 def _session(endpoint, want, record, closure, options):
-    """Connects to a server; disconnects, and ends a server of one's own, if the block fails."""
+    """Connects to a server, or to several; disconnects, and ends a server of one's own, if the block fails."""
     endpoint = os.environ.get("SHEARBUS_ENDPOINT") or endpoint
     with contextlib.ExitStack() as undo:
         server = None
@@ -112,11 +111,19 @@ def _session(endpoint, want, record, closure, options):
             server = undo.enter_context(Server())
         elif key := os.environ.get("SHEARBUS_SECRET_KEY_FILE"):
             options = {**options, "key": key}
-        connection = Connection(server.endpoint if server else endpoint, **options)
-        if place := os.environ.get("SHEARBUS_RECORD"):
-            connection.recorder = Recorder(place)
-        undo.callback(connection.close)
-        yield Session(connection, server, want, record, closure)
+        place = os.environ.get("SHEARBUS_RECORD")
+        connections = []
+        for one in [server.endpoint] if server else endpoints_in(endpoint):
+            connections.append(Connection(one, **options))
+            undo.callback(connections[-1].close)
+        for number, connection in enumerate(connections):
+            if place:
+                in_directory = len(connections) == 1 or place.endswith("/") or os.path.isdir(place)
+                connection.recorder = Recorder(place if in_directory else f"{place}.{number}")
+        if len(connections) == 1:
+            yield Session(connections[0], server, want, record, closure)
+        else:
+            yield ShardedSession(endpoint, connections, want, record, closure)
         undo.pop_all()
 
 

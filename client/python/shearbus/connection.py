@@ -4,7 +4,6 @@ import contextlib
 import logging
 import os
 import pathlib
-import re
 import stat
 import struct
 import time
@@ -116,9 +115,6 @@ class Connection:
             raise Unreachable(Code.UNREACHABLE, f"{endpoint!r} is not an endpoint",
                               "Use tcp://host:port, ipc://path, or file://path of an endpoint file.")
         by_file = endpoint.startswith(FILE_SCHEME)
-        if re.search(r", *(tcp|ipc|file)://", endpoint) or by_file and os.path.isdir(endpoint.removeprefix(FILE_SCHEME)):
-            raise Error(Code.UNSUPPORTED, f"{endpoint} names several servers, and the Python client uses one",
-                        "Give the endpoint of one server; the C, C++ and Fortran clients use several.", "endpoint")
         if (server_key is None) != (key is None) and not (by_file and server_key is None):
             raise AuthError(Code.AUTH,
                             "server_key and key go together: the server's public key and one's own secret key",
@@ -136,6 +132,7 @@ class Connection:
             self.secret_key = key_in(key, True)
             self.public_key = zmq.curve_public(self.secret_key)
         self._socket = self._monitor = None
+        self._posted = None  # id of a request that was sent by post()
         self.recorder = None  # a Recorder that gets the frames of every exchange
         self._refusal, self._silent_failures = None, 0
         self._last_id = int.from_bytes(os.urandom(8), "little")
@@ -149,7 +146,17 @@ class Connection:
             self._socket.disable_monitor()
             self._socket.close()
             self._monitor.close()
-            self._socket = None
+            self._socket = self._posted = None
+
+    def post(self, frames, request_id):
+        """Sends `frames` if there is a connection. The call() with the same frames then waits for the reply, or sends
+        them."""
+        try:
+            if self._socket is not None and self._send(frames):
+                self._posted = request_id
+        except BaseException:  # an interrupt between two frames
+            self.close()
+            raise
 
     def call(self, frames, request_id, deadline=None, verb=""):
         """Sends `frames` and returns the Reply to them; sends the same bytes again on a fresh socket after every
@@ -177,7 +184,8 @@ class Connection:
         started = time.monotonic()
         self._report_at = started + REPORT_AFTER_S
         last_moment = started + (self.reply_deadline if deadline is None else deadline)
-        sent = False
+        sent = posted = self._posted == request_id
+        self._posted = None
         while True:
             while self._socket is None and not self._connect():
                 if self._refusal:
@@ -189,14 +197,14 @@ class Connection:
                     log.warning("waiting for a server at %s: %s", self.endpoint, self._file_fault)
                     self._report_at = float("inf")
                 time.sleep(FILE_PAUSE_S)
-            if not self._send_until(frames, last_moment):
+            if not posted and not self._send_until(frames, last_moment):
                 if self._refusal:
                     self._refused(sent)
                 if time.monotonic() >= last_moment:
                     self._give_up(sent, started)
                 self.close()  # to connect to the server where it is now
                 continue
-            sent = True
+            sent, posted = True, False
             received = self._receive(request_id, min(last_moment, time.monotonic() + self.retry_after), started)
             if received is not None:
                 status = received[0].header.status

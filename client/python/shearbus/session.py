@@ -273,6 +273,7 @@ class Session:
     def __init__(self, connection, server, want, record, closure):
         """Connects and says hello; shearbus.open() and shearbus.resume() do the rest."""
         self._connection, self._server, self._want = connection, server, want
+        self._endpoint = connection.endpoint
         self.history = History() if record else None
         self._closure = ClosureCheck(closure)
         self._id = self._token = b""
@@ -282,13 +283,25 @@ class Session:
         self._closed = True
         self._claimant = connection.next_request_id()
         self._claim_in_doubt = None  # (number, epoch of the server) of a claim that was sent and not granted
+        self._opening_undone = False  # a refused opening cannot be repeated with its ids
         self.offers = []
         self._plans = {}  # keywords of a request -> its columns
+        self.welcome = self._greet()
+        self.durable = self.welcome.durability != "none"
+        self._max_rows = self.welcome.limits.max_rows_per_message or MAX_ROWS
+        self._parts = None  # a step in parts without an end: its hashes, and the replies so far
+        self._previous_committed = False  # part 1 of a step that failed has committed the trial before
+
+    def _greet(self):
+        """Says hello. Returns the Welcome."""
+        connection = self._connection
         hello = {
             "oldest_major": header.PROTOCOL_MAJOR, "newest_major": header.PROTOCOL_MAJOR, "client_name": connection.name
         }
         try:
-            self.welcome = self._ask("hello", hello, "welcome", deadline=connection.connect_deadline).header.welcome
+            greeted = self._ask("hello", hello, "welcome", deadline=connection.connect_deadline).header
+            self._epoch = greeted.epoch
+            return greeted.welcome
         except Error as fault:
             if fault.code != Code.UNKNOWN_OUTCOME:
                 raise
@@ -297,10 +310,6 @@ class Session:
                 Code.UNREACHABLE, f"{connection.endpoint} accepts connections but did not answer the greeting within "
                 f"{connection.connect_deadline:g} s",
                 "Is it a shearbus server, and is it busy with a long step?") from None
-        self.durable = self.welcome.durability != "none"
-        self._max_rows = self.welcome.limits.max_rows_per_message or MAX_ROWS
-        self._parts = None  # a step in parts without an end: its hashes, and the replies so far
-        self._previous_committed = False  # part 1 of a step that failed has committed the trial before
 
     # -- requests --
 
@@ -330,14 +339,23 @@ class Session:
                           answer,
                           deadline=deadline)
 
-    def _exchange(self, verb, body, answer, columns=None, frame=None):
-        """Sends the session's next request. Its number counts when the reply arrives. A request without a reply keeps
-        its id, so the same call again has the same bytes and the server recognises it."""
+    def _next_envelope(self):
+        """Returns the envelope of the session's next request. From here on its outcome is unknown until a reply
+        comes, so the same call again has the same bytes and the server recognises it."""
         if self._closed:
             raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
-        request_id, epoch = self._doubt or (self._connection.next_request_id(), self._epoch)
-        envelope = {"request_id": request_id, "session_id": self._id, "sequence": self._sequence + 1, "epoch": epoch}
-        self._doubt = request_id, epoch  # holds where an interrupt ends the call
+        request_id, epoch = self._doubt = self._doubt or (self._connection.next_request_id(), self._epoch)
+        return {"request_id": request_id, "session_id": self._id, "sequence": self._sequence + 1, "epoch": epoch}
+
+    def _post(self, envelope, verb, body, columns=None, frame=None):
+        """Sends a request without waiting, if there is a connection; the _send() of the same request then receives
+        the reply."""
+        self._connection.post(self._frames({**envelope, verb: body}, columns, frame), envelope["request_id"])
+
+    def _exchange(self, verb, body, answer, columns=None, frame=None):
+        """Sends the session's next request. Its number counts when the reply arrives."""
+        envelope = self._next_envelope()
+        request_id = envelope["request_id"]
         started, restarts = time.monotonic(), 0
         try:
             while True:
@@ -417,11 +435,25 @@ class Session:
         self._epoch = claimed.epoch
         return claimed.epoch
 
+    def _open(self, request_id, body, nodes, columns, frame):
+        """Opens the session on the server with its nodes. Returns the SessionOpened."""
+        opened = self._send({"request_id": request_id}, "open_session", body, "session_opened", columns, frame).header
+        self._have(nodes)
+        self._opened(opened.session_opened, opened.epoch)
+        return opened.session_opened
+
+    def _resume(self):
+        """Continues the session as a successor. Returns its position, a SessionResumed."""
+        claimed = self._claim()
+        self._adopt(claimed)
+        self._opened(claimed.header.session_resumed.session, claimed.header.epoch)
+        return claimed.header.session_resumed
+
     def _adopt(self, reply):
         """Adopts sequence number, nodes and offers from a session_resumed."""
         resumed = reply.header.session_resumed
         self._sequence, self.offers = resumed.last_sequence, list(resumed.offers)
-        self._have(_ids_of(reply))
+        self._have(ids_of(reply))
 
     def _opened(self, opened, epoch):
         self._epoch, self._closed = epoch, False
@@ -577,7 +609,7 @@ class Session:
                         self._exchange("rollback", {}, "rolled_back")
             raise
         self._parts = None
-        return _joined(replies)
+        return joined(replies, [slice(first, first + limit) for first in range(0, count, limit)], sum)
 
     def step(self, dt, *, nodes=None, absent_nodes="keep", time=0.0, step=0, attempt=0, all_or_nothing=False,
              want=None, **values):
@@ -629,7 +661,7 @@ class Session:
     def rollback_to(self, name):
         """Restores the nodes and states of a mark, and drops a trial. Returns the state version."""
         reply = self._exchange("rollback", {"to_mark": name}, "rolled_back")
-        self._have(_ids_of(reply))
+        self._have(ids_of(reply))
         if self.history is not None:
             self.history._rollback_to(name)
         return reply.header.rolled_back.state_version
@@ -687,7 +719,7 @@ class Session:
 
     def accept(self, transfer):
         """Accepts the nodes of an offer behind the present ones. Returns their ids."""
-        taken = _ids_of(self._exchange("accept_nodes", {"transfer_id": transfer}, "nodes_changed"))
+        taken = ids_of(self._exchange("accept_nodes", {"transfer_id": transfer}, "nodes_changed"))
         self._have(numpy.concatenate([self.nodes, taken]))
         return taken
 
@@ -750,7 +782,7 @@ class Session:
 
     def __repr__(self):
         state = "closed" if self._closed else f"{len(self.nodes)} nodes"
-        return f"<shearbus.Session {self.name!r}, {self.strategy}, {state}, at {self._connection.endpoint}>"
+        return f"<shearbus.Session {self.name!r}, {self.strategy}, {state}, at {self._endpoint}>"
 
 
 def _frozen(array):
@@ -758,41 +790,40 @@ def _frozen(array):
     return array
 
 
-def _joined(replies):
-    """Returns the replies to the parts of a step as one reply."""
-    layouts, last = [reply.header.payload.columns.parts for reply in replies], replies[-1].header.upscale
-    rows = sum(next(iter(layout.values()))[0].count for layout in layouts)
-    size, columns = 0, {}
+def joined(replies, rows, total):
+    """Returns replies to pieces of a step as one reply. rows: the places of each reply's rows in the whole; total: sum
+    or max, of the times of the pieces."""
+    layouts = [reply.header.payload.columns.parts for reply in replies]
+    upscales = [reply.header.upscale for reply in replies]
+    count, size, columns = sum(upscale.nodes for upscale in upscales), 0, {}
     for name, places in layouts[0].items():
         columns[name] = []
         for place in places:
-            columns[name].append(types.SimpleNamespace(element=place.element, count=rows, offset_bytes=size))
-            size += -(-rows * DTYPE[place.element].itemsize // 8) * 8
+            columns[name].append(types.SimpleNamespace(element=place.element, count=count, offset_bytes=size))
+            size += -(-count * DTYPE[place.element].itemsize // 8) * 8
     payload = numpy.empty(size // 8).view(numpy.uint8)
-    done = 0
-    for reply, layout in zip(replies, layouts):
+    for reply, layout, own in zip(replies, layouts, rows):
         for name, places in layout.items():
             for place, whole in zip(places, columns[name]):
-                size = DTYPE[place.element].itemsize
-                begin = whole.offset_bytes + done * size
-                payload[begin : begin + place.count * size] = numpy.frombuffer(
-                    reply.payload, numpy.uint8, place.count * size, place.offset_bytes)
-        done += place.count
-    upscales = [reply.header.upscale for reply in replies]
-    worst = max(upscales, key=lambda upscale: upscale.largest_closure_m_per_s)
+                dtype = DTYPE[place.element]
+                values = numpy.frombuffer(reply.payload, dtype, place.count, place.offset_bytes) if place.count else []
+                numpy.ndarray((count, ), dtype, payload, whole.offset_bytes)[own] = values
+    worst = max((one for one in upscales if one.nodes), key=lambda one: one.largest_closure_m_per_s,
+                default=upscales[0])
     upscale = types.SimpleNamespace(
-        state_version=last.state_version, solver_ns=sum(one.solver_ns for one in upscales),
-        service_ns=sum(one.service_ns for one in upscales), flagged_nodes=sum(one.flagged_nodes for one in upscales),
+        nodes=count, state_version=upscales[-1].state_version, solver_ns=total(one.solver_ns for one in upscales),
+        service_ns=total(one.service_ns for one in upscales), flagged_nodes=sum(one.flagged_nodes for one in upscales),
         largest_closure_m_per_s=worst.largest_closure_m_per_s, closure_node=worst.closure_node,
-        layer_time_s=worst.layer_time_s, warnings=[warning for one in upscales for warning in one.warnings])
+        layer_time_s=worst.layer_time_s,
+        warnings=list(dict.fromkeys(warning for one in upscales for warning in one.warnings)))
     header = types.SimpleNamespace(
         upscale=upscale, replayed=any(reply.header.replayed for reply in replies),
         payload=types.SimpleNamespace(columns=types.SimpleNamespace(parts=columns)))
-    return types.SimpleNamespace(header=header, payload=memoryview(payload),
-                                 round_trip_s=sum(reply.round_trip_s for reply in replies))
+    return types.SimpleNamespace(header=header, payload=memoryview(payload) if size else b"",
+                                 round_trip_s=total(reply.round_trip_s for reply in replies))
 
 
-def _ids_of(reply):
+def ids_of(reply):
     """Returns the column node_id of a reply, as an array of its own."""
     if reply.payload is None:
         return _frozen(numpy.empty(0, numpy.uint64))
