@@ -197,6 +197,10 @@ class Bits(Live):
         some = bus.nodes[3:29:2]
         keep(bus.step(1e-9, nodes=some, **drive(some, 3)))
         keep(bus.step(1e-9, nodes=some, absent_nodes="keep", want="ledger", **drive(some, 3)))
+        layers = bus.profiles(bus.nodes[::3], pressure=numpy.linspace(1e9, 2e9, len(bus.nodes[::3])))
+        found += [value for name, value in sorted(vars(layers).items()) if value is not None]
+        self.refused("SHAPE", lambda: bus.profiles([]))
+        self.refused("UNKNOWN_NODE", lambda: bus.profiles([999_999]))
         self.assertEqual(bus.mark("one"), ["one"])
         bus.retire(bus.nodes[5:9])
         bus.register([2**63, 5, 4], [350.0, 400.0, 450.0])
@@ -227,7 +231,7 @@ class Bits(Live):
             first = bus.step(1e-9, jump=jump, pressure=1e9)
             bus.trial(1e-9, jump=2 * jump, pressure=1e9)
             second = bus.trial(1e-9, jump=jump, pressure=2e9, commit_previous=True)
-            return [first.stress, first.temperature, second.stress, second.outcome, bus.commit()]
+            return [first.stress, first.temperature, second.stress, second.outcome, bus.commit(), bus.profiles(bus.nodes).layer_shear_stress]
 
         scene = f"tangential_components = 2\n{SCENE}"
         found = [play(self.open(self.servers(count), scene=scene)) for count in (1, 3)]

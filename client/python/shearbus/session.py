@@ -1,5 +1,6 @@
 """A session: the shear layers of a set of interface nodes on a server, and the calls that step, move and keep them."""
 import contextlib
+import copy
 import difflib
 import operator
 import os
@@ -248,6 +249,21 @@ class Profiles:
             if column.name in ("position", "width"):
                 array = array[0]
             setattr(self, column.name, array if array is None else _frozen(array))
+
+    @classmethod
+    def joined(cls, nodes, parts):
+        """The Profiles of `nodes`, from parts (rows among the nodes, Profiles of these rows)."""
+        whole = copy.copy(parts[0][1])
+        whole.nodes = nodes
+        for column in (BY_NUMBER[number] for number in PROFILE):
+            first = getattr(whole, column.name)
+            if first is None or column.name in ("position", "width"):
+                continue
+            array = numpy.empty((len(nodes), *first.shape[1:]))
+            for rows, part in parts:
+                array[rows] = getattr(part, column.name)
+            setattr(whole, column.name, _frozen(array))
+        return whole
 
     def __repr__(self):
         return f"<Profiles of {len(self.nodes)} nodes at {len(self.position)} vertices>"
@@ -683,6 +699,9 @@ class Session:
             check_finite(frame[1:], "pressure", named)
         if self._closed:
             raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
+        return self._read_profiles(named, columns, frame)
+
+    def _read_profiles(self, named, columns, frame):
         for restarts in range(MOST_RESTARTS + 1):
             envelope = {"request_id": self._connection.next_request_id(), "session_id": self._id, "epoch": self._epoch}
             try:

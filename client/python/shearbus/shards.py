@@ -14,7 +14,7 @@ from .checksum import xxh3
 from .columns import DTYPE, NODE_ID, UINT64
 from .connection import FILE_SCHEME
 from .errors import Code, ContentError, Error, MessageError, SessionError, UnexpectedReply, UnknownOutcome, error
-from .session import ADVANCE, TRIAL, Session, ids_of, joined, named_nodes
+from .session import ADVANCE, TRIAL, Profiles, Session, ids_of, joined, named_nodes
 
 MOST_NODES_NAMED = 16  # in an error
 COMMIT, ROLLBACK = ("commit", {}, "committed"), ("rollback", {}, "rolled_back")
@@ -351,6 +351,15 @@ class ShardedSession(Session):
         if not self._tear("a refused request cannot be undone", outcomes):
             self._adopt_change(nodes, leaving)
             self._place(self._order)  # their order on a shard may be another one now
+
+    def _read_profiles(self, named, columns, frame):
+        """Each shard answers with its nodes. The request changes nothing, so it is no call under way."""
+        self._until = time.monotonic() + self._deadline
+        rows = self._rows_of(named)
+        asked = [k for k, own in enumerate(rows) if len(own)] or [0]  # no nodes: a shard refuses
+        parts = [(rows[k], self._in_time(k)._read_profiles(named[rows[k]], columns, frame.take(rows[k], 1)))
+                 for k in asked]
+        return Profiles.joined(named, parts)
 
     # -- the shards together --
 
