@@ -59,17 +59,21 @@ Received repeat_claim(Connection& connection, const wire::SessionId& id, const w
     in_doubt = {};
     return granted;
   } catch (const Error& fault) {
-    const Code code = fault.status().code;
-    if (code == Code::kEpoch || code == Code::kSuperseded) in_doubt = {};  // no server will grant it
+    if (fault.status().code == Code::kSuperseded) in_doubt = {};  // no server will grant it
     throw;
   }
 }
 
 Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token,
-                       ClaimInDoubt& in_doubt) {
+                       ClaimInDoubt& in_doubt, bool after_own) {
   for (int restarts = 0;; ++restarts) {
     Received asked = ask(connection, {.session_id = id, .body = wire::ResumeSession{.resume_token = token}});
-    in_doubt = {.number = body_of<wire::SessionResumed>(asked).claim + 1, .epoch = asked.reply.epoch};
+    const auto& position = body_of<wire::SessionResumed>(asked);
+    if (after_own && position.claimant != connection.claimant()) {
+      in_doubt = {};
+      throw Error({.code = Code::kSuperseded, .text = "the last claim of the session is another client's"});
+    }
+    in_doubt = {.number = position.claim + 1, .epoch = asked.reply.epoch};
     try {
       return repeat_claim(connection, id, token, in_doubt);
     } catch (const Error& fault) {
@@ -184,15 +188,24 @@ Received Session::Impl::call(wire::Request& request) {
 }
 
 void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
+  const bool superseded = fault.status().code == Code::kSuperseded;
+  const auto claim = [&] {
+    if (!superseded) return claim_session(*connection, id, resume_token, claim_in_doubt);
+    try {
+      return repeat_claim(*connection, id, resume_token, claim_in_doubt);
+    } catch (const Error& refusal) {
+      // Another restart: the server no longer grants the claim, but knows whether it was the last one.
+      if (refusal.status().code != Code::kEpoch) throw;
+      return claim_session(*connection, id, resume_token, claim_in_doubt, true);
+    }
+  };
   Received where;
   try {
-    where = fault.status().code == Code::kSuperseded ? repeat_claim(*connection, id, resume_token, claim_in_doubt)
-                                                     : claim_session(*connection, id, resume_token, claim_in_doubt);
+    where = claim();
   } catch (const Error& refusal) {
     const Code code = refusal.status().code;
     // the first error explains the restart, or that another client has the session
-    if (code == Code::kUnknownSession || (fault.status().code == Code::kSuperseded && code == Code::kEpoch))
-      throw fault;
+    if (code == Code::kUnknownSession || (superseded && code == Code::kSuperseded)) throw fault;
     throw;
   }
   const std::uint64_t stands_at = body_of<wire::SessionResumed>(where).last_sequence;

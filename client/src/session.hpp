@@ -45,10 +45,11 @@ struct ClaimInDoubt {
 
 // Claims the session for this client: the server then refuses requests of other clients, even ones sent before the
 // claim. The reply holds the last sequence number, the nodes and the offers of the session. Sets `in_doubt` to the claim
-// if its outcome is unknown after an Error.
+// if its outcome is unknown after an Error. after_own: claims only if the last claim that was granted is this client's;
+// otherwise throws Error: SUPERSEDED.
 Received claim_session(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token,
-                       ClaimInDoubt& in_doubt);
-// Makes the claim in doubt again. Throws Error: SUPERSEDED if another client was granted a claim.
+                       ClaimInDoubt& in_doubt, bool after_own = false);
+// Makes the claim in doubt again. Throws Error: SUPERSEDED if another client was granted a claim, EPOCH after a restart.
 Received repeat_claim(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token,
                       ClaimInDoubt& in_doubt);
 

@@ -448,6 +448,7 @@ bool ShardedSession::go_on() {
       return false;
     case Stage::kUndo:
       if (refused) torn("a refused request cannot be undone");
+      if (!refused && step != nullptr) state_version_ = body_of<wire::RolledBack>(*shards_.front().reply).state_version;
       return false;
   }
   post_all();

@@ -284,6 +284,7 @@ struct SessionResumed {
   std::uint64_t claim = 0;
   // transfer_id of each offer of this session that waits to be accepted, oldest first
   std::vector<TransferId> offers;
+  std::uint64_t claimant = 0;
 
   static void fields(auto&& v, auto& m) {
     v(1, "session", required(m.session));
@@ -292,6 +293,7 @@ struct SessionResumed {
     v(4, "trial_stands", m.trial_stands);
     v(5, "claim", m.claim);
     v(6, "offers", at_most(kMaxOffers, m.offers));
+    v(7, "claimant", fixed(m.claimant));
   }
 };
 struct Upscale {

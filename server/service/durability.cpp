@@ -408,7 +408,8 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                                      .state_version = shard.state_version(),
                                      .trial_stands = member.trial_stands(),
                                      .claim = member.claim,
-                                     .offers = offers_of(member)};
+                                     .offers = offers_of(member),
+                                     .claimant = member.claimant};
   reply->batch = node_column(shard.nodes().ids());
   if (resume.claim != 0) reply->epoch = member.epoch;
   return reply;

@@ -623,6 +623,39 @@ class Losses(Live):
         server.process.send_signal(signal.SIGCONT)
         self.assertEqual(bus.close().node_steps, 3)
 
+    def test_a_claim_whose_answer_a_second_restart_has_lost_is_this_clients_own(self):
+        for another_claims in (False, True):
+            server = self.durable()
+            bus = self.open(endpoint=server.endpoint, reply_deadline=5.0)
+            bus.step(1e-9, **drive(1, 2, 3))
+            server.kill()
+            server.start()
+            ask, lost = bus._ask, []
+
+            def ask_and_lose(verb, body, *rest, **envelope):
+                reply = ask(verb, body, *rest, **envelope)
+                if body.get("claim") and len(lost) < 2 - another_claims:
+                    lost.append(body["claim"])
+                    server.kill()
+                    server.start()
+                    raise shearbus.UnknownOutcome(shearbus.Code.UNKNOWN_OUTCOME, "no answer")
+                return reply
+
+            bus._ask = ask_and_lose
+            for _ in range(2 - another_claims):
+                self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(4, 5, 6)))
+            if another_claims:
+                successor = shearbus.resume(bus.ticket, server.endpoint)
+                self.addCleanup(successor.leave)
+                server.kill()
+                server.start()
+                for _ in range(2):
+                    self.assert_refused(shearbus.SessionError, "SUPERSEDED", lambda: bus.step(1e-9, **drive(4, 5, 6)))
+                bus.leave()
+            else:
+                self.assertEqual(bus.step(1e-9, **drive(4, 5, 6)).state_version, 2)
+                bus.close()
+
     def test_a_server_without_durability_that_was_replaced_is_told(self):
         with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
             endpoint = f"ipc://{directory}/bus"

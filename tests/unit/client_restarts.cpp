@@ -1,13 +1,17 @@
-// A client whose server is restarted again and again, on a machine so slow that each restart takes longer than the
-// deadline of a call.
+// A client whose server is restarted again and again: on a machine so slow that each restart takes longer than the
+// deadline of a call, and before the answers to its claims.
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <variant>
 
 #include "client/src/client.hpp"
 #include "client/src/connection.hpp"
+#include "tests/support/durable_server.hpp"
+#include "tests/support/memory_storage.hpp"
+#include "tests/support/scenes.hpp"
 
 namespace shearbus {
 namespace {
@@ -91,6 +95,83 @@ TEST(ClientRestarts, WithoutEndEndTheCall) {
     EXPECT_EQ(fault.status().code, wire::Code::kEpoch);
   }
   host.connection->restarts = 0;  // the session's goodbye
+}
+
+// Connections to one durable server, which may be restarted before the answer to a claim arrives.
+struct Restarted {
+  void restart() {
+    server.reset();
+    disk.die_of_process();
+    server = std::make_unique<support::DurableServer>(disk, store::Durability::kProcess, ++starts << 32);
+  }
+  support::MemoryStorage disk;
+  std::uint64_t starts = 0;
+  std::unique_ptr<support::DurableServer> server;
+  int claims_to_lose = 0;
+};
+
+class LosingConnection final : public Connection {
+ public:
+  explicit LosingConnection(Restarted& server) : Connection({}), server_(server) {}
+  Received call(const wire::Request& request, std::chrono::milliseconds) override {
+    auto answer = std::make_shared<support::Answer>(server_.server->ask(request));
+    const auto* resume = std::get_if<wire::ResumeSession>(&request.body);
+    if (resume != nullptr && resume->claim != 0 && server_.claims_to_lose > 0) {
+      --server_.claims_to_lose;
+      server_.restart();
+      throw Error({.code = Code::kUnknownOutcome, .text = "no answer"});
+    }
+    Received received{.payload_frame = answer, .reply = {}};
+    const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)),
+                                                  answer->frames.payload};
+    wire::decode(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply);
+    if (!received.reply.status.ok()) throw Error(received.reply.status);
+    return received;
+  }
+  void say(const wire::Request&) noexcept override {}
+
+ private:
+  Restarted& server_;
+};
+
+Code code_of(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& fault) {
+    return fault.status().code;
+  }
+  return Code::kOk;
+}
+
+// A claim was granted and its answer was lost. The restarted server refuses a repetition of it, and the requests that
+// are older than the claim, but it names the client that it was granted to.
+TEST(ClientRestarts, BeforeTheAnswersToClaimsLeaveTheSessionToItsClient) {
+  Restarted server;
+  server.restart();
+  Client client(std::make_shared<LosingConnection>(server));
+  const auto nodes = support::node_ids(5);
+  Session session = client.open(support::text_of(support::velocity_scene()), "scene", nodes);
+  const auto step = [&](int number) {
+    session.advance(support::step_columns(wire::Strategy::kVelocityDriven, nodes, number), {.dt_s = 1e-9});
+  };
+  step(0);
+  server.restart();
+  server.claims_to_lose = 2;
+  EXPECT_EQ(code_of([&] { step(1); }), Code::kUnknownOutcome);
+  EXPECT_EQ(code_of([&] { step(1); }), Code::kUnknownOutcome);
+  EXPECT_EQ(code_of([&] { step(1); }), Code::kOk);
+  EXPECT_EQ(session.rollback(), 2u);
+
+  // Another client has claimed the session since.
+  server.restart();
+  server.claims_to_lose = 1;
+  EXPECT_EQ(code_of([&] { step(2); }), Code::kUnknownOutcome);
+  Client other(std::make_shared<LosingConnection>(server));
+  Session successor = other.resume(session.ticket());
+  server.restart();
+  for (int repeats = 0; repeats < 2; ++repeats) EXPECT_EQ(code_of([&] { step(2); }), Code::kSuperseded);
+  session.leave();
+  successor.close();
 }
 
 }  // namespace

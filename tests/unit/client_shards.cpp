@@ -215,6 +215,21 @@ TEST(Shards, ThatAreMissingLeaveTheCallToBeRepeated) {
   EXPECT_EQ(fault_of([&] { session.commit(); }).code, Code::kNothingToCommit);
 }
 
+// A step was refused by one shard after it had committed the trial before: all shards are at that step, and say so.
+TEST(Shards, ThatHaveRefusedAStepSayTheStepBefore) {
+  Servers servers(2);
+  Client client = servers.client({0, 1});
+  Session session = open(client);
+  Batch columns = support::step_columns(Strategy::kVelocityDriven, kNodes, 0);
+  session.trial(columns, {.dt_s = 1e-9});
+  columns.f64(Field::kPressure)[3] = 1e30;
+  EXPECT_EQ(fault_of([&] { session.trial(columns, {.dt_s = 1e-9, .commit_previous = true}); }).code,
+            Code::kInvalidValue);
+  EXPECT_EQ(session.commit(), 1u);
+  EXPECT_EQ(session.rollback(), 1u);
+  EXPECT_EQ(fault_of([&] { session.commit(); }).code, Code::kNothingToCommit);
+}
+
 // One shard returns with older states: nothing is stepped until all are at the same step again.
 TEST(Shards, AtDifferentStepsAreRolledBackToACommonMark) {
   Servers servers(2);

@@ -249,7 +249,7 @@ SESSION_CLOSED = Message("SessionClosed", ("requests", 1, "uint"), ("node_steps"
                          ("asleep_node_steps", 6, "uint"))
 SESSION_RESUMED = Message("SessionResumed", ("session", 1, SESSION_OPENED), ("last_sequence", 2, "uint"),
                           ("state_version", 3, "uint"), ("trial_stands", 4, "bool"), ("claim", 5, "uint"),
-                          ("offers", 6, "bytes", True))
+                          ("offers", 6, "bytes", True), ("claimant", 7, "fixed64"))
 MARKED = Message("Marked", ("state_version", 1, "uint"), ("names", 2, "string", True))
 NODES_CHANGED = Message("NodesChanged", ("nodes", 1, "uint"))
 PROFILES = Message("Profiles", ("nodes", 1, "uint"), ("vertices", 2, "uint"), ("state_version", 3, "uint"))

@@ -405,12 +405,15 @@ class Session:
         self._sequence = envelope["sequence"]
         return reply
 
-    def _claim(self):
-        """Claims the session for this client, after a restart of the server or as a successor. Returns the reply to the
-        claim."""
+    def _claim(self, after_own=False):
+        """Claims the session for this client, after a restart of the server or as a successor; after_own: only if the
+        last claim that was granted is this client's. Returns the reply to the claim."""
         for restarts in range(MOST_RESTARTS + 1):
             asked = self._ask("resume_session", {"resume_token": self._token}, "session_resumed",
                               session_id=self._id).header
+            if after_own and asked.session_resumed.claimant != self._claimant:
+                self._claim_in_doubt = None
+                raise SessionError(Code.SUPERSEDED, "the last claim of the session is another client's")
             self._claim_in_doubt = asked.session_resumed.claim + 1, asked.epoch
             try:
                 return self._repeat_claim()
@@ -426,7 +429,7 @@ class Session:
         try:
             granted = self._ask("resume_session", claim, "session_resumed", session_id=self._id, epoch=epoch)
         except Error as fault:
-            if fault.code in (Code.EPOCH, Code.SUPERSEDED):
+            if fault.code == Code.SUPERSEDED:
                 self._claim_in_doubt = None  # no server will grant it
             raise
         self._claim_in_doubt = None
@@ -435,11 +438,18 @@ class Session:
     def _follow_restart(self, fault):
         """Claims the session on the restarted server. Returns the epoch with which the refused request may be sent
         again."""
+        superseded = fault.code == Code.SUPERSEDED
         try:
-            claimed = (self._repeat_claim() if fault.code == Code.SUPERSEDED else self._claim()).header
+            try:
+                claimed = (self._repeat_claim() if superseded else self._claim()).header
+            except SessionError as refusal:
+                if not superseded or refusal.code != Code.EPOCH:
+                    raise
+                # Another restart: the server no longer grants the claim, but knows whether it was the last one.
+                claimed = self._claim(after_own=True).header
         except Error as refusal:
             # The first error explains the restart, or that another client has the session.
-            first = refusal.code == Code.UNKNOWN_SESSION or fault.code == Code.SUPERSEDED and refusal.code == Code.EPOCH
+            first = refusal.code == Code.UNKNOWN_SESSION or superseded and refusal.code == Code.SUPERSEDED
             raise fault if first else refusal
         stands_at = claimed.session_resumed.last_sequence
         if stands_at != self._sequence:
