@@ -10,6 +10,7 @@
 #   SHEARBUS_JOB_DIR        directory of the job, which all its nodes reach: endpoint files, keys, states, logs of the servers
 #   SHEARBUS_SERVER_OPTIONS more options of the servers
 #   SHEARBUS_BIND           where servers of several nodes listen, for instance tcp://ib0:0; default: all interfaces
+#   SHEARBUS_ONE_HOST       several_nodes.sbatch: not empty: one host with a session over all servers
 #   SHEARBUS_CONTINUE       not empty: a job that was stopped by SIGUSR1 is put in the queue again
 set -uo pipefail
 umask 077

@@ -260,6 +260,17 @@ class Short(Jobs):
             self.assertIn("clients by tcp need this server key", log)
         self.assertEqual((self.directory / "job/job.secret").stat().st_mode & 0o777, 0o600)
 
+    def test_one_host_on_the_servers_of_all_nodes_one_of_which_dies(self):
+        job = self.submit("several_nodes.sbatch", self.host, environment={"SHEARBUS_ONE_HOST": "1"})
+        self.dump()
+        os.kill(self.until(lambda: self.process("shearbus-server"), "no server runs"), signal.SIGKILL)
+        self.assertEqual(self.ended(job), ("COMPLETED", 0), self.output())
+        self.assertIn("it is started again", self.output())
+        self.assertGreater(same(self, self.directory / "run-0", self.reference), 10)
+        self.assertEqual([path.name for path in self.directory.glob("run-*")], ["run-0"])
+        for number in range(NODES):
+            self.assertRegex((self.directory / f"job/server-{number}.log").read_text(), r"session \S+ opened by")
+
     def test_a_host_that_dies_ends_the_job_within_30_seconds(self):
         job = self.submit("one_node.sbatch", self.host)
         self.dump()
