@@ -3,13 +3,23 @@
 #include <algorithm>
 
 namespace shearbus::simulation {
+namespace {
 
-World::World(unsigned seed, Tally& tally, std::uint64_t last_epoch, bool disk_fills)
+bool is_claim(std::span<const std::span<const std::byte>> frames) {
+  wire::Request request;
+  wire::decode(frames, request);
+  const auto* resume = std::get_if<wire::ResumeSession>(&request.body);
+  return resume != nullptr && resume->claim != 0;
+}
+
+}  // namespace
+
+World::World(unsigned seed, Tally& tally, std::uint64_t last_epoch, int claims_kill)
     : random(seed),
       durability_(seed % 2 == 0 ? store::Durability::kPower : store::Durability::kProcess),
       tally_(tally),
       epoch_(last_epoch),
-      disk_fills_(disk_fills) {
+      claims_kill_(claims_kill) {
   start();
 }
 
@@ -42,7 +52,7 @@ std::optional<Packet> World::next(std::uint64_t socket, Clock::time_point until)
 void World::start() {
   static constexpr int kFaults[] = {0, 0, EIO, ENOSPC};  // errno of the fault; 0: the machine dies
   if (chance(2)) {
-    disk_.plan({.at_call = 1 + random() % 80, .code = kFaults[random() % (disk_fills_ ? 4 : 3)]});
+    disk_.plan({.at_call = 1 + random() % 80, .code = kFaults[random() % 4]});
     ++tally_.disk_faults;
   }
   try {
@@ -99,11 +109,12 @@ void World::deliver(Packet packet) {
 
 // Asks the server once. Returns whether the request waits. The server may die of it.
 bool World::ask(const Packet& packet) {
-  const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(packet.header)), packet.payload};
+  const std::span<const std::byte> both[2] = {std::as_bytes(std::span(packet.header)), packet.payload};
+  const std::span frames(both, wire::declares_payload(both[0]) ? 2 : 1);
   service::Turn turn{};
-  auto answer = server_->try_ask(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1), {}, &turn);
+  auto answer = server_->try_ask(frames, {}, &turn);
   // A server that dies after it has run a request never sends its answer.
-  if (disk_.dead() || server_->service.failed() || chance(60)) {
+  if (disk_.dead() || server_->service.failed() || chance(is_claim(frames) ? claims_kill_ : kRequestsKill)) {
     crash();
     return false;
   }

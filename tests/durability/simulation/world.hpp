@@ -42,8 +42,9 @@ struct Tally {
 
 class World {
  public:
-  // last_epoch: before the first server's; differs among servers of one client. disk_fills: a fault may be a full disk.
-  World(unsigned seed, Tally& tally, std::uint64_t last_epoch = 0, bool disk_fills = true);
+  // last_epoch: before the first server's; differs among servers of one client. claims_kill: the server dies of one in
+  // so many claims that it has run, before their answer.
+  World(unsigned seed, Tally& tally, std::uint64_t last_epoch = 0, int claims_kill = kRequestsKill);
 
   bool chance(int one_in) { return random() % static_cast<unsigned>(one_in) == 0; }
   Clock::time_point now() const { return now_; }
@@ -57,6 +58,8 @@ class World {
   std::mt19937 random;
 
  private:
+  static constexpr int kRequestsKill = 60;
+
   void start();
   void crash();
   void damage_a_checkpoint();
@@ -70,7 +73,7 @@ class World {
   std::set<std::string> damaged_;
   std::unique_ptr<DurableServer> server_;  // null while no server runs
   std::uint64_t epoch_;
-  bool disk_fills_;
+  int claims_kill_;
   std::uint64_t last_socket_ = 0;
   Clock::time_point now_{};
   Clock::time_point back_at_{};
