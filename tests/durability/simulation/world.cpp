@@ -78,15 +78,16 @@ void World::crash() {
   back_at_ = now_ + std::chrono::milliseconds(random() % 400);
 }
 
-// Flips a bit of the newest checkpoint if a sound older checkpoint exists.
+// Flips a bit of the newest checkpoint if the one before it is sound. An older one does not help: it may be a removed file
+// that a loss of power has brought back, without the journal behind it.
 void World::damage_a_checkpoint() {
-  std::vector<std::string> sound;
+  std::vector<std::string> all;
   for (const std::string& name : disk_.names())
-    if (name.starts_with("checkpoint-") && name.ends_with(".h5") && !damaged_.contains(name)) sound.push_back(name);
-  if (sound.size() < 2) return;
-  auto& bytes = disk_.bytes(sound.back());
+    if (name.starts_with("checkpoint-") && name.ends_with(".h5")) all.push_back(name);
+  if (all.size() < 2 || damaged_.contains(all.back()) || damaged_.contains(all[all.size() - 2])) return;
+  auto& bytes = disk_.bytes(all.back());
   bytes[random() % bytes.size()] ^= static_cast<std::byte>(1U << random() % 8);
-  damaged_.insert(sound.back());
+  damaged_.insert(all.back());
   ++tally_.damaged;
 }
 
