@@ -21,6 +21,7 @@ static_assert(sizeof(Id) == kSessionIdBytes);
 
 // The enums have the same numbers as shearbus.v1.Regime and shearbus.v1.Outcome, which explain the values.
 enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca = 3, kMelting = 4 };
+inline constexpr std::size_t kRegimeCount = 5;
 enum Outcome : std::uint8_t {
   kOutcomeOk = 0,
   kSubstepped = 1,
@@ -418,6 +419,7 @@ struct SessionInfo {
   std::uint64_t requests = 0;
   std::uint64_t node_steps = 0;
   std::uint64_t solver_ns = 0;
+  std::vector<std::uint64_t> regimes;  // number of nodes by Regime
   std::string domain;
   std::uint64_t idle_limit_s = 0;
 
@@ -435,6 +437,7 @@ struct SessionInfo {
     v(11, "requests", m.requests);
     v(12, "node_steps", m.node_steps);
     v(13, "solver_ns", m.solver_ns);
+    v(14, "regimes", m.regimes);
     v(15, "domain", m.domain);
     v(16, "idle_limit_s", m.idle_limit_s);
   }
@@ -496,6 +499,7 @@ struct ServerStatus {
   std::uint64_t resident_bytes = 0;
   std::uint64_t open_files = 0;
   std::uint64_t max_open_files = 0;
+  std::vector<std::uint64_t> regimes;  // number of nodes by Regime
 
   static void fields(auto&& v, auto& m) {
     v(1, "sessions", m.sessions);
@@ -529,6 +533,7 @@ struct ServerStatus {
     v(37, "resident_bytes", m.resident_bytes);
     v(38, "open_files", m.open_files);
     v(39, "max_open_files", m.max_open_files);
+    v(40, "regimes", m.regimes);
   }
 };
 

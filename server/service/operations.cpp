@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -87,6 +88,8 @@ void Service::drain(const wire::Drain& drain, const Caller& caller, wire::Reply&
 wire::SessionInfo Service::info_of(const Member& member) const {
   const shard::Shard& shard = *member.shard;
   const std::uint64_t now_ns = options_.now_ns();
+  std::vector<std::uint64_t> regimes(wire::kRegimeCount, 0);
+  shard.count_regimes(regimes);
   return {.session_id = member.id,
           .name = member.scene_name,
           .identity = member.identity,
@@ -100,6 +103,7 @@ wire::SessionInfo Service::info_of(const Member& member) const {
           .requests = member.totals.requests,
           .node_steps = member.totals.node_steps,
           .solver_ns = member.totals.solver_ns,
+          .regimes = std::move(regimes),
           .domain = member.domain,
           .idle_limit_s = member.idle_limit_s};
 }

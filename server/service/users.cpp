@@ -2,6 +2,9 @@
 // identity that opened a session: a uid, a key, or everybody who comes without either.
 #include <fmt/format.h>
 
+#include <utility>
+#include <vector>
+
 #include "server/service/member.hpp"
 #include "server/service/service.hpp"
 
@@ -57,8 +60,17 @@ void Service::check_memory_quota(std::uint64_t wanted, std::size_t nodes, const 
                          "larger --memory-per-user-mb."});
 }
 
+// The regimes are counted only here: a step does no work for them.
 wire::ServerStatus Service::status_for(const Caller& caller) const {
-  if (caller.is_operator) return status();
+  std::vector<std::uint64_t> regimes(wire::kRegimeCount, 0);
+  for (const auto& [id, member] : members_)
+    if (member->shard && (caller.is_operator || member->identity == caller.identity))
+      member->shard->count_regimes(regimes);
+  if (caller.is_operator) {
+    wire::ServerStatus all = status();
+    all.regimes = std::move(regimes);
+    return all;
+  }
   const Usage usage = usage_of(caller.identity);
   wire::ServerStatus status;
   status.sessions = usage.sessions;
@@ -75,6 +87,7 @@ wire::ServerStatus Service::status_for(const Caller& caller) const {
   status.threads = pool_.threads();
   status.server_version = options_.server_version;
   status.draining = draining_;
+  status.regimes = std::move(regimes);
   return status;
 }
 

@@ -84,6 +84,18 @@ NodeGlance Shard::glance(std::size_t slot) const {
           .regime = static_cast<std::uint8_t>(lane[layout.regime])};
 }
 
+void Shard::count_regimes(std::span<std::uint64_t> counts) const {
+  const std::size_t regime = model_.layout().regime;
+  for (std::size_t first = 0; first < nodes_.size(); first += kLanes) {
+    const double* lanes = committed(first / kLanes) + regime;
+    const std::size_t used = std::min<std::size_t>(kLanes, nodes_.size() - first);
+    for (std::size_t lane = 0; lane < used; ++lane)
+      // A state from a file may hold any number.
+      if (lanes[lane] >= 0.0 && lanes[lane] < static_cast<double>(counts.size()))
+        ++counts[static_cast<std::size_t>(lanes[lane])];
+  }
+}
+
 double Shard::layer_time(std::uint32_t slot) const {
   const std::uint32_t tile = tile_of(slot);
   const bool in_trial = std::binary_search(touched_.begin(), touched_.end(), tile);

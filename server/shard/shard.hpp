@@ -109,6 +109,8 @@ class Shard {
   void rollback();  // drops the trial
 
   NodeGlance glance(std::size_t slot) const;
+  // Adds the number of nodes whose committed state is in each regime to `counts`, which has one element per regime.
+  void count_regimes(std::span<std::uint64_t> counts) const;
 
   // Sum of the lengths of a node's steps, with its trial step if there is one  [s]. Only if the shard checks closure.
   double layer_time(std::uint32_t slot) const;

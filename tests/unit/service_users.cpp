@@ -100,5 +100,37 @@ TEST(Users, SeeTheirOwnSessionsAndCountersOnly) {
   EXPECT_FALSE(all.histograms.empty());
 }
 
+TEST(Users, SeeTheRegimesOfTheirOwnCommittedStates) {
+  ServiceHarness harness;
+  ASSERT_EQ(open(harness, 1, kAlice), Code::kOk);
+  ASSERT_EQ(open(harness, 2, kBob), Code::kOk);
+  const std::uint64_t all = kNodes.size();
+  const std::vector<std::uint64_t> nobody(wire::kRegimeCount, 0), open_only = {all, 0, 0, 0, 0};
+  EXPECT_EQ(status_of(harness, kAlice).regimes, open_only) << "a new layer has no contact";
+
+  wire::Request step = ServiceHarness::step(1, support::step_columns(wire::Strategy::kForceDriven, kNodes, 1));
+  std::get<wire::Downscale>(step.body).mode = wire::Mode::kTrial;
+  const Answer trial = harness.ask(step, kAlice);
+  ASSERT_EQ(trial.code(), Code::kOk);
+  EXPECT_EQ(status_of(harness, kAlice).regimes, open_only) << "a trial is no committed state";
+  ASSERT_EQ(harness.ask(ServiceHarness::in_session(wire::Commit{}, 2), kAlice).code(), Code::kOk);
+
+  std::vector<std::uint64_t> answered = nobody;
+  for (const std::uint8_t regime : std::as_const(trial.reply.batch).u8(wire::Field::kRegime)) ++answered[regime];
+  ASSERT_NE(answered, open_only);
+  EXPECT_EQ(status_of(harness, kAlice).regimes, answered);
+  EXPECT_EQ(status_of(harness, kBob).regimes, open_only);
+  EXPECT_EQ(status_of(harness, {.identity = "uid 1003"}).regimes, nobody);
+  std::vector<std::uint64_t> of_all = answered;
+  of_all[0] += all;
+  EXPECT_EQ(status_of(harness, kOperator).regimes, of_all);
+
+  wire::Request inspect{.body = wire::Inspect{}};
+  const auto sessions = std::get<wire::Inspected>(harness.ask(inspect, kOperator).reply.body).sessions;
+  ASSERT_EQ(sessions.size(), 2u);
+  EXPECT_EQ(sessions[0].regimes, answered);
+  EXPECT_EQ(sessions[1].regimes, open_only);
+}
+
 }  // namespace
 }  // namespace shearbus::service
