@@ -34,6 +34,10 @@ constexpr double kHalfZone = 10e-6;  // half a zone of the host's mesh  [m]
 constexpr int kSteps = 60;           // largest number of steps of one run
 constexpr int kRepeats = 5;          // largest number of runs of one measurement, of which the fastest counts
 constexpr std::chrono::milliseconds kLongest{40};  // longest duration of one measurement
+constexpr int kRounds = 15;                        // largest number of rounds of a comparison
+constexpr int kLeastRounds = 7;                    // smallest number
+constexpr double kRound = 2e-3;                    // processor time of one of the two runs of a round, about  [s]
+constexpr std::chrono::milliseconds kLongestComparison{200};
 
 using physics::Property;
 
@@ -66,6 +70,13 @@ class Bench {
     for (int n = 0; n < kSteps; ++n) step(kPressure, false);
     for (int n = 0; n < 2 * kSteps + static_cast<int>(model_.layout().num_vertices); ++n) step(-1.0, false);
     return best([] {}, [&] { step(-1.0, false); });
+  }
+  // Seconds per node-step of a run of `steps` steps from the initial state.
+  double run(int steps, bool ledger) {
+    begin();
+    const double start = cpu_s();
+    for (int n = 0; n < steps; ++n) step(kPressure, ledger);
+    return (cpu_s() - start) / (steps * kLanes);
   }
   double step_length() {
     double shortest = std::numeric_limits<double>::infinity();
@@ -141,6 +152,27 @@ SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
           .step_length_s = bench.step_length()};
 }
 
+// A model, with or without the energy ledger of its steps.
+struct Variant {
+  Bench& bench;
+  bool ledger = false;
+};
+
+// Returns how much longer a node-step of `other` takes than one of `base`. The two run in turns, so that what else the
+// machine does meets both alike, and which of them begins alternates.
+TimeDifference compare(Variant base, Variant other, double base_s) {
+  const int steps = std::clamp(static_cast<int>(kRound / (base_s * kLanes)), 2, kSteps);
+  const auto run = [&](Variant& variant) { return variant.bench.run(steps, variant.ledger); };
+  std::vector<double> differences;
+  const Clock::time_point begun = Clock::now();
+  for (int round = 0; round < kRounds && (round < kLeastRounds || Clock::now() - begun < kLongestComparison); ++round) {
+    const bool base_first = round % 2 == 0;
+    const double first = run(base_first ? base : other), second = run(base_first ? other : base);
+    differences.push_back(base_first ? second - first : first - second);
+  }
+  return difference_of(std::move(differences));
+}
+
 // The reason why no model can be made with these options; empty if a model can be made.
 std::string refusal_of(const physics::ModelOptions& options) {
   const auto refusals = physics::refusals(options);
@@ -173,11 +205,39 @@ std::string microseconds(double seconds) {
 
 }  // namespace
 
+// The median of many samples lies between the (k+1)th smallest and the (k+1)th largest of n samples with the probability
+// 1 - 2 sum_(i<=k) C(n,i)/2^n, whatever their distribution. k is the largest number for which this is 96 % or more.
+TimeDifference difference_of(std::vector<double> samples_s) {
+  std::ranges::sort(samples_s);
+  const std::size_t n = samples_s.size();
+  double term = std::pow(0.5, static_cast<double>(n));  // C(n,k)/2^n
+  double outside = term;
+  std::size_t k = 0;
+  while (k + 1 < n / 2) {
+    term *= static_cast<double>(n - k) / static_cast<double>(k + 1);
+    if (2.0 * (outside + term) > 0.04) break;
+    outside += term;
+    ++k;
+  }
+  const double median = n % 2 == 1 ? samples_s[n / 2] : 0.5 * (samples_s[n / 2 - 1] + samples_s[n / 2]);
+  return {.median_s = median, .low_s = samples_s[k], .high_s = samples_s[n - 1 - k]};
+}
+
+std::string TimeDifference::text() const {
+  if (!is_measured())
+    return fmt::format("a time too small to measure here (below {:.2f} µs)", 1e6 * std::max(-low_s, high_s));
+  const bool saves = median_s < 0.0;
+  const double a = 1e6 * std::abs(saves ? high_s : low_s), b = 1e6 * std::abs(saves ? low_s : high_s);
+  return fmt::format("{:.2f} µs {} ({:.2f} to {:.2f})", 1e6 * std::abs(median_s), saves ? "less" : "more", a, b);
+}
+
 Explanation explain(std::string_view scene, const std::string& file) {
   const service::SceneModel made = service::scene_model(scene, file);
   const physics::ModelOptions& options = made.options;
   Explanation explanation{
       .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}};
+
+  Bench here_bench(options);
 
   // 1. Find the memory and time of each part: switch this part alone on if it is off, or off if it is on.
   for (const physics::Part& part : physics::parts()) {
@@ -186,11 +246,12 @@ Explanation explain(std::string_view scene, const std::string& file) {
     const physics::ModelOptions other = physics::switched(options, part, !found.on);
     found.excluded = refusal_of(other);
     if (found.excluded.empty()) {
-      const double sign = found.on ? 1.0 : -1.0;
       const auto here = static_cast<std::int64_t>(explanation.cost.bytes_per_node);
       const auto there = static_cast<std::int64_t>(bytes_per_node(other, false));
       found.bytes_per_node = found.on ? here - there : there - here;
-      found.slipping_s = sign * (explanation.cost.slipping_s - Bench(other).slipping(false));
+      Bench there_bench(other);
+      const Variant with{found.on ? here_bench : there_bench}, without{found.on ? there_bench : here_bench};
+      found.slipping = compare(without, with, explanation.cost.slipping_s);
     }
     explanation.parts.push_back(std::move(found));
   }
@@ -198,7 +259,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
       {.name = kLedger,
        .meaning = "where the energy of each node's step went, for requests that name its columns",
        .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-       .slipping_s = Bench(options).slipping(true) - explanation.cost.slipping_s});
+       .slipping = compare({here_bench, false}, {here_bench, true}, explanation.cost.slipping_s)});
 
   // 2. Find the memory and time of the scene with all parts on that are compatible with it.
   auto [all, names] = with_everything(options);
@@ -219,8 +280,8 @@ std::string Explanation::text(std::size_t nodes) const {
         continue;
       }
       if (part.excluded.empty())
-        out += fmt::format("{} {:+} B per node, {:+.2f} µs per slipping node-step: ", on ? "takes" : "would take",
-                           part.bytes_per_node, 1e6 * part.slipping_s);
+        out += fmt::format("{} {:+} B per node, {} per slipping node-step: ", on ? "takes" : "would take",
+                           part.bytes_per_node, part.slipping.text());
       out += part.meaning + "\n";
     }
   }

@@ -14,13 +14,26 @@
 
 namespace shearbus::server {
 
+// The difference of two times that were measured in turns: the median of the differences, and the interval in which the
+// median of many more would lie, with a probability of 96 % or more  [s].
+struct TimeDifference {
+  double median_s = 0.0;
+  double low_s = 0.0;
+  double high_s = 0.0;
+
+  bool is_measured() const { return low_s > 0.0 || high_s < 0.0; }  // otherwise its sign is not known
+  std::string text() const;                                         // such as "0.14 µs more (0.11 to 0.18)"
+};
+// Returns the difference of which these are samples. At least 6.
+TimeDifference difference_of(std::vector<double> samples_s);
+
 struct ScenePart {
   std::string name;                 // key of the part, for example "hard_layer"
   bool on = false;                  // true if the scene has the part
   std::string meaning;              // the physics that the part adds
   std::string excluded;             // reason why this scene cannot switch the part on or off; empty: it can
   std::int64_t bytes_per_node = 0;  // memory that the part adds, or would add
-  double slipping_s = 0.0;          // time that the part adds, or would add, to a step of one slipping node
+  TimeDifference slipping;          // time that the part adds, or would add, to a step of one slipping node
 };
 
 struct SceneCost {
@@ -40,7 +53,7 @@ struct Explanation {
   std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of a step of this number of nodes
 };
 
-// Measures the time of every part on this machine, in runs of at most 40 ms. Throws wire::Error for an invalid scene.
+// Measures the time of every part on this machine, in at most 0.2 s each. Throws wire::Error for an invalid scene.
 Explanation explain(std::string_view scene, const std::string& file);
 
 // Optional physics that a run left out, and the memory that it would have needed. Nothing is measured.

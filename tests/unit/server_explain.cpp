@@ -69,6 +69,30 @@ TEST(Explain, TimesAreMeasured) {
   EXPECT_THAT(told.text(10), HasSubstr("a step of 10 nodes"));
 }
 
+TEST(Explain, ADifferenceWithinTheNoiseIsNotReportedAsAPrice) {
+  EXPECT_FALSE(difference_of({-3, -2, -1, 0, 1, 2, 3}).is_measured());
+  EXPECT_FALSE(difference_of({-1, 1, 1, 1, 1, 1}).is_measured()) << "of six samples all must agree";
+  const TimeDifference six = difference_of({3e-7, 1e-7, 2e-7, 4e-7, 2e-7, 3e-7});
+  EXPECT_TRUE(six.is_measured());
+  EXPECT_DOUBLE_EQ(six.median_s, 2.5e-7);
+  EXPECT_DOUBLE_EQ(six.low_s, 1e-7);
+  EXPECT_DOUBLE_EQ(six.high_s, 4e-7);
+  EXPECT_EQ(six.text(), "0.25 µs more (0.10 to 0.40)");
+  const TimeDifference fifteen = difference_of({-9, -8, -7, 1, 1, 1, 1, 1, 1, 1, 1, 1, 7, 8, 9});
+  EXPECT_DOUBLE_EQ(fifteen.low_s, 1.0) << "three of fifteen are left out on each side";
+  EXPECT_DOUBLE_EQ(fifteen.high_s, 1.0);
+  EXPECT_EQ(difference_of(std::vector<double>(7, -1e-6)).text(), "1.00 µs less (1.00 to 1.00)");
+  EXPECT_EQ(difference_of({-4e-8, -2e-8, -1e-8, 0, 1e-8, 2e-8, 3e-8}).text(),
+            "a time too small to measure here (below 0.04 µs)");
+}
+
+TEST(Explain, ALayerInTheOtherBodyHasAPrice) {
+  const Explanation told = explain(support::force_scene());
+  const TimeDifference price = part(told, "hard_layer").slipping;
+  EXPECT_TRUE(price.is_measured());
+  EXPECT_GT(price.median_s, 0.0);
+}
+
 TEST(OmittedCost, NamesTheMissingPartsTheirMemoryAndTheShareAsleep) {
   v1::Scene scene = support::force_scene();
   const OmittedCost awake = omitted_cost(support::text_of(scene), {.node_steps = 10});
