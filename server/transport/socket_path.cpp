@@ -14,6 +14,7 @@
 #include <array>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
@@ -33,6 +34,23 @@ std::string directory_of(const std::string& path) {
   return slash == 0 ? "/" : path.substr(0, slash);
 }
 
+// A directory for the socket of this user's server.
+std::string own_directory() {
+  return ::geteuid() == 0 ? "/run/shearbus" : "/run/user/" + std::to_string(::geteuid()) + "/shearbus";
+}
+
+// True for a directory whose mode is not to be changed for a socket: one that everybody may use, the root, or the home
+// of the user.
+bool is_shared(const std::string& directory, mode_t mode) {
+  struct stat here {};
+  struct stat other {};
+  const auto is = [&](const char* path) {
+    return path != nullptr && ::stat(path, &other) == 0 && other.st_dev == here.st_dev && other.st_ino == here.st_ino;
+  };
+  if ((mode & S_ISVTX) != 0 || ::stat(directory.c_str(), &here) != 0) return true;
+  return is("/") || is(std::getenv("HOME"));
+}
+
 void check_directory(const std::string& path, bool private_to_owner) {
   const std::string directory = directory_of(path);
   const auto refuse = [&](const std::string& what) {
@@ -48,13 +66,15 @@ void check_directory(const std::string& path, bool private_to_owner) {
            std::to_string(::geteuid()) +
            "; choose a directory of its own, which the server makes if it does not exist");
   if (private_to_owner && (found.st_mode & 077) != 0)
-    refuse("has mode " + octal(found.st_mode) + ": others can enter it; expected 0700. chmod 700 " + directory +
-           ", or choose one that does not exist: the server makes it");
+    refuse("has mode " + octal(found.st_mode) + ": others can enter it; expected 0700. " +
+           (is_shared(directory, found.st_mode) ? "Choose" : "chmod 700 " + directory + ", or choose") +
+           " one that does not exist, such as " + own_directory() + ": the server makes it");
   if (!private_to_owner && (found.st_mode & 022) != 0)
-    refuse("has mode " + octal(found.st_mode) +
-           ": others can write to it, so they could put a socket of their own "
-           "there; expected 0711 or 0750. chmod go-w " +
-           directory);
+    refuse(
+        "has mode " + octal(found.st_mode) +
+        ": others can write to it, so they could put a socket of their own "
+        "there; expected 0711 or 0750. " +
+        (is_shared(directory, found.st_mode) ? "Choose a directory of the server's own" : "chmod go-w " + directory));
 }
 
 // True if a process accepts connections at the path. The lock file alone does not tell this: someone may have removed

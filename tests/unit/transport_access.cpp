@@ -208,6 +208,23 @@ TEST(SocketPath, ADirectoryThatOthersEnterIsRefusedWithItsModeAndARemedy) {
   ASSERT_EQ(::chmod(scratch.path().c_str(), 0700), 0);
 }
 
+TEST(SocketPath, NobodyIsToldToCloseADirectoryThatEverybodyUses) {
+  const Scratch scratch;
+  for (const bool private_to_owner : {true, false}) {
+    ASSERT_EQ(::chmod(scratch.path().c_str(), 01777), 0);
+    try {
+      const SocketPath path((scratch / "s").string(), private_to_owner);
+      ADD_FAILURE() << "accepted";
+    } catch (const std::runtime_error& refused) {
+      const std::string fault = refused.what();
+      EXPECT_NE(fault.find("1777"), std::string::npos) << fault;
+      EXPECT_EQ(fault.find("chmod"), std::string::npos) << fault;
+      EXPECT_NE(fault.find("Choose"), std::string::npos) << fault;
+    }
+  }
+  ASSERT_EQ(::chmod(scratch.path().c_str(), 0700), 0);
+}
+
 TEST(SocketPath, ADirectoryOfAnotherUserIsRefused) {
   if (::geteuid() != 0) GTEST_SKIP() << "only root can make one";
   const Scratch scratch;
