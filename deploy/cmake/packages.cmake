@@ -44,7 +44,7 @@ set(CPACK_DEBIAN_SERVER_PACKAGE_NAME shearbus-server)
 set(CPACK_DEBIAN_SERVER_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS "adduser, python3:any")
 set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "python3-shearbus, python3-matplotlib, python3-h5py, python3-jinja2")
-set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS shearbus-doc)
+set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS "shearbus-doc, python3-scipy")
 set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA "${packaging}/server/postinst;${packaging}/server/prerm;${packaging}/server/postrm")
 set(CPACK_DEBIAN_SERVER_DESCRIPTION "subgrid friction server for hydrocodes
 The server keeps a shear layer of a few micrometres for each node of a sliding

@@ -26,7 +26,7 @@ PYTHON_CLIENT = pathlib.Path(__file__).resolve().parents[2] / "client/python"
 PICTURES = {".png", ".svg"}
 LANGUAGES = {".toml": "toml", ".py": "python", ".c": "c", ".h": "c", ".cpp": "cpp", ".hpp": "cpp", ".f90": "fortran", ".sh": "bash",
              ".sbatch": "bash", ".cff": "yaml", ".service": "ini", ".proto": "protobuf"}
-PROGRAMS = ("shearbus-server", "shearbus-ctl", "shearbus-hydro", "shearbus-replay", "shearbus-study")
+PROGRAMS = ("shearbus-server", "shearbus-ctl", "shearbus-hydro", "shearbus-replay", "shearbus-report", "shearbus-study")
 FENCE = re.compile(r"^(```+|~~~+).*?^\1[ \t]*$", re.M | re.S)
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\]|!\[[^\]]*\]\([^)]*\))*\]\()([^)\s]+)(\))")
 DIRECTIVE = re.compile(r"^<!-- (include|show) (\S+) -->$", re.M)

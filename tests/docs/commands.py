@@ -24,7 +24,7 @@ import subprocess
 import sys
 import tempfile
 
-PAGES = ["README.md", "client/README.md", "client/replay/README.md", "deploy/README.md", "tests/study/map/README.md", "deploy/docs/pages/tutorials/first_run.md",
+PAGES = ["README.md", "client/README.md", "client/replay/README.md", "client/report/README.md", "deploy/README.md", "tests/study/map/README.md", "deploy/docs/pages/tutorials/first_run.md",
          "deploy/docs/pages/tutorials/replay.md", "deploy/docs/pages/tutorials/couple.md", "deploy/docs/pages/howto/keys.md",
          "deploy/docs/pages/reference/exit_codes.md"]
 COPIED = ("README.md", "client", "hydro_stub", "deploy", "proto", "server")  # commands may write next to these files

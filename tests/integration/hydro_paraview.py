@@ -2,6 +2,7 @@
 import argparse
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -9,6 +10,7 @@ import unittest
 
 import h5py
 import numpy
+from PIL import Image
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
 from vtkmodules.vtkIOXdmf3 import vtkXdmf3Reader
@@ -63,6 +65,19 @@ class ParaView(unittest.TestCase):
                 for name in ZONE_ARRAYS:
                     numpy.testing.assert_array_equal(vtk_to_numpy(grid.GetCellData().GetArray(name)), f[name][:], err_msg=name)
 
+    def test_the_script_draws(self):
+        if not shutil.which("xvfb-run"):
+            self.skipTest("xvfb is missing")
+        picture = pathlib.Path(self.scratch.name) / "cone.png"
+        done = subprocess.run(["xvfb-run", "-a", "-s", "-noreset -screen 0 1920x1200x24", "pvpython", str(pathlib.Path(OPTIONS.report) / "paraview_cone.py"),
+                               str(self.out), "--out", str(picture), "--time", "3"], capture_output=True, text=True, timeout=250)
+        self.assertEqual(done.returncode, 0, done.stderr[-2000:])
+        image = Image.open(picture).convert("RGB")
+        seen = {tuple(colour) for _, colour in image.getcolors(1 << 24)}
+        grey = {(r, g, b) for r, g, b in seen if r == g == b}
+        self.assertGreater(len(grey), 30)  # the sections, by their pressure
+        self.assertGreater(len(seen - grey), 200)  # the interface
+
     def test_xdmf2_reader(self):
         self.reads(vtkXdmfReader())
 
@@ -74,5 +89,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--hydro", required=True)
     parser.add_argument("--problems", required=True)
+    parser.add_argument("--report", required=True, help="directory of the script")
     OPTIONS, rest = parser.parse_known_args()
     unittest.main(argv=[sys.argv[0], *rest])
