@@ -358,9 +358,9 @@ class Soak:
             return
         halves = kept[: len(kept) // 2], kept[len(kept) // 2 :]
         memory = [statistics.median(sample[1] for sample in half) / 2**20 for half in halves]
-        files = [statistics.median(sample[2] for sample in half) for half in halves]
-        print(f"memory: {memory[0]:.1f} MB, then {memory[1]:.1f} MB; descriptors {files[0]:.0f}, then {files[1]:.0f} (medians of the last two quarters "
-              f"of the quiet third, {len(kept)} samples)")
+        files = [min(sample[2] for sample in half) for half in halves]
+        print(f"memory: {memory[0]:.1f} MB, then {memory[1]:.1f} MB (medians); descriptors {files[0]}, then {files[1]} (lowest), of the last two "
+              f"quarters of the quiet third, {len(kept)} samples")
         if memory[1] > GROWTH * memory[0] + GROWTH_MB:
             self.faults.append("the memory grows")
         if files[1] > files[0] + GROWTH_FILES:
