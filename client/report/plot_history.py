@@ -33,7 +33,7 @@ def read(paths, node):
                 raise ValueError(f"{path}: has other nodes or times than {paths[0]}")
             ids, time = file["node_id"][:], file["time"][:]
             meta = dict(file["meta"].attrs) if "meta" in file else {}
-            for key, name in (("scene", "scene_name"), ("program", "producer"), ("version", "server_version"), ("date", "created")):
+            for key, name in (("scene", "scene_name"), ("program", "producer"), ("version", "server_version"), ("commit", "commit"), ("date", "created"), ("machine", "machine")):
                 if name in meta:
                     known.setdefault(key, text_of(meta[name])[: 10 if key == "date" else None])
             if node is None and "interface_temperature" in file:

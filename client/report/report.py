@@ -18,8 +18,8 @@ def arguments(version):
     return parser.parse_args()
 
 
-def main(version):
-    """Runs the program. Returns its exit code."""
+def main(version, programs):
+    """Runs the program. programs: directory of shearbus-ctl, which knows the sources of the materials. Returns the exit code."""
     options = arguments(version)
     partial = options.out.with_name(options.out.name + ".partial")
     try:
@@ -32,7 +32,7 @@ def main(version):
     try:
         template = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).resolve().parent), autoescape=True, trim_blocks=True,
                                       lstrip_blocks=True, undefined=jinja2.StrictUndefined).get_template("report.html")
-        page = template.render(sections.report(options.runs, options.figures, shlex.join(["shearbus-report", *sys.argv[1:]])))
+        page = template.render(sections.report(options.runs, options.figures, pathlib.Path(programs) / "shearbus-ctl", shlex.join(["shearbus-report", *sys.argv[1:]])))
         partial.write_text(page, encoding="utf-8")
         os.replace(partial, options.out)
     except (runs.Fault, OSError) as fault:

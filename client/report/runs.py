@@ -133,8 +133,8 @@ class Run:
         self.name = self.scene.get("name") or meta.get("scene_name") or path.stem
         known = self.summary.get("provenance", {})
         self.provenance = {"scene": known.get("scene", self.name), "program": known.get("program", meta.get("producer", "")),
-                           "version": known.get("version", meta.get("server_version", "")), "commit": known.get("commit", ""),
-                           "date": known.get("date", meta.get("created", ""))[:10], "machine": known.get("machine", "")}
+                           "version": known.get("version", meta.get("server_version", "")), "commit": known.get("commit", meta.get("commit", "")),
+                           "date": known.get("date", meta.get("created", ""))[:10], "machine": known.get("machine", meta.get("machine", ""))}
         if self.table:
             self.time, self.nodes = self.table["time"] * 1e6, self.table["node_id"]
             self.place, self.place_name = None, ""

@@ -4,6 +4,7 @@ import html
 import io
 import json
 import re
+import subprocess
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -159,7 +160,15 @@ MATERIAL_ROWS = (("density_kg_per_m3", "density", "kg/m³", 1), ("shear_modulus_
                  ("specific_heat_j_per_kg_k", "specific heat", "J/(kg K)", 1))
 
 
-def the_case(run):
+def material_sources(control):
+    """Returns {material: its sources}, as shearbus-ctl prints them; empty where the program is missing."""
+    if not control.is_file():
+        return {}
+    printed = subprocess.run([control, "materials"], capture_output=True, text=True, timeout=20).stdout
+    return {name: " ".join(text.split()) for name, text in re.findall(r"^(\S+)\n((?:  .*\n?)+)", printed, re.M)}
+
+
+def the_case(run, sources):
     soft, hard = run.scene.get("soft", {}), run.scene.get("hard", {})
     rows = [(label, unit, *(number(body[key] * factor) if key in body else "–" for body in (soft, hard))) for key, label, unit, factor in MATERIAL_ROWS
             if key in soft or key in hard]
@@ -169,6 +178,7 @@ def the_case(run):
              ("tolerance", run.scene.get("layer", {}).get("tolerance", ""))]
     return {"sketch": picture(svg(sketch, "case", "the bodies at the start"), "the bodies at the start" if run.two_dimensions else "each column: two bodies, one jump"),
             "materials": rows, "names": [body.get("material", "own constants") for body in (soft, hard)], "source": run.scene.get("source", ""),
+            "sources": [(body["material"], sources[body["material"]]) for body in (soft, hard) if body.get("material") in sources],
             "facts": [(name, value) for name, value in facts if value != ""]}
 
 
@@ -329,8 +339,9 @@ def paper(directory):
         raise Fault(f"{directory}: expected figures.json, a list of figures with figure, title and file, and their pictures: {fault}") from fault
 
 
-def report(paths, figures, command):
-    """Returns the values of the template for these runs. Raises Fault."""
+def report(paths, figures, control, command):
+    """Returns the values of the template for these runs. figures: directory of the paper's figures, or None; control: path of shearbus-ctl.
+    Raises Fault."""
     runs = [Run(path) for path in paths]
     compared = [run for run in runs if run.table]
     main = plot_cone.main_runs(compared)
@@ -341,7 +352,7 @@ def report(paths, figures, command):
         "runs": [{"label": run.label, "colour": law_colour(run.law), "path": str(run.path), "verdicts": verdicts(run), "provenance": run.provenance,
                   "time": run.summary.get("run_time_s")} for run in runs],
         "numbers": five_numbers(main) if main else [], "number_runs": [(run.label, law_colour(run.law)) for run in main],
-        "case": the_case(first), "fields": fields(runs, footer), "nodes": nodes(main) if main else [],
+        "case": the_case(first, material_sources(control)), "fields": fields(runs, footer), "nodes": nodes(main) if main else [],
         "has_profiles": any("profiles" in run.table for run in main), "ledgers": [ledger(run) for run in runs], "costs": [cost(run) for run in runs],
         "paper": paper(figures), "scene_text": first.scene_text, "regimes": list(style.REGIMES.values()),
         "files": [(str(run.path), sorted((p.name, p.stat().st_size) for p in (run.path.iterdir() if run.path.is_dir() else [run.path]) if p.is_file())) for run in runs],

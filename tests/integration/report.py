@@ -167,7 +167,7 @@ class Report(unittest.TestCase):
         page = self.reports["cone"].read_text()
         summary = json.loads((self.cones[0] / "summary.json").read_text())
         for text in ("cone_al_steel_coarse", "Coulomb–Tresca (DLP 5)", f"{summary['peak_interface_temperature_k']:,.0f}", f"{summary['friction_heat_j']:.1f}",
-                     "energy closed to", "aluminium_dlp", "Selected nodes", "hottest", "left out", "Figure 12: profiles", "It falls.", "By a fifth.", "[hydro.cone_target]"):
+                     "energy closed to", "aluminium_dlp: DLP tables", "Selected nodes", "hottest", "left out", "Figure 12: profiles", "It falls.", "By a fifth.", "[hydro.cone_target]"):
             self.assertTrue(text in page, text)
         column = self.reports["column"].read_text()
         for text in ("sliding_to_a_stop", "No figures of the paper were given", "solver of the layers"):
@@ -249,7 +249,7 @@ class Report(unittest.TestCase):
         words, sys.argv = sys.argv, ["shearbus-report", *map(str, words)]
         try:
             with contextlib.redirect_stdout(io.StringIO()):
-                return report_program.main("0")
+                return report_program.main("0", OPTIONS.report.parent)
         finally:
             sys.argv = words
 
