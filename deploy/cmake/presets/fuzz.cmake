@@ -1,0 +1,5 @@
+# The libFuzzer targets alone.
+set(CMAKE_C_COMPILER clang-14 CACHE STRING "")
+set(CMAKE_CXX_COMPILER clang++-14 CACHE STRING "")
+set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "")
+set(SHEARBUS_FUZZ ON CACHE BOOL "")
