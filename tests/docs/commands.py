@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Runs every command of a page as printed: the fenced blocks tagged sh or console, in their order, in one shell for each page.
 
-commands.py --build BUILD [--source ROOT] [PAGE...]     pages relative to ROOT; without pages those of PAGES
+commands.py --build BUILD [--source ROOT] [PAGE...]     pages relative to ROOT; without pages all that have such a block
 commands.py --self-test
 
 The shell stands in a copy of the tree, in which build/ is the given build directory; build/bin is on PATH. A page says in comments before
@@ -13,7 +13,8 @@ a block, which readers do not see:
     <!-- file: NAME -->        the block, of any language, is the contents of a file
     <!-- input: COMMAND -->    the block, of any language, is the standard input of this command
 
-A block of sh without a comment must run. Untagged blocks are no commands."""
+A block of sh without a comment must run. A block that has a command and no tag, indented or fenced, is a fault; so is a page without a block that
+is named."""
 import argparse
 import os
 import pathlib
@@ -24,14 +25,29 @@ import subprocess
 import sys
 import tempfile
 
-PAGES = ["README.md", "client/README.md", "client/replay/README.md", "client/report/README.md", "deploy/README.md", "tests/study/map/README.md", "deploy/docs/pages/tutorials/first_run.md",
-         "deploy/docs/pages/tutorials/replay.md", "deploy/docs/pages/tutorials/couple.md", "deploy/docs/pages/howto/keys.md",
-         "deploy/docs/pages/reference/exit_codes.md"]
 COPIED = ("README.md", "client", "hydro_stub", "deploy", "proto", "server")  # commands may write next to these files
 BLOCK = re.compile(r"^((?:<!-- .*? -->\n)*)(```+)([^\n`]*)\n(.*?)^\2[ \t]*$", re.M | re.S)
 COMMENT = re.compile(r"<!-- (norun|prints|prepare|file|input): (.*?) -->")
 KINDS = ("sh", "console", "bash", "shell")
 TIMEOUT_S = 120
+# A line of a block without a tag that a reader would type: a program with arguments that are no part of a synopsis.
+TYPED = re.compile(r"^(?:\$ |sudo |apt-get |cmake |ctest |build/bin/|deploy/|/usr/bin/python3 |shearbus-[a-z]+ )(?!.*(?:\[|\||[A-Z]{3,}|\.\.\.)).*$", re.M)
+INDENTED = re.compile(r"(?:^|\n\n)((?: {4}.*\n)+)")
+
+
+def untagged_commands(page):
+    """Returns the faults of blocks with commands that no tag makes a reader, or this program, see as commands."""
+    found = [(line, contents) for line, kind, comments, contents in blocks(page) if kind in ("", "text") and "norun" not in comments]
+    plain = re.sub(BLOCK, lambda fence: "\n" * fence[0].count("\n"), page)
+    found += [(plain[: match.start(1)].count("\n") + 1, re.sub("^ {4}", "", match[1], flags=re.M)) for match in INDENTED.finditer(plain)]
+    return [f"line {line}: {typed[0]!r} is a command in a block that is not tagged sh" for line, text in found if (typed := TYPED.search(text))]
+
+
+def pages_with_commands(root):
+    """Returns the pages of the tree that have a block to run, or a command in a block without a tag."""
+    pages = sorted(p for house in (*COPIED, "tests", ".github") for p in ([root / house] if (root / house).is_file() else (root / house).rglob("*.md")) if "corpus" not in p.parts)
+    return [p.relative_to(root).as_posix() for p in pages
+            if untagged_commands(p.read_text()) or any(kind in KINDS or "input" in comments for _, kind, comments, _ in blocks(p.read_text()))]
 
 
 def console(text):
@@ -51,6 +67,8 @@ def blocks(page):
 
 def run_page(text, directory, environment):
     """Returns (faults, number of blocks that were run, [(line, reason)] of those that were not)."""
+    if untagged := untagged_commands(text):
+        return untagged, 0, []
     script, expected, skipped = ["set -euo pipefail"], {}, []
     for line, kind, comments, contents in blocks(text):
         if "norun" in comments:
@@ -110,6 +128,10 @@ def self_test(directory):
         "<!-- input: cat | tr a-z A-Z -->\n<!-- prints: HOST -->\n```python\nhost\n```\n": 0,
         "<!-- input: false -->\n```python\nhost\n```\n": 1,
         "```sh\nsleep 600 & echo $!\n```\n": 0,
+        "Run it:\n\n    deploy/run scene.toml\n": 1,
+        "```\nshearbus-hydro scene.toml\n```\n": 1,
+        "```text\n$ true\n```\n": 1,
+        "Usage:\n\n    shearbus-hydro SCENE.toml [--out DIR]\n": 0,
     }
     return [f"self-test: {found} where {expected} fault was expected:\n{page}" for page, expected in cases.items()
             if len(found := run_page(page, directory, environment)[0]) != expected]
@@ -129,7 +151,7 @@ def main():
         print("\n".join(failed) or "pages with wrong commands are noticed")
         sys.exit(bool(failed))
     build, source = options.build.resolve(), options.source.resolve()
-    for page in options.pages or PAGES:
+    for page in options.pages or pages_with_commands(source):
         with tempfile.TemporaryDirectory(prefix="shearbus-") as scratch:  # short, for the sockets
             directory = pathlib.Path(scratch)
             for name in COPIED:
