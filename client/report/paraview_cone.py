@@ -1,11 +1,11 @@
 #!/usr/bin/env pvbatch
-"""The cone in ParaView, from the files of one run of cone_target: the interface as a surface of revolution, left with its temperature, right
-with its slip distance, inside of the section through the bodies with their pressure.
+"""The cone in ParaView, from the files of one run of cone_target: the interface as a surface of revolution, left with
+its temperature, right with its slip distance, inside of the section through the bodies with their pressure.
 
     pvbatch paraview_cone.py RUN --out FILE.png [--time MICROSECONDS]
 
-RUN is a directory that shearbus-hydro wrote: the bodies are read from fields.xmf, the interface from interface.h5. Debian's ParaView draws
-on a screen only; without one: xvfb-run -a -s "-noreset -screen 0 1920x1200x24" pvbatch ..."""
+RUN is a directory that shearbus-hydro wrote: the bodies are read from fields.xmf, the interface from interface.h5.
+Debian's ParaView draws on a screen only; without one: xvfb-run -a -s "-noreset -screen 0 1920x1200x24" pvbatch ..."""
 import argparse
 import pathlib
 
@@ -21,7 +21,8 @@ APART = 46e-3  # m between the axes of the two cones
 
 
 def interface(run, time):
-    """Returns the interface at a time (s) as a poly-line in the plane of r and z, with QUANTITIES, and the time of the row."""
+    """Returns the interface at a time (s) as a poly-line in the plane of r and z, with QUANTITIES, and the time of
+    the row."""
     with h5py.File(pathlib.Path(run) / "interface.h5") as file:
         row = int(numpy.abs(file["time"][:] - time).argmin())
         points, line, found = vtkPoints(), vtkCellArray(), vtkPolyData()

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""Pictures of one or more runs of cone_target: the cone's free-surface velocity; shape and temperature at the end, two laws left and right of
-the axis, with the temperature of the flank on its own scale; and space-time maps along the interface (regime, interface temperature, sliding
-speed, shear stress: DLP Figs 16-22; pressure) up to the last contact. Runs with free slip or stick appear only in the first picture, unless
-there are no other runs.
+"""Pictures of one or more runs of cone_target: the cone's free-surface velocity; shape and temperature at the end,
+two laws left and right of the axis, with the temperature of the flank on its own scale; and space-time maps along the
+interface (regime, interface temperature, sliding speed, shear stress: DLP Figs 16-22; pressure) up to the last
+contact. Runs with free slip or stick appear only in the first picture, unless there are no other runs.
 
     plot_cone.py RUN [RUN ...] --out DIRECTORY       RUN: a directory that shearbus-hydro wrote
 """
@@ -65,7 +65,8 @@ def sides(runs):
 
 
 def mirrored(axis, runs, time=None, name="temperature", scale=1.0):
-    """Draws one zone quantity, the first run left of the axis and the second right of it. Returns what a colour bar needs, and the arrows."""
+    """Draws one zone quantity, the first run left of the axis and the second right of it. Returns what a colour bar
+    needs, and the arrows."""
     frames = [(run, run.frame(time), side) for run, side in sides(runs)]
     span, extend = style.limits("temperature", *(frame[name] * scale for _, frame, _ in frames), percentile=99.7)
     for run, frame, side in frames:
@@ -101,7 +102,8 @@ def shape_and_flank(runs):
 
 
 def front(run):
-    """Returns when the shock reaches each node (µs): the first time its pressure exceeds a tenth of its highest; NaN if it never rises."""
+    """Returns when the shock reaches each node (µs): the first time its pressure exceeds a tenth of its highest; NaN
+    if it never rises."""
     pressure = run["pressure"]
     above = pressure > 0.1 * pressure.max(axis=0)
     return np.where(above.any(axis=0) & (pressure.max(axis=0) > 0), run.time[above.argmax(axis=0)], np.nan)
@@ -122,7 +124,8 @@ def difference(run, other, name):
 
 
 def space_time(runs, name):
-    """Draws the maps of one quantity side by side, and their difference where two runs have the same nodes. Returns the figure."""
+    """Draws the maps of one quantity side by side, and their difference where two runs have the same nodes. Returns
+    the figure."""
     compared = name in ("sliding_velocity", "pressure") and len(runs) == 2 and np.array_equal(runs[0].nodes, runs[1].nodes)
     count = len(runs) + compared
     figure, axes = style.figure(1, count, (4.3 * count + 1.2, 4.6), legend=True, squeeze=False, sharey=True)

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
-"""Draws histories of shearbus-hydro in one dimension, or results of shearbus-replay: temperature, shear stress and sliding speed of the
-interface against time, and a map of regimes where there are many columns. Several runs stand side by side.
+"""Draws histories of shearbus-hydro in one dimension, or results of shearbus-replay: temperature, shear stress and
+sliding speed of the interface against time, and a map of regimes where there are many columns. Several runs stand
+side by side.
 
     plot_histories.py RUN [RUN ...] --out DIRECTORY      RUN: a directory that shearbus-hydro wrote, or a file of results
 """
@@ -41,7 +42,8 @@ def groups(run):
 
 
 def panels_of(runs):
-    """Returns (run, title, columns) for each panel, in the order of pressure, then of runs, and the number of panels left out."""
+    """Returns (run, title, columns) for each panel, in the order of pressure, then of runs, and the number of panels
+    left out."""
     most = max(1, MOST_PANELS // len(runs))
     chosen = []
     for run in runs:

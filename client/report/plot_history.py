@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Draws one node of a history or of a result of shearbus-replay: pressure, velocity jump and slip, shear stress, interface temperature, and
-a band of the regime. Several files of the same steps complete each other.
+"""Draws one node of a history or of a result of shearbus-replay: pressure, velocity jump and slip, shear stress,
+interface temperature, and a band of the regime. Several files of the same steps complete each other.
 
     plot_history.py result.h5 history.h5 --out picture.png [--node ID]
 """

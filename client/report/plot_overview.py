@@ -1,12 +1,13 @@
 #!/usr/bin/python3
-"""One picture of the physics, from two runs of cone_target with the subgrid server and with another law: the cone with the temperature of its
-interface on both sides, the temperature across the layer of one node, and the history of that node.
+"""One picture of the physics, from two runs of cone_target with the subgrid server and with another law: the cone
+with the temperature of its interface on both sides, the temperature across the layer of one node, and the history of
+that node.
 
     plot_overview.py SUBGRID OTHER --out FILE.png [--time MICROSECONDS]
 
-The temperature across the interface is that of the heat which friction gave to both bodies, s [v] as recorded, conducted into two half-spaces
-(exact for heat that is constant between two rows). The script ends with an error where this differs at z = 0 from the recorded interface
-temperature by more than 3 %."""
+The temperature across the interface is that of the heat which friction gave to both bodies, s [v] as recorded,
+conducted into two half-spaces (exact for heat that is constant between two rows). The script ends with an error where
+this differs at z = 0 from the recorded interface temperature by more than 3 %."""
 import argparse
 import pathlib
 import sys
@@ -29,7 +30,8 @@ def ierfc(x):
 
 
 def profile(run, node, row, z):
-    """Returns the temperature (K) at the places z (m; > 0 soft, < 0 hard) of a node at the end of a row of the history."""
+    """Returns the temperature (K) at the places z (m; > 0 soft, < 0 hard) of a node at the end of a row of the
+    history."""
     soft, hard = run.scene["soft"], run.scene["hard"]
     begin, end = np.concatenate(([0.0], run.table["time"][:row])), run.table["time"][: row + 1]
     heat = np.where(run["pressure"][: row + 1, node] > 0, run["shear_stress"][: row + 1, node] * run["sliding_velocity"][: row + 1, node], 0.0)

@@ -1,5 +1,6 @@
-"""Puts one or more runs into one HTML file that needs nothing else: no network, no script. A RUN is a directory that shearbus-hydro wrote,
-in one or two dimensions, or a file of results of shearbus-replay; runs of one scene with several laws are compared.
+"""Puts one or more runs into one HTML file that needs nothing else: no network, no script. A RUN is a directory that
+shearbus-hydro wrote, in one or two dimensions, or a file of results of shearbus-replay; runs of one scene with
+several laws are compared.
 
 exit code: 0 the report is written, 1 a run cannot be read or the file not written, 2 a faulty command line"""
 import argparse
@@ -19,7 +20,8 @@ def arguments(version):
 
 
 def main(version, programs):
-    """Runs the program. programs: directory of shearbus-ctl, which knows the sources of the materials. Returns the exit code."""
+    """Runs the program. programs: directory of shearbus-ctl, which knows the sources of the materials. Returns the
+    exit code."""
     options = arguments(version)
     partial = options.out.with_name(options.out.name + ".partial")
     try:
@@ -30,6 +32,8 @@ def main(version, programs):
         print(f"shearbus-report: {fault}; install python3-jinja2, python3-matplotlib and python3-h5py", file=sys.stderr)
         return 1
     try:
+        if not options.out.parent.is_dir():  # before the work of a report
+            raise runs.Fault(f"{options.out}: there is no directory {options.out.parent}")
         template = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).resolve().parent), autoescape=True, trim_blocks=True,
                                       lstrip_blocks=True, undefined=jinja2.StrictUndefined).get_template("report.html")
         page = template.render(sections.report(options.runs, options.figures, pathlib.Path(programs) / "shearbus-ctl", shlex.join(["shearbus-report", *sys.argv[1:]])))

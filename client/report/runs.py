@@ -1,5 +1,6 @@
-"""Reads what shearbus-hydro and shearbus-replay leave: one Run for a directory of shearbus-hydro, in one or two dimensions, or for a file of
-results. Whatever is missing in a run is None or empty; a file that is no result raises Fault with the reason."""
+"""Reads what shearbus-hydro and shearbus-replay leave: one Run for a directory of shearbus-hydro, in one or two
+dimensions, or for a file of results. Whatever is missing in a run is None or empty; a file that is no result raises
+Fault with the reason."""
 import json
 import pathlib
 import tomllib
@@ -40,7 +41,8 @@ def text_of(value):
 
 
 def table_of(path):
-    """Returns a history or a result as {name: array} with time (s), node_id, regime as positions in style.REGIMES, and meta."""
+    """Returns a history or a result as {name: array} with time (s), node_id, regime as positions in style.REGIMES,
+    and meta."""
     with h5py.File(path) as file:
         missing = [name for name in ("time", "node_id", *NEEDED) if name not in file]
         if missing:
@@ -86,9 +88,10 @@ def outcome_counts(file):
 class Run:
     """One run. Times in µs, everything else in SI.
 
-    path, law, label: where it is, the name of its interface law, how pictures call it. scene, scene_text: effective scene. summary:
-    summary.json. provenance: facts for a footer. table: {name: [T, N] array} of the interface, or None; time [T]; nodes [N] ids;
-    place [N]: z or r (place_name) of each node at the start (m) in two dimensions, else None. fields: directory of the frames, or None."""
+    path, law, label: where it is, the name of its interface law, how pictures call it. scene, scene_text: effective
+    scene. summary: summary.json. provenance: facts for a footer. table: {name: [T, N] array} of the interface, or
+    None; time [T]; nodes [N] ids; place [N]: z or r (place_name) of each node at the start (m) in two dimensions,
+    else None. fields: directory of the frames, or None."""
 
     def __init__(self, path):
         self.path = self.reading = path = pathlib.Path(path)
@@ -172,8 +175,8 @@ class Run:
         return (melting * np.diff(self.time, prepend=0.0)[:, None]).sum(axis=0)
 
     def selected(self):
-        """Returns {node index: reasons} of the nodes that are worth a look: hottest, fastest, longest molten, and one that never slips or
-        slips least."""
+        """Returns {node index: reasons} of the nodes that are worth a look: hottest, fastest, longest molten, and one
+        that never slips or slips least."""
         found = {}
         molten, slip = self.molten_time(), self.slip()
         choices = [("hottest", self["interface_temperature"].max(axis=0).argmax()), ("fastest", np.abs(self["sliding_velocity"]).max(axis=0).argmax())]
@@ -187,7 +190,8 @@ class Run:
             return file["quads"][:]
 
     def frame(self, time=None):
-        """Returns the frame at or just after a time (µs), by default the last: {"time" (µs), "place" [M, 2], zone quantities [Z]}."""
+        """Returns the frame at or just after a time (µs), by default the last: {"time" (µs), "place" [M, 2], zone
+        quantities [Z]}."""
         path = self.frames[-1]
         for candidate in self.frames if time is not None else ():
             with h5py.File(candidate) as file:
@@ -201,7 +205,8 @@ class Run:
         return found
 
     def kinetic_energy(self, frame):
-        """Returns the kinetic energy of each body of a frame: J in axisymmetry, J/m in plane strain. Nodes share the mass of their zones."""
+        """Returns the kinetic energy of each body of a frame: J in axisymmetry, J/m in plane strain. Nodes share the
+        mass of their zones."""
         quads = self.quads()
         corners = frame["place"][quads]
         x, y = corners[..., 0], corners[..., 1]

@@ -269,7 +269,8 @@ def nodes(runs):
 
 
 def bars(parts, name, unit):
-    """Returns a stacked bar as HTML values: [(label, text, share in percent, colour)]. parts: [(label, value, colour)]."""
+    """Returns a stacked bar as HTML values: [(label, text, share in percent, colour)]. parts: [(label, value,
+    colour)]."""
     whole = sum(max(value, 0.0) for _, value, _ in parts) or 1.0
     return {"title": name, "parts": [(label, f"{number(value)} {unit}", 100 * max(value, 0.0) / whole, colour) for label, value, colour in parts]}
 
@@ -320,7 +321,8 @@ def cost(run):
 
 
 def paper(directory):
-    """Returns the figures of figures.json in a directory: [{"figure", "title", "src", "agrees": [...], "differs": [...]}]."""
+    """Returns the figures of figures.json in a directory: [{"figure", "title", "src", "agrees": [...], "differs":
+    [...]}]."""
     if directory is None:
         return []
     try:
@@ -340,9 +342,9 @@ def paper(directory):
 
 
 def report(paths, figures, control, command):
-    """Returns the values of the template for these runs. figures: directory of the paper's figures, or None; control: path of shearbus-ctl.
-    Raises Fault."""
-    runs = [Run(path) for path in paths]
+    """Returns the values of the template for these runs. figures: directory of the paper's figures, or None; control:
+    path of shearbus-ctl. Raises Fault."""
+    runs, of_the_paper = [Run(path) for path in paths], paper(figures)
     compared = [run for run in runs if run.table]
     main = plot_cone.main_runs(compared)
     footer = style.provenance_text(*(run.provenance for run in runs))
@@ -354,7 +356,7 @@ def report(paths, figures, control, command):
         "numbers": five_numbers(main) if main else [], "number_runs": [(run.label, law_colour(run.law)) for run in main],
         "case": the_case(first, material_sources(control)), "fields": fields(runs, footer), "nodes": nodes(main) if main else [],
         "has_profiles": any("profiles" in run.table for run in main), "ledgers": [ledger(run) for run in runs], "costs": [cost(run) for run in runs],
-        "paper": paper(figures), "scene_text": first.scene_text, "regimes": list(style.REGIMES.values()),
+        "paper": of_the_paper, "scene_text": first.scene_text, "regimes": list(style.REGIMES.values()),
         "files": [(str(run.path), sorted((p.name, p.stat().st_size) for p in (run.path.iterdir() if run.path.is_dir() else [run.path]) if p.is_file())) for run in runs],
         "provenance": footer, "command": command, "number": number,
     }

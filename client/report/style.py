@@ -1,5 +1,5 @@
-"""One look for all pictures of shearbus: colours of the regimes and of the interface laws, units, sizes, and a footer that says where the
-numbers come from. A picture is drawn with these names and saved by save()."""
+"""One look for all pictures of shearbus: colours of the regimes and of the interface laws, units, sizes, and a footer
+that says where the numbers come from. A picture is drawn with these names and saved by save()."""
 import io
 
 import matplotlib
@@ -13,8 +13,8 @@ from PIL import Image  # noqa: E402
 
 DPI = 200
 INK, SECOND, GRID, FAINT = "#1a1a1a", "#c8553d", "#d9d9d9", "#7d7d7d"
-# The values of Regime (proto/shearbus/v1/downscale.proto) by name: label and colour. The smallest difference of two colours, over normal
-# sight, deuteranopia and protanopia, is 40 (CIE 1976).
+# The values of Regime (proto/shearbus/v1/downscale.proto) by name: label and colour. The smallest difference of two
+# colours, over normal sight, deuteranopia and protanopia, is 40 (CIE 1976).
 REGIMES = {
     "OPEN": ("open", "#f2f2f2"),
     "STICK": ("stick", "#4477AA"),
@@ -71,8 +71,8 @@ def regime_handles(seen):
 
 
 def limits(kind, *arrays, percentile=99.5):
-    """Returns vmin, vmax and the arrows ("extend") of a colour bar for the finite values of arrays: about zero where both signs occur, from
-    zero for sizes, else from the data. Values beyond the percentile are shown by the arrow."""
+    """Returns vmin, vmax and the arrows ("extend") of a colour bar for the finite values of arrays: about zero where
+    both signs occur, from zero for sizes, else from the data. Values beyond the percentile are shown by the arrow."""
     values = np.concatenate([np.ma.compressed(np.ma.masked_invalid(a)) for a in arrays])
     if values.size == 0:
         return {"vmin": 0.0, "vmax": 1.0}, "neither"
@@ -98,7 +98,8 @@ def provenance_text(*blocks):
 
 
 def figure(rows, columns, size, legend=False, **options):
-    """Returns a figure of a size in inches and its axes, with room for a footer, and above that for legend_below()."""
+    """Returns a figure of a size in inches and its axes, with room for a footer, and above that for
+    legend_below()."""
     made, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", **options)
     strip = (0.55 if legend else 0.22) / size[1]
     made.get_layout_engine().set(rect=(0.006, strip, 0.988, 0.99 - strip), wspace=0.04)
@@ -110,8 +111,8 @@ def legend_below(made, handles):
 
 
 def save(made, path, footer="", colours=None):
-    """Writes a figure as PNG of 200 dots an inch and closes it; path None: returns the bytes. colours: size of a palette, which makes a
-    picture of lines and areas of few colours smaller."""
+    """Writes a figure as PNG of 200 dots an inch and closes it; path None: returns the bytes. colours: size of a
+    palette, which makes a picture of lines and areas of few colours smaller."""
     if footer:
         width = int(made.get_figwidth() * 19)  # characters of the footer's size that fit
         text = footer if len(footer) <= width else footer[: width - 1] + "…"
@@ -129,8 +130,8 @@ def save(made, path, footer="", colours=None):
 
 
 def label_ends(axis, ends, size=9):
-    """Writes labels at the right end of lines, one below the other where they would overlap. ends: (x, y, label, colour) in data units,
-    after the limits of the axis are final."""
+    """Writes labels at the right end of lines, one below the other where they would overlap. ends: (x, y, label,
+    colour) in data units, after the limits of the axis are final."""
     low, high = axis.get_ylim()
     gap = 1.35 * size / 72 / (axis.figure.get_figheight() * axis.get_position().height) * (high - low)
     ends = sorted(ends, key=lambda end: end[1])

@@ -1,7 +1,9 @@
-"""shearbus-report on runs that the test makes: what is in the page, that its HTML is valid, and, in a browser without a screen, that nothing
-overflows, overlaps or is missing at the width of a phone and of a desk, light and dark. Where Chromium is missing, only its part is skipped.
+"""shearbus-report on runs that the test makes: what is in the page, that its HTML is valid, and, in a browser without
+a screen, that nothing overflows, overlaps or is missing at the width of a phone and of a desk, light and dark. Where
+Chromium is missing, only its part is skipped.
 
-report.py --hydro ... --replay ... --report ... --source ... [--screenshots DIR]      DIR keeps the pictures of the pages"""
+report.py --hydro ... --replay ... --report ... --source ... [--screenshots DIR]      DIR keeps the pictures of the
+pages"""
 import argparse
 import base64
 import contextlib
@@ -22,7 +24,8 @@ OPTIONS = None
 LARGEST = 3_000_000  # bytes of a report
 CHROMIUM = ["/usr/bin/chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
             "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe"]
-# Returns the faults of a page: what is wider than the screen, pictures that are missing, texts that lie upon each other.
+# Returns the faults of a page: what is wider than the screen, pictures that are missing, texts that lie upon each
+# other.
 FAULTS = r"""
 (() => {
   const faults = [];

@@ -9,7 +9,8 @@ import style  # noqa: E402
 
 
 def arguments(description):
-    """Returns the study from its JSON file, and the path of its picture: next to that file unless --out names another."""
+    """Returns the study from its JSON file, and the path of its picture: next to that file unless --out names
+    another."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("study", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path)

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Draws error against run time from precision.json: one panel per problem with every setting in grey, one line per grid and method over the
-step length; three named settings; and the efficient front. The numbers are in the study's own table.
-plot_precision.py precision.json [--out FILE.png]"""
+"""Draws error against run time from precision.json: one panel per problem with every setting in grey, one line per
+grid and method over the step length; three named settings; and the efficient front. The numbers are in the study's
+own table. plot_precision.py precision.json [--out FILE.png]"""
 from pictures import arguments, save, style
 
 NAMED = {  # integrator, cells, accuracy of the modes -> label and colour

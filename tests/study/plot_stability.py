@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""Draws the envelope from stability.json as a map, rows against physics. The colour shows the largest effort of a step of eight nodes, in
-evaluations; a cross marks a broken invariant, a ring a row that did not reach its regime; blank cells do not apply. Prints the ten cells
-with the most effort. For a single scene: bars, with the share of the heat that a molten interface would take.
-plot_stability.py stability.json [--out FILE.png]"""
+"""Draws the envelope from stability.json as a map, rows against physics. The colour shows the largest effort of a
+step of eight nodes, in evaluations; a cross marks a broken invariant, a ring a row that did not reach its regime;
+blank cells do not apply. Prints the ten cells with the most effort. For a single scene: bars, with the share of the
+heat that a molten interface would take. plot_stability.py stability.json [--out FILE.png]"""
 import textwrap
 
 import numpy as np

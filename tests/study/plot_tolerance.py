@@ -1,6 +1,7 @@
 #!/usr/bin/python3
-"""Draws the delivered against the requested error from tolerance.json, one line per problem, the largest over its numbers of host steps;
-below the diagonal the request is met. Left: the error of T0; right: its cost.   plot_tolerance.py tolerance.json [--out FILE.png]"""
+"""Draws the delivered against the requested error from tolerance.json, one line per problem, the largest over its
+numbers of host steps; below the diagonal the request is met. Left: the error of T0; right: its cost.
+plot_tolerance.py tolerance.json [--out FILE.png]"""
 from pictures import arguments, save, style
 
 COLOURS = (style.INK, "#2a8fbd", "#8a7f2d", style.SECOND, "#8a5ba6")

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Holds all pictures to one look: client/report/style.py has the colour of each regime, under the names of the enum Regime, and no other file
-gives a regime a colour: it has neither the colours of style.py nor a colour next to the name of a regime. With --self-test each rule must fail
-on a tree made for it."""
+"""Holds all pictures to one look: client/report/style.py has the colour of each regime, under the names of the enum
+Regime, and no other file gives a regime a colour: it has neither the colours of style.py nor a colour next to the
+name of a regime. With --self-test each rule must fail on a tree made for it."""
 import argparse
 import pathlib
 import re
