@@ -1,4 +1,3 @@
-#!/usr/bin/env pvbatch
 """The cone in ParaView, from the files of one run of cone_target: the interface as a surface of revolution, left with
 its temperature, right with its slip distance, inside of the section through the bodies with their pressure.
 
