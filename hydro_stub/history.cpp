@@ -43,11 +43,19 @@ std::vector<std::uint64_t> node_ids(std::size_t columns) {
   return ids;
 }
 
+std::map<std::string, std::string> History::origin(const server::Entries& provenance) {
+  std::map<std::string, std::string> meta = {{"producer", "shearbus-hydro " + server::value_of(provenance, "version")}};
+  for (const char* key : {"commit", "machine", "command"}) meta.emplace(key, server::value_of(provenance, key));
+  return meta;
+}
+
 History::History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
-                 const std::string& scene, const std::string& law)
-    : writer_(
-          file, node_ids(problem.columns), rows(),
-          {{"producer", "shearbus-hydro"}, {"scene", scene}, {"scene_name", problem.name}, {"interface_law", law}}) {
+                 const std::string& scene, const std::string& law, const server::Entries& provenance)
+    : writer_(file, node_ids(problem.columns), rows(), [&] {
+        std::map<std::string, std::string> meta = origin(provenance);
+        meta.insert({{"scene", scene}, {"scene_name", problem.name}, {"interface_law", law}});
+        return meta;
+      }()) {
   writer_.add_static(wire::quantity_of_column(Field::kMassSoft, 0, "sent: half the soft zone at the interface"),
                      column.inputs().mass_soft);
   writer_.add_static(wire::quantity_of_column(Field::kMassHard, 0, "sent: half the hard zone at the interface"),

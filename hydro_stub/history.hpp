@@ -3,12 +3,14 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "proto/wire/profile_record.hpp"
 #include "proto/wire/recording.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::hydro {
 
@@ -17,7 +19,9 @@ class History {
   // Opens the file. `scene` is the TOML text of the scene with all constants filled in; `law` is the name of the
   // interface law.
   History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
-          const std::string& scene, const std::string& law);
+          const std::string& scene, const std::string& law, const server::Entries& provenance);
+  // Returns what /meta says of a result's origin: producer, commit, machine, command.
+  static std::map<std::string, std::string> origin(const server::Entries& provenance);
 
   void record(const ShearColumn& column);
   void close(const wire::ProfileRecord& profiles) {

@@ -19,6 +19,7 @@
 #include "proto/scene/scene.hpp"
 #include "proto/wire/program.hpp"
 #include "proto/wire/status.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -68,6 +69,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   RunOptions run{.out = from != nullptr ? options.restart : output_directory(options, scene),
                  .progress = options.progress,
                  .dumps = options.dumps,
+                 .provenance = server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
                  .server = options.server.endpoint};
   if (from != nullptr && run.server.empty()) run.server = from->text("server");
   SubgridServer server{.address = options.server, .state_dir = {}, .check_closure = false};
@@ -113,7 +115,8 @@ void carry_out(const Options& options, SceneFile& file) {
     return;
   }
   const std::filesystem::path out = output_directory(options, scene);
-  run(scene, problem, *law, out, options.progress);
+  run(scene, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
+      options.progress);
   if (options.plot) plot(out);
   fmt::print("  {:<24}{}\n", "results", out.string());
 }

@@ -3,39 +3,54 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <map>
 
 #include "hydro_stub/scene.hpp"
-#include "proto/wire/program.hpp"
+#include "proto/wire/command_line.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::hydro {
+
+namespace {
+
+constexpr const char* kFooter = R"(Examples:
+  shearbus-hydro hydro_stub/problems/shear_column_main.toml
+  shearbus-hydro hydro_stub/problems/cone_al_steel.toml --interface-law coulomb_tresca --out out/cone
+  shearbus-hydro scene.toml --explain
+
+Exit codes: 0 done, 1 a fault, 2 a wrong command line, 3 interrupted (--restart continues the run).)";
+
+}  // namespace
 
 CommandLine parse_command_line(int argc, char** argv) {
   CommandLine line;
   Options& options = line.options;
+  options.arguments = {argv, static_cast<std::size_t>(argc)};
   guest::InterfaceLaw law = guest::INTERFACE_LAW_UNSPECIFIED;
 
   CLI::App app("Runs a scene's hydrodynamic problem and leaves histories, a summary and pictures.", "shearbus-hydro");
-  CLI::Option* scene = app.add_option("scene", options.scene, "scene to run (TOML)");
+  CLI::Option* scene = app.add_option("SCENE", options.scene, "scene to run (TOML)");
   CLI::Option* restart =
-      app.add_option("--restart", options.restart, "directory of a run that was stopped: go on from its last dump");
-  app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)")->excludes(restart);
-  app.add_option(
-      "--server", options.server.endpoint,
-      "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH, or of several, with commas (default: a server inside "
-      "this process)");
+      app.add_option("--restart", options.restart, "directory of a run that was stopped: go on from its last dump")
+          ->type_name("DIR");
+  app.add_option("--out", options.out, "directory for the results (default: out/NAME-LAW)")
+      ->type_name("DIR")
+      ->excludes(restart);
+  app.add_option("--server", options.server.endpoint,
+                 "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH, or of several, with commas (default: "
+                 "a server inside "
+                 "this process)")
+      ->type_name("ENDPOINT");
   std::filesystem::path server_key;
   std::filesystem::path key;
-  app.add_option("--server-key", server_key, "by tcp: file of the server's public key");
-  app.add_option("--key", key, "by tcp: file of one's own secret key, from shearbus-ctl keygen");
-  app.add_option("--interface-law", law,
-                 "subgrid, coulomb_tresca, free_slip, stick or constant, in place of the scene's")
-      ->transform(CLI::Transformer(
-          std::map<std::string, guest::InterfaceLaw>{{"subgrid", guest::INTERFACE_LAW_SUBGRID},
-                                                     {"coulomb_tresca", guest::INTERFACE_LAW_COULOMB_TRESCA},
-                                                     {"free_slip", guest::INTERFACE_LAW_FREE_SLIP},
-                                                     {"stick", guest::INTERFACE_LAW_STICK},
-                                                     {"constant", guest::INTERFACE_LAW_CONSTANT}}))
+  app.add_option("--server-key", server_key, "by tcp: file of the server's public key")->type_name("FILE");
+  app.add_option("--key", key, "by tcp: file of one's own secret key, from shearbus-ctl keygen")->type_name("FILE");
+  wire::add_choice<guest::InterfaceLaw>(app, "--interface-law", law,
+                                        {{"subgrid", guest::INTERFACE_LAW_SUBGRID},
+                                         {"coulomb_tresca", guest::INTERFACE_LAW_COULOMB_TRESCA},
+                                         {"free_slip", guest::INTERFACE_LAW_FREE_SLIP},
+                                         {"stick", guest::INTERFACE_LAW_STICK},
+                                         {"constant", guest::INTERFACE_LAW_CONSTANT}},
+                                        "interface law in place of the scene's")
       ->excludes(restart);
   app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
   app.add_option("--dump-interval", options.dumps.interval_s,
@@ -56,14 +71,11 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,
                "show how far a long run is, on a terminal (default: yes)");
-  try {
-    app.parse(argc, argv);
-    if (const std::string fault = wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
-    if (scene->empty() == restart->empty()) throw CLI::RequiredError("a scene, or --restart DIR");
-  } catch (const CLI::ParseError& error) {
-    line.exit_code = app.exit(error) == 0 ? 0 : 2;
-    return line;
-  }
+  wire::complete(app, "shearbus-hydro", server::version_text, kFooter);
+  line.exit_code = wire::parse(app, argc, argv, [&] {
+    if (scene->empty() == restart->empty()) throw CLI::RequiredError("SCENE, or --restart DIR,");
+  });
+  if (line.exit_code) return line;
   wire::read_keys_into(options.server, server_key, key);
   if (law != guest::INTERFACE_LAW_UNSPECIFIED) options.interface_law = law;
   return line;

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "hydro_stub/hydro.pb.h"
@@ -12,10 +13,11 @@
 namespace shearbus::hydro {
 
 struct Options {
-  std::filesystem::path scene;    // scene to run; empty if `restart` is given
-  std::filesystem::path restart;  // directory of a run to continue; empty if `scene` is given
-  std::filesystem::path out;      // directory for the results; empty: out/<scene name>-<interface law>
-  wire::ServerAddress server;     // subgrid server; without an endpoint it runs in this process
+  std::span<const char* const> arguments;  // the command line
+  std::filesystem::path scene;             // scene to run; empty if `restart` is given
+  std::filesystem::path restart;           // directory of a run to continue; empty if `scene` is given
+  std::filesystem::path out;               // directory for the results; empty: out/<scene name>-<interface law>
+  wire::ServerAddress server;              // subgrid server; without an endpoint it runs in this process
   std::optional<guest::InterfaceLaw> interface_law;  // if set, replaces the interface law of the scene
   DumpSchedule dumps;
   bool overlap = true;

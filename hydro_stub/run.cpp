@@ -99,14 +99,15 @@ void record_profiles(wire::ProfileRecord& record, double time_s, std::span<const
 }
 
 void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
-         const std::filesystem::path& out, bool progress) {
+         const std::filesystem::path& out, const server::Entries& provenance, bool progress) {
   std::filesystem::create_directories(out);
   const std::string law_name = name(scene.hydro().interface_law());
   ShearColumn column(problem);
-  History history(out / "history.h5", problem, column, scene::to_toml(effective_scene(scene, problem)), law_name);
+  History history(out / "history.h5", problem, column, scene::to_toml(effective_scene(scene, problem)), law_name,
+                  provenance);
   wire::ProfileRecord profiles = profile_record(scene, problem.columns, law);
-  Summary summary(problem, law_name);
-  wire::Progress bar(problem.name, problem.steps, progress);
+  Summary summary(problem, law_name, provenance);
+  wire::Progress bar(problem.name, progress);
 
   RunTime time;
   const Clock::time_point start = Clock::now();
@@ -121,7 +122,7 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
     history.record(column);
     record_profiles(profiles, column.inputs().time, column.inputs().pressure, law);
     time.output += Clock::now() - stepped;
-    bar.at(step + 1);
+    bar.at(step + 1, problem.steps);
   }
   const Clock::time_point stepped = Clock::now();
   history.close(profiles);

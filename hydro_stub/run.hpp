@@ -12,6 +12,7 @@
 #include "hydro_stub/scene.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "proto/wire/profile_record.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::hydro {
 
@@ -31,7 +32,7 @@ void record_profiles(wire::ProfileRecord& record, double time_s, std::span<const
 // Runs the problem, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
 // std::exception; if a step fails, no file has the name of a complete result.
 void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
-         const std::filesystem::path& out, bool progress);
+         const std::filesystem::path& out, const server::Entries& provenance, bool progress);
 
 // Draw the results in `out` with plot_histories.py or plot_cone.py. Throw std::runtime_error if that fails.
 void plot(const std::filesystem::path& out);

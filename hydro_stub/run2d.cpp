@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "hydro_stub/history.hpp"
 #include "hydro_stub/interface_history.hpp"
 #include "hydro_stub/lagrange/strength.hpp"
 #include "hydro_stub/law_name.hpp"
@@ -97,15 +98,20 @@ class Run {
   }
 
   void to_the_end() {
-    // the progress bar shows simulated time, because the number of steps is not known in advance
-    constexpr double kBarParts = 10'000;
-    const double begun_at = cycle_.state().time;
-    const auto part = [&](double time) { return static_cast<std::size_t>(kBarParts * (time - begun_at) / end_time_); };
-    wire::Progress bar(file_.scene.scene().name(), part(end_time_), options_.progress);
+    const double begun_s = cycle_.state().time;
+    const std::size_t begun_step = cycle_.steps();
+    wire::Progress bar(file_.scene.scene().name(), options_.progress);
     if (fields_.times_s().empty()) timed([&] { write_fields(fields_, cycle_); });
     while (cycle_.state().time < end_time_) {
       step();
-      bar.at(part(cycle_.state().time));
+      bar.show([&](double elapsed_s) {
+        return wire::extent_of_time({.begun_s = begun_s,
+                                     .now_s = cycle_.state().time,
+                                     .end_s = end_time_,
+                                     .begun_step = begun_step,
+                                     .step = cycle_.steps()},
+                                    elapsed_s);
+      });
       if (cycle_.state().time >= end_time_) break;
       if (over_ && over_(cycle_)) {
         if (cycle_.state().time > fields_.times_s().back()) timed([&] { write_fields(fields_, cycle_); });
@@ -180,16 +186,17 @@ class Run {
   }
 
   void finish() {
-    const std::map<std::string, std::string> meta = {{"producer", "shearbus-hydro"},
-                                                     {"scene", effective_text_},
-                                                     {"scene_name", file_.scene.scene().name()},
-                                                     {"interface_law", name(file_.scene.hydro().interface_law())}};
+    std::map<std::string, std::string> meta = History::origin(options_.provenance);
+    meta.insert({{"scene", effective_text_},
+                 {"scene_name", file_.scene.scene().name()},
+                 {"interface_law", name(file_.scene.hydro().interface_law())}});
     timed([&] {
       if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta, profiles_);
       if (!surface_.empty()) surface_.write(options_.out / "free_surface.h5", meta);
     });
     Summary2d summary{.scene = file_.scene.scene().name(),
                       .interface_law = name(file_.scene.hydro().interface_law()),
+                      .provenance = options_.provenance,
                       .cycle = cycle_,
                       .start = start_,
                       .interface = interface_,

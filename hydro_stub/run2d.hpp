@@ -9,6 +9,7 @@
 #include "hydro_stub/restart.hpp"
 #include "hydro_stub/scene.hpp"
 #include "proto/wire/dump.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::hydro {
 
@@ -16,6 +17,7 @@ struct RunOptions {
   std::filesystem::path out;
   bool progress = true;
   DumpSchedule dumps;
+  server::Entries provenance;
   std::string server;  // endpoint of the subgrid server, stored in restart dumps for --restart
 };
 

@@ -16,6 +16,8 @@ namespace {
 constexpr std::array<const char*, 5> kRegimeNames = {"open", "stick", "Coulomb", "Tresca", "melting"};
 constexpr std::array<const char*, 5> kRegimeKeys = {"open", "stick", "coulomb", "tresca", "melting"};
 
+constexpr auto kCoulomb = static_cast<std::size_t>(wire::Regime::kCoulomb);
+
 double seconds(std::chrono::nanoseconds time) {
   return std::chrono::duration<double>(time).count();
 }
@@ -27,9 +29,10 @@ double relative(double residual, double magnitude) {
 
 }  // namespace
 
-Summary::Summary(const ColumnProblem& problem, std::string interface_law)
+Summary::Summary(const ColumnProblem& problem, std::string interface_law, server::Entries provenance)
     : name_(problem.name),
       interface_law_(std::move(interface_law)),
+      provenance_(std::move(provenance)),
       columns_(problem.columns),
       dt_(problem.dt),
       dt_reason_(problem.dt_reason),
@@ -108,7 +111,8 @@ std::string Summary::text() const {
                                       : fmt::format("{:.6g} to {:.6g} µm", *least * 1e6, *most * 1e6));
   std::string shares;
   for (const std::size_t r : {1U, 2U, 3U, 4U, 0U}) {
-    shares += fmt::format("{}{} {:.1f} %", shares.empty() ? "" : ", ", kRegimeNames[r],
+    const char* regime = r == kCoulomb && slips_freely() ? "free slip" : kRegimeNames[r];
+    shares += fmt::format("{}{} {:.1f} %", shares.empty() ? "" : ", ", regime,
                           100.0 * static_cast<double>(regime_count_[r]) / node_steps);
   }
   line("node-steps", shares);
@@ -122,10 +126,10 @@ std::string Summary::text() const {
   if (flagged_ > 0) line("remarks", fmt::format("{} node-steps were substepped or had several answers", flagged_));
   const double total = seconds(time_.total);
   const auto share = [&](std::chrono::nanoseconds part) { return 100.0 * seconds(part) / total; };
-  line("run time",
-       fmt::format("{:.3g} s: solver {:.0f} %, bus {:.0f} %, hydro {:.0f} %, output {:.0f} %; {:.3g} node-steps/s",
-                   total, share(time_.solver), share(time_.bus), share(time_.hydro()), share(time_.output),
-                   node_steps / total));
+  line("run time", fmt::format("{:.3g} s: solver {:.0f} %, round trips without the solver {:.0f} %, hydro {:.0f} %, "
+                               "output {:.0f} %; {:.3g} node-steps/s",
+                               total, share(time_.solver), share(time_.bus), share(time_.hydro()), share(time_.output),
+                               node_steps / total));
   return out;
 }
 
@@ -134,11 +138,13 @@ std::string Summary::json() const {
   nlohmann::ordered_json shares;
   auto melting_times = nlohmann::ordered_json::array();
   for (std::size_t r = 0; r < kRegimeKeys.size(); ++r)
-    shares[kRegimeKeys[r]] = static_cast<double>(regime_count_[r]) / node_steps;
+    shares[r == kCoulomb && slips_freely() ? "free_slip" : kRegimeKeys[r]] =
+        static_cast<double>(regime_count_[r]) / node_steps;
   for (const double time : melting_time_)
     melting_times.push_back(time < 0.0 ? nlohmann::ordered_json() : nlohmann::ordered_json(time));
   nlohmann::ordered_json out = {{"scene", name_},
                                 {"interface_law", interface_law_},
+                                {"provenance", as_json(provenance_)},
                                 {"columns", columns_},
                                 {"steps", steps_},
                                 {"dt_s", dt_},

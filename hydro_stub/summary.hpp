@@ -11,6 +11,7 @@
 
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/shear_column.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::hydro {
 
@@ -24,7 +25,7 @@ struct RunTime {
 
 class Summary {
  public:
-  Summary(const ColumnProblem& problem, std::string interface_law);
+  Summary(const ColumnProblem& problem, std::string interface_law, server::Entries provenance);
 
   void observe(const ShearColumn& column);
   void finish(const ShearColumn& column, const RunTime& time);
@@ -44,6 +45,7 @@ class Summary {
 
   std::string name_;
   std::string interface_law_;
+  server::Entries provenance_;
   std::size_t columns_;
   std::uint64_t steps_ = 0;
   double dt_;
@@ -53,6 +55,8 @@ class Summary {
   double soft_length_, hard_length_;  // [m]
 
   double melting_threshold(double pressure) const;  // [K]
+  // Free slip has the regime code of Coulomb friction, with a limit of 0, and a name of its own.
+  bool slips_freely() const { return interface_law_ == "free_slip"; }
 
   physics::Material soft_;
   double heat_share_;  // share of the friction heat that enters the soft body

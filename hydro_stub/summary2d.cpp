@@ -50,9 +50,9 @@ std::string Summary2d::flank_text() const {
   const NodeTotals& nodes = interface.totals();
   const double fastest = *std::ranges::max_element(nodes.fastest_slip);
   std::string out = fmt::format(
-      "  slip by regime          Coulomb {:.1f} %, Tresca {:.1f} %, of which melting {:.1f} %\n"
+      "  slip by regime          {} {:.1f} %, Tresca {:.1f} %, of which melting {:.1f} %\n"
       "  flank, highest          pressure {:.2f} GPa (mean of the nodes' highest {:.2f}), slip {:.0f} m/s ({:.0f})",
-      slip_in(wire::Regime::kCoulomb), slip_in(wire::Regime::kTresca) + slip_in(wire::Regime::kMelting),
+      sliding_name(), slip_in(wire::Regime::kCoulomb), slip_in(wire::Regime::kTresca) + slip_in(wire::Regime::kMelting),
       slip_in(wire::Regime::kMelting), 1e-9 * interface.highest_pressure(), 1e-9 * mean_of(nodes.highest_pressure),
       fastest, mean_of(nodes.fastest_slip));
   if (published) {
@@ -82,11 +82,11 @@ std::string Summary2d::text() const {
   if (interface.nodes() > 0) {
     const auto share = [&](wire::Regime regime) { return 100.0 * interface.share(regime); };
     out += fmt::format(
-        "  regime shares           open {:.1f} %, stick {:.1f} %, Coulomb {:.1f} %, Tresca {:.1f} %, melting {:.1f} %\n"
+        "  regime shares           open {:.1f} %, stick {:.1f} %, {} {:.1f} %, Tresca {:.1f} %, melting {:.1f} %\n"
         "  slip distance           mean {:.4f} mm, longest {:.4f} mm\n"
         "  hottest interface       {:.1f} K; highest pressure {:.3f} GPa\n"
         "  friction heat           {:.4f} {} of {:.1f} kinetic at the start; closing the gaps {:.4f}\n",
-        share(wire::Regime::kOpen), share(wire::Regime::kStick), share(wire::Regime::kCoulomb),
+        share(wire::Regime::kOpen), share(wire::Regime::kStick), sliding_name(), share(wire::Regime::kCoulomb),
         share(wire::Regime::kTresca), share(wire::Regime::kMelting), 1e3 * interface.mean_slip(),
         1e3 * interface.longest_slip(), interface.hottest(), 1e-9 * interface.highest_pressure(),
         turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
@@ -103,11 +103,18 @@ std::string Summary2d::text() const {
   if (interface.nodes() > 0) {
     const auto seconds = [](std::chrono::nanoseconds t) { return std::chrono::duration<double>(t).count(); };
     out += fmt::format(
-        ": law {:.2f} ({:.1f} %), its solver {:.3f}; bus {:.2f}; waited {:.2f} ({:.1f} %), processor {:.2f} ({:.1f} %)",
-        seconds(time.law.service), 100.0 * time.service_share(), seconds(time.law.solver), seconds(time.law.bus),
-        seconds(time.law.waited), 100.0 * time.waiting_share(), seconds(time.law.cpu), 100.0 * time.cpu_share());
+        "\n  interface law           {:.2f} s in the law ({:.1f} %), of which its solver {:.3f}; {:.2f} s of the "
+        "host's "
+        "processor ({:.1f} %)",
+        seconds(time.law.service), 100.0 * time.service_share(), seconds(time.law.solver), seconds(time.law.cpu),
+        100.0 * time.cpu_share());
+    if (time.law.bus.count() > 0)
+      out += fmt::format(
+          "\n  exchange                answers were under way {:.2f} s; the run spent {:.2f} ({:.1f} %) on sending and "
+          "waiting",
+          seconds(time.law.bus + time.law.solver), seconds(time.law.waited), 100.0 * time.waiting_share());
   }
-  return out + fmt::format(", output {:.2f}\n", time.output);
+  return out + fmt::format("\n  output                  {:.2f} s\n", time.output);
 }
 
 std::string Summary2d::json() const {
@@ -115,14 +122,17 @@ std::string Summary2d::json() const {
   const bool has_axis = cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric;
   const double turn = has_axis ? 2.0 * std::numbers::pi : 1.0;
   const auto [energy, momentum] = residuals(cycle, start);
-  nlohmann::ordered_json out = {{"interface_law", interface_law},
+  nlohmann::ordered_json out = {{"scene", scene},
+                                {"interface_law", interface_law},
+                                {"provenance", as_json(provenance)},
                                 {"zones", cycle.mesh().num_zones()},
                                 {"steps", cycle.steps()},
                                 {"steps_taken_back", cycle.rejected_steps()}};
   if (interface.nodes() > 0) {
     out["share_open"] = interface.share(wire::Regime::kOpen);
     out["share_stick"] = interface.share(wire::Regime::kStick);
-    out["share_coulomb"] = interface.share(wire::Regime::kCoulomb);
+    if (slips_freely()) out["share_free_slip"] = interface.share(wire::Regime::kCoulomb);
+    out["share_coulomb"] = slips_freely() ? 0.0 : interface.share(wire::Regime::kCoulomb);
     out["share_tresca"] = interface.share(wire::Regime::kTresca);
     out["share_melting"] = interface.share(wire::Regime::kMelting);
     out["mean_slip_m"] = interface.mean_slip();
@@ -131,7 +141,7 @@ std::string Summary2d::json() const {
     out["peak_pressure_pa"] = interface.highest_pressure();
     out[has_axis ? "friction_heat_j" : "friction_heat_j_per_m"] = turn * end.friction_heat;
     const NodeTotals& nodes = interface.totals();
-    out["slip_share_coulomb"] = interface.share_of_slip(wire::Regime::kCoulomb);
+    out["slip_share_coulomb"] = slips_freely() ? 0.0 : interface.share_of_slip(wire::Regime::kCoulomb);
     out["slip_share_tresca"] = interface.share_of_slip(wire::Regime::kTresca);
     out["slip_share_melting"] = interface.share_of_slip(wire::Regime::kMelting);
     out["peak_sliding_velocity_m_per_s"] = *std::ranges::max_element(nodes.fastest_slip);

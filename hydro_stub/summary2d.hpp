@@ -8,6 +8,7 @@
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/lagrange/cycle.hpp"
 #include "hydro_stub/problem2d.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::hydro {
 
@@ -24,6 +25,7 @@ struct RunTime2d {
 struct Summary2d {
   std::string scene;
   std::string interface_law;
+  server::Entries provenance;
   const lagrange::Cycle& cycle;
   const lagrange::Ledger& start;
   const InterfaceHistory& interface;
@@ -36,6 +38,9 @@ struct Summary2d {
   std::string json() const;
 
   std::string flank_text() const;  // the part of text() on an interface
+  // Free slip has the regime code of Coulomb friction, with a limit of 0, and a name of its own.
+  bool slips_freely() const { return interface_law == "free_slip"; }
+  const char* sliding_name() const { return slips_freely() ? "free slip" : "Coulomb"; }
 };
 
 }  // namespace shearbus::hydro

@@ -18,4 +18,10 @@ nlohmann::ordered_json as_json(const OmittedCost& omitted) {
   return out;
 }
 
+nlohmann::ordered_json as_json(const server::Entries& entries) {
+  nlohmann::ordered_json out;
+  for (const auto& [key, value] : entries) out[key] = value;
+  return out;
+}
+
 }  // namespace shearbus::hydro

@@ -23,6 +23,7 @@
 #include <utility>
 #include <vector>
 
+#include "proto/wire/command_line.hpp"
 #include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/program.hpp"
@@ -30,6 +31,7 @@
 #include "server/host.hpp"
 #include "server/options.hpp"
 #include "server/server.hpp"
+#include "server/version.hpp"
 
 namespace {
 
@@ -38,7 +40,6 @@ using shearbus::server::ServerOptions;
 using shearbus::server::ServiceManager;
 
 constexpr int kExitFault = 1;
-constexpr int kExitUsage = 2;
 constexpr int kExitSessionsOpen = 3;  // an operator's drain ran out of time
 
 void add_options(CLI::App& app, ServerOptions& options) {
@@ -77,10 +78,10 @@ void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--state-dir", options.state_dir,
                  "Directory in which sessions outlive the server; without one they end with it")
       ->type_name("DIR");
-  app.add_option("--durability", options.durability,
-                 "What an answer outlives, with --state-dir: none, the death of the server, or the loss of power")
-      ->check(CLI::IsMember({"none", "process", "power"}))
-      ->capture_default_str();
+  shearbus::wire::add_choice(app, "--durability", options.durability, {"none", "process", "power"},
+                             "What an answer outlives, with --state-dir: nothing, the death of the server, or the loss "
+                             "of power")
+      ->default_str(options.durability);
   app.add_option("--checkpoint-every", options.checkpoint_every_s,
                  "Seconds between two checkpoints, where anything has changed")
       ->check(CLI::Range(1.0, 1e6))
@@ -129,13 +130,18 @@ void add_options(CLI::App& app, ServerOptions& options) {
       ->type_name("FILE");
   app.add_flag("--insecure-plaintext", options.insecure_plaintext,
                "Allow tcp without keys: whoever reaches the address is served, unknown and unencrypted");
-  app.add_option("--log-level", options.log_level, "How much to say")
-      ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}))
-      ->capture_default_str();
-  app.add_option("--log-file", options.log_file, "Where to say it; by default standard error");
-  app.set_version_flag(
-      "--version", fmt::format("shearbus-server {}, numerics {}", SHEARBUS_VERSION, shearbus::store::kNumericsVersion));
+  shearbus::wire::add_choice(app, "--log-level", options.log_level, {"trace", "debug", "info", "warn", "error", "off"},
+                             "How much to say")
+      ->default_str(options.log_level);
+  app.add_option("--log-file", options.log_file, "Where to say it; by default standard error")->type_name("FILE");
 }
+
+constexpr const char* kFooter = R"(Examples:
+  shearbus-server --bind ipc:///run/user/1000/shearbus/bus --state-dir states
+  shearbus-server --bind tcp://10.0.0.1:7447 --curve-secret server.secret --authorized-keys keys
+
+Exit codes: 0 stopped, 1 a fault, 2 a wrong command line, 3 the time of a drain was over and
+sessions were open.)";
 
 void start_log(const ServerOptions& options) {
   spdlog::sink_ptr sink;
@@ -203,9 +209,11 @@ int run(const ServerOptions& options) {
   start_log(options);
   ServiceManager manager;
   spdlog::info(
-      "shearbus-server {}: bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, recordings "
+      "shearbus-server {} (commit {}): bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, "
+      "recordings "
       "{}, log level {}",
-      SHEARBUS_VERSION, fmt::join(options.endpoints, ", "), options.threads, options.nodes_per_task,
+      SHEARBUS_VERSION, shearbus::server::kCommit, fmt::join(options.endpoints, ", "), options.threads,
+      options.nodes_per_task,
       options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
       options.state_dir.empty()
           ? "none: sessions end with the server"
@@ -267,12 +275,8 @@ int main(int argc, char** argv) {
       "clients."};
   ServerOptions options;
   add_options(app, options);
-  try {
-    app.parse(argc, argv);
-    if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
-  } catch (const CLI::ParseError& fault) {
-    return app.exit(fault) == 0 ? 0 : kExitUsage;
-  }
+  shearbus::wire::complete(app, "shearbus-server", shearbus::server::version_text, kFooter);
+  if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
   try {
     return run(options);
   } catch (const std::exception& fault) {

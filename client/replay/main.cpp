@@ -13,17 +13,19 @@
 #include "client/replay/log_replay.hpp"
 #include "client/replay/plot.hpp"
 #include "client/replay/replay.hpp"
+#include "proto/wire/command_line.hpp"
 #include "proto/wire/event_log.hpp"
 #include "proto/wire/program.hpp"
+#include "server/version.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 namespace replay = shearbus::replay;
+namespace wire = shearbus::wire;
 
 constexpr int kRunError =
     1;  // exit code of a failed run, or if the answers of a capsule or a log differ when they are repeated
-constexpr int kUsageError = 2;
 constexpr int kDiffers = 1;  // of compare, as of diff: 0 equal, 1 different, 2 trouble
 constexpr int kTrouble = 2;
 
@@ -97,12 +99,20 @@ void describe_replay(CLI::App& app, Command& command) {
       ->delimiter(',')
       ->needs(nodes)
       ->type_name("SECONDS,...");
+  app.add_flag("--json", command.run.json, "print the summary of a history's replay as JSON");
   app.add_flag_callback(
       "--no-progress", [&command] { command.run.progress = false; }, "no progress line on the terminal");
 }
 
+constexpr const char* kFooter = R"(Examples:
+  shearbus-replay history.h5 --scene scene.toml --out result.h5
+  shearbus-replay session.sblog --set interface.friction_coefficient=0.2
+  shearbus-replay compare a.h5 b.h5 --rtol 1e-9
+
+Exit codes: 0 done, 1 a fault, or answers that differ when they are repeated, 2 a wrong command line
+What a history holds and how to make one: client/replay/README.md)";
+
 void describe(CLI::App& app, Command& command) {
-  app.set_version_flag("--version", command.run.version);
   describe_replay(app, command);
   app.require_subcommand(0, 1);
   CLI::App* const compare =
@@ -127,7 +137,7 @@ void describe(CLI::App& app, Command& command) {
   plot->add_option("--node", command.plot.node, "the node to draw; default: the hottest")
       ->check(CLI::NonNegativeNumber)
       ->type_name("ID");
-  app.footer("What a history holds and how to make one: client/replay/README.md");
+  wire::complete(app, "shearbus-replay", shearbus::server::version_text, kFooter);
 }
 
 // The values of "--sweep key=a,b,c" as changes of the scene, each with a word for the names of files.
@@ -144,7 +154,6 @@ std::vector<std::pair<std::string, std::string>> changes_of(const std::string& s
 }
 
 void check(const CLI::App& app, Command& command) {
-  if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
   if (command.rtol < 0) throw CLI::ValidationError("--rtol", "expected a number from 0 on");
   const replay::Options& run = command.run;
   const bool has_history = !command.inputs.empty() || !run.scene.empty() || !run.out.empty();
@@ -162,7 +171,8 @@ void check(const CLI::App& app, Command& command) {
   if (run.profile_nodes.empty() != run.profile_times_s.empty()) throw CLI::RequiredError("--profile-times");
   if (!command.sweep.empty() && run.out.empty()) throw CLI::RequiredError("--out");
   if (replay::holds_event_logs(command.inputs.front())) {
-    for (const char* name : {"--points", "--steps", "--dt", "--columns", "--check", "--closed-loop", "--profile-nodes"})
+    for (const char* name :
+         {"--points", "--steps", "--dt", "--columns", "--check", "--closed-loop", "--profile-nodes", "--json"})
       if (app.count(name) > 0) throw CLI::ExcludesError(name, "event logs");
     return;
   }
@@ -230,15 +240,14 @@ int main(int argc, char** argv) {
   shearbus::wire::begin_program();
   Command command;
   command.run.version = command.exported.version = SHEARBUS_VERSION;
+  command.run.arguments = {argv, static_cast<std::size_t>(argc)};
   CLI::App app("Replays macroscopic histories and event logs through the subgrid friction service.", "shearbus-replay");
   describe(app, command);
-  try {
-    app.parse(argc, argv);
+  const auto code = wire::parse(app, argc, argv, [&] {
     check(app, command);
     if (!command.sweep.empty()) changes_of(command.sweep);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kUsageError;
-  }
+  });
+  if (code) return *code;
   try {
     return shearbus::wire::end_program("shearbus-replay", run(app, command));
   } catch (const std::exception& error) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
@@ -21,6 +22,7 @@
 #include "proto/wire/recording.hpp"
 #include "server/embedded.hpp"
 #include "server/explain.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -103,7 +105,7 @@ void record_profiles(Session& session, const Table& history, std::size_t step, c
 
 void replay(const Options& options, const Table& history, HistoryInput& input, Session& session,
             wire::HistoryWriter& writer, wire::ProfileRecord& profiles, Tally& tally, RunTime& time) {
-  wire::Progress progress("replay", history.steps(), options.progress);
+  wire::Progress progress("replay", options.progress);
   Batch request = session.request(input.optional_columns(), input.form());
   const std::vector<ReplyColumn> columns = reply_columns(session.opened());
   input.prepare(request);
@@ -127,7 +129,7 @@ void replay(const Options& options, const Table& history, HistoryInput& input, S
     tally.add(result, history.times_s()[step], dt_s);
     input.feed_back(result, request);
     if (profiles.due(history.times_s()[step])) record_profiles(session, history, step, request, profiles);
-    progress.at(step + 1);
+    progress.at(step + 1, history.steps());
   }
 }
 
@@ -196,6 +198,28 @@ std::string plural(std::size_t count, const char* noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
+// What the printed summary says.
+struct Replayed {
+  const Options& options;
+  const std::string& extent;
+  const std::string& scene_name;
+  const HistoryInput& input;
+  const Tally& tally;
+  const RunTime& time;
+  server::OmittedCost omitted;
+  bool replaced;
+};
+
+void print_summary(const Replayed& run) {
+  fmt::print("{}: {}\n", run.options.history.string(), run.extent);
+  fmt::print("  scene                       {} ({})\n", run.scene_name, run.options.scene.string());
+  fmt::print("  velocity jump               {}\n", run.input.jump_origin());
+  for (const std::string& note : run.input.notes()) fmt::print("  note                        {}\n", note);
+  fmt::print("{}", run.tally.text(run.time));
+  for (const auto& [label, value] : run.omitted.lines()) fmt::print("  {:<28}{}\n", label, value);
+  fmt::print("  result                      {}{}\n", run.options.out.string(), run.replaced ? " (replaced)" : "");
+}
+
 }  // namespace
 
 void explain(const fs::path& scene) {
@@ -233,6 +257,8 @@ void run(const Options& options) {
   }
 
   const bool replaced = fs::exists(options.out);
+  const server::Entries provenance =
+      server::provenance("shearbus-replay", session.opened().scene_name, options.arguments);
   const std::map<std::string, std::string> meta = {
       {"producer", "shearbus-replay " + options.version},
       {"server_version", service.client.welcome().server_version},
@@ -240,6 +266,9 @@ void run(const Options& options) {
       {"input_file", options.history.filename().string()},
       {"input_hash", wire::hash_of_file(options.history)},
       {"input_jump", input.jump_origin()},
+      {"commit", server::value_of(provenance, "commit")},
+      {"machine", server::value_of(provenance, "machine")},
+      {"command", server::value_of(provenance, "command")},
   };
   wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.opened()), meta,
                              history.start_time_s());
@@ -252,14 +281,29 @@ void run(const Options& options) {
   time.writing += Clock::now() - replayed;
   time.total = Clock::now() - start;
 
-  fmt::print("{}: {}\n", options.history.string(), extent);
-  fmt::print("  scene                       {} ({})\n", session.opened().scene_name, options.scene.string());
-  fmt::print("  velocity jump               {}\n", input.jump_origin());
-  for (const std::string& note : input.notes()) fmt::print("  note                        {}\n", note);
-  fmt::print("{}", tally.text(time));
-  for (const auto& [label, value] : server::omitted_cost(session.effective_scene(), totals).lines())
-    fmt::print("  {:<28}{}\n", label, value);
-  fmt::print("  result                      {}{}\n", options.out.string(), replaced ? " (replaced)" : "");
+  if (options.json) {
+    nlohmann::ordered_json summary = {{"scene", session.opened().scene_name},
+                                      {"history", options.history.string()},
+                                      {"result", options.out.string()},
+                                      {"steps", history.steps()},
+                                      {"nodes", history.nodes()},
+                                      {"start_time_s", history.start_time_s()},
+                                      {"end_time_s", history.times_s().back()},
+                                      {"velocity_jump", input.jump_origin()}};
+    tally.add_to(summary, time);
+    nlohmann::ordered_json& origin = summary["provenance"];
+    for (const auto& [key, value] : provenance) origin[key] = value;
+    fmt::print("{}\n", summary.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+  } else {
+    print_summary({.options = options,
+                   .extent = extent,
+                   .scene_name = session.opened().scene_name,
+                   .input = input,
+                   .tally = tally,
+                   .time = time,
+                   .omitted = server::omitted_cost(session.effective_scene(), totals),
+                   .replaced = replaced});
+  }
   if (tally.failed_node_steps() > 0)
     fmt::print(stderr, "shearbus-replay: warning: {} node-steps have no answer: the node kept its old state\n",
                tally.failed_node_steps());

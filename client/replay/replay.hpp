@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,9 @@ struct Options {
   std::vector<std::uint64_t> profile_nodes;  // nodes whose profiles are recorded, in the group /profiles of the result
   std::vector<double> profile_times_s;       // times of these profiles
   bool progress = true;
+  bool json = false;  // print the summary as one JSON object
+  // Command line of this program, for the provenance in /meta of the result and in the JSON summary.
+  std::span<const char* const> arguments;
   std::string version;  // version of this program, for /meta of the result
 };
 

@@ -5,11 +5,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numeric>
 #include <utility>
 
 namespace shearbus::replay {
 namespace {
+
+constexpr std::array kRegimeNames = {"open", "stick", "coulomb", "tresca", "melting"};
 
 double seconds(std::chrono::nanoseconds time) {
   return std::chrono::duration<double>(time).count();
@@ -53,11 +56,10 @@ void Tally::add(const StepResult& result, double time_s, double dt_s) {
 }
 
 std::string Tally::regimes_text() const {
-  constexpr std::array kNames = {"open", "stick", "coulomb", "tresca", "melting"};
   std::vector<std::string> shares;
   for (std::size_t i = 0; i < kRegimes; ++i)
     if (regimes_[i] > 0)
-      shares.push_back(fmt::format("{} {:.1f} %", kNames[i],
+      shares.push_back(fmt::format("{} {:.1f} %", kRegimeNames[i],
                                    100.0 * static_cast<double>(regimes_[i]) / static_cast<double>(node_steps_)));
   return fmt::format("{} of {} node-steps", fmt::join(shares, ", "), node_steps_);
 }
@@ -95,6 +97,31 @@ std::string Tally::text(const RunTime& time) const {
       "  run time                    {:.3f} s: reading {:.3f}, bus {:.3f}, solver {:.3f}, writing {:.3f} s\n",
       seconds(time.total), seconds(time.reading), seconds(time.bus), seconds(time.solver), seconds(time.writing));
   return text;
+}
+
+void Tally::add_to(nlohmann::ordered_json& summary, const RunTime& time) const {
+  const auto most_slip = std::max_element(slip_.begin(), slip_.end());
+  const auto id = [&](std::size_t node) { return node_ids_[node]; };
+  summary["peak_interface_temperature_k"] = peak_temperature_k_;
+  summary["peak_node"] = id(peak_node_);
+  summary["peak_time_s"] = peak_time_s_;
+  if (first_melting_s_) {
+    summary["first_melting_time_s"] = *first_melting_s_;
+    summary["first_melting_node"] = id(first_melting_node_);
+  }
+  summary["slip_distance_mean_m"] = mean(slip_);
+  summary["slip_distance_longest_m"] = *most_slip;
+  summary["friction_heat_mean_j_per_m2"] = mean(heat_);
+  summary["friction_heat_most_j_per_m2"] = *std::max_element(heat_.begin(), heat_.end());
+  for (const wire::Field term : wire::kLedgerColumns)
+    if (!energy_.empty()) summary["layer_energy"][name(term)] = energy_.mean(term);
+  for (std::size_t i = 0; i < kRegimes; ++i)
+    summary["node_step_share"][kRegimeNames[i]] = static_cast<double>(regimes_[i]) / static_cast<double>(node_steps_);
+  summary["node_steps"] = node_steps_;
+  summary["flagged_node_steps"] = flagged_;
+  summary["failed_node_steps"] = failed_node_steps();
+  summary["run_time_s"] = seconds(time.total);
+  summary["solver_time_s"] = seconds(time.solver);
 }
 
 }  // namespace shearbus::replay

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <limits>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,7 +31,8 @@ class Tally {
 
   const std::vector<double>& peaks_k() const { return peaks_k_; }  // highest temperature of each node
   std::uint64_t failed_node_steps() const { return outcomes_[kFailedBit]; }
-  std::string text(const RunTime& time) const;  // lines of the summary, indented
+  std::string text(const RunTime& time) const;                              // lines of the summary, indented
+  void add_to(nlohmann::ordered_json& summary, const RunTime& time) const;  // the same numbers in SI units
 
  private:
   static constexpr std::size_t kRegimes = 5;

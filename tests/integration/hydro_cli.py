@@ -2,9 +2,12 @@
 
     hydro_cli.py --hydro PROGRAM --server PROGRAM --replay PROGRAM [unittest options]"""
 import argparse
+import datetime
 import json
 import pathlib
+import shlex
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -94,6 +97,24 @@ class Results(HydroTest):
             self.assertEqual(file["shear_stress"].shape, (file["time"].size, 5))
             self.assertEqual(file["shear_stress"].attrs["units"], "Pa")
             self.assertIn("melting_temperature_k", file["meta/scene"][()].decode())
+
+    def test_results_say_where_they_come_from(self):
+        values = self.run_well("--interface-law", "free_slip")
+        origin = values["summary"]["provenance"]
+        self.assertEqual(list(origin), ["program", "version", "commit", "scene", "date", "machine", "command"])
+        self.assertEqual((origin["program"], origin["scene"], origin["machine"]), ("shearbus-hydro", values["summary"]["scene"], socket.gethostname()))
+        version = json.loads(subprocess.run([PROGRAMS["hydro"], "--version", "--json"], capture_output=True, text=True, check=True).stdout)
+        self.assertEqual((origin["version"], origin["commit"]), (version["version"], version["commit"]))
+        written = datetime.datetime.strptime(origin["date"], "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=datetime.timezone.utc)
+        self.assertLess(abs((datetime.datetime.now(datetime.timezone.utc) - written).total_seconds()), 300)
+        self.assertEqual(shlex.split(origin["command"]), ["shearbus-hydro", str(self.scene), "--out", str(self.out), "--no-plot", "--interface-law", "free_slip"])
+        with h5py.File(self.out / "history.h5") as file:
+            meta = {key: file["meta"].attrs[key] for key in ("producer", "commit", "machine", "command")}
+        text = lambda value: value.decode() if isinstance(value, bytes) else value
+        self.assertEqual({key: text(value) for key, value in meta.items()},
+                         {"producer": "shearbus-hydro " + origin["version"], **{key: origin[key] for key in ("commit", "machine", "command")}})
+        self.assertIn("free slip 100.0 %", values["text"])  # and not Coulomb
+        self.assertNotIn("coulomb", values["summary"]["node_step_share"])
 
     def test_many_columns_get_a_map_of_regimes(self):
         self.edited("[10.0, 50.0, 100.0, -100.0, 400.0]", str([10.0 * k for k in range(1, 11)]))

@@ -40,9 +40,14 @@ class Cone(unittest.TestCase):
             summary = json.loads((out / "summary.json").read_text())
             self.assertLess(abs(summary["energy_residual"]), 1e-12)
             self.assertLess(abs(summary["momentum_residual"]), 1e-12)
+            origin = summary["provenance"]
+            self.assertEqual((origin["program"], origin["scene"]), ("shearbus-hydro", summary["scene"]))
+            self.assertIn("--interface-law coulomb_tresca", origin["command"])
+            self.assertNotIn("under way", done.stdout, "nothing is under way to a law of this process")
             shares = [summary[f"share_{r}"] for r in ("open", "stick", "coulomb", "tresca", "melting")]
             self.assertAlmostEqual(sum(shares), 1.0, places=12)
             with h5py.File(out / "interface.h5") as f:
+                self.assertEqual(f["meta"].attrs["commit"], origin["commit"])
                 self.assertEqual(f["shear_stress"].shape, f["pressure"].shape)
                 self.assertGreater(f["time"].shape[0], 100)
                 self.assertTrue(numpy.isfinite(f["interface_temperature"][:]).all())

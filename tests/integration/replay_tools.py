@@ -1,4 +1,5 @@
 """What an experimenter does with shearbus-replay: CSV tables, points and steps, what-if, comparison, export, pictures."""
+import json
 import os
 import pathlib
 import resource
@@ -296,6 +297,23 @@ class Logs(Tool):
                                  (("--from-mark", "dump", "--set", "interface.friction_coefficient=0.01", "--server",
                                    self.server.endpoint), "Leave --server out")):
             self.assertIn(words, self.tool(self.log, *arguments, "--out", self.path / "x.h5", code=1))
+
+    def test_the_summary_as_json_has_the_numbers_of_the_result_and_its_origin(self):
+        self.write(**velocity_history(steps=50))
+        summary = json.loads(self.result("--json")["text"])
+        self.assertEqual(summary["provenance"]["program"], "shearbus-replay")
+        self.assertEqual(summary["provenance"]["scene"], summary["scene"])
+        self.assertIn("--json", summary["provenance"]["command"])
+        with h5py.File(self.out) as file:
+            temperature, regime = file["interface_temperature"][()], file["regime"][()]
+            slip = (np.abs(file["sliding_velocity"][()]) * file["dt"][()][:, None]).sum(axis=0)
+            self.assertEqual(file["meta"].attrs["commit"], summary["provenance"]["commit"])
+            self.assertEqual(file["meta"].attrs["command"], summary["provenance"]["command"])
+        self.assertEqual(summary["peak_interface_temperature_k"], temperature.max())
+        self.assertEqual((summary["steps"], summary["nodes"], summary["node_steps"]), (50, 3, 150))
+        np.testing.assert_allclose(summary["slip_distance_longest_m"], slip.max(), rtol=1e-12)
+        np.testing.assert_array_equal(list(summary["node_step_share"].values()), np.bincount(regime.ravel(), minlength=5) / 150)
+        self.assertEqual(summary["failed_node_steps"], 0)
 
     def test_pictures_of_a_log_and_of_a_history_with_its_result(self):
         self.host()

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "proto/wire/whole_file.hpp"
+#include "server/version.hpp"
 #include "shearbus_places.hpp"
 
 namespace shearbus::study {
@@ -22,17 +23,6 @@ std::string processor() {
   for (std::string line; std::getline(file, line);)
     if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
   return "unknown";
-}
-
-std::string commit() {
-  std::string text;
-  if (FILE* pipe = ::popen("git -C \"" SHEARBUS_SOURCE_DIR "\" describe --always --dirty 2>/dev/null", "r")) {
-    char line[128];
-    if (std::fgets(line, sizeof line, pipe) != nullptr) text = line;
-    ::pclose(pipe);
-  }
-  while (!text.empty() && text.back() == '\n') text.pop_back();
-  return text.empty() ? "unknown" : text;
 }
 
 }  // namespace
@@ -50,9 +40,11 @@ CLI::App* add_command(CLI::App& program, const std::string& name, const std::str
 void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study) {
   nlohmann::ordered_json out = {{"study", name},
                                 {"version", SHEARBUS_VERSION},
-                                {"commit", commit()},
+                                {"commit", server::kCommit},
                                 {"date", fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)))},
                                 {"processor", processor()}};
+  for (const auto& [key, value] : server::provenance("shearbus-study", options.scene.string(), options.arguments))
+    out["provenance"][key] = value;
   out.update(study);
   std::filesystem::create_directories(options.out);
   const auto path = options.out / (name + ".json");

@@ -9,7 +9,9 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "proto/wire/command_line.hpp"
 #include "proto/wire/program.hpp"
+#include "server/version.hpp"
 #include "tests/campaign/report.hpp"
 #include "tests/campaign/user_scene.hpp"
 #include "tests/study/command.hpp"
@@ -22,7 +24,11 @@ namespace {
 using namespace shearbus::study;
 
 constexpr int kExitFault = 1;
-constexpr int kExitUsage = 2;
+constexpr const char* kFooter = R"(Examples:
+  shearbus-study precision scene.toml --out out/study
+  shearbus-study map scene.toml --out out/map
+
+Exit codes: 0 done, 1 a fault, or an invariant that does not hold, 2 a wrong command line.)";
 
 struct Options : CommandOptions {
   double velocity_jump = 100.0;
@@ -86,12 +92,9 @@ int main(int argc, char** argv) {
   const CLI::App* of_stability = add_stability(app, stability);
   shearbus::map::CommandOptions map;
   const CLI::App* of_map = shearbus::map::add_command(app, map);
-  try {
-    app.parse(argc, argv);
-    if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  options.arguments = stability.arguments = map.arguments = {argv, static_cast<std::size_t>(argc)};
+  shearbus::wire::complete(app, "shearbus-study", shearbus::server::version_text, kFooter);
+  if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
   try {
     if (of_stability->parsed()) return shearbus::wire::end_program("shearbus-study", run_stability(stability));
     if (of_map->parsed()) {

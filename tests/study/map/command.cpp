@@ -76,7 +76,7 @@ void run(const CommandOptions& options) {
                   log_spaced(options.velocities_m_per_s[0], options.velocities_m_per_s[1], options.num_velocities)};
   const Map map = sweep(scene, axes, options.times_s, options.dt_s);
   for (const std::string& warning : map.warnings) fmt::print(stderr, "shearbus-study: warning: {}\n", warning);
-  write(map, map.scene_name, SHEARBUS_VERSION, options.out);
+  write(map, map.scene_name, server::provenance("shearbus-study", map.scene_name, options.arguments), options.out);
   fmt::print("{}{}: nodes.csv, map.json\n", summary(map), options.out.string());
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <span>
 #include <vector>
 
 namespace CLI {
@@ -21,6 +22,7 @@ struct CommandOptions {
   std::size_t num_velocities = 49;
   std::vector<double> times_s{0.1e-6, 0.3e-6, 1e-6, 3e-6};  // times at which the nodes are observed, increasing
   double dt_s = 1e-9;
+  std::span<const char* const> arguments;  // the command line
 };
 
 // Adds the subcommand `map` to the program. Parsing throws CLI::ValidationError if ranges or times are inconsistent.

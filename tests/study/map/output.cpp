@@ -41,8 +41,8 @@ nlohmann::ordered_json json_of(const Line& line) {
   return values;
 }
 
-nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, const std::string& version) {
-  nlohmann::ordered_json out = {{"producer", "shearbus-study " + version},
+nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, const server::Entries& provenance) {
+  nlohmann::ordered_json out = {{"producer", "shearbus-study " + server::value_of(provenance, "version")},
                                 {"server_version", map.server_version},
                                 {"scene_name", scene_name},
                                 {"effective_scene", map.effective_scene},
@@ -50,6 +50,7 @@ nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, c
                                 {"domain_share", kDomainShare},
                                 {"pressure_pa", map.axes.pressure_pa},
                                 {"velocity_jump_m_per_s", map.axes.velocity_m_per_s}};
+  for (const auto& [key, value] : provenance) out["provenance"][key] = value;
   for (const Observation& seen : map.observations)
     out["observations"].push_back({{"time_s", seen.time_s},
                                    {"sticking_below_m_per_s", json_of(velocity_of_share(map, seen, 0.0))},
@@ -60,11 +61,11 @@ nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, c
 
 }  // namespace
 
-void write(const Map& map, const std::string& scene_name, const std::string& version,
+void write(const Map& map, const std::string& scene_name, const server::Entries& provenance,
            const std::filesystem::path& out) {
   std::filesystem::create_directories(out);
   wire::write_whole(out / "nodes.csv", nodes_csv(map));
-  wire::write_whole(out / "map.json", map_json(map, scene_name, version).dump(1) + '\n');
+  wire::write_whole(out / "map.json", map_json(map, scene_name, provenance).dump(1) + '\n');
 }
 
 std::string summary(const Map& map) {

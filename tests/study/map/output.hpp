@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 
+#include "server/version.hpp"
 #include "tests/study/map/sweep.hpp"
 
 namespace shearbus::map {
@@ -13,7 +14,8 @@ namespace shearbus::map {
 // marks a step in which the layer carries less as outside the domain of validity.
 inline constexpr double kDomainShare = 0.9;
 
-void write(const Map& map, const std::string& scene_name, const std::string& version, const std::filesystem::path& out);
+void write(const Map& map, const std::string& scene_name, const server::Entries& provenance,
+           const std::filesystem::path& out);
 
 // Returns a summary of the map as text for the terminal.
 std::string summary(const Map& map);

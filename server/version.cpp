@@ -1,0 +1,97 @@
+#include "server/version.hpp"
+
+#include <H5public.h>
+#include <fmt/format.h>
+#include <google/protobuf/stubs/common.h>
+#include <unistd.h>
+#include <zmq.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <climits>
+#include <ctime>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "proto/wire/limits.hpp"
+#include "server/physics/layer/registers.hpp"
+#include "server/physics/numerics.hpp"
+
+namespace shearbus::server {
+namespace {
+
+std::string zmq_version_text() {
+  int major = 0, minor = 0, patch = 0;
+  ::zmq_version(&major, &minor, &patch);
+  return fmt::format("{}.{}.{}", major, minor, patch);
+}
+
+std::string hdf5_version_text() {
+  unsigned major = 0, minor = 0, patch = 0;
+  ::H5get_libversion(&major, &minor, &patch);
+  return fmt::format("{}.{}.{}", major, minor, patch);
+}
+
+std::string registers_text() {
+  return physics::registers_of_four ? "4 doubles (AVX2)" : "2 doubles";
+}
+
+// A word as a shell reads it: in quotes if it has anything but letters, digits and harmless marks.
+std::string quoted(std::string_view word) {
+  const auto harmless = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c >= 0x80 ||
+           std::string_view("_-+=:,./@%").find(static_cast<char>(c)) != std::string_view::npos;
+  };
+  if (!word.empty() && std::ranges::all_of(word, harmless)) return std::string(word);
+  std::string text = "'";
+  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
+}  // namespace
+
+Entries version_of(const std::string& program) {
+  return {{"program", program},
+          {"version", SHEARBUS_VERSION},
+          {"commit", kCommit},
+          {"build", SHEARBUS_BUILD},
+          {"compiler", SHEARBUS_COMPILER},
+          {"protocol", fmt::format("{}.{}", wire::kProtocolMajor, wire::kProtocolMinor)},
+          {"numerics", std::to_string(physics::kNumericsVersion)},
+          {"libzmq", zmq_version_text()},
+          {"hdf5", hdf5_version_text()},
+          {"protobuf", fmt::format("{}.{}.{}", GOOGLE_PROTOBUF_VERSION / 1'000'000,
+                                   GOOGLE_PROTOBUF_VERSION / 1'000 % 1'000, GOOGLE_PROTOBUF_VERSION % 1'000)},
+          {"registers", registers_text()}};
+}
+
+std::string version_text(const std::string& program, bool json) {
+  const Entries entries = version_of(program);
+  if (json) {
+    nlohmann::ordered_json object;
+    for (const auto& [key, value] : entries) object[key] = value;
+    return object.dump();
+  }
+  std::string text = fmt::format("{} {}", program, SHEARBUS_VERSION);
+  for (std::size_t i = 2; i < entries.size(); ++i)
+    text += fmt::format("\n  {:<10} {}", entries[i].first, entries[i].second);
+  return text;
+}
+
+Entries provenance(const std::string& program, const std::string& scene, std::span<const char* const> arguments) {
+  std::string command = program;
+  for (const char* const argument : arguments.subspan(std::min<std::size_t>(1, arguments.size())))
+    command += " " + quoted(argument);
+  std::array<char, HOST_NAME_MAX + 1> machine{};
+  if (::gethostname(machine.data(), machine.size() - 1) != 0) machine = {};
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  ::gmtime_r(&now, &utc);
+  std::array<char, 32> date{};
+  static_cast<void>(std::strftime(date.data(), date.size(), "%Y-%m-%dT%H:%M:%SZ", &utc));
+  return {{"program", program},  {"version", SHEARBUS_VERSION}, {"commit", kCommit}, {"scene", scene},
+          {"date", date.data()}, {"machine", machine.data()},   {"command", command}};
+}
+
+}  // namespace shearbus::server

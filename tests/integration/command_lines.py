@@ -1,0 +1,112 @@
+#!/usr/bin/python3
+"""The command lines of all programs and scripts: --version, --help, what a misspelt word gets, and that nothing off a terminal has colours."""
+import argparse
+import json
+import os
+import pathlib
+import re
+import subprocess
+import unittest
+
+OPTIONS = None
+KEYS = ["program", "version", "commit", "build", "compiler", "protocol", "numerics", "libzmq", "hdf5", "protobuf", "registers"]
+
+
+def run(*command, **more):
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=60, **more)
+
+
+class Programs(unittest.TestCase):
+    def test_version_says_what_the_program_is(self):
+        found = []
+        for program in OPTIONS.programs:
+            with self.subTest(program=program.name):
+                text = run(program, "--version")
+                self.assertEqual(text.returncode, 0, text.stderr)
+                lines = text.stdout.splitlines()
+                self.assertRegex(lines[0], rf"^{program.name} \d+\.\d+\.\d+$")
+                answer = run(program, "--version", "--json")
+                self.assertEqual(answer.returncode, 0, answer.stderr)
+                version = json.loads(answer.stdout)
+                self.assertEqual(list(version), KEYS)
+                self.assertEqual(version.pop("program"), program.name)
+                for key, value in list(version.items())[1:]:
+                    self.assertRegex(text.stdout, rf"\n  {key} +{re.escape(value)}(\n|$)")
+                for key in ("version", "protocol", "libzmq", "hdf5", "protobuf"):
+                    self.assertRegex(version[key], r"^\d+\.\d+(\.\d+)?$", key)
+                self.assertRegex(version["compiler"], r"^(GNU|Clang) \d+")
+                self.assertIn(version["registers"], ("4 doubles (AVX2)", "2 doubles"))
+                found.append(version)
+        self.assertEqual(len({json.dumps(version) for version in found}), 1, "all programs are of one build")
+        head = run("git", "-C", OPTIONS.source, "rev-parse", "--short=12", "HEAD") if (OPTIONS.source / ".git").exists() else None
+        if head is not None and head.returncode == 0:
+            self.assertRegex(found[0]["commit"], r"^[0-9a-f]{12}(\+dirty)?$", "a build of a repository knows its commit")
+
+    def test_help_is_for_people(self):
+        for program in OPTIONS.programs:
+            commands = [[]]
+            top = run(program, "--help").stdout
+            if "Subcommands:\n" in top:
+                commands += [[name] for name in re.findall(r"^  ([a-z]+)\b", top.split("Subcommands:\n")[1], re.M) if name != "rehearse"]
+            for command in commands:
+                with self.subTest(program=program.name, command=command):
+                    done = run(program, *command, "--help")
+                    self.assertEqual(done.returncode, 0, done.stderr)
+                    for leak in ("ENUM", "UINT", "FLOAT", "{false}", "{true}", "->", "INT in", ":POSITIVE", "Excludes:", "Needs:", str(program.parent)):
+                        self.assertNotIn(leak, done.stdout)
+                    self.assertRegex(done.stdout, rf"Usage: {program.name}\b")
+                    self.assertLessEqual(max(map(len, done.stdout.splitlines())), 120, done.stdout)
+            self.assertIn("Examples:\n  " + program.name, top)
+            self.assertIn("Exit codes: 0", top)
+
+    def test_a_misspelt_word_gets_the_nearest_known_one_and_exit_code_2(self):
+        program = {p.name: p for p in OPTIONS.programs}
+        for command, expected in (
+            (["shearbus-server", "--bind", "ipc:///nowhere/s", "--stat-dir", "x"], "--stat-dir is no option of shearbus-server; did you mean --state-dir?"),
+            (["shearbus-server", "--bin", "ipc:///nowhere/s"], "--bin is no option of shearbus-server; did you mean --bind?"),
+            (["shearbus-server", "--bind", "ipc:///nowhere/s", "--durability", "powr"],
+             "--durability: expected none, process or power, found powr; did you mean power?"),
+            (["shearbus-ctl", "stats"], "stats is no command of shearbus-ctl; did you mean status?"),
+            (["shearbus-ctl"], "A subcommand is required"),
+            (["shearbus-ctl", "status", "--sever", "ipc:///nowhere/s"], "--sever is no option of shearbus-ctl status; did you mean --server?"),
+            (["shearbus-ctl", "top", "--server", "ipc:///nowhere/s", "--by", "hotest"],
+             "--by: expected hottest, fastest or molten, found hotest; did you mean hottest?"),
+            (["shearbus-hydro", "x.toml", "--interface-law", "foo"],
+             "--interface-law: expected subgrid, coulomb_tresca, free_slip, stick or constant, found foo"),
+            (["shearbus-hydro"], "SCENE, or --restart DIR, is required"),
+            (["shearbus-replay", "a.h5", "--scen", "x.toml"], "--scen is no option of shearbus-replay; did you mean --scene?"),
+            (["shearbus-study", "precison"], "precison is no command of shearbus-study; did you mean precision?"),
+        ):
+            with self.subTest(command=command):
+                done = run(program[command[0]], *command[1:])
+                self.assertEqual((done.returncode, done.stdout), (2, ""), done.stderr)
+                self.assertEqual(done.stderr.splitlines()[0], f"{command[0]}: {expected}")
+                self.assertIn(f"Run {command[0]} --help", done.stderr)
+
+
+class Scripts(unittest.TestCase):
+    def test_help_prints_the_comment_and_starts_nothing(self):
+        for script in ("run", "test", "fuzz", "sanitize", "endure", "build", "coverage", "tidy", "docs/build"):
+            with self.subTest(script=script):
+                file = OPTIONS.source / "deploy" / script
+                done = run(file, "--help", env={**os.environ, "SHEARBUS_BUILD_DIR": "/nonexistent/build"})
+                self.assertEqual(done.returncode, 0, done.stderr)
+                comment = re.match(r"#!.*\n((?:# ?.*\n)+)", file.read_text())[1]
+                self.assertEqual(done.stdout, re.sub("^# ?", "", comment, flags=re.M))
+
+    def test_headings_have_no_colours_off_a_terminal_or_with_no_color(self):
+        say = f"source {OPTIONS.source}/deploy/prepare.sh; say heading"
+        self.assertEqual(run("bash", "-c", say).stdout, "\n== heading\n")
+        on_terminal = run("script", "-qec", f"bash -c '{say}'", "/dev/null")
+        self.assertIn("\x1b[1m", on_terminal.stdout)
+        quiet = run("script", "-qec", f"bash -c '{say}'", "/dev/null", env={**os.environ, "NO_COLOR": "1"})
+        self.assertNotIn("\x1b", quiet.stdout)
+        self.assertIn("== heading", quiet.stdout)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--source", type=pathlib.Path, required=True)
+    parser.add_argument("--programs", type=pathlib.Path, nargs="+", required=True)
+    OPTIONS, rest = parser.parse_known_args()
+    unittest.main(argv=["command_lines.py", *rest], verbosity=2)
