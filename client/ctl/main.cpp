@@ -10,7 +10,6 @@
 #include <exception>
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -21,8 +20,10 @@
 
 #include "client/ctl/operations.hpp"
 #include "client/ctl/rehearse.hpp"
+#include "client/ctl/watch.hpp"
 #include "client/src/client.hpp"
 #include "proto/scene/scene.hpp"
+#include "proto/wire/command_line.hpp"
 #include "proto/wire/key_file.hpp"
 #include "proto/wire/program.hpp"
 #include "server/embedded.hpp"
@@ -30,15 +31,17 @@
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/options_page.hpp"
 #include "server/store/compare.hpp"
+#include "server/version.hpp"
 
 namespace {
 
 namespace ctl = shearbus::ctl;
 
 constexpr int kExitFault = 1;
-constexpr int kExitUsage = 2;
+constexpr int kExitTrouble = 2;  // of compare, as of diff
 constexpr double kPingTimeoutS = 0.9;
 constexpr double kWaitTimeoutS = 60.0;
+constexpr double kWatchTimeoutS = 1.0;
 constexpr double kLookAgainS = 0.2;  // time between two questions to a server that recovers
 
 struct Options {
@@ -172,6 +175,7 @@ class Commands {
     add_ping();
     add_wait();
     add_status();
+    add_watch();
     add_metrics();
     add_questions();
     add_inspections();
@@ -279,6 +283,25 @@ class Commands {
     };
   }
 
+  void add_watch() {
+    CLI::App* command = app_.add_subcommand(
+        "watch", "Shows what a server does until q or Ctrl-C: on a terminal a screen, else a line for each look");
+    with_server(command)->get_option("--timeout")->default_str("1");
+    command->add_option("--interval", watch_.interval_s, "Seconds between two looks")
+        ->check(CLI::Range(0.1, 1e6))
+        ->capture_default_str();
+    command->add_flag("--json", watch_.json, "A line of JSON for each look");
+    command->add_option("--looks", watch_.looks, "End after so many looks")->check(CLI::PositiveNumber)->type_name("N");
+    command->callback([this, command] {
+      if (command->count("--timeout") == 0) options_.timeout_s = kWatchTimeoutS;
+      run_ = [this] {
+        watch_.server = options_.server;
+        ctl::watch(watch_, [this] { return connect(options_); });
+        return 0;
+      };
+    });
+  }
+
   void add_metrics() {
     CLI::App* command = with_server(add("metrics", "The same and histograms, as Prometheus' text", [this] {
       if (options_.listen.empty()) {
@@ -313,11 +336,12 @@ class Commands {
       ctl::show_top(client, options_.session, options_.top, options_.count);
     });
     top->add_option("SESSION", options_.session, "First digits of its id, or its scene's name; none: the only one");
-    top->add_option("--by", options_.top, "hottest, fastest or molten")
-        ->transform(CLI::CheckedTransformer(
-            std::map<std::string, shearbus::wire::Top>{{"hottest", shearbus::wire::Top::kHottest},
-                                                       {"fastest", shearbus::wire::Top::kFastest},
-                                                       {"molten", shearbus::wire::Top::kMolten}}));
+    shearbus::wire::add_choice<shearbus::wire::Top>(*top, "--by", options_.top,
+                                                    {{"hottest", shearbus::wire::Top::kHottest},
+                                                     {"fastest", shearbus::wire::Top::kFastest},
+                                                     {"molten", shearbus::wire::Top::kMolten}},
+                                                    "Which nodes")
+        ->default_str("hottest");
     top->add_option("--count", options_.count, "How many")
         ->check(CLI::Range(1U, static_cast<unsigned>(shearbus::wire::kMaxTopNodes)))
         ->capture_default_str();
@@ -353,7 +377,7 @@ class Commands {
   void add_files() {
     add("compare", "Two checkpoint files: the first state that differs. Exit code 0: none, 1: one does, 2: trouble",
         [this] {
-          exit_code_of_trouble_ = kExitUsage;
+          exit_code_of_trouble_ = kExitTrouble;
           return compare(options_);
         })
         ->add_option("CHECKPOINTS", options_.checkpoints, "Two of the files of a state directory")
@@ -383,26 +407,31 @@ class Commands {
 
   CLI::App& app_;
   Options options_;
+  ctl::WatchOptions watch_;
   std::function<int()> run_;
   int exit_code_of_trouble_ = kExitFault;
 };
 
 }  // namespace
 
+constexpr const char* kFooter = R"(Examples:
+  shearbus-ctl status --server ipc:///run/user/1000/shearbus/bus
+  shearbus-ctl watch --server file://endpoint
+  shearbus-ctl check scene.toml
+
+Exit codes: 0 done, 1 trouble (of compare: states differ), 2 a wrong command line (of compare:
+trouble).)";
+
 int main(int argc, char** argv) {
   shearbus::wire::begin_program();
   CLI::App app{"Questions to a running shearbus server, and about scenes."};
   app.require_subcommand(1);
-  app.set_version_flag("--version", std::string("shearbus-ctl ") + SHEARBUS_VERSION);
   Commands commands(app);
+  shearbus::wire::complete(app, "shearbus-ctl", shearbus::server::version_text, kFooter);
   const std::span words(argv, static_cast<std::size_t>(argc));
   const bool rehearses = argc > 1 && std::string_view(argv[1]) == "rehearse";  // it reads its own arguments
-  try {
-    if (!rehearses) app.parse(argc, argv);
-    if (const std::string fault = shearbus::wire::not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
-  } catch (const CLI::ParseError& fault) {
-    return app.exit(fault) == 0 ? 0 : kExitUsage;
-  }
+  if (!rehearses)
+    if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
   try {
     if (rehearses) ctl::rehearse(words.subspan(2));
     return shearbus::wire::end_program("shearbus-ctl", commands.run());

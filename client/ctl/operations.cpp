@@ -42,6 +42,13 @@ std::string quantile(const wire::Histogram& histogram, double share) {
   return bound_s < 1e-3 ? fmt::format("{:.0f} us", 1e6 * bound_s) : fmt::format("{:.0f} ms", 1e3 * bound_s);
 }
 
+nlohmann::ordered_json regimes_of(const wire::ServerStatus& s) {
+  auto counts = nlohmann::ordered_json::object();
+  for (std::size_t r = 0; r < std::min(s.regimes.size(), kRegimeNames.size()); ++r)
+    counts[kRegimeNames[r]] = s.regimes[r];
+  return counts;
+}
+
 nlohmann::ordered_json json_of(const wire::ServerStatus& s) {
   return {{"server_version", s.server_version},
           {"uptime_s", seconds(s.uptime_ns)},
@@ -55,6 +62,7 @@ nlohmann::ordered_json json_of(const wire::ServerStatus& s) {
           {"node_steps", s.node_steps},
           {"solver_s", seconds(s.solver_ns)},
           {"draining", s.draining},
+          {"regimes", regimes_of(s)},
           {"checkpoints", s.checkpoints},
           {"journal_bytes", s.journal_bytes},
           {"resident_bytes", s.resident_bytes},
@@ -112,8 +120,6 @@ void close_one(Client& client, const wire::SessionInfo& session) {
              session.name, session.identity, session.nodes, closed.requests);
 }
 
-constexpr std::array<const char*, 5> kRegimes = {"open", "stick", "coulomb", "tresca", "melting"};
-
 }  // namespace
 
 void show_ping(const Client& client, const std::string& endpoint, double answered_ms) {
@@ -128,6 +134,10 @@ void show_status(const wire::ServerStatus& s, bool json) {
                              s.draining ? ", draining: no new sessions" : ""));
   show("sessions", fmt::format("{} with {} nodes, {:.1f} MB of states", s.sessions, s.nodes,
                                static_cast<double>(s.state_bytes) / (1 << 20)));
+  std::string regimes;
+  for (std::size_t r = 0; r < std::min(s.regimes.size(), kRegimeNames.size()); ++r)
+    regimes += fmt::format("{}{} {}", r == 0 ? "" : ", ", kRegimeNames[r], s.regimes[r]);
+  if (!regimes.empty()) show("regimes", regimes);
   show("requests", fmt::format("{} ({} refused, {} repeated)", s.requests, s.refused, s.replayed));
   for (const wire::Refusals& refusals : s.refusals)
     show("", fmt::format("refused {}: {}", name(static_cast<wire::Code>(refusals.code)), refusals.count));
@@ -203,7 +213,7 @@ void show_top(Client& client, const std::string& session, wire::Top by, std::uin
   for (std::size_t i = 0; i < top.node_ids.size(); ++i) {
     const std::size_t regime = top.regime[i];
     fmt::print("{:>20} {:>12.3f} {:>14.6f} {:>8}", top.node_ids[i], top.interface_temperature_k[i],
-               1e-6 * top.shear_stress_pa[i], regime < kRegimes.size() ? kRegimes[regime] : "?");
+               1e-6 * top.shear_stress_pa[i], regime < kRegimeNames.size() ? kRegimeNames[regime] : "?");
     if (sliding) fmt::print(" {:>14.6f}", top.sliding_velocity_m_per_s[i]);
     fmt::print("\n");
   }

@@ -1,6 +1,7 @@
 // Commands of shearbus-ctl for a running server: each sends a request and prints the answer.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -11,6 +12,10 @@
 #include "client/src/client.hpp"
 
 namespace shearbus::ctl {
+
+// Names of the regimes, by their value.
+inline constexpr std::array<const char*, wire::kRegimeCount> kRegimeNames = {"open", "stick", "coulomb", "tresca",
+                                                                             "melting"};
 
 void show_ping(const Client& client, const std::string& endpoint, double answered_ms);
 void show_status(const wire::ServerStatus& status, bool json);

@@ -89,6 +89,13 @@ std::vector<MetricFamily> families_of(const wire::ServerStatus& s) {
   metrics.gauge("uptime_seconds", "Since the start of the server", seconds(s.uptime_ns));
   metrics.gauge("sessions", "Open sessions", number(s.sessions));
   metrics.gauge("nodes", "Nodes of all sessions", number(s.nodes));
+  MetricFamily& regimes =
+      metrics.add("regime_nodes", MetricType::Gauge, "Nodes by the regime of their committed state");
+  for (std::size_t r = 0; r < s.regimes.size(); ++r) {
+    ClientMetric& metric = regimes.metric.emplace_back();
+    metric.label.push_back({"regime", r < kRegimeNames.size() ? kRegimeNames[r] : std::to_string(r)});
+    metric.gauge.value = number(s.regimes[r]);
+  }
   metrics.gauge("state_bytes", "Memory of all states", number(s.state_bytes));
   metrics.gauge("draining", "1: no new sessions", s.draining ? 1 : 0);
   metrics.counter("requests_total", "Requests that were answered", number(s.requests));
