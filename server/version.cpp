@@ -82,7 +82,7 @@ std::string version_text(const std::string& program, bool json) {
 Entries provenance(const std::string& program, const std::string& scene, std::span<const char* const> arguments) {
   std::string command = program;
   for (const char* const argument : arguments.subspan(std::min<std::size_t>(1, arguments.size())))
-    command += " " + quoted(argument);
+    command += fmt::format(" {}", quoted(argument));
   std::array<char, HOST_NAME_MAX + 1> machine{};
   if (::gethostname(machine.data(), machine.size() - 1) != 0) machine = {};
   const std::time_t now = std::time(nullptr);
