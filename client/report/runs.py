@@ -181,6 +181,8 @@ class Run:
         molten, slip = self.molten_time(), self.slip()
         choices = [("hottest", self["interface_temperature"].max(axis=0).argmax()), ("fastest", np.abs(self["sliding_velocity"]).max(axis=0).argmax())]
         choices += [("longest molten", molten.argmax())] * bool(molten.any()) + [("slips least", slip.argmin())]
+        kept = self["profiles"]["node_id"][:4] if "profiles" in self else []
+        choices += [("with profiles", np.flatnonzero(self.nodes == node)[0]) for node in kept if node in self.nodes]
         for reason, node in choices:
             found.setdefault(int(node), []).append(reason)
         return found

@@ -246,8 +246,7 @@ def profile_panel(run, node, index):
     entries = np.unique(np.linspace(0, len(kept["time"]) - 1, min(3, len(kept["time"]))).round().astype(int))
     figure, axis = style.figure(1, 1, SMALL)
     for entry, shade in zip(entries, np.linspace(0.15, 0.75, len(entries))):
-        z, heat = kept["position"][entry][column] * 1e6, kept["layer_temperature"][entry][column]
-        axis.plot(z, heat, color=plt.cm.plasma(shade), lw=1.5, label=f"{kept['time'][entry] * 1e6:.2f} µs")
+        axis.plot(kept["position"] * 1e6, kept["layer_temperature"][entry][column], color=plt.cm.plasma(shade), lw=1.5, label=f"{kept['time'][entry] * 1e6:.2f} µs")
     axis.set(xlabel="z across the interface (µm)", ylabel="temperature (K)")
     axis.legend(fontsize=8)
     axis.grid()
@@ -334,7 +333,7 @@ def paper(directory):
             out = io.BytesIO()
             image.quantize(256, kmeans=3, dither=Image.Dither.NONE).save(out, format="png", optimize=True)
             several = lambda value: [value] if isinstance(value, str) else list(value)
-            found.append({"figure": entry["figure"], "title": entry["title"], "src": "data:image/png;base64," + base64.b64encode(out.getvalue()).decode(),
+            found.append({"figure": entry["figure"], "title": entry["title"], "width": image.width * 5 // 8, "src": "data:image/png;base64," + base64.b64encode(out.getvalue()).decode(),
                           "agrees": several(entry.get("agrees", [])), "differs": several(entry.get("differs", []))})
         return found
     except (OSError, ValueError, KeyError, TypeError) as fault:

@@ -20,6 +20,8 @@ import tempfile
 import time
 import unittest
 
+import h5py
+
 OPTIONS = None
 LARGEST = 3_000_000  # bytes of a report
 CHROMIUM = ["/usr/bin/chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -142,6 +144,9 @@ class Report(unittest.TestCase):
         run("/usr/bin/python3", OPTIONS.source / "client/examples/make_history.py", "ramp", path / "history.h5", "--steps", 200)
         cls.result = path / "result.h5"
         run(OPTIONS.replay, path / "history.h5", "--scene", OPTIONS.source / "client/examples/paper_velocity_driven.toml", "--out", cls.result)
+        with h5py.File(cls.result, "a") as file:  # profiles of a node, as a run keeps them
+            file["profiles/time"], file["profiles/node_id"] = file["time"][[50, 150]], file["node_id"][-1:]
+            file["profiles/position"], file["profiles/layer_temperature"] = [-1e-6, 0.0, 1e-6], [[[300.0, 600.0, 400.0]], [[310.0, 700.0, 500.0]]]
         cls.reports = {}
         for name, words in {"cone": [*cls.cones, "--figures", cls.paper()], "column": [cls.column], "replay": [cls.result]}.items():
             cls.reports[name] = path / f"{name}.html"
@@ -175,7 +180,11 @@ class Report(unittest.TestCase):
         column = self.reports["column"].read_text()
         for text in ("sliding_to_a_stop", "No figures of the paper were given", "solver of the layers"):
             self.assertTrue(text in column, text)
-        self.assertTrue("velocity_driven" in self.reports["replay"].read_text())
+        replay = self.reports["replay"].read_text()
+        self.assertTrue("velocity_driven" in replay)
+        self.assertTrue("temperature across the layer of the node" in replay)
+        self.assertFalse("kept no profiles" in replay)
+        self.assertTrue("kept no profiles" in column)
 
     def test_the_page_is_one_file_without_network_or_script(self):
         for report in self.reports.values():
