@@ -66,7 +66,8 @@ struct Options {
   std::string material;
 };
 
-shearbus::Client connect(const Options& options) {
+// once: a request is not repeated before the deadline. A server would make a repeated checkpoint once more.
+shearbus::Client connect(const Options& options, bool once = false) {
   const auto deadline = std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * options.timeout_s));
   shearbus::wire::ServerAddress server{.endpoint = options.server};
   read_keys_into(server, options.server_key, options.key);
@@ -76,6 +77,7 @@ shearbus::Client connect(const Options& options) {
                            .name = "shearbus-ctl",
                            .connect_deadline = deadline,
                            .reply_deadline = deadline,
+                           .retry_after = once ? deadline : shearbus::ClientOptions{}.retry_after,
                            .wait_for_recovery = false});
 }
 
@@ -207,7 +209,7 @@ class Commands {
   // Adds a command that connects to a server and asks it a question.
   CLI::App* ask(const char* name, const char* meaning, std::function<void(Client&)> question) {
     return with_server(add(name, meaning, [this, question = std::move(question)] {
-      Client client = connect(options_);
+      Client client = connect(options_, true);
       question(client);
       return 0;
     }));

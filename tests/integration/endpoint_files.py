@@ -13,6 +13,8 @@ import time
 import unittest
 import urllib.request
 
+import zmq
+
 OPTIONS = None
 
 
@@ -214,6 +216,43 @@ class EndpointFiles(unittest.TestCase):
         lines = self.ctl("status", "--all", self.file.parent, "--json", "--timeout", 0.5, code=1).splitlines()
         self.assertEqual([json.loads(line)["file"] for line in lines], ["one", "two"])
         self.assertIn("UNREACHABLE", json.loads(lines[1])["fault"])
+
+    def relay(self, ended):
+        """Passes messages on to the server; the second answer to a connection, and later ones, take 6 s."""
+        front, behind, poller = zmq.Context.instance().socket(zmq.ROUTER), {}, zmq.Poller()
+        front.bind(f"ipc://{self.path}/slow")
+        poller.register(front, zmq.POLLIN)
+        answered, held = {}, []
+        while not ended.is_set():
+            for socket, _ in poller.poll(50):
+                if socket is not front:
+                    peer = next(peer for peer, one in behind.items() if one is socket)
+                    answered[peer] = answered.get(peer, 0) + 1
+                    held.append((time.monotonic() + (6.0 if answered[peer] > 1 else 0.0), [peer, *socket.recv_multipart()]))
+                    continue
+                peer, *frames = front.recv_multipart()
+                if peer not in behind:
+                    behind[peer] = zmq.Context.instance().socket(zmq.DEALER)
+                    behind[peer].connect(f"ipc://{self.path}/bus/s")
+                    poller.register(behind[peer], zmq.POLLIN)
+                behind[peer].send_multipart(frames)
+            while held and held[0][0] <= time.monotonic():
+                front.send_multipart(held.pop(0)[1])
+        for socket in (front, *behind.values()):
+            socket.close(0)
+
+    def test_a_checkpoint_that_takes_long_is_asked_for_once(self):
+        self.serve("--state-dir", self.path / "states")
+        self.wait()
+        ended = threading.Event()
+        relay = threading.Thread(target=self.relay, args=[ended])
+        relay.start()
+        try:  # a lost message would be repeated after 5 s
+            self.assertIn("checkpoint of", self.ctl("checkpoint", "--server", f"ipc://{self.path}/slow", "--timeout", 30))
+        finally:
+            ended.set()
+            relay.join()
+        self.assertEqual(json.loads(self.ctl("status", "--json", "--server", self.endpoint))["checkpoints"], 1)
 
     def test_metrics_of_a_directory_are_served_by_http(self):
         self.serve()
