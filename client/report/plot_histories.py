@@ -24,8 +24,12 @@ SHOWN = ("interface_temperature", "shear_stress", "sliding_velocity")
 
 
 def jump(run):
-    """Returns the initial velocity jump of each column (m/s)."""
-    return np.abs(run["velocity_jump"][0] if "velocity_jump" in run else run["sliding_velocity"][0])
+    """Returns the initial velocity jump of each column, or its highest sliding speed where the jump is unknown (m/s)."""
+    return np.abs(run["velocity_jump"][0]) if "velocity_jump" in run else np.abs(run["sliding_velocity"]).max(axis=0)
+
+
+def jump_label(runs):
+    return "initial velocity jump (m/s)" if all("velocity_jump" in run for run in runs) else "highest sliding speed (m/s)"
 
 
 def pressure_varies(run):
@@ -84,7 +88,7 @@ def histories(runs):
         axes[0, p].set_title(title)
         axes[-1, p].set_xlabel("time (µs)")
     if jumps.max() > jumps.min():
-        figure.colorbar(scale, ax=list(axes[:, -1]), label="initial velocity jump (m/s)", shrink=0.6, pad=0.03)
+        figure.colorbar(scale, ax=list(axes[:, -1]), label=jump_label(runs), shrink=0.6, pad=0.03)
     handles = [Patch(color=BAND, label="range of all columns")] * banded
     handles += [Line2D([], [], color=style.MELTING, lw=1.0, ls="--", label=style.MELTING_LABEL)] * melts
     if handles:
@@ -101,7 +105,7 @@ def regimes(runs):
         axis.pcolormesh(run.time, rows if regular else np.arange(columns.size), run["regime"][:, columns].T, shading="nearest", rasterized=True,
                         **style.regime_colours())
         axis.set(xlim=(0.0, min(1.1 * run.last_contact, run.time[-1])), title=title, xlabel="time (µs)",
-                 ylabel="initial velocity jump (m/s)" if regular else "column, by initial jump")
+                 ylabel=jump_label(runs) if regular else f"column, by {jump_label(runs)[:-6]}")
         axis.label_outer()
     style.legend_below(figure, style.regime_handles(np.concatenate([np.unique(run["regime"][:, columns]) for run, _, columns in panels])))
     return figure

@@ -51,12 +51,15 @@ def svg(figure, name, title):
 
 
 def png(figure, footer=""):
-    return "data:image/png;base64," + base64.b64encode(style.save(figure, None, footer, colours=256)).decode()
+    """Returns a figure as data URL, and the largest width that a page shows it at, in pixels of the page."""
+    width = int(120 * figure.get_figwidth())
+    return "data:image/png;base64," + base64.b64encode(style.save(figure, None, footer, colours=256)).decode(), width
 
 
 def picture(src, title, text="", wide=False):
-    """src: a data URL, or SVG. A wide picture is scrolled on a narrow screen."""
-    return {"src": src, "svg": src.startswith("<svg"), "title": title, "text": text, "wide": wide}
+    """src: SVG, or what png() returns. A wide picture is scrolled on a narrow screen."""
+    src, width = (src, None) if isinstance(src, str) else src
+    return {"src": src, "width": width, "title": title, "text": text, "wide": wide}
 
 
 # -- head and numbers --
@@ -260,7 +263,7 @@ def nodes(runs):
         where = f", at {first.place_name} = {first.place[node] * 1e3:.1f} mm" if first.place is not None else ""
         panels = [history_panel(runs, index, node, name) for name in ("shear_stress", "interface_temperature", "sliding_velocity")]
         profile = profile_panel(first, node, index)
-        found.append({"title": f"node {first.nodes[node]}{where}: {' and '.join(reasons)}", "panels": panels + ([profile] if profile else [])})
+        found.append({"title": f"node {first.nodes[node]}{where}{': ' + ', '.join(reasons) if len(first.nodes) > 1 else ''}", "panels": panels + ([profile] if profile else [])})
     return found
 
 
