@@ -11,7 +11,6 @@
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/scene.hpp"
 #include "hydro_stub/subgrid_law.hpp"
-#include "proto/wire/profile_record.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
@@ -21,13 +20,6 @@ namespace shearbus::hydro {
 std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
                                        const SubgridServer& server, const std::string& kept = {});
-
-// The record of the profiles that the scene asks for, of a run with so many interface nodes. Reads the profiles once,
-// so that what cannot be read is refused before the first step. Throws wire::Error.
-wire::ProfileRecord profile_record(const guest::HydroScene& scene, std::size_t nodes, InterfaceLaw& law);
-
-// Adds the profiles that are due after a step to the record. `pressure`: of all interface nodes  [Pa].
-void record_profiles(wire::ProfileRecord& record, double time_s, std::span<const double> pressure, InterfaceLaw& law);
 
 // Runs the problem, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
 // std::exception; if a step fails, no file has the name of a complete result.

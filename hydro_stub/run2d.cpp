@@ -18,7 +18,7 @@
 #include "hydro_stub/interface_history.hpp"
 #include "hydro_stub/lagrange/strength.hpp"
 #include "hydro_stub/law_name.hpp"
-#include "hydro_stub/run.hpp"
+#include "hydro_stub/profiles.hpp"
 #include "hydro_stub/summary2d.hpp"
 #include "proto/wire/fields.hpp"
 #include "proto/wire/interrupt.hpp"
