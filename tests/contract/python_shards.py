@@ -385,6 +385,7 @@ class Successors(Live):
         bus.leave()
         bus = shearbus.resume(bus.ticket, servers.endpoint)
         self.refused("NOTHING_TO_COMMIT", bus.commit)
+        self.assertEqual(bus.step(1e-9, **drive(bus.nodes)).state_version, plain.step(1e-9, **drive(NODES)).state_version)
         bus.close()
 
     def test_shards_at_different_steps_are_rolled_back_to_a_common_mark(self):
