@@ -377,7 +377,7 @@ def figure_20(programs):
     made.colorbar(image, ax=axes[0, 0], label="interface temperature T0 (K)")
     axes[0, 0].set(ylabel="interface node: its z at the start (mm)", title="Fig. 20: interface temperature with the subgrid model")
     heated = (run.T0.max(axis=0) > 600.0).mean()
-    said(heated > 0.5, f"The whole loaded flank heats: {100 * heated:.0f} % of the nodes pass 600 K, the hottest reaches {run.T0.max():.0f} K.", agrees, differs)
+    said(heated > 0.5, f"{100 * heated:.0f} % of the nodes pass 600 K, the hottest reaches {run.T0.max():.0f} K; the paper's flank heats as a whole.", agrees, differs)
     molten = (run.regime == 4).any(axis=0).mean()
     differs.append(f"{100 * molten:.0f} % of the nodes come within 1 % of T_melt(P), which here rises with the pressure (Lindemann); the paper's is constant.")
     cooled = np.median(run.T0[-1])
