@@ -11,6 +11,7 @@
 #include "hydro_stub/options.hpp"
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/restart.hpp"
+#include "hydro_stub/profiles.hpp"
 #include "hydro_stub/run.hpp"
 #include "hydro_stub/run2d.hpp"
 #include "hydro_stub/simple_laws.hpp"
