@@ -1,6 +1,8 @@
 """Builds the Debian packages of a build tree and looks at what is in them. With --clean-root it also installs them into a new Debian 12 and
-uses them there; with --systemd it boots systemd in such a system and uses the service. Exit code 77: a program that this needs is missing, and the last line says which."""
+uses them there; with --systemd it boots systemd in such a system and uses the service; with --container it builds the container file by buildah,
+on such a system, and uses the image. Exit code 77: a program that this needs is missing, and the last line says which."""
 import argparse
+import json
 import os
 import pathlib
 import re
@@ -105,6 +107,19 @@ systemctl stop shearbus-server
 test "$(value Result) $(value ExecMainStatus)" = "success 0"
 test "$(stat -c '%U %a' /var/lib/shearbus)" = "shearbus 700"
 echo service-test-passed
+"""
+
+# The server of the image, as its user and on the image's own directories.
+CONTAINER = r"""
+set -eu
+test "$(id -u):$(id -g)" = 5571:5571
+"$@" --log-level off & server=$!
+shearbus-ctl wait --server ipc:///run/shearbus/bus
+shearbus-ctl ping --server ipc:///run/shearbus/bus
+test -e /var/lib/shearbus/store
+shearbus-ctl drain --exit --server ipc:///run/shearbus/bus
+wait $server
+echo container-test-passed
 """
 
 
@@ -234,6 +249,33 @@ def boot(debs, mirror):
         yield f"systemd does not run the service as it should:\n{said[-4000:]}"
 
 
+def container(source, mirror):
+    """Builds the container file, without a registry and without another namespace than chroot, and runs the server of the image."""
+    with tempfile.TemporaryDirectory() as work:
+        def buildah(*words):
+            return run("buildah", "--root", f"{work}/store", "--runroot", f"{work}/run", *words).strip()
+
+        run("mmdebstrap", "--variant=minbase", "--include=ca-certificates", "bookworm", f"{work}/base.tar", *([mirror] if mirror else []))
+        base = buildah("from", "scratch").splitlines()[-1]
+        buildah("add", base, f"{work}/base.tar", "/")
+        buildah("commit", "--rm", base, "docker.io/library/debian:bookworm")
+        buildah("tag", "docker.io/library/debian:bookworm", "docker.io/library/debian:bookworm-slim")
+        os.mkdir(f"{work}/context")
+        run("sh", "-c", f"git ls-files -zco --exclude-standard | tar -c --null -T - | tar -x -C {work}/context", cwd=source)
+        buildah("build", "--pull-never", "--isolation", "chroot", "--format", "docker", "-f", f"{work}/context/deploy/container/Containerfile",
+                "-t", "shearbus-server", f"{work}/context")
+        config = json.loads(buildah("inspect", "--type", "image", "shearbus-server"))["Docker"]["config"]
+        for key, wanted in {"User": "5571:5571", "StopSignal": "SIGTERM", "Volumes": {"/var/lib/shearbus": {}}}.items():
+            if config.get(key) != wanted:
+                yield f"the image has {key} {config.get(key)}, expected {wanted}"
+        if "ping" not in config.get("Healthcheck", {}).get("Test", []):
+            yield "the image has no health check"
+        made = buildah("from", "--pull-never", "shearbus-server").splitlines()[-1]
+        said = buildah("run", "--isolation", "chroot", made, "--", "sh", "-c", CONTAINER, "server", *config["Entrypoint"])
+        if "container-test-passed" not in said:
+            yield f"the server of the image does not work:\n{said[-4000:]}"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True)
@@ -241,13 +283,18 @@ def main():
     parser.add_argument("--version", required=True)
     parser.add_argument("--clean-root", action="store_true")
     parser.add_argument("--systemd", action="store_true")
-    parser.add_argument("--mirror", help="of Debian, for --clean-root and --systemd")
+    parser.add_argument("--container", action="store_true")
+    parser.add_argument("--mirror", help="of Debian, for --clean-root, --systemd and --container")
     options = parser.parse_args()
-    needed = ["dpkg-deb", "dpkg-shlibdeps", "help2man"] + (["mmdebstrap"] if options.clean_root or options.systemd else [])
-    absent = [program for program in needed if not shutil.which(program)]
+    needed = ["dpkg-deb", "dpkg-shlibdeps", "help2man"] + (["mmdebstrap"] if options.clean_root or options.systemd or options.container else [])
+    absent = [program for program in needed + (["buildah"] if options.container else []) if not shutil.which(program)]
     if absent or not list(options.build.glob("man/*.1.gz")):
         print(f"skipped: {', '.join(absent) or 'the manual, which needs help2man when the build is configured,'} missing (deploy/packages/test.txt)")
         return SKIPPED
+    if options.container:
+        faults = list(container(pathlib.Path(__file__).resolve().parents[2], options.mirror))
+        print("\n".join(faults) if faults else "the image is as it should be")
+        return 1 if faults else 0
     with tempfile.TemporaryDirectory() as scratch:
         work = pathlib.Path(scratch)
         run(options.cpack, "--config", options.build / "CPackConfig.cmake", "-B", work / "packages", "-D", "CPACK_DEBIAN_COMPRESSION_TYPE=gzip",
