@@ -334,7 +334,7 @@ def paper(directory):
             image = Image.open(directory / entry["file"]).convert("RGB")
             image.thumbnail((LARGEST_PICTURE, 3 * LARGEST_PICTURE))
             out = io.BytesIO()
-            image.quantize(256, kmeans=3, dither=Image.Dither.NONE).save(out, format="png", optimize=True)
+            image.quantize(256, dither=Image.Dither.NONE).save(out, format="png", optimize=True)
             several = lambda value: [value] if isinstance(value, str) else list(value)
             found.append({"figure": entry["figure"], "title": entry["title"], "width": image.width * 5 // 8, "src": "data:image/png;base64," + base64.b64encode(out.getvalue()).decode(),
                           "agrees": several(entry.get("agrees", [])), "differs": several(entry.get("differs", []))})

@@ -121,7 +121,7 @@ def save(made, path, footer="", colours=None):
     made.savefig(raw, dpi=DPI, format="png")
     plt.close(made)
     image = Image.open(raw).convert("RGB")
-    (image.quantize(colours, kmeans=3, dither=Image.Dither.NONE) if colours else image).save(out, format="png", optimize=True)
+    (image.quantize(colours, dither=Image.Dither.NONE) if colours else image).save(out, format="png", optimize=True)
     if path is None:
         return out.getvalue()
     path.parent.mkdir(parents=True, exist_ok=True)
