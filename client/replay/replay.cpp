@@ -199,7 +199,7 @@ std::string plural(std::size_t count, const char* noun) {
 }
 
 // What the printed summary says.
-struct Replayed {
+struct ReplaySummary {
   const Options& options;
   const std::string& extent;
   const std::string& scene_name;
@@ -210,7 +210,7 @@ struct Replayed {
   bool replaced;
 };
 
-void print_summary(const Replayed& run) {
+void print_summary(const ReplaySummary& run) {
   fmt::print("{}: {}\n", run.options.history.string(), run.extent);
   fmt::print("  scene                       {} ({})\n", run.scene_name, run.options.scene.string());
   fmt::print("  velocity jump               {}\n", run.input.jump_origin());
