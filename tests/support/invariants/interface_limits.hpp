@@ -28,7 +28,9 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
   if (options.junctions) {
     const auto& [fraction, height, metal] = *options.junctions;
     const double grown = kDigits * size * a.dt / (kSqrt3 * height);
-    const auto hardened = [&](double ep) { return SteinbergCochranGuinan::hardened(metal, ep, 0.0, 0.0, 0.0); };
+    const auto hardened = [&law_of = metal](double ep) {
+      return SteinbergCochranGuinan::hardened(law_of, ep, 0.0, 0.0, 0.0);
+    };
     strength = {fraction * hardened(std::max(0.0, a.junction_strain - grown)),
                 fraction * hardened(a.junction_strain + grown)};
   }
