@@ -25,31 +25,20 @@ import numpy as np
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PROBLEMS, EXAMPLES = ROOT / "hydro_stub/problems", ROOT / "client/examples"
 
-# -- the look: REGIMES, LAWS, the colour maps, figure() and save() are all of it --
-
-import matplotlib  # noqa: E402
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
+sys.path.insert(0, str(ROOT / "client/report"))
+import style  # noqa: E402
 from matplotlib.collections import PolyCollection  # noqa: E402
 from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: E402
 from matplotlib.patches import Patch  # noqa: E402
 
-INK, FAINT, DPI = "#1a1a1a", "#7d7d7d", 150
-REGIMES = (("open", "#f2f2f2"), ("stick", "#4477AA"), ("Coulomb", "#009E73"), ("Tresca", "#DDAA33"), ("Tresca, melting", "#4a0012"))
-LAWS = {"subgrid": ("subgrid model", INK), "coulomb_tresca": ("law (5)", "#c8553d")}
-SIGNED, SIZE, TEMPERATURE = "RdBu_r", "viridis", "inferno"
-plt.rcParams.update({"font.size": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True, "grid.color": "#d9d9d9",
-                     "grid.linewidth": 0.6, "legend.frameon": False, "legend.fontsize": 9})
+plt, save, INK, FAINT = style.plt, style.save, style.INK, style.FAINT
+REGIMES = tuple(style.REGIMES.values())
+LAWS = {law: style.LAWS[law] for law in ("subgrid", "coulomb_tresca")}
+SIGNED, SIZE, TEMPERATURE = (style.COLOUR_MAPS[kind] for kind in ("signed", "size", "temperature"))
 
 
 def figure(rows, columns, size, **options):
-    return plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False, **options)
-
-
-def save(made, path):
-    made.savefig(path, dpi=DPI)
-    plt.close(made)
+    return style.figure(rows, columns, size, squeeze=False, **options)
 
 
 # -- runs --
@@ -253,8 +242,8 @@ def figure_15(programs):
     pressure = np.array(found["pressure_pa"]) * 1e-9
     styles = ("--", "-")
     for seen, line in zip(found["observations"], styles):
-        for key, colour, label in (("sticking_below_m_per_s", "#4477AA", "sticks below"), ("domain_limit_m_per_s", INK, "carries 90 % of the slip above"),
-                                   ("melting_above_m_per_s", "#4a0012", "melts above")):
+        for key, colour, label in (("sticking_below_m_per_s", REGIMES[1][1], "sticks below"), ("domain_limit_m_per_s", INK, "carries 90 % of the slip above"),
+                                   ("melting_above_m_per_s", style.MELTING, "melts above")):
             values = np.array([np.nan if v is None else v for v in seen[key]])
             if np.isnan(values).all():
                 continue  # the sweep has no such jump
