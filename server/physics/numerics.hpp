@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 2;
+inline constexpr std::uint16_t kNumericsVersion = 3;
 
 }  // namespace shearbus::physics

@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
+#include <random>
+#include <utility>
 #include <vector>
 
 #include "tests/support/fine_layer.hpp"
@@ -110,6 +113,94 @@ std::vector<Body> bodies() {
           {"half-space", half_space(Strategy::kVelocityDriven)},
           {"half-space, constant flux", steady_half_space},
           {"two-sided", two_sided(half_space(Strategy::kVelocityDriven))}};
+}
+
+// Velocity-driven histories in which the jump turns while the pressure falls and returns, in steps of changing length.
+// Each lane has a history of its own.
+struct TurningHistory {
+  explicit TurningHistory(unsigned seed) : random(seed) {
+    for (int l = 0; l < kLanes; ++l) {
+      swing[l] = between(20.0, 200.0);
+      drift[l] = between(-50.0, 50.0);
+      period[l] = between(0.3e-6, 2e-6);
+      phase[l] = between(0.0, 6.28);
+      pressure[l] = between(2e9, 12e9);
+      lowest[l] = between(-0.1, 0.9);
+      returns[l] = between(0.3e-6, 1.5e-6);  // some pressures return suddenly within the run, others do not
+    }
+  }
+  double between(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); }
+  void load(double time, TileInputs& inputs) const {
+    inputs.active = (1u << kLanes) - 1u;
+    for (int l = 0; l < kLanes; ++l) {
+      inputs.velocity_jump[l] = swing[l] * std::cos(6.28 * time / period[l] + phase[l]) + drift[l];
+      const double fallen = time < returns[l] ? (1.0 - lowest[l]) * std::min(1.0, time / 0.6e-6) : 0.0;
+      inputs.pressure[l] = pressure[l] * (1.0 - fallen);
+    }
+  }
+  std::mt19937 random;
+  double swing[kLanes], drift[kLanes], period[kLanes], phase[kLanes], pressure[kLanes], lowest[kLanes], returns[kLanes];
+};
+
+// A tile of a model, advanced by steps of any length.
+struct Layer {
+  explicit Layer(const ModelOptions& options) : model(options), state(model.layout().doubles), next(state.size()) {
+    double temperature[kLanes];
+    std::fill_n(temperature, kLanes, options.initial_temperature);
+    model.initialise(state.data(), temperature);
+  }
+  void step(double dt, int times, const TileInputs& inputs) {
+    const auto operators = model.operators(dt);
+    for (int i = 0; i < times; ++i, std::swap(state, next))
+      model.advance(*operators, inputs, state.data(), next.data(), outputs);
+  }
+  Model model;
+  std::vector<double> state, next;
+  TileOutputs outputs{};
+};
+
+// The reference begins each step of the host with a very short substep: the pressure of the step holds from its start,
+// and a stress above the new yield stress relaxes at once. A step in which a stress turns or falls has more substeps.
+TEST(DeliveredTolerance, HistoriesThatTurnWhileThePressureChangesAreKept) {
+  constexpr int kSteps = 60, kSubsteps = 256, kSubstepsOfTurn = 4096;
+  constexpr double kShortest = 0x1p-24;
+  const double requests[] = {1e-2, 1e-3, 1e-4, 1e-5};
+  ModelOptions options = discretised(half_space(Strategy::kVelocityDriven), 1e-3);
+  double worst[std::size(requests)] = {};
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    TurningHistory history(seed);
+    options.tolerance.reset();
+    Layer fine(options);
+    std::vector<Layer> asked;
+    for (const double request : requests) {
+      options.tolerance = request;
+      asked.emplace_back(options);
+    }
+    double time = 0.0;
+    for (int n = 0; n < kSteps; ++n) {
+      const double dt = 1e-8 * std::exp2(std::floor(history.between(-1.0, 2.0)));
+      time += dt;
+      TileInputs inputs;
+      history.load(time, inputs);
+      double before[kLanes];
+      std::copy_n(asked.back().outputs.shear_stress, kLanes, before);
+      for (Layer& layer : asked) layer.step(dt, 1, inputs);
+      bool turns = n == 0;
+      for (int l = 0; l < kLanes; ++l) turns = turns || before[l] * inputs.velocity_jump[l] < 0.0 || before[l] == 0.0;
+      const int substeps = turns ? kSubstepsOfTurn : kSubsteps;
+      fine.step(dt * kShortest, 1, inputs);
+      fine.step(dt / substeps, substeps, inputs);
+      for (std::size_t i = 0; i < std::size(requests); ++i)
+        for (int l = 0; l < kLanes; ++l)
+          worst[i] = std::max(
+              worst[i],
+              std::abs(asked[i].outputs.interface_temperature[l] - fine.outputs.interface_temperature[l]) / kToMelting);
+    }
+  }
+  for (std::size_t i = 0; i < std::size(requests); ++i) {
+    std::printf("requested %.0e, delivered %.2e: %.2f of it\n", requests[i], worst[i], worst[i] / requests[i]);
+    EXPECT_LE(worst[i], requests[i]);
+  }
 }
 
 TEST(DeliveredTolerance, TheGridIsFineEnoughWhereverHeatGoes) {

@@ -20,6 +20,52 @@ double turning_error(const NodeInputs& in, double dt, double before, double afte
   return std::abs(before) * (1.0 - after_turning / (after_turning + 2.0 * mobility * std::abs(s)));
 }
 
+// Error of the heat of the halves of a velocity-driven substep, each of length dt, in which the stress rises
+// elastically for a part of the time  [J/m2]; the reason is in solver/around/tolerance.cpp.
+double elastic_path_error(const ModelOptions& options, const NodeInputs& in, double dt, double s_old,
+                          const NodeOutputs (&half)[2]) {
+  const double V = in.velocity_jump;
+  if (options.strategy == Strategy::kForceDriven || options.drive != Drive::kLayerShear || V == 0.0) return 0.0;
+  const double rate = options.soft.shear_modulus * std::abs(V) / options.grid.thickness;
+  const double heating = conducted_share(options) * std::abs(V);
+  const double size[] = {std::abs(half[0].shear_stress), std::abs(half[1].shear_stress)};
+  const bool flows[] = {half[0].regime != Regime::kStick, half[1].regime != Regime::kStick};
+  double error = 0.0;
+  for (int i : {0, 1}) {
+    const double before = i == 0 ? s_old : half[0].shear_stress;
+    if (half[i].shear_stress * V <= 0.0) continue;
+    if (before * half[i].shear_stress < 0.0) {
+      const double after_turning = std::max(0.0, dt - std::abs(before) / rate);
+      const double impulse = size[i] * after_turning - 0.5 * size[i] * size[i] / rate;
+      error += std::abs(half[i].friction_heat - heating * impulse);
+    } else if (flows[i] && (i == 0 || !flows[0])) {
+      const double hardening = i == 0 ? std::max(0.0, size[1] - size[0]) : 0.0;
+      const double rise = std::max(0.0, size[i] - std::abs(before) - hardening);
+      error += heating * 0.5 * rise * rise / rate;
+    }
+  }
+  return error;
+}
+
+// The relaxation of a velocity-driven node at the start of a step in which its stress falls: the shortest substep, if
+// the layer flows in it. Returns whether the state has relaxed.
+bool relax(const ModelOptions& options, double shortest_dt, const NodeInputs& in, double s_whole, NodeState& state,
+           NodeOutputs& out) {
+  const double s_old = state.shear_stress;
+  const bool falls = std::abs(s_whole) < std::abs(s_old) || s_whole * s_old < 0.0;
+  if (options.strategy == Strategy::kForceDriven || !falls) return false;
+  NodeState relaxed = state;
+  NodeInputs still = in;
+  still.velocity_jump = still.soft_shear_rate = 0.0;
+  out = advance_uncontrolled(options, shortest_dt, still, relaxed);
+  relaxed.temperature = state.temperature;  // the relaxation takes no time
+  relaxed.hard_temperature = state.hard_temperature;
+  const bool flows = out.regime != Regime::kStick && out.regime != Regime::kOpen;
+  if (!flows || !(std::abs(out.shear_stress) < (1.0 - 1e-9) * std::abs(s_old))) return false;
+  state = relaxed;
+  return true;
+}
+
 }  // namespace
 
 // Times are fractions of the step. A substep is accepted if its two halves give nearly the same T0, heat and jump as
@@ -36,6 +82,11 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
   double length = 1.0;
   bool refined = false;
   int attempts = 0;
+  NodeState once = state;
+  const double s_whole = advance_uncontrolled(options, dt, in, once).shear_stress;
+  if (NodeOutputs out; relax(options, shortest * dt, in, s_whole, state, out)) {
+    sum.sliding_velocity = shortest * out.sliding_velocity;
+  }
   for (double begin = 0.0; begin < 1.0;) {
     NodeState coarse = state, fine = state;
     const double s_before = state.shear_stress;
@@ -51,10 +102,12 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
       s = out.shear_stress;
       then.velocity_jump = out.velocity_jump_new;
     }
+    const double path = elastic_path_error(options, in, 0.5 * length * dt, s_before, half);
     const double rest = 1.0 - begin;
     const double T0 =
         std::abs(half[1].interface_temperature - whole.interface_temperature) * std::pow(length / rest, 1.5);
-    const double heat = response / dt * std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat);
+    const double heat =
+        response / dt * (std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat) + path);
     const double jump = std::sqrt(std::max(1.0, 1e-6 / dt)) * conducted_share(options) * response *
                         std::max(std::abs(half[1].shear_stress), std::abs(whole.shear_stress)) *
                         (std::abs(half[1].velocity_jump_new - whole.velocity_jump_new) + turning);

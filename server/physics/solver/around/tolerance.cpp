@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "server/physics/layer/modes.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/work.hpp"
@@ -29,6 +30,8 @@ constexpr int kMostHalvings = 22;     // largest number of times that a step is 
 constexpr int kMostAttempts = 1024;
 constexpr int kHurriedPieces = 64;  // approximate number of substeps that follow after kMostAttempts
 
+constexpr double kLeastRelaxation = 1e-9;  // smallest fall of the stress, relative, that counts as a relaxation
+
 // Error of the velocity jump at the end of a substep in which the jump reverses or stops; `before` and `after` are the
 // jump at the two ends of the substep. One stress s acts over the whole substep, although friction really has the other
 // sign until the reversal. Both halves of the substep can have this error, so comparing them does not show it. Let the
@@ -45,6 +48,38 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
   const double rise = std::abs(before) + std::abs(after);
   const double turned = 2.0 * dt * forcing.mobility * std::abs(stress);
   return std::abs(before) / (1.0 + rise / turned);
+}
+
+// What a half of a velocity-driven substep did, for elastic_path_error().
+struct ElasticPath {
+  double stress, heat;
+  bool along_jump, flows;
+};
+
+// Error of the heat of the two halves of a velocity-driven substep, each of length dt. The elastic part of the path of
+// the stress, along which the stress changes by G0 |w| / h per time, is only a part of a half if the stress passes zero
+// or reaches the flow stress there. Both halves may miss that part, so comparing them does not show its error.
+// `s_old`: stress before the first half. A rise that goes on at the same rate in the second half is hardening.
+double elastic_path_error(double heating, double rate, double dt, double s_old, const ElasticPath (&halves)[2]) {
+  double error = 0.0, s = s_old;
+  for (int i = 0; i < 2; ++i) {
+    const ElasticPath& half = halves[i];
+    const bool turns = s * half.stress < 0.0;
+    double rise = std::abs(half.stress) - (turns ? 0.0 : std::abs(s));
+    if (i == 0 && !turns) rise -= std::max(0.0, std::abs(halves[1].stress) - std::abs(half.stress));
+    const bool meets_flow = half.flows && (i == 0 || !halves[0].flows);
+    s = half.stress;
+    if (!half.along_jump || !(rise > 0.0) || !(turns || meets_flow)) continue;
+    const double while_rising = 0.5 * rise * rise / rate;  // of the time integral of the stress  [Pa s]
+    if (!turns) {
+      error += heating * while_rising;
+      continue;
+    }
+    const double before = i == 0 ? s_old : halves[0].stress;
+    const double after_turning = std::max(0.0, dt - std::abs(before) / rate);
+    error += std::abs(half.heat - heating * (std::abs(half.stress) * after_turning - while_rising));
+  }
+  return error;
 }
 
 }  // namespace
@@ -141,6 +176,40 @@ void ControlledStep::begin() {
     lanes_[l].left = kStepShare * *problem_.options.tolerance;
     if (inputs_.stress_before) accepted_[stress + static_cast<std::size_t>(l)] = inputs_.stress_before[l];
   }
+  relax();
+}
+
+// The pressure of the host's step holds from its start. If it has fallen, a stress at the yield stress of the step
+// before lies above that of this step, and relaxes to it at once. A layer that is unloaded in addition passes the new
+// yield stress within picoseconds: no substep of the usual length would flow, and none would show the error. The
+// shortest substep, without a jump, does the relaxation.
+void ControlledStep::relax() {
+  if (forced_) return;
+  now_.active = 0;
+  const double* stress = accepted_ + problem_.layout.shear_stress;
+  for (const int l : lanes_of(open_)) {
+    const bool falls =
+        std::abs(lanes_[l].coarse.stress) < std::abs(stress[l]) || lanes_[l].coarse.stress * stress[l] < 0.0;
+    if (falls) now_.active |= 1u << l;
+  }
+  if (now_.active == 0) return;
+  TileInputs still = now_;
+  std::fill_n(still.velocity_jump, kLanes, 0.0);
+  std::fill_n(still.soft_shear_rate, kLanes, 0.0);
+  TileOutputs relaxed{};
+  advance_(problem_, operators_.halved(deepest_), still, accepted_, half_, relaxed);
+  const std::size_t first = problem_.layout.first_temperature();
+  const auto rows = static_cast<std::size_t>(problem_.heat_rows) * kLanes;
+  for (const int l : lanes_of(now_.active)) {
+    const bool flows = relaxed.regime[l] != Regime::kStick && relaxed.regime[l] != Regime::kOpen;
+    const bool relaxes = std::abs(relaxed.shear_stress[l]) < (1.0 - kLeastRelaxation) * std::abs(stress[l]);
+    if (!flows || !relaxes || (relaxed.outcome[l] & kFailed) != 0) continue;
+    // The relaxation takes no time, so that no heat is conducted. A lane that slept has temperatures since it woke.
+    if (!asleep(problem_.layout, accepted_, l)) copy_lane(accepted_ + first, half_ + first, rows, l);
+    copy_lane(half_, accepted_, problem_.layout.doubles, l);
+    lanes_[l].sum.slip = std::ldexp(relaxed.sliding_velocity[l], -deepest_);
+    lanes_[l].coarse_known = false;
+  }
 }
 
 // Solves the next substep of the lanes `together` in one piece, unless that answer is known, and in two halves.
@@ -205,8 +274,19 @@ double ControlledStep::error_of(int l, const Answer& one, const Answer& two, dou
   const Answer& coarse = lanes_[l].coarse;
   const double dt = operators_.dt();
   const double T0 = std::abs(two.T0 - coarse.T0) * (of_rest * std::sqrt(of_rest));
-  const double heat = response_ / dt * std::abs(one.heat + two.heat - coarse.heat);
+  double heat = response_ / dt * std::abs(one.heat + two.heat - coarse.heat);
   double jump = 0.0;
+  if (!forced_ && problem_.options.drive == Drive::kLayerShear) {
+    const double V = inputs_.velocity_jump[l];
+    const double rate = problem_.options.soft.shear_modulus * std::abs(V) / problem_.options.grid.thickness;  // [Pa/s]
+    const auto path = [&](const Answer& half) {
+      return ElasticPath{half.stress, half.heat, half.stress * V > 0.0, half.regime != Regime::kStick};
+    };
+    heat += response_ / dt *
+            elastic_path_error(problem_.heat_partition * std::abs(V), rate, std::ldexp(0.5 * dt, -lanes_[l].level),
+                               accepted_[problem_.layout.shear_stress + static_cast<std::size_t>(l)],
+                               {path(one), path(two)});
+  }
   if (forced_) {
     const Forcing forcing = forcing_of(inputs_, l);
     const double half = std::ldexp(0.5 * dt, -lanes_[l].level);

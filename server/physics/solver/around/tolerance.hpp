@@ -52,6 +52,7 @@ class ControlledStep {
   static Answer answer_of(const TileOutputs& out, int l);
   static void add(const Answer& next, double share, bool forced, Answer& sum);
   void begin();
+  void relax();
   double work_done() const;
   void solve(int level, std::uint32_t together);
   void accept_or_refine(int l);
