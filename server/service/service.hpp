@@ -233,7 +233,7 @@ class Service : private store::Recovery {
 
   void log(const std::string& line) const noexcept;
 
-  static constexpr std::size_t kClosedSessionsKept = 4096;  // of each user; about 2 kB each
+  static constexpr std::size_t kClosedSessionsKept = 4096;  // of each user; about 6 kB each
 
   ServiceOptions options_;
   shard::TaskPool& pool_;
