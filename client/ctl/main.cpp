@@ -293,13 +293,17 @@ class Commands {
         ->check(CLI::Range(0.1, 1e6))
         ->capture_default_str();
     command->add_flag("--json", watch_.json, "A line of JSON for each look");
-    command->add_option("--looks", watch_.looks, "End after so many looks")->check(CLI::PositiveNumber)->type_name("N");
+    command
+        ->add_option("--looks", watch_.looks,
+                     "End after so many looks, with exit code 1 if the last had no answer; rates come with the second")
+        ->check(CLI::PositiveNumber)
+        ->type_name("N");
     command->callback([this, command] {
       if (command->count("--timeout") == 0) options_.timeout_s = kWatchTimeoutS;
       run_ = [this] {
         watch_.server = options_.server;
-        ctl::watch(watch_, [this] { return connect(options_); });
-        return 0;
+        const bool answered = ctl::watch(watch_, [this] { return connect(options_); });
+        return watch_.looks > 0 && !answered ? 1 : 0;
       };
     });
   }

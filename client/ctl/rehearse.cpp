@@ -25,12 +25,15 @@ constexpr const char* kKit =
 
 void rehearse(std::span<char* const> arguments) {
   namespace fs = std::filesystem;
-  // If the Python package was installed together with this program, Python must import that one.
-  const fs::path packages = fs::read_symlink("/proc/self/exe").parent_path() / "../lib/python3/dist-packages";
-  if (fs::exists(packages / "shearbus")) {
+  // The Python package that was installed together with this program, or that of the sources around build/bin.
+  const fs::path programs = fs::read_symlink("/proc/self/exe").parent_path();
+  for (const char* place : {"../lib/python3/dist-packages", "../../client/python"}) {
+    const fs::path packages = programs / place;
+    if (!fs::exists(packages / "shearbus")) continue;
     const char* given = std::getenv("PYTHONPATH");  // NOLINT(concurrency-mt-unsafe)
     const std::string path = packages.lexically_normal().string() + (given == nullptr ? "" : std::string(":") + given);
     ::setenv("PYTHONPATH", path.c_str(), 1);  // NOLINT(concurrency-mt-unsafe)
+    break;
   }
   std::vector<std::string> words = {SHEARBUS_PYTHON, "-P", "-c", kKit};
   words.insert(words.end(), arguments.begin(), arguments.end());

@@ -436,13 +436,14 @@ class Watch {
     if (!options.json && Screen::is_possible()) screen_.emplace();
   }
 
-  void run() {
+  // Returns whether the server answered the last look.
+  bool run() {
     for (std::uint64_t n = 1;; ++n) {
       const Clock::time_point next = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                                         std::chrono::duration<double>(options_.interval_s));
       ask();
       show();
-      if (n == options_.looks || !rest_until(next)) return;
+      if (n == options_.looks || !rest_until(next)) return sample_.has_value();
     }
   }
 
@@ -523,8 +524,8 @@ class Watch {
 
 }  // namespace
 
-void watch(const WatchOptions& options, const std::function<Client()>& connect) {
-  Watch(options, connect).run();
+bool watch(const WatchOptions& options, const std::function<Client()>& connect) {
+  return Watch(options, connect).run();
 }
 
 }  // namespace shearbus::ctl

@@ -19,7 +19,7 @@ struct WatchOptions {
 
 // Watches the server that connect() reaches until SIGINT, SIGTERM, SIGHUP or the key q. A server that does not answer is
 // reported as that, and asked again at the next look. connect() throws Error if no server answers; it must return within
-// about a second, because no signal is seen meanwhile.
-void watch(const WatchOptions& options, const std::function<Client()>& connect);
+// about a second, because no signal is seen meanwhile. Returns whether the last look was answered.
+bool watch(const WatchOptions& options, const std::function<Client()>& connect);
 
 }  // namespace shearbus::ctl

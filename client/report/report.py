@@ -13,7 +13,7 @@ import sys
 def arguments(version):
     parser = argparse.ArgumentParser(prog="shearbus-report", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="+", type=pathlib.Path, metavar="RUN", help="directory of shearbus-hydro, or result of shearbus-replay (HDF5)")
-    parser.add_argument("-o", "--out", type=pathlib.Path, required=True, metavar="REPORT.html", help="the report, replaced once it is whole")
+    parser.add_argument("-o", "--out", type=pathlib.Path, metavar="REPORT.html", help="the report, replaced once it is whole (default: report.html in the first RUN, or beside it)")
     parser.add_argument("--figures", type=pathlib.Path, metavar="DIR", help="figures.json and pictures of the paper's figures, for a section of their own")
     parser.add_argument("--version", action="version", version=f"shearbus-report {version}")
     return parser.parse_args()
@@ -23,6 +23,9 @@ def main(version, programs):
     """Runs the program. programs: directory of shearbus-ctl, which knows the sources of the materials. Returns the
     exit code."""
     options = arguments(version)
+    if options.out is None:
+        first = options.runs[0]
+        options.out = (first if first.is_dir() else first.parent) / "report.html"
     partial = options.out.with_name(options.out.name + ".partial")
     try:
         import jinja2

@@ -99,7 +99,7 @@ def five_numbers(runs):
     def heat(run):
         if heat_key:
             return summary(run, heat_key)
-        return float(run["heat"].sum()) if run.table and run["heat"] is not None else None
+        return float(run["heat"].mean()) if run.table and run["heat"] is not None else None
 
     def service(run):
         if run.summary.get("run_time_s") and "solver_time_s" in run.summary:
@@ -109,9 +109,9 @@ def five_numbers(runs):
     percent = lambda value: None if value is None else 100 * value
     unit = {"friction_heat_j": "J", "friction_heat_j_per_m": "J/m"}.get(heat_key, "J/m²")
     rows = [("slip", "mm", "mean over the nodes", lambda run: run.slip().mean() * 1e3),
-            ("hottest", "K", "interface temperature", lambda run: float(run["hottest"])),
-            ("friction heat", unit, "of the whole interface" if heat_key and "work" not in heat_key else "sum over the nodes", heat),
-            ("melted", "%", "of the nodes, at some time", lambda run: 100 * float((run.molten_time() > 0).mean())),
+            ("hottest", "K", "interface temperature", lambda run: summary(run, "peak_interface_temperature_k") or float(run["hottest"])),
+            ("friction heat", unit, "of the whole interface" if heat_key and "work" not in heat_key else "into the layers, mean over the nodes", heat),
+            ("at melting", "%", "of the nodes at some time: T0 from 0.99 T_melt on", lambda run: 100 * float((run.molten_time() > 0).mean())),
             ("service", "%", "share of the run time", lambda run: percent(service(run)))]
     return [(label, unit, what, [number(value(run)) for run in runs]) for label, unit, what, value in rows]
 
@@ -149,7 +149,8 @@ def columns_figure(run):
     axis.text(0.3, 0.5, f"soft: {soft}", va="center")
     axis.text(0.3, -0.5, f"hard: {hard}", va="center")
     jumps = plot_histories.jump(run)
-    axis.text(7.7, 0.66, f"{number(jumps.min())} to {number(jumps.max())} m/s" if np.ptp(jumps) > 0 else f"{number(jumps[0])} m/s", ha="center", va="bottom", fontsize=9)
+    known = "" if "velocity_jump" in run else "sliding up to "
+    axis.text(7.7, 0.66, known + (f"{number(jumps.min())} to {number(jumps.max())} m/s" if np.ptp(jumps) > 0 else f"{number(jumps[0])} m/s"), ha="center", va="bottom", fontsize=9)
     layer = run.scene.get("layer", {}).get("thickness_m")
     axis.text(5.0, 0.06, f"layer: {layer * 1e6:g} µm" if layer else "", ha="center", va="bottom", fontsize=8)
     axis.set(xlim=(-0.2, 10.2), ylim=(-1.1, 1.1))
@@ -360,5 +361,5 @@ def report(paths, figures, control, command):
         "has_profiles": any("profiles" in run.table for run in main), "ledgers": [ledger(run) for run in runs], "costs": [cost(run) for run in runs],
         "paper": of_the_paper, "scene_text": first.scene_text, "regimes": list(style.REGIMES.values()),
         "files": [(str(run.path), sorted((p.name, p.stat().st_size) for p in (run.path.iterdir() if run.path.is_dir() else [run.path]) if p.is_file())) for run in runs],
-        "provenance": footer, "command": command, "number": number,
+        "provenance": footer, "command": command, "number": number, "replayed": not first.path.is_dir(),
     }

@@ -107,7 +107,12 @@ def figure(rows, columns, size, legend=False, **options):
 
 
 def legend_below(made, handles):
-    made.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.17 / made.get_figheight()), ncols=len(handles), borderaxespad=0.0)
+    """Puts one legend below all axes of a figure made with `legend`, in as many rows as its width needs."""
+    columns = min(len(handles), max(2, int(made.get_figwidth() / 1.6)))
+    rows = -(-len(handles) // columns)
+    strip = (0.55 + 0.22 * (rows - 1)) / made.get_figheight()
+    made.get_layout_engine().set(rect=(0.006, strip, 0.988, 0.99 - strip))
+    made.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.17 / made.get_figheight()), ncols=columns, borderaxespad=0.0)
 
 
 def save(made, path, footer="", colours=None):

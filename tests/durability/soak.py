@@ -38,6 +38,7 @@ HOSTS, USERS = 5, 8
 DISK_MB = 96
 PATIENCE_S = 120.0  # a server on a busy machine that is killed now and then
 STEPS = 60
+REMEMBERED = 4096  # kClosedSessionsKept (server/service/service.hpp)
 DT = 1e-9
 GROWTH, GROWTH_MB, GROWTH_FILES = 1.05, 4.0, 8  # allowed between the last two quarters of the quiet third
 
@@ -144,7 +145,15 @@ def host(work, user, seed, told):
 
 
 def greedy(work, user, seed, told):
-    """Takes all the sessions it can get, and leaves them to the server to be closed when idle."""
+    """Takes all the sessions it can get, and leaves them to the server to be closed when idle. Before that it closes as many sessions as the
+    server remembers of a user, so that its memory is full of them from then on."""
+    closed = work / f"user{user}.closed"
+    for number in range(int(closed.read_text()) if closed.exists() else 0, REMEMBERED):
+        session = insist(lambda: shearbus.open(SCENES[0], nodes=range(8), idle_limit=10, **connection(work, user)), told)
+        with contextlib.suppress(shearbus.SessionError):  # closed when idle, while the server was away
+            insist(session.close, told)
+        session.leave()
+        closed.write_text(str(number + 1))
     while True:
         taken = []
         try:
@@ -350,8 +359,7 @@ class Soak:
         return 1 if self.faults else 0
 
     def judge_growth(self):
-        """Compares the last two quarters of the quiet third. A server that was killed shortly before takes minutes until it remembers as many
-        closed sessions, and its heap is as fragmented, as ever after."""
+        """Compares the last two quarters of the quiet third: after a kill the heap takes minutes until it is as fragmented as ever after."""
         kept = self.samples[len(self.samples) // 2 :]
         if len(kept) < 60:
             print(f"memory: not judged, {len(kept)} samples of the quiet third")
