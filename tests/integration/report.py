@@ -251,7 +251,11 @@ class Report(unittest.TestCase):
         self.assertEqual(list(self.path.glob("no.html*")), [])
         self.assertIn("gone", self.refused(self.column, "-o", empty / "gone" / "x.html"))
         run(OPTIONS.report, self.path / "gone", "-o", out, code=1)
-        run(OPTIONS.report, self.column, code=2)
+        run(OPTIONS.report, code=2)
+
+    def test_a_report_without_a_name_is_put_into_its_first_run(self):
+        run(OPTIONS.report, self.column)
+        (self.column / "report.html").unlink()  # fails if it is not there
 
     @classmethod
     def program(cls, *words):
