@@ -21,13 +21,7 @@ wire::Batch view_of(const wire::Batch& batch) {
 
 // The columns of numbers in memory of their own, which outlives the received frame.
 Batch copy_of(const Batch& batch) {
-  std::vector<Field> fields;
-  std::uint32_t components = 1;
-  for (const wire::Column& column : batch.columns()) {
-    if (column.component == 0) fields.push_back(column.field);
-    components = std::max(components, column.component + 1);
-  }
-  Batch copy = Batch::of(fields, batch.columns().front().count, components);
+  Batch copy = columns_of(batch, batch.columns().front().count);
   for (const wire::Column& column : batch.columns()) {
     if (column.element == wire::Element::kUint64)
       std::ranges::copy(batch.u64(column.field), copy.u64(column.field).begin());
@@ -38,6 +32,16 @@ Batch copy_of(const Batch& batch) {
 }
 
 }  // namespace
+
+Batch columns_of(const Batch& batch, std::size_t rows) {
+  std::vector<Field> fields;
+  std::uint32_t components = 1;
+  for (const wire::Column& column : batch.columns()) {
+    if (column.component == 0) fields.push_back(column.field);
+    components = std::max(components, column.component + 1);
+  }
+  return Batch::of(fields, rows, components);
+}
 
 std::array<std::uint8_t, 16> random_bytes() {
   std::random_device source;
@@ -526,6 +530,16 @@ std::vector<std::uint64_t> Session::accept_nodes(const TransferId& transfer) {
   return nodes;
 }
 
+Received Session::Impl::read_profiles(Batch nodes) {
+  wire::Request request{.request_id = connection->next_request_id(),
+                        .session_id = id,
+                        .sequence = last_sequence + 1,  // only for follow_restart(): the server ignores it
+                        .epoch = epoch,
+                        .body = wire::ReadProfiles{}};
+  request.batch = std::move(nodes);
+  return call(request);
+}
+
 Profiles Session::profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa) {
   if (!pressure_pa.empty() && pressure_pa.size() != node_ids.size())
     throw Error({.code = Code::kShape,
@@ -534,26 +548,20 @@ Profiles Session::profiles(std::span<const std::uint64_t> node_ids, std::span<co
                  .field = wire::name(Field::kPressure)});
   std::vector<Field> fields = {Field::kNodeId};
   if (!pressure_pa.empty()) fields.push_back(Field::kPressure);
-  wire::Request request{.request_id = impl_->connection->next_request_id(),
-                        .session_id = impl_->id,
-                        .sequence = impl_->last_sequence + 1,  // only for follow_restart(): the server ignores it
-                        .epoch = impl_->epoch,
-                        .body = wire::ReadProfiles{}};
-  request.batch = Batch::of(fields, node_ids.size());
-  std::ranges::copy(node_ids, request.batch.u64(Field::kNodeId).begin());
-  std::ranges::copy(pressure_pa, request.batch.f64(Field::kPressure).begin());
-  Received received = impl_->call(request);
+  Batch nodes = Batch::of(fields, node_ids.size());
+  std::ranges::copy(node_ids, nodes.u64(Field::kNodeId).begin());
+  std::ranges::copy(pressure_pa, nodes.f64(Field::kPressure).begin());
+  Received received = impl_->read_profiles(std::move(nodes));
   const auto& answer = body_of<wire::Profiles>(received);
   const Batch& rows = received.reply.batch;
   if (answer.nodes != node_ids.size() || rows.columns().empty() ||
       std::ranges::any_of(rows.columns(),
                           [&](const wire::Column& column) { return column.count != answer.nodes * answer.vertices; }))
     throw Error({.code = Code::kUnexpectedReply, .text = "the reply to read_profiles has other rows"});
-  Profiles profiles{.nodes = node_ids.size(),
-                    .vertices = answer.vertices,
-                    .state_version = answer.state_version,
-                    .rows = copy_of(rows)};
-  return profiles;
+  return {.nodes = node_ids.size(),
+          .vertices = answer.vertices,
+          .state_version = answer.state_version,
+          .rows = copy_of(rows)};
 }
 
 wire::SessionClosed Session::close() {

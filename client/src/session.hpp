@@ -137,13 +137,17 @@ struct Session::Impl {
   void start(const Batch& columns, const StepOptions& options, wire::Mode mode);
   Batch columns(std::span<const Field> optional_columns, Form form, bool with_node_ids, std::size_t count) const;
 
+  // Sends a request and waits for the reply, across restarts of the server.
+  Received call(wire::Request& request);
+  // Reads the profiles of the nodes in a batch, with their pressures if it has them.
+  Received read_profiles(Batch nodes);
+
  private:
   void resynchronise();
   void follow_restart(wire::Request& request, const Error& fault);
-
- public:
-  // Sends a request and waits for the reply, across restarts of the server.
-  Received call(wire::Request& request);
 };
+
+// Returns zeroed columns of `rows` values: those of another batch, by field and component.
+Batch columns_of(const Batch& batch, std::size_t rows);
 
 }  // namespace shearbus

@@ -636,27 +636,14 @@ Received ShardedSession::read_profiles(const wire::Request& request) {
   sum.state_version = state_version_;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
     if (rows[k].empty()) continue;
-    Session::Impl& session = *shards_[k].session;
-    wire::Request asked{.request_id = links_[k]->next_request_id(),
-                        .session_id = session.id,
-                        .sequence = session.last_sequence + 1,
-                        .epoch = session.epoch,
-                        .body = wire::ReadProfiles{}};
-    asked.batch = rows_of(request.batch, rows[k]);
     links_.left(k);
-    Received received = session.call(asked);
+    Received received = shards_[k].session->read_profiles(rows_of(request.batch, rows[k]));
     const auto& one = body_of<wire::Profiles>(received);
     const Batch& some = std::as_const(received.reply.batch);
     Batch& all = joined.reply.batch;
     if (all.columns().empty()) {
       sum.vertices = one.vertices;
-      std::vector<Field> fields;
-      std::uint32_t components = 1;
-      for (const wire::Column& column : some.columns()) {
-        if (column.component == 0) fields.push_back(column.field);
-        components = std::max(components, column.component + 1);
-      }
-      all = Batch::of(fields, sum.nodes * sum.vertices, components);
+      all = columns_of(some, sum.nodes * sum.vertices);
     }
     for (const wire::Column& column : all.columns()) {
       const auto copy = [&](auto from, auto to) {
