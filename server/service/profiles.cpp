@@ -49,7 +49,8 @@ Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr&
                            "tolerance.",
                  .field = "layer.heat"});
   const shard::Rows rows = check_profile_nodes(request.batch, shard.nodes());
-  const std::size_t vertices = model.profile_vertices();
+  const physics::ProfileGrid grid = model.profile_grid();
+  const std::size_t vertices = grid.position.size();
   if (const std::size_t most = wire::kMaxRowsPerMessage / vertices; rows.slots.size() > most)
     throw Error({.code = Code::kLimit,
                  .text = fmt::format("profiles of {} nodes with {} vertices each; a message has at most {} rows",
@@ -68,11 +69,11 @@ Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr&
       return column.empty() ? nullptr : column.data() + first;
     };
     std::fill_n(id_of_row.begin() + static_cast<std::ptrdiff_t>(first), vertices, ids[node]);
+    std::ranges::copy(grid.position, rows_of(Field::kPosition));
+    std::ranges::copy(grid.width, rows_of(Field::kWidth));
     model.profile(shard.committed_tile(rows.slots[node]).data(), static_cast<int>(rows.slots[node] % physics::kLanes),
                   pressures.empty() ? 0.0 : pressures[node],
-                  {.position = rows_of(Field::kPosition),
-                   .width = rows_of(Field::kWidth),
-                   .temperature = rows_of(Field::kLayerTemperature),
+                  {.temperature = rows_of(Field::kLayerTemperature),
                    .plastic_strain = rows_of(Field::kLayerPlasticStrain),
                    .flow_stress = rows_of(Field::kLayerFlowStress),
                    .shear_stress = rows_of(Field::kLayerShearStress),

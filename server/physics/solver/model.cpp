@@ -149,8 +149,8 @@ double Model::interface_temperature(const double* tile, int lane) const {
 bool Model::keeps_profile() const {
   return physics::keeps_profile(*impl_);
 }
-std::size_t Model::profile_vertices() const {
-  return physics::profile_vertices(*impl_);
+ProfileGrid Model::profile_grid() const {
+  return physics::profile_grid(*impl_);
 }
 void Model::profile(const double* tile, int lane, double pressure, const ProfileRows& rows) const {
   read_profile(*impl_, tile, lane, pressure, rows);

@@ -18,11 +18,15 @@ namespace shearbus::physics {
 // unit flux (DLP 26-35). One object per step length, shared by all nodes and threads.
 class StepOperators;
 
+// The vertices of a profile, in ascending z; the same for all nodes of a model.
+struct ProfileGrid {
+  std::vector<double> position;  // z; below 0 in a conducting hard body  [m]
+  std::vector<double> width;     // length that the vertex stands for; at z = 0 that in the soft body  [m]
+};
+
 // Where Model::profile() writes the profile of a node: arrays of one value per vertex, in ascending z. Quantities that
 // the model lacks, or that are not wanted, have null. NaN: the vertex lies outside of the layer.
 struct ProfileRows {
-  double* position = nullptr;             // z of the vertex; below 0 in a conducting hard body  [m]
-  double* width = nullptr;                // length that the vertex stands for; at z = 0 that in the soft body  [m]
   double* temperature = nullptr;          // T  [K]
   double* plastic_strain = nullptr;       // ep of a layer that can flow
   double* flow_stress = nullptr;          // Y(ep, P, T) of a layer that can flow, at the strain rate 0  [Pa]
@@ -51,7 +55,7 @@ class Model {
   // The profile of the node in one lane, which may be asleep. A model with heat modes keeps none: it has only T0.
   // `pressure`: P at which the flow stress is evaluated  [Pa].
   bool keeps_profile() const;
-  std::size_t profile_vertices() const;  // of the layer, a conducting hard body, and a half-space behind the layer
+  ProfileGrid profile_grid() const;  // of the layer, a conducting hard body, and a half-space behind the layer
   void profile(const double* tile, int lane, double pressure, const ProfileRows& rows) const;
 
   // Writes the initial states of a tile: no stress, no strain, and each lane uniformly at its `temperature`  [K].

@@ -20,34 +20,31 @@ std::vector<double> depths_of(const GridOptions& options, std::size_t vertices, 
   return depth;
 }
 
-void put_positions(const Problem& problem, double* position) {
-  const HeatGrid& heat = problem.heat_grid;
-  const auto interface = static_cast<std::size_t>(heat.interface);
-  const std::vector<double> soft = depths_of(problem.options.grid, profile_vertices(problem) - interface,
-                                             [&](std::size_t cell) { return heat.width[interface + cell]; });
-  std::ranges::copy(soft, position + interface);
-  if (interface == 0) return;
-  const std::vector<double> hard = depths_of(*problem.options.hard_grid, interface + 1,
-                                             [&](std::size_t cell) { return heat.width[interface - 1 - cell]; });
-  for (std::size_t i = 1; i <= interface; ++i) position[interface - i] = -hard[i];
-}
-
 }  // namespace
 
 bool keeps_profile(const Problem& problem) {
   return !problem.modes;
 }
 
-std::size_t profile_vertices(const Problem& problem) {
-  return static_cast<std::size_t>(problem.heat_grid.num_vertices());
+ProfileGrid profile_grid(const Problem& problem) {
+  const HeatGrid& heat = problem.heat_grid;
+  ProfileGrid grid{.position = std::vector<double>(heat.weight.size()),
+                   .width = {heat.weight.begin(), heat.weight.end()}};
+  const auto interface = static_cast<std::size_t>(heat.interface);
+  const std::vector<double> soft = depths_of(problem.options.grid, heat.weight.size() - interface,
+                                             [&](std::size_t cell) { return heat.width[interface + cell]; });
+  std::ranges::copy(soft, grid.position.begin() + heat.interface);
+  if (interface == 0) return grid;
+  const std::vector<double> hard = depths_of(*problem.options.hard_grid, interface + 1,
+                                             [&](std::size_t cell) { return heat.width[interface - 1 - cell]; });
+  for (std::size_t i = 1; i <= interface; ++i) grid.position[interface - i] = -hard[i];
+  return grid;
 }
 
 void read_profile(const Problem& problem, const double* tile, int lane, double pressure, const ProfileRows& rows) {
   constexpr double kOutside = std::numeric_limits<double>::quiet_NaN();
   const TileLayout& layout = problem.layout;
-  const std::size_t vertices = profile_vertices(problem);
-  put_positions(problem, rows.position);
-  std::ranges::copy(problem.heat_grid.weight, rows.width);
+  const std::size_t vertices = problem.heat_grid.weight.size();
   std::vector<double> temperature(vertices * kLanes);
   profile_of(problem, tile, lane, temperature.data());
   const auto first = static_cast<std::size_t>(problem.heat_grid.interface);
