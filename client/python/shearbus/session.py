@@ -355,11 +355,14 @@ class Session:
                           answer,
                           deadline=deadline)
 
+    def _check_open(self):
+        if self._closed:
+            raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
+
     def _next_envelope(self):
         """Returns the envelope of the session's next request. From here on its outcome is unknown until a reply
         comes, so the same call again has the same bytes and the server recognises it."""
-        if self._closed:
-            raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
+        self._check_open()
         request_id, epoch = self._doubt = self._doubt or (self._connection.next_request_id(), self._epoch)
         return {"request_id": request_id, "session_id": self._id, "sequence": self._sequence + 1, "epoch": epoch}
 
@@ -380,9 +383,7 @@ class Session:
                     reply = self._send(envelope, verb, body, answer, columns, frame, left)
                     break
                 except Error as fault:
-                    # SUPERSEDED after a claim of unknown outcome: by a late copy of this client's own claim, perhaps.
-                    restarted = fault.code == Code.EPOCH or fault.code == Code.SUPERSEDED and self._claim_in_doubt
-                    if restarted and envelope["epoch"] and restarts < MOST_RESTARTS:
+                    if self._tells_restart(fault) and envelope["epoch"] and restarts < MOST_RESTARTS:
                         envelope["epoch"] = self._follow_restart(fault)
                         self._doubt = request_id, self._epoch
                         # The restarted server is at work: the deadline begins anew.
@@ -404,6 +405,10 @@ class Session:
         self._doubt = None
         self._sequence = envelope["sequence"]
         return reply
+
+    def _tells_restart(self, fault):
+        # SUPERSEDED after a claim of unknown outcome: by a late copy of this client's own claim, perhaps.
+        return fault.code == Code.EPOCH or fault.code == Code.SUPERSEDED and self._claim_in_doubt
 
     def _claim(self, after_own=False):
         """Claims the session for this client, after a restart of the server or as a successor; after_own: only if the
@@ -707,8 +712,7 @@ class Session:
         if pressure is not None:
             fill(frame[1:], "pressure", pressure)
             check_finite(frame[1:], "pressure", named)
-        if self._closed:
-            raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
+        self._check_open()
         return self._read_profiles(named, columns, frame)
 
     def _read_profiles(self, named, columns, frame):
@@ -717,7 +721,7 @@ class Session:
             try:
                 return Profiles(self._send(envelope, "read_profiles", {}, "profiles", columns, frame), named)
             except Error as fault:
-                if fault.code != Code.EPOCH or restarts == MOST_RESTARTS:
+                if not self._tells_restart(fault) or restarts == MOST_RESTARTS:
                     raise
                 self._follow_restart(fault)
 

@@ -139,8 +139,7 @@ class ShardedSession(Session):
     # -- a call --
 
     def _exchange(self, verb, body, answer, columns=None, frame=None):
-        if self._closed:
-            raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
+        self._check_open()
         self._until = time.monotonic() + self._deadline
         question = verb, repr(sorted(body.items())), columns, b"" if frame is None else xxh3(frame.tobytes())
         if self._doubt and self._doubt.question != question:
