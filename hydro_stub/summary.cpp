@@ -8,13 +8,13 @@
 #include <utility>
 
 #include "hydro_stub/summary_json.hpp"
+#include "proto/wire/enum_names.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::hydro {
 namespace {
 
 constexpr std::array<const char*, 5> kRegimeNames = {"open", "stick", "Coulomb", "Tresca", "melting"};
-constexpr std::array<const char*, 5> kRegimeKeys = {"open", "stick", "coulomb", "tresca", "melting"};
 
 constexpr auto kCoulomb = static_cast<std::size_t>(wire::Regime::kCoulomb);
 
@@ -137,8 +137,8 @@ std::string Summary::json() const {
   const double node_steps = static_cast<double>(steps_) * static_cast<double>(columns_);
   nlohmann::ordered_json shares;
   auto melting_times = nlohmann::ordered_json::array();
-  for (std::size_t r = 0; r < kRegimeKeys.size(); ++r)
-    shares[r == kCoulomb && slips_freely() ? "free_slip" : kRegimeKeys[r]] =
+  for (std::size_t r = 0; r < regime_count_.size(); ++r)
+    shares[r == kCoulomb && slips_freely() ? "free_slip" : wire::regime_name(r)] =
         static_cast<double>(regime_count_[r]) / node_steps;
   for (const double time : melting_time_)
     melting_times.push_back(time < 0.0 ? nlohmann::ordered_json() : nlohmann::ordered_json(time));

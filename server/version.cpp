@@ -10,11 +10,11 @@
 #include <array>
 #include <cctype>
 #include <climits>
-#include <ctime>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 #include "server/physics/layer/registers.hpp"
 #include "server/physics/numerics.hpp"
 
@@ -85,13 +85,8 @@ Entries provenance(const std::string& program, const std::string& scene, std::sp
     command += fmt::format(" {}", quoted(argument));
   std::array<char, HOST_NAME_MAX + 1> machine{};
   if (::gethostname(machine.data(), machine.size() - 1) != 0) machine = {};
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  ::gmtime_r(&now, &utc);
-  std::array<char, 32> date{};
-  static_cast<void>(std::strftime(date.data(), date.size(), "%Y-%m-%dT%H:%M:%SZ", &utc));
-  return {{"program", program},  {"version", SHEARBUS_VERSION}, {"commit", kCommit}, {"scene", scene},
-          {"date", date.data()}, {"machine", machine.data()},   {"command", command}};
+  return {{"program", program},      {"version", SHEARBUS_VERSION}, {"commit", kCommit}, {"scene", scene},
+          {"date", wire::utc_now()}, {"machine", machine.data()},   {"command", command}};
 }
 
 }  // namespace shearbus::server

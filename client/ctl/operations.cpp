@@ -3,19 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "proto/wire/endpoint_file.hpp"
+#include "proto/wire/enum_names.hpp"
 
 namespace shearbus::ctl {
 namespace {
-
-double seconds(std::uint64_t ns) {
-  return 1e-9 * static_cast<double>(ns);
-}
 
 std::string hexadecimal(const wire::SessionId& id) {
   std::string text;
@@ -27,29 +23,9 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-// Returns, as text, a duration below which at least the fraction `share` of the counts lies: the upper bound of a
-// bucket of the histogram.
-std::string quantile(const wire::Histogram& histogram, double share) {
-  std::uint64_t all = 0;
-  for (const std::uint64_t count : histogram.counts) all += count;
-  std::uint64_t below = 0;
-  double bound_s = seconds(wire::kHistogramBaseNs);
-  for (const std::uint64_t count : histogram.counts) {
-    below += count;
-    if (static_cast<double>(below) >= share * static_cast<double>(all)) break;
-    bound_s *= 2;
-  }
-  return bound_s < 1e-3 ? fmt::format("{:.0f} us", 1e6 * bound_s) : fmt::format("{:.0f} ms", 1e3 * bound_s);
-}
-
-nlohmann::ordered_json regimes_of(const wire::ServerStatus& s) {
-  auto counts = nlohmann::ordered_json::object();
-  for (std::size_t r = 0; r < std::min(s.regimes.size(), kRegimeNames.size()); ++r)
-    counts[kRegimeNames[r]] = s.regimes[r];
-  return counts;
-}
-
 nlohmann::ordered_json json_of(const wire::ServerStatus& s) {
+  auto regimes = nlohmann::ordered_json::object();
+  for (const auto& [regime, nodes] : regimes_of(s)) regimes[regime] = nodes;
   return {{"server_version", s.server_version},
           {"uptime_s", seconds(s.uptime_ns)},
           {"threads", s.threads},
@@ -62,7 +38,7 @@ nlohmann::ordered_json json_of(const wire::ServerStatus& s) {
           {"node_steps", s.node_steps},
           {"solver_s", seconds(s.solver_ns)},
           {"draining", s.draining},
-          {"regimes", regimes_of(s)},
+          {"regimes", regimes},
           {"checkpoints", s.checkpoints},
           {"journal_bytes", s.journal_bytes},
           {"resident_bytes", s.resident_bytes},
@@ -122,6 +98,36 @@ void close_one(Client& client, const wire::SessionInfo& session) {
 
 }  // namespace
 
+std::optional<double> quantile(std::span<const std::uint64_t> counts, double share) {
+  std::uint64_t all = 0;
+  for (const std::uint64_t count : counts) all += count;
+  if (all == 0) return std::nullopt;
+  std::uint64_t below = 0;
+  double bound_s = seconds(wire::kHistogramBaseNs);
+  for (const std::uint64_t count : counts) {
+    below += count;
+    if (static_cast<double>(below) >= share * static_cast<double>(all)) break;
+    bound_s *= 2;
+  }
+  return bound_s;
+}
+
+std::string duration(const std::optional<double>& seconds) {
+  if (!seconds) return "-";
+  const double s = *seconds;
+  if (s < 1e-3) return fmt::format("{:.0f} us", 1e6 * s);
+  if (s < 1.0) return fmt::format("{:.0f} ms", 1e3 * s);
+  if (s < 180.0) return fmt::format("{:.0f} s", s);
+  return s < 3 * 3600.0 ? fmt::format("{:.0f} min", s / 60) : fmt::format("{:.1f} h", s / 3600);
+}
+
+std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status) {
+  std::vector<std::pair<std::string, std::uint64_t>> counts;
+  for (std::size_t r = 0; r < std::min(status.regimes.size(), wire::kRegimeCount); ++r)
+    counts.emplace_back(wire::regime_name(r), status.regimes[r]);
+  return counts;
+}
+
 void show_ping(const Client& client, const std::string& endpoint, double answered_ms) {
   const auto& welcome = client.welcome();
   fmt::print("{}: server {}, protocol {}.{}, knows you by {}, answered in {:.1f} ms\n", endpoint,
@@ -135,8 +141,8 @@ void show_status(const wire::ServerStatus& s, bool json) {
   show("sessions", fmt::format("{} with {} nodes, {:.1f} MB of states", s.sessions, s.nodes,
                                static_cast<double>(s.state_bytes) / (1 << 20)));
   std::string regimes;
-  for (std::size_t r = 0; r < std::min(s.regimes.size(), kRegimeNames.size()); ++r)
-    regimes += fmt::format("{}{} {}", r == 0 ? "" : ", ", kRegimeNames[r], s.regimes[r]);
+  for (const auto& [regime, nodes] : regimes_of(s))
+    regimes += fmt::format("{}{} {}", regimes.empty() ? "" : ", ", regime, nodes);
   if (!regimes.empty()) show("regimes", regimes);
   show("requests", fmt::format("{} ({} refused, {} repeated)", s.requests, s.refused, s.replayed));
   for (const wire::Refusals& refusals : s.refusals)
@@ -148,7 +154,8 @@ void show_status(const wire::ServerStatus& s, bool json) {
   for (const wire::Histogram& histogram : s.histograms)
     if (histogram.verb == "downscale" || histogram.name.starts_with("journal") || histogram.name == "checkpoint")
       show(histogram.verb.empty() ? histogram.name.c_str() : histogram.verb.c_str(),
-           fmt::format("half below {}, 99 % below {}", quantile(histogram, 0.5), quantile(histogram, 0.99)));
+           fmt::format("half below {}, 99 % below {}", duration(quantile(histogram.counts, 0.5)),
+                       duration(quantile(histogram.counts, 0.99))));
   show("journal", fmt::format("{} requests, {:.1f} MB; {} checkpoints ({} failed)", s.journal_records,
                               static_cast<double>(s.journal_bytes) / (1 << 20), s.checkpoints, s.checkpoints_failed));
   show("connections", fmt::format("{} admitted, {} refused{}", s.connections_admitted, s.connections_refused,
@@ -211,9 +218,8 @@ void show_top(Client& client, const std::string& session, wire::Top by, std::uin
   const bool sliding = !top.sliding_velocity_m_per_s.empty();
   fmt::print("{:>20} {:>12} {:>14} {:>8}{}\n", "node", "T0, K", "s, MPa", "regime", sliding ? "       [v], m/s" : "");
   for (std::size_t i = 0; i < top.node_ids.size(); ++i) {
-    const std::size_t regime = top.regime[i];
     fmt::print("{:>20} {:>12.3f} {:>14.6f} {:>8}", top.node_ids[i], top.interface_temperature_k[i],
-               1e-6 * top.shear_stress_pa[i], regime < kRegimeNames.size() ? kRegimeNames[regime] : "?");
+               1e-6 * top.shear_stress_pa[i], wire::regime_name(top.regime[i]));
     if (sliding) fmt::print(" {:>14.6f}", top.sliding_velocity_m_per_s[i]);
     fmt::print("\n");
   }

@@ -1,10 +1,11 @@
 // Commands of shearbus-ctl for a running server: each sends a request and prints the answer.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,9 +14,19 @@
 
 namespace shearbus::ctl {
 
-// Names of the regimes, by their value.
-inline constexpr std::array<const char*, wire::kRegimeCount> kRegimeNames = {"open", "stick", "coulomb", "tresca",
-                                                                             "melting"};
+// The quotient is the double nearest to the exact decimal fraction, and is therefore printed as this fraction.
+inline double seconds(std::uint64_t ns) {
+  return static_cast<double>(ns) / 1e9;
+}
+
+// Returns the time in seconds below which at least the fraction `share` of the counts of a histogram lies: the upper
+// bound of a bucket. Nothing without counts.
+std::optional<double> quantile(std::span<const std::uint64_t> counts, double share);
+// A time as text in the unit that fits: "25 us", "3 min"; "-" if there is none.
+std::string duration(const std::optional<double>& seconds);
+
+// Numbers of nodes by the name of their regime, in the order of the regimes; empty if the server does not tell them.
+std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status);
 
 void show_ping(const Client& client, const std::string& endpoint, double answered_ms);
 void show_status(const wire::ServerStatus& status, bool json);

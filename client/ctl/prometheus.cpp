@@ -28,12 +28,6 @@ using prometheus::ClientMetric;
 using prometheus::MetricFamily;
 using prometheus::MetricType;
 
-// Divides by 1e9 instead of multiplying by 1e-9: the quotient is the double nearest to the exact decimal fraction, and
-// is therefore printed as this fraction.
-double seconds(std::uint64_t ns) {
-  return static_cast<double>(ns) / 1e9;
-}
-
 // Collects metric families in the order in which they are printed.
 class Metrics {
  public:
@@ -91,10 +85,10 @@ std::vector<MetricFamily> families_of(const wire::ServerStatus& s) {
   metrics.gauge("nodes", "Nodes of all sessions", number(s.nodes));
   MetricFamily& regimes =
       metrics.add("regime_nodes", MetricType::Gauge, "Nodes by the regime of their committed state");
-  for (std::size_t r = 0; r < s.regimes.size(); ++r) {
+  for (const auto& [regime, nodes] : regimes_of(s)) {
     ClientMetric& metric = regimes.metric.emplace_back();
-    metric.label.push_back({"regime", r < kRegimeNames.size() ? kRegimeNames[r] : std::to_string(r)});
-    metric.gauge.value = number(s.regimes[r]);
+    metric.label.push_back({"regime", regime});
+    metric.gauge.value = number(nodes);
   }
   metrics.gauge("state_bytes", "Memory of all states", number(s.state_bytes));
   metrics.gauge("draining", "1: no new sessions", s.draining ? 1 : 0);

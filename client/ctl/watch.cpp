@@ -15,15 +15,15 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <span>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "client/ctl/operations.hpp"
+#include "proto/wire/enum_names.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::ctl {
 namespace {
@@ -60,19 +60,6 @@ struct Report {
   std::optional<double> half_below_s, most_below_s;  // of the steps since the look before: 50 % and 99 % took less
 };
 
-double seconds(std::uint64_t ns) {
-  return 1e-9 * static_cast<double>(ns);
-}
-
-std::string utc_now() {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  ::gmtime_r(&now, &utc);
-  std::array<char, 32> text{};
-  static_cast<void>(std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc));
-  return text.data();
-}
-
 std::string label_of(const wire::SessionInfo& session) {
   return fmt::format("{} {:02x}{:02x}{:02x}{:02x}", session.name, session.session_id[0], session.session_id[1],
                      session.session_id[2], session.session_id[3]);
@@ -100,21 +87,6 @@ const wire::Histogram* steps_of(const wire::ServerStatus& status) {
   for (const wire::Histogram& histogram : status.histograms)
     if (histogram.name == "request" && histogram.verb == "downscale") return &histogram;
   return nullptr;
-}
-
-// Returns a duration that the share of the counts stayed below: the upper bound of a bucket. Nothing without counts.
-std::optional<double> quantile(std::span<const std::uint64_t> counts, double share) {
-  std::uint64_t all = 0;
-  for (const std::uint64_t count : counts) all += count;
-  if (all == 0) return std::nullopt;
-  std::uint64_t below = 0;
-  double bound_s = seconds(wire::kHistogramBaseNs);
-  for (const std::uint64_t count : counts) {
-    below += count;
-    if (static_cast<double>(below) >= share * static_cast<double>(all)) break;
-    bound_s *= 2;
-  }
-  return bound_s;
 }
 
 Report report_of(const Sample& now, const std::optional<Sample>& before) {
@@ -155,29 +127,14 @@ std::string scaled(double value) {
 std::string scaled(const std::optional<double>& value) {
   return value ? scaled(*value) : std::string("- ");
 }
-std::string duration(double s) {
-  if (s < 1e-3) return fmt::format("{:.0f} us", 1e6 * s);
-  if (s < 1.0) return fmt::format("{:.0f} ms", 1e3 * s);
-  if (s < 180.0) return fmt::format("{:.0f} s", s);
-  return s < 3 * 3600.0 ? fmt::format("{:.0f} min", s / 60) : fmt::format("{:.1f} h", s / 3600);
-}
-std::string duration(const std::optional<double>& s) {
-  return s ? duration(*s) : std::string("-");
-}
-
 std::uint64_t nodes_in_regimes(const wire::ServerStatus& status) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : status.regimes) all += count;
   return all;
 }
 
-double percent(const wire::ServerStatus& status, std::size_t regime) {
-  const std::uint64_t all = nodes_in_regimes(status);
-  return all == 0 ? 0.0 : 100.0 * static_cast<double>(status.regimes[regime]) / static_cast<double>(all);
-}
-
-std::string regime_name(std::size_t regime) {
-  return regime < kRegimeNames.size() ? kRegimeNames[regime] : "?";
+double percent(std::uint64_t part, std::uint64_t all) {
+  return all == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(all);
 }
 
 std::string age_of_checkpoint(const wire::ServerStatus& status) {
@@ -185,11 +142,11 @@ std::string age_of_checkpoint(const wire::ServerStatus& status) {
 }
 
 std::string line_of(const Report& report) {
-  if (report.sample == nullptr) return fmt::format("{} no answer: {}", utc_now(), report.fault);
+  if (report.sample == nullptr) return fmt::format("{} no answer: {}", wire::utc_now(), report.fault);
   const wire::ServerStatus& s = report.sample->status;
-  std::string text = fmt::format("{} {} sessions, {} nodes:", utc_now(), s.sessions, s.nodes);
-  for (std::size_t r = 0; r < std::min(kRegimeNames.size(), s.regimes.size()); ++r)
-    text += fmt::format(" {} {:.1f}%", kRegimeNames[r], percent(s, r));
+  std::string text = fmt::format("{} {} sessions, {} nodes:", wire::utc_now(), s.sessions, s.nodes);
+  for (const auto& [regime, nodes] : regimes_of(s))
+    text += fmt::format(" {} {:.1f}%", regime, percent(nodes, nodes_in_regimes(s)));
   text += fmt::format("; {}node-steps/s", scaled(report.node_steps_per_s));
   if (report.sample->is_operator)
     text += fmt::format(", p50 {}, p99 {}; journal {}B/s, checkpoint {}", duration(report.half_below_s),
@@ -200,7 +157,7 @@ std::string line_of(const Report& report) {
 }
 
 std::string json_of(const Report& report) {
-  nlohmann::ordered_json line = {{"time", utc_now()}, {"answers", report.sample != nullptr}};
+  nlohmann::ordered_json line = {{"time", wire::utc_now()}, {"answers", report.sample != nullptr}};
   if (report.sample == nullptr) {
     line["fault"] = report.fault;
     return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
@@ -215,8 +172,7 @@ std::string json_of(const Report& report) {
                {"sessions", s.sessions},
                {"nodes", s.nodes},
                {"state_bytes", s.state_bytes}});
-  for (std::size_t r = 0; r < std::min(kRegimeNames.size(), s.regimes.size()); ++r)
-    line["regimes"][kRegimeNames[r]] = s.regimes[r];
+  for (const auto& [regime, nodes] : regimes_of(s)) line["regimes"][regime] = nodes;
   line.update({{"node_steps_per_s", number(report.node_steps_per_s)},
                {"requests_per_s", number(report.requests_per_s)},
                {"solver_s_per_s", number(report.solver_share)}});
@@ -231,7 +187,7 @@ std::string json_of(const Report& report) {
       line["hottest"].push_back({{"session", hot.session},
                                  {"node", hot.node},
                                  {"interface_temperature_k", hot.temperature_k},
-                                 {"regime", regime_name(hot.regime)}});
+                                 {"regime", wire::regime_name(hot.regime)}});
   }
   return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
@@ -301,7 +257,8 @@ class Screen {
       size = {.ws_row = 24, .ws_col = 80, .ws_xpixel = 0, .ws_ypixel = 0};
     columns_ = size.ws_col;
     lines_.clear();
-    add(fmt::format("shearbus-ctl watch  {}  {}  every {:g} s; q ends", options.server, utc_now(), options.interval_s));
+    add(fmt::format("shearbus-ctl watch  {}  {}  every {:g} s; q ends", options.server, wire::utc_now(),
+                    options.interval_s));
     add("");
     if (report.sample == nullptr) {
       add("NO ANSWER, asked again at each look");
@@ -334,7 +291,7 @@ class Screen {
     for (std::size_t i = 0; i < sample.hottest.size(); ++i) {
       const HotNode& hot = sample.hottest[i];
       add(fmt::format("{:<11} {:.1f} K  {:<8} node {} of {}", i == 0 ? "hottest" : "", hot.temperature_k,
-                      regime_name(hot.regime), hot.node, hot.session));
+                      wire::regime_name(hot.regime), hot.node, hot.session));
     }
     if (sample.sessions.empty()) return;
     add("");
@@ -347,28 +304,27 @@ class Screen {
   // A bar over the width of the screen with a part for each regime, and below it the regimes by name.
   void add_regimes(const wire::ServerStatus& status) {
     constexpr std::size_t kLabel = 12;
-    if (status.regimes.size() < kRegimeNames.size() || columns_ <= kLabel) return;
+    if (status.regimes.empty() || columns_ <= kLabel) return;
     const std::size_t width = std::min<std::size_t>(columns_ - kLabel, 60);
     const std::uint64_t all = nodes_in_regimes(status);
+    if (all == 0) return add("regimes     no nodes");
+    const auto column = [&](std::uint64_t nodes) {
+      return static_cast<std::size_t>(
+          std::lround(static_cast<double>(width) * static_cast<double>(nodes) / static_cast<double>(all)));
+    };
     std::string bar = "regimes     ", names(kLabel, ' ');
     std::uint64_t before = 0;
-    for (std::size_t r = 0; r < kRegimeNames.size() && all > 0; ++r) {
-      const auto column = [&](std::uint64_t nodes) {
-        return static_cast<std::size_t>(
-            std::lround(static_cast<double>(width) * static_cast<double>(nodes) / static_cast<double>(all)));
-      };
-      bar += part(r, column(before + status.regimes[r]) - column(before));
-      before += status.regimes[r];
-    }
-    lines_.push_back(all > 0 ? bar : bar + "no nodes");
-    std::size_t used = kLabel;
-    for (std::size_t r = 0; r < kRegimeNames.size() && all > 0; ++r) {
-      const std::string text = fmt::format(" {} {:.1f} %  ", kRegimeNames[r], percent(status, r));
-      if (used + 1 + text.size() > columns_) break;
-      names += part(r, 1) + text;
+    std::size_t used = kLabel, r = 0;
+    for (const auto& [regime, nodes] : regimes_of(status)) {
+      bar += part(r, column(before + nodes) - column(before));
+      before += nodes;
+      const std::string text = fmt::format(" {} {:.1f} %  ", regime, percent(nodes, all));
       used += 1 + text.size();
+      if (used <= columns_) names += part(r, 1) + text;
+      ++r;
     }
-    if (all > 0) lines_.push_back(names);
+    lines_.push_back(bar);
+    lines_.push_back(names);
   }
 
   std::string part(std::size_t regime, std::size_t width) const {

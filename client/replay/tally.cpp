@@ -9,10 +9,10 @@
 #include <numeric>
 #include <utility>
 
+#include "proto/wire/enum_names.hpp"
+
 namespace shearbus::replay {
 namespace {
-
-constexpr std::array kRegimeNames = {"open", "stick", "coulomb", "tresca", "melting"};
 
 double seconds(std::chrono::nanoseconds time) {
   return std::chrono::duration<double>(time).count();
@@ -43,7 +43,7 @@ void Tally::add(const StepResult& result, double time_s, double dt_s) {
       peak_time_s_ = time_s;
       peak_node_ = node;
     }
-    if (regime[node] < kRegimes) ++regimes_[regime[node]];
+    if (regime[node] < wire::kRegimeCount) ++regimes_[regime[node]];
     if (regime[node] == static_cast<std::uint8_t>(wire::Regime::kMelting) && !first_melting_s_) {
       first_melting_s_ = time_s;
       first_melting_node_ = node;
@@ -57,9 +57,9 @@ void Tally::add(const StepResult& result, double time_s, double dt_s) {
 
 std::string Tally::regimes_text() const {
   std::vector<std::string> shares;
-  for (std::size_t i = 0; i < kRegimes; ++i)
+  for (std::size_t i = 0; i < wire::kRegimeCount; ++i)
     if (regimes_[i] > 0)
-      shares.push_back(fmt::format("{} {:.1f} %", kRegimeNames[i],
+      shares.push_back(fmt::format("{} {:.1f} %", wire::regime_name(i),
                                    100.0 * static_cast<double>(regimes_[i]) / static_cast<double>(node_steps_)));
   return fmt::format("{} of {} node-steps", fmt::join(shares, ", "), node_steps_);
 }
@@ -115,8 +115,9 @@ void Tally::add_to(nlohmann::ordered_json& summary, const RunTime& time) const {
   summary["friction_heat_most_j_per_m2"] = *std::max_element(heat_.begin(), heat_.end());
   for (const wire::Field term : wire::kLedgerColumns)
     if (!energy_.empty()) summary["layer_energy"][name(term)] = energy_.mean(term);
-  for (std::size_t i = 0; i < kRegimes; ++i)
-    summary["node_step_share"][kRegimeNames[i]] = static_cast<double>(regimes_[i]) / static_cast<double>(node_steps_);
+  for (std::size_t i = 0; i < wire::kRegimeCount; ++i)
+    summary["node_step_share"][wire::regime_name(i)] =
+        static_cast<double>(regimes_[i]) / static_cast<double>(node_steps_);
   summary["node_steps"] = node_steps_;
   summary["flagged_node_steps"] = flagged_;
   summary["failed_node_steps"] = failed_node_steps();

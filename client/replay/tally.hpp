@@ -35,7 +35,6 @@ class Tally {
   void add_to(nlohmann::ordered_json& summary, const RunTime& time) const;  // the same numbers in SI units
 
  private:
-  static constexpr std::size_t kRegimes = 5;
   static constexpr std::size_t kFailedBit = 7;
   std::string regimes_text() const;
   std::string outcomes_text() const;
@@ -44,7 +43,7 @@ class Tally {
   std::vector<double> slip_;  // path length of the slip of each node  [m]
   std::vector<double> peaks_k_;
   std::vector<double> heat_;  // friction heat of each node  [J/m2]
-  std::array<std::uint64_t, kRegimes> regimes_{};
+  std::array<std::uint64_t, wire::kRegimeCount> regimes_{};
   std::array<std::uint64_t, 8> outcomes_{};  // number of node-steps with each outcome bit
   std::uint64_t node_steps_ = 0;
   std::uint64_t flagged_ = 0;

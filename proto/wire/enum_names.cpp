@@ -1,6 +1,7 @@
 #include "proto/wire/enum_names.hpp"
 
 #include <algorithm>
+#include <cctype>
 
 namespace shearbus::wire {
 namespace {
@@ -122,6 +123,13 @@ EnumNames names_of(Strategy) {
 }
 EnumNames names_of(Top) {
   return {"Top", kTops};
+}
+
+std::string regime_name(std::uint64_t number) {
+  if (number >= kRegimeCount) return "?";
+  std::string name = names_of(Regime{}).name(static_cast<std::uint32_t>(number));
+  std::ranges::transform(name, name.begin(), [](char c) { return static_cast<char>(std::tolower(c)); });
+  return name;
 }
 
 bool may_be_sent(Code type, std::uint64_t number) {

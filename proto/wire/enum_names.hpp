@@ -37,6 +37,9 @@ EnumNames names_of(Regime regime);
 EnumNames names_of(Strategy strategy);
 EnumNames names_of(Top top);
 
+// Name of a regime as files and printed texts have it: "stick"; "?" for a number that is no regime.
+std::string regime_name(std::uint64_t number);
+
 // Returns true if a message may carry this number as a value of the enum.
 template <typename E>
 bool may_be_sent(E type, std::uint64_t number) {

@@ -1,13 +1,14 @@
-#include <fmt/chrono.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 
+#include "proto/wire/enum_names.hpp"
 #include "proto/wire/messages.hpp"
 #include "proto/wire/recording.hpp"
 #include "proto/wire/recording_hdf5.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::wire {
 namespace {
@@ -19,18 +20,16 @@ constexpr std::size_t kChunkElements = 65'536;     // 512 KiB of doubles
 constexpr std::size_t kMaxRowsPerChunk = 8'192;    // 64 KiB of doubles for one node
 constexpr std::size_t kMaxAttributeBytes = 4'096;  // longer texts are datasets; HDF5's own limit is 64 KiB
 
-constexpr std::array kRegimes = {std::pair{"OPEN", Regime::kOpen}, std::pair{"STICK", Regime::kStick},
-                                 std::pair{"COULOMB", Regime::kCoulomb}, std::pair{"TRESCA", Regime::kTresca},
-                                 std::pair{"MELTING", Regime::kMelting}};
-constexpr const char* kRegimeLegend = "0 open, 1 stick, 2 coulomb, 3 tresca, 4 melting";
 constexpr const char* kOutcomeLegend =
     "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 32 asleep, 64 first order in place of "
     "second, "
     "128 failed (the node kept its old state)";
 
-std::string now_iso_8601() {
-  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",
-                     fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())));
+std::string legend_of_regimes() {
+  std::string text;
+  for (std::size_t regime = 0; regime < kRegimeCount; ++regime)
+    text += fmt::format("{}{} {}", regime == 0 ? "" : ", ", regime, regime_name(regime));
+  return text;
 }
 
 }  // namespace
@@ -85,8 +84,9 @@ struct HistoryWriter::Impl {
 
   void create();
   Properties chunked(std::span<const hsize_t> chunk) const;
-  Dataset create_dataset(const std::string& name, hid_t type, std::initializer_list<hsize_t> size,
-                         std::initializer_list<hsize_t> chunk, bool grows) const;
+  // `grows`: the first size has no limit
+  Dataset create_dataset(const std::string& name, hid_t type, const std::vector<hsize_t>& size,
+                         const std::vector<hsize_t>& chunk, bool grows) const;
   void write_text(hid_t object, const std::string& name, const std::string& text) const;
   void write_meta(const std::map<std::string, std::string>& meta) const;
   void describe_dataset(hid_t dataset, const Quantity& quantity) const;
@@ -112,14 +112,13 @@ Properties HistoryWriter::Impl::chunked(std::span<const hsize_t> chunk) const {
   return creation;
 }
 
-Dataset HistoryWriter::Impl::create_dataset(const std::string& name, hid_t type, std::initializer_list<hsize_t> size,
-                                            std::initializer_list<hsize_t> chunk, bool grows) const {
-  std::vector<hsize_t> most(size);
+Dataset HistoryWriter::Impl::create_dataset(const std::string& name, hid_t type, const std::vector<hsize_t>& size,
+                                            const std::vector<hsize_t>& chunk, bool grows) const {
+  std::vector<hsize_t> most = size;
   if (grows) most.front() = H5S_UNLIMITED;
   const Space space(
-      check(H5Screate_simple(static_cast<int>(size.size()), size.begin(), most.data()), "cannot set a size"));
-  return Dataset(check(H5Dcreate2(handle, name.c_str(), type, space, H5P_DEFAULT,
-                                  chunked(std::span(chunk.begin(), chunk.size())), H5P_DEFAULT),
+      check(H5Screate_simple(static_cast<int>(size.size()), size.data(), most.data()), "cannot set a size"));
+  return Dataset(check(H5Dcreate2(handle, name.c_str(), type, space, H5P_DEFAULT, chunked(chunk), H5P_DEFAULT),
                        "cannot create a dataset"));
 }
 
@@ -148,7 +147,7 @@ void HistoryWriter::Impl::write_meta(const std::map<std::string, std::string>& m
 void HistoryWriter::Impl::describe_dataset(hid_t dataset, const Quantity& quantity) const {
   write_text(dataset, "units", quantity.units);
   write_text(dataset, "long_name", quantity.long_name);
-  if (quantity.is_regime) write_text(dataset, "legend", kRegimeLegend);
+  if (quantity.is_regime) write_text(dataset, "legend", legend_of_regimes());
   if (quantity.is_outcome) write_text(dataset, "legend", kOutcomeLegend);
 }
 
@@ -157,8 +156,10 @@ void HistoryWriter::Impl::create_series(Quantity quantity) {
   one.bytes = quantity.is_regime || quantity.is_outcome;
   if (quantity.is_regime) {
     one.type = Type(check(H5Tenum_create(H5T_STD_U8LE), "cannot create the regime type"));
-    for (const auto& [name, value] : kRegimes)
-      check(H5Tenum_insert(one.type, name, &value), "cannot create the regime type");
+    for (const EnumValue& regime : names_of(Regime{}).values) {
+      const auto value = static_cast<std::uint8_t>(regime.number);
+      check(H5Tenum_insert(one.type, regime.name, &value), "cannot create the regime type");
+    }
   } else {
     one.type = Type(check(H5Tcopy(one.bytes ? H5T_STD_U8LE : H5T_IEEE_F64LE), "cannot create a type"));
   }
@@ -229,11 +230,7 @@ void HistoryWriter::Impl::write_array(const Quantity& quantity, hid_t type, hid_
     chunk[i] = std::max<hsize_t>(1, std::min<hsize_t>(chunk[i], kChunkElements / elements));
     elements *= chunk[i];
   }
-  const Space space(
-      check(H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), "cannot set a size"));
-  const Dataset dataset(
-      check(H5Dcreate2(handle, quantity.name.c_str(), type, space, H5P_DEFAULT, chunked(chunk), H5P_DEFAULT),
-            "cannot create a dataset"));
+  const Dataset dataset = create_dataset(quantity.name, type, shape, chunk, false);
   describe_dataset(dataset, quantity);
   check(H5Dwrite(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), "cannot write a dataset");
 }
@@ -280,8 +277,7 @@ HistoryWriter::HistoryWriter(fs::path file, std::span<const std::uint64_t> node_
 
   const Group group(
       self.check(H5Gcreate2(self.handle, "meta", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), "cannot create /meta"));
-  self.write_meta(
-      {{"format", "shearbus-history"}, {"version", "1"}, {"created", now_iso_8601()}, {"units_system", "SI"}});
+  self.write_meta({{"format", "shearbus-history"}, {"version", "1"}, {"created", utc_now()}, {"units_system", "SI"}});
   self.write_meta(meta);
 }
 
@@ -332,14 +328,8 @@ void HistoryWriter::end_row() {
 }
 
 void HistoryWriter::add_static(const Quantity& quantity, std::span<const double> values) {
-  const Quiet quiet;
-  Impl& self = *impl_;
-  if (values.empty()) refuse(self.file, fmt::format("/{} has no values", quantity.name), {}, quantity.name);
-  const Dataset dataset = self.create_dataset(quantity.name, H5T_IEEE_F64LE, {values.size()},
-                                              {std::min(values.size(), kChunkElements)}, false);
-  self.describe_dataset(dataset, quantity);
-  self.check(H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()),
-             "cannot write a dataset");
+  if (values.empty()) refuse(impl_->file, fmt::format("/{} has no values", quantity.name), {}, quantity.name);
+  add_array(quantity, values, {values.size()});
 }
 
 void HistoryWriter::add_array(const Quantity& quantity, std::span<const double> values,

@@ -10,6 +10,9 @@ namespace shearbus::wire {
 
 bool is_utf8(std::string_view text);
 
+// The present time in UTC, to a second, by ISO 8601: "2026-01-31T12:00:00Z".
+std::string utc_now();
+
 // Returns true if a valid UTF-8 text has a control character: U+0000 to U+001F or U+007F to U+009F. Names must have
 // none.
 bool has_control_character(std::string_view text);
