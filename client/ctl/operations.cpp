@@ -92,8 +92,8 @@ void check_idle(const wire::SessionInfo& session, double idle_s) {
 
 void close_one(Client& client, const wire::SessionInfo& session) {
   const wire::SessionClosed closed = client.close(session);
-  fmt::print("{} closed: \"{}\" of {}, {} nodes, {} requests; its states are gone\n", hexadecimal(session.session_id),
-             session.name, session.identity, session.nodes, closed.requests);
+  fmt::print("{} closed: \"{}\" of {}, {}, {}; its states are gone\n", hexadecimal(session.session_id), session.name,
+             session.identity, counted(session.nodes, "node"), counted(closed.requests, "request"));
 }
 
 }  // namespace
@@ -121,6 +121,10 @@ std::string duration(const std::optional<double>& seconds) {
   return s < 3 * 3600.0 ? fmt::format("{:.0f} min", s / 60) : fmt::format("{:.1f} h", s / 3600);
 }
 
+std::string counted(std::uint64_t count, const char* noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
 std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status) {
   std::vector<std::pair<std::string, std::uint64_t>> counts;
   for (std::size_t r = 0; r < std::min(status.regimes.size(), wire::kRegimeCount); ++r)
@@ -138,7 +142,7 @@ void show_status(const wire::ServerStatus& s, bool json) {
   if (json) return fmt::print("{}\n", json_of(s).dump());
   show("server", fmt::format("{} ({} threads), up {:.0f} s{}", s.server_version, s.threads, seconds(s.uptime_ns),
                              s.draining ? ", draining: no new sessions" : ""));
-  show("sessions", fmt::format("{} with {} nodes, {:.1f} MB of states", s.sessions, s.nodes,
+  show("sessions", fmt::format("{} with {}, {:.1f} MB of states", s.sessions, counted(s.nodes, "node"),
                                static_cast<double>(s.state_bytes) / (1 << 20)));
   std::string regimes;
   for (const auto& [regime, nodes] : regimes_of(s))
@@ -181,8 +185,9 @@ bool show_all(const std::filesystem::path& directory, bool json, const StatusOf&
         line.update(json_of(s));
         fmt::print("{}\n", line.dump());
       } else {
-        fmt::print("{:<20} {} sessions with {} nodes, {} requests ({} refused), up {:.0f} s{}\n", name, s.sessions,
-                   s.nodes, s.requests, s.refused, seconds(s.uptime_ns), s.draining ? ", draining" : "");
+        fmt::print("{:<20} {} with {}, {} ({} refused), up {:.0f} s{}\n", name, counted(s.sessions, "session"),
+                   counted(s.nodes, "node"), counted(s.requests, "request"), s.refused, seconds(s.uptime_ns),
+                   s.draining ? ", draining" : "");
       }
     } catch (const Error& fault) {
       all_answer = false;
@@ -213,8 +218,8 @@ void show_sessions(Client& client, bool json) {
 void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count) {
   const auto sessions = client.sessions();
   const TopNodes top = client.top_nodes(find(sessions, session).session_id, by, count);
-  fmt::print("{} ({} nodes, version {}): {} of {}\n", top.session.name, top.session.nodes, top.session.state_version,
-             top.node_ids.size(), top.matching);
+  fmt::print("{} ({}, version {}): {} of {}\n", top.session.name, counted(top.session.nodes, "node"),
+             top.session.state_version, top.node_ids.size(), top.matching);
   const bool sliding = !top.sliding_velocity_m_per_s.empty();
   fmt::print("{:>20} {:>12} {:>14} {:>8}{}\n", "node", "T0, K", "s, MPa", "regime", sliding ? "       [v], m/s" : "");
   for (std::size_t i = 0; i < top.node_ids.size(); ++i) {
@@ -248,7 +253,8 @@ void checkpoint(Client& client) {
 
 void drain(Client& client, bool exit, std::uint64_t within_s) {
   const wire::Draining draining = client.drain(exit, within_s);
-  fmt::print("no new sessions; {} are open{}{}\n", draining.sessions, exit ? ", and the server ends with the last" : "",
+  fmt::print("no new sessions; open now: {}{}{}\n", draining.sessions,
+             exit ? ", and the server ends with the last" : "",
              within_s != 0 ? fmt::format(" or in {} s", within_s) : "");
 }
 

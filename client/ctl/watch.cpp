@@ -48,6 +48,7 @@ struct HotNode {
 struct Sample {
   wire::ServerStatus status;
   bool is_operator = false;
+  bool is_durable = false;
   std::vector<wire::SessionInfo> sessions = {};  // those with the most nodes first; only an operator sees them
   std::vector<HotNode> hottest = {};
 };
@@ -144,13 +145,15 @@ std::string age_of_checkpoint(const wire::ServerStatus& status) {
 std::string line_of(const Report& report) {
   if (report.sample == nullptr) return fmt::format("{} no answer: {}", wire::utc_now(), report.fault);
   const wire::ServerStatus& s = report.sample->status;
-  std::string text = fmt::format("{} {} sessions, {} nodes:", wire::utc_now(), s.sessions, s.nodes);
+  std::string text =
+      fmt::format("{} {}, {}:", wire::utc_now(), counted(s.sessions, "session"), counted(s.nodes, "node"));
   for (const auto& [regime, nodes] : regimes_of(s))
     text += fmt::format(" {} {:.1f}%", regime, percent(nodes, nodes_in_regimes(s)));
   text += fmt::format("; {}node-steps/s", scaled(report.node_steps_per_s));
   if (report.sample->is_operator)
-    text += fmt::format(", p50 {}, p99 {}; journal {}B/s, checkpoint {}", duration(report.half_below_s),
-                        duration(report.most_below_s), scaled(report.journal_bytes_per_s), age_of_checkpoint(s));
+    text += fmt::format(", p50 {}, p99 {}", duration(report.half_below_s), duration(report.most_below_s));
+  if (report.sample->is_operator && report.sample->is_durable)
+    text += fmt::format("; journal {}B/s, checkpoint {}", scaled(report.journal_bytes_per_s), age_of_checkpoint(s));
   for (const HotNode& hot : report.sample->hottest)
     text += fmt::format("{} {:.1f} K", &hot == report.sample->hottest.data() ? "; hottest" : ",", hot.temperature_k);
   return text;
@@ -278,8 +281,8 @@ class Screen {
     const wire::ServerStatus& s = sample.status;
     add(fmt::format("server      {}, up {}, {} threads{}", s.server_version, duration(seconds(s.uptime_ns)), s.threads,
                     s.draining ? ", DRAINING: no new sessions" : ""));
-    add(fmt::format("{:<11} {} with {} nodes, {}B of states", sample.is_operator ? "sessions" : "yours", s.sessions,
-                    s.nodes, scaled(static_cast<double>(s.state_bytes))));
+    add(fmt::format("{:<11} {} with {}, {}B of states", sample.is_operator ? "sessions" : "yours", s.sessions,
+                    counted(s.nodes, "node"), scaled(static_cast<double>(s.state_bytes))));
     add_regimes(s);
     add(fmt::format("rate        {}node-steps/s, {}requests/s; the solver works {} of the time",
                     scaled(report.node_steps_per_s), scaled(report.requests_per_s),
@@ -287,7 +290,10 @@ class Screen {
     if (!sample.is_operator) return;
     add(fmt::format("steps       half answered within {}, 99 % within {}", duration(report.half_below_s),
                     duration(report.most_below_s)));
-    add(fmt::format("journal     {}B/s; last checkpoint {}", scaled(report.journal_bytes_per_s), age_of_checkpoint(s)));
+    add(sample.is_durable
+            ? fmt::format("journal     {}B/s; last checkpoint {}", scaled(report.journal_bytes_per_s),
+                          age_of_checkpoint(s))
+            : "journal     none: the server was started without --state-dir, and keeps nothing when it ends");
     for (std::size_t i = 0; i < sample.hottest.size(); ++i) {
       const HotNode& hot = sample.hottest[i];
       add(fmt::format("{:<11} {:.1f} K  {:<8} node {} of {}", i == 0 ? "hottest" : "", hot.temperature_k,
@@ -295,7 +301,7 @@ class Screen {
     }
     if (sample.sessions.empty()) return;
     add("");
-    add(fmt::format("{:>9} {:>10}  {}", "nodes", "idle", "session, opened by"));
+    add(fmt::format("{:>9} {:>10}  {}", "nodes", "idle for", "scene and session, opened by"));
     for (const wire::SessionInfo& session : sample.sessions)
       add(fmt::format("{:>9} {:>10}  {}, {}", session.nodes, duration(seconds(session.idle_ns)), label_of(session),
                       session.identity));
@@ -408,9 +414,10 @@ class Watch {
     std::optional<Sample> before = std::exchange(sample_, std::nullopt);
     try {
       if (!client_) client_.emplace(connect_());
-      const auto& words = client_->welcome().capabilities;
+      const wire::Welcome& welcome = client_->welcome();
       Sample now{.status = client_->server_status(),
-                 .is_operator = std::ranges::find(words, "operator") != words.end()};
+                 .is_operator = std::ranges::find(welcome.capabilities, "operator") != welcome.capabilities.end(),
+                 .is_durable = welcome.durability != "none"};
       if (now.is_operator) inspect_now_and_then(now, before);
       sample_ = std::move(now);
       report_ = report_of(*sample_, before);

@@ -209,7 +209,7 @@ class EndpointFiles(unittest.TestCase):
         with self.session():
             lines = self.ctl("status", "--all", self.file.parent).splitlines()
             self.assertEqual([line.split()[0] for line in lines], ["one", "two"])
-            self.assertIn("1 sessions with 4 nodes", lines[0])
+            self.assertIn("1 session with 4 nodes", lines[0])
             self.assertIn("0 sessions with 0 nodes", lines[1])
         second.kill()
         second.wait()

@@ -108,6 +108,7 @@ class OffTheTerminal(Served):
         self.assertEqual(len(done.stdout.splitlines()), 3, done.stdout)
         self.assertNotIn("\x1b", done.stdout)
         self.assertIn("0 sessions, 0 nodes", done.stdout)
+        self.assertIn("; journal ", done.stdout)
 
 
 class OnATerminal(Served):

@@ -313,11 +313,10 @@ class ShardedSession(Session):
             raise ContentError(Code.UNKNOWN_NODE, f"node {strange[0]} is not of this session",
                                "Name nodes of the session: its attribute nodes lists them.", "node_id",
                                map(int, strange[:MOST_NODES_NAMED]))
-        own = {k: ids[rows] for k, rows in enumerate(self._rows_of(ids)) if rows.size}
-        asked = {k: (verb, body, "nodes_changed", columns, frame.take(rows, 1))
-                 for k, rows in enumerate(self._rows_of(ids)) if rows.size}
+        rows_of = {k: rows for k, rows in enumerate(self._rows_of(ids)) if rows.size}
+        asked = {k: (verb, body, "nodes_changed", columns, frame.take(rows, 1)) for k, rows in rows_of.items()}
         outcomes = yield asked or {0: (verb, body, "nodes_changed")}  # the first shard refuses a request without nodes
-        ran = {k: own[k] for k, outcome in outcomes.items() if not _is_refusal(outcome)}
+        ran = {k: ids[rows_of[k]] for k, outcome in outcomes.items() if not _is_refusal(outcome)}
         self._adopt_change(ran, leaving)
         refusal = _refusal(outcomes)
         if refusal:
