@@ -2,3 +2,4 @@
 set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "")
 set(CMAKE_C_FLAGS "--coverage -fprofile-update=atomic" CACHE STRING "")
 set(CMAKE_CXX_FLAGS "--coverage -fprofile-update=atomic" CACHE STRING "")
+set(SHEARBUS_UNITY ON CACHE BOOL "")
