@@ -338,7 +338,8 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
   const std::array<std::span<const std::byte>, 2> bytes = {std::as_bytes(std::span(header)), columns.bytes()};
   const std::uint64_t hash = wire::hash_of(bytes);
   if (!in_parts || in_parts->hash != hash) {
-    in_parts.emplace().hash = hash;
+    in_parts = StepInParts{};
+    in_parts->hash = hash;
     in_parts->reply.body = wire::Upscale{};
     in_parts->reply.batch =
         Batch::of(wanted.empty() ? opened.reply_columns : wanted, rows, opened.tangential_components);

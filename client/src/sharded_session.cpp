@@ -194,7 +194,8 @@ void ShardedSession::begin(const wire::Request& request, std::uint64_t hash) {
     shard.refusal.reset();
   }
   try {
-    Operation& operation = operation_.emplace();
+    operation_ = Operation{};
+    Operation& operation = *operation_;
     operation.hash = hash;
     operation.sequence = request.sequence;
     operation.question.body = request.body;
@@ -699,7 +700,8 @@ void ShardedSession::reconcile(std::span<const wire::SessionResumed> positions) 
   std::vector<std::uint64_t> versions;
   for (const wire::SessionResumed& position : positions) versions.push_back(position.state_version);
   const std::uint64_t newest = std::ranges::max(versions);
-  operation_.emplace().stage = Stage::kCommit;  // so that a fault leaves the outcome open
+  operation_ = Operation{};
+  operation_->stage = Stage::kCommit;  // so that a fault leaves the outcome open
   std::vector<bool> stands;
   for (std::size_t k = 0; k < shards_.size(); ++k) {
     const bool behind = versions[k] + 1 == newest && positions[k].trial_stands;
