@@ -112,7 +112,7 @@ echo service-test-passed
 # The server of the image, as its user and on the image's own directories.
 CONTAINER = r"""
 set -eu
-test "$(id -u):$(id -g)" = 5571:5571
+test "$(id -u):$(id -g)" = 571:571
 "$@" --log-level off & server=$!
 shearbus-ctl wait --server ipc:///run/shearbus/bus
 shearbus-ctl ping --server ipc:///run/shearbus/bus
@@ -265,7 +265,7 @@ def container(source, mirror):
         buildah("build", "--pull-never", "--isolation", "chroot", "--format", "docker", "-f", f"{work}/context/deploy/container/Containerfile",
                 "-t", "shearbus-server", f"{work}/context")
         config = json.loads(buildah("inspect", "--type", "image", "shearbus-server"))["Docker"]["config"]
-        for key, wanted in {"User": "5571:5571", "StopSignal": "SIGTERM", "Volumes": {"/var/lib/shearbus": {}}}.items():
+        for key, wanted in {"User": "571:571", "StopSignal": "SIGTERM", "Volumes": {"/var/lib/shearbus": {}}}.items():
             if config.get(key) != wanted:
                 yield f"the image has {key} {config.get(key)}, expected {wanted}"
         if "ping" not in config.get("Healthcheck", {}).get("Test", []):
