@@ -1,6 +1,7 @@
 #include "hydro_stub/history.hpp"
 
 #include <numeric>
+#include <span>
 #include <vector>
 
 namespace shearbus::hydro {
@@ -18,11 +19,16 @@ enum Row : std::size_t {
   kStressSoft,
   kStressHard,
   kVelocityJump,
+  kFreeSurface,  // only of a hard body with a free back
 };
 
+bool has_free_surface(const ShearBody& body) {
+  return body.mesh.far_end == guest::FAR_END_FREE;
+}
+
 // The quantities that history.h5 records, in the order of the enum Row.
-std::vector<wire::Quantity> rows() {
-  return {
+std::vector<wire::Quantity> rows(const ShearColumn& column) {
+  std::vector<wire::Quantity> quantities = {
       wire::quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),
       wire::quantity_of_column(Field::kSlidingVelocity, 0, "sliding velocity, mean of the step"),
       wire::quantity_of_column(Field::kInterfaceTemperature, 0, "temperature of the interface at the end of the step"),
@@ -33,6 +39,11 @@ std::vector<wire::Quantity> rows() {
       wire::quantity_of_column(Field::kStressHard, 0, "sent: shear stress in the hard zone at the interface"),
       wire::quantity_of_column(Field::kVelocityJump, 0, "sent: V_soft - V_hard at the start of the step"),
   };
+  if (has_free_surface(column.hard()))
+    quantities.push_back({.name = "free_surface_velocity",
+                          .units = "m s-1",
+                          .long_name = "of the hard body's free back, along the interface, at the end of the step"});
+  return quantities;
 }
 
 }  // namespace
@@ -51,7 +62,7 @@ std::map<std::string, std::string> History::origin(const server::Entries& proven
 
 History::History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
                  const std::string& scene, const std::string& law, const server::Entries& provenance)
-    : writer_(file, node_ids(problem.columns), rows(), [&] {
+    : writer_(file, node_ids(problem.columns), rows(column), [&] {
         std::map<std::string, std::string> meta = origin(provenance);
         meta.insert({{"scene", scene}, {"scene_name", problem.name}, {"interface_law", law}});
         return meta;
@@ -77,6 +88,8 @@ void History::record(const ShearColumn& column) {
   writer_.set(kStressSoft, sent.stress_soft);
   writer_.set(kStressHard, sent.stress_hard);
   writer_.set(kVelocityJump, sent.velocity_jump);
+  if (const ShearBody& hard = column.hard(); has_free_surface(hard))
+    writer_.set(kFreeSurface, std::span(hard.velocity_at(hard.mesh.zones), hard.mesh.columns));
   writer_.end_row();
 }
 

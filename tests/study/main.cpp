@@ -1,17 +1,23 @@
-// shearbus-study has four studies: the cost of accuracy, the errors of runs with a tolerance, stability at extreme
-// inputs, and the map of pressures and velocities in which the velocity-driven model is valid. A study runs on fixed
-// problems or on a user's scene.
+// shearbus-study has five studies: the cost of accuracy, the errors of runs with a tolerance, stability at extreme
+// inputs, the map of pressures and velocities in which the velocity-driven model is valid, and the fit of a scene's
+// parameters to measured curves. A study runs on fixed problems or on a user's scene.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <system_error>
 #include <vector>
 
 #include "proto/wire/command_line.hpp"
 #include "proto/wire/program.hpp"
 #include "server/version.hpp"
+#include "shearbus_places.hpp"
 #include "tests/campaign/report.hpp"
 #include "tests/campaign/user_scene.hpp"
 #include "tests/study/command.hpp"
@@ -27,6 +33,7 @@ constexpr int kExitFault = 1;
 constexpr const char* kFooter = R"(Examples:
   shearbus-study precision scene.toml --out out/study
   shearbus-study map scene.toml --out out/map
+  shearbus-study fit scene.toml --curve measured.csv --parameter interface.friction_coefficient=0.1:0.6
 
 Exit codes: 0 done, 1 a fault, or an invariant that does not hold, 2 a wrong command line.)";
 
@@ -64,6 +71,18 @@ void tolerance(const Options& options) {
   write_study(options, "tolerance", json(tracked, options.sweep.repeats));
 }
 
+// Replaces this program by the program of the fit, which has its own options.
+[[noreturn]] void become_fit(const std::vector<std::string>& words) {
+  const std::string programs = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  std::vector<std::string> command = {SHEARBUS_PYTHON, SHEARBUS_SOURCE_DIR "/tests/study/fit.py", "--bin", programs};
+  command.insert(command.end(), words.begin(), words.end());
+  std::vector<char*> arguments;
+  for (std::string& word : command) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  ::execv(arguments.front(), arguments.data());
+  throw std::system_error(errno, std::generic_category(), command.front());
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -92,11 +111,15 @@ int main(int argc, char** argv) {
   const CLI::App* of_stability = add_stability(app, stability);
   shearbus::map::CommandOptions map;
   const CLI::App* of_map = shearbus::map::add_command(app, map);
+  CLI::App* of_fit = app.add_subcommand(
+      "fit", "Parameters of a scene from measured curves, or sensitivities; fit --help lists its own options");
+  of_fit->prefix_command()->set_help_flag();
   options.arguments = stability.arguments = map.arguments = {argv, static_cast<std::size_t>(argc)};
   shearbus::wire::complete(app, "shearbus-study", shearbus::server::version_text, kFooter);
   if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
   try {
     if (of_stability->parsed()) return shearbus::wire::end_program("shearbus-study", run_stability(stability));
+    if (of_fit->parsed()) become_fit(of_fit->remaining());
     if (of_map->parsed()) {
       shearbus::map::run(map);
     } else {

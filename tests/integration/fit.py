@@ -1,0 +1,142 @@
+"""Tests of shearbus-study fit: a synthetic velocimeter with noise, what a curve cannot tell, exact derivatives, and what is refused."""
+import argparse
+import json
+import pathlib
+import subprocess
+import tempfile
+import unittest
+
+import h5py
+import numpy as np
+
+OPTIONS = None
+SIGMA = 0.2  # of the velocimeter (m/s)
+DENSITY, MODULUS = 7900.0, 7.7e10  # of steel_dlp
+SCENE = """
+name = "plate_on_plate"
+strategy = "force_driven"
+[soft]
+material = "aluminium_dlp"
+[hard]
+material = "steel_dlp"
+[layer]
+thickness_m = 50e-6
+cells = 30
+grading = 1.14
+[interface]
+friction_coefficient = 0.3
+yield_strength_pa = 200e6
+[hydro]
+end_time_s = 1.5e-6
+constant_shear_stress_pa = 5e7
+[hydro.shear_column]
+length_m = 2e-3
+zones = 60
+far_end = "free"
+velocity_jump_m_per_s = [30.0, 100.0]
+pressure_pa = [0.15e9, 6e9]
+"""
+MU, YIELD = "interface.friction_coefficient=0.1:0.6", "interface.yield_strength_pa=5e7:4e8"
+
+
+class Fit(unittest.TestCase):
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.here = pathlib.Path(scratch.name)
+        self.scene = self.here / "scene.toml"
+        self.scene.write_text(SCENE)
+
+    def run_hydro(self, *words):
+        subprocess.run([OPTIONS.hydro, self.scene, "--out", self.here / "run", "--no-plot", "--no-progress", *words], check=True, capture_output=True)
+        return h5py.File(self.here / "run/history.h5")
+
+    def measure(self, nodes, seed):
+        """Writes what a velocimeter at the hard body's back sees of some nodes. Returns the file."""
+        noise, path = np.random.default_rng(seed), self.here / "measured.csv"
+        with self.run_hydro() as file, open(path, "w") as out:
+            out.write("# m/s, by nobody\ntime_s, free_surface_velocity, sigma, node_id\n")
+            for node in nodes:
+                for time in np.linspace(0.7e-6, 1.45e-6, 80):
+                    value = np.interp(time, file["time"][:], file["free_surface_velocity"][:, node]) + noise.normal(0.0, SIGMA)
+                    out.write(f"{time:.9e},{value:.9e},{SIGMA},{node}\n")
+        return path
+
+    def fit(self, *words):
+        return subprocess.run([OPTIONS.study, "fit", self.scene, "--out", self.here / "out", "--starts", "1", *words], capture_output=True, text=True,
+                              timeout=120)
+
+    def fitted(self, *words):
+        done = self.fit(*words)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return json.loads((self.here / "out/fit.json").read_text()), done.stdout
+
+    def test_known_parameters_come_back_within_their_intervals(self):
+        report, printed = self.fitted("--curve", self.measure((0, 1), 3), "--parameter", MU, "--parameter", YIELD)
+        for row, known, most in zip(report["parameters"], (0.3, 2e8), (0.03, 0.02)):
+            self.assertLess(row["low"], known, printed)
+            self.assertGreater(row["high"], known, printed)
+            self.assertLess(row["high"] - row["low"], most * known, "an interval that tells something")
+            self.assertTrue(row["determined"] and not row["at_end_of_range"])
+        self.assertLess(abs(report["chi_squared"] / report["freedom"] - 1.0), 4.0 * np.sqrt(2.0 / report["freedom"]))
+        self.assertEqual((self.here / "out/fit.png").read_bytes()[:4], b"\x89PNG")
+        # The interval is the error of the estimate: the Coulomb stress of node 0 is mu P, and its free surface moves at 2 mu P / Z.
+        exact = SIGMA / np.sqrt(80) / (2 * 0.15e9 / np.sqrt(DENSITY * MODULUS))
+        self.assertAlmostEqual((report["parameters"][0]["high"] - report["parameters"][0]["low"]) / (2 * 1.975 * exact), 1.0, delta=0.05)
+        with open(self.here / "out/fitted.toml") as file:
+            self.assertIn(f"friction_coefficient = {report['parameters'][0]['value']!r}", file.read())
+
+    def test_what_a_curve_does_not_determine_is_told(self):
+        curve = self.measure((1,), 4)  # slides at its yield limit: mu has no part in it
+        report, printed = self.fitted("--curve", curve, "--parameter", "interface.friction_coefficient=0.25:0.6", "--parameter", YIELD)
+        mu, strength = report["parameters"]
+        self.assertEqual((mu["determined"], strength["determined"]), (False, True), printed)
+        self.assertTrue(strength["low"] < 2e8 < strength["high"], printed)
+        self.assertIn("NOT DETERMINED", printed)
+        self.assertIn("do not tell values apart along", printed)
+
+    def test_the_free_surface_is_the_wave_of_the_stress(self):
+        with self.run_hydro("--interface-law", "constant") as file:
+            dt, stress, surface = file["dt"][1], file["shear_stress"][:], file["free_surface_velocity"][:]
+        impedance, soft_speed = np.sqrt(DENSITY * MODULUS), np.sqrt(2.76e10 / 2703.0)
+        zones = round(2e-3 / (2e-3 / 60 / soft_speed * np.sqrt(MODULUS / DENSITY)))
+        self.assertAlmostEqual(dt * soft_speed, 2e-3 / 60, delta=1e-12)
+        self.assertTrue((surface[:zones] == 0.0).all() and stress.max() > 0.0)
+        last = min(3 * zones, len(surface))  # before the wave comes back from the interface
+        self.assertGreater(last, 2 * zones)
+        np.testing.assert_allclose(surface[zones + 1:last], 2.0 * stress[:last - zones - 1] / impedance, rtol=1e-9)
+
+    def test_derivatives_are_those_of_the_coulomb_limit(self):
+        done = self.fit("--parameter", MU)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        with h5py.File(self.here / "out/sensitivities.h5") as file:
+            slope = file["interface.friction_coefficient/shear_stress"][:]
+        np.testing.assert_allclose(slope[5:40, 0], 0.15e9, rtol=1e-9, err_msg="s = mu P where the node slides")
+        np.testing.assert_array_equal(slope[5:40, 1], 0.0, "the limit of this node is that of its yield")
+
+    def test_wrong_input_is_refused_in_a_sentence(self):
+        curve = self.here / "c.csv"
+        curve.write_text("time_s,free_surface_velocity,node_id\n1e-6,10,0\n1.1e-6,10,0\n")
+        late = self.here / "late.csv"
+        late.write_text("time_s,free_surface_velocity,node_id\n1e-6,10,0\n1.1e-5,10,0\n")
+        other = self.here / "other.csv"
+        other.write_text("time_s,colour,node_id\n1e-6,10,0\n1.1e-6,10,0\n")
+        single = self.here / "single.csv"
+        single.write_text("time_s,slip_distance\n1e-6,10\n1.1e-6,10\n")
+        for words, reason in (((MU.replace("0.1:0.6", "0.6:0.1"),), "the range is empty"), (("mu",), "expected KEY=LOW:HIGH"),
+                              ((MU, "--curve", self.scene), "expected a header of time_s"), ((MU, "--curve", late), "the run has free_surface_velocity from"),
+                              ((MU, "--curve", other), "the run has no colour; it has"), ((MU, "--curve", single), "expected a column node_id"),
+                              (("interface.friction=0.1:0.6", "--curve", curve), f"{self.scene}:"),
+                              ((MU, "--parameter", YIELD, "--curve", curve), "expected more values than parameters")):
+            done = self.fit("--parameter", *words)
+            self.assertEqual(done.returncode, 1, done.stdout)
+            self.assertIn(reason, done.stderr)
+            self.assertEqual(len(done.stderr.strip().splitlines()), 1, done.stderr)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    for name in ("study", "hydro"):
+        parser.add_argument(f"--{name}", required=True)
+    OPTIONS, rest = parser.parse_known_args()
+    unittest.main(argv=["fit.py", *rest], verbosity=2)

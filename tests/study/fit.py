@@ -1,0 +1,334 @@
+#!/usr/bin/python3
+"""Parameters of a scene from measured curves: least squares through runs of shearbus-hydro, or of shearbus-replay.
+
+    shearbus-study fit SCENE.toml --curve MEASURED.csv --parameter KEY=LOW:HIGH [--parameter ...] --out DIR
+    shearbus-study fit SCENE.toml --parameter KEY=LOW:HIGH [...] --out DIR          sensitivities alone
+
+A parameter is a key of the scene with its table, for instance interface.friction_coefficient=0.1:0.6, and the range
+in which it is sought. A curve is a CSV file in SI units with a header: time_s, a quantity of the run's history.h5
+(free_surface_velocity, velocity_jump_new, interface_temperature, ...) or slip_distance, and, as far as there are,
+sigma (the standard deviation of the measurement) and node_id.
+
+DIR gets fit.json, fitted.toml, the scene with the fitted values, and fit.png. The intervals hold 95 % of the
+probability for a model that is linear over them and errors that are normal and independent; without a sigma their
+size is taken from the residuals. Directions in the space of the parameters, each scaled to its range, tell which
+combinations the curves determine. Without curves DIR gets sensitivities.h5: the derivatives of shear_stress,
+sliding_velocity and interface_temperature of every row and node, and the differences between two step sizes."""
+import argparse
+import concurrent.futures
+import csv
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+
+import h5py
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc, t as student
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+STEP = 2e-3  # of a derivative, as a part of the parameter's range
+ANSWERS = ("shear_stress", "sliding_velocity", "interface_temperature")
+UNDETERMINED = 0.5  # a standard deviation, as a part of the range, from which on the curves do not determine a direction
+
+
+class Fault(Exception):
+    """What is wrong with the input, in a sentence for the user."""
+
+
+class Help(argparse.RawDescriptionHelpFormatter):
+    def add_usage(self, usage, actions, groups, prefix=None):
+        super().add_usage(usage, actions, groups, "Usage: ")
+
+
+class Parameter:
+    def __init__(self, text):
+        found = re.fullmatch(r"([\w.]+)=([^:]+):([^:]+)", text)
+        try:
+            self.key, self.low, self.high = found[1], float(found[2]), float(found[3])
+        except (TypeError, ValueError):
+            raise Fault(f"--parameter {text}: expected KEY=LOW:HIGH, for instance interface.friction_coefficient=0.1:0.6") from None
+        if not self.low < self.high:
+            raise Fault(f"--parameter {text}: the range is empty")
+
+    def value(self, x):
+        return self.low + x * (self.high - self.low)
+
+
+class Curve:
+    """A measured quantity of one or several nodes against time."""
+
+    def __init__(self, path):
+        with open(path, newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
+        header = [name.strip() for name in rows[0]] if rows else []
+        quantities = [name for name in header if name not in ("time_s", "sigma", "node_id")]
+        if "time_s" not in header or len(quantities) != 1:
+            raise Fault(f"{path}: expected a header of time_s, one quantity, and perhaps sigma and node_id; found {', '.join(header) or 'nothing'}")
+        try:
+            numbers = np.array(rows[1:], float)
+            columns = dict(zip(header, numbers.T, strict=True))
+        except ValueError:
+            raise Fault(f"{path}: expected {len(header)} numbers in every row") from None
+        self.path, self.quantity = path, quantities[0]
+        self.time, self.values = columns["time_s"], columns[self.quantity]
+        self.sigma = columns.get("sigma")
+        self.node_id = columns["node_id"].astype(np.uint64) if "node_id" in columns else None
+        if not np.isfinite(numbers).all() or len(numbers) == 0 or (self.sigma is not None and (self.sigma <= 0).any()):
+            raise Fault(f"{path}: expected finite numbers, with sigma above 0")
+
+    def of(self, run):
+        """Returns the quantity of a run at the times of the measurement."""
+        node_id = np.full(len(self.time), self._only(run)) if self.node_id is None else self.node_id
+        result = np.empty(len(self.time))
+        for node in np.unique(node_id):
+            place = np.flatnonzero(run.node_id == node)
+            if place.size == 0:
+                raise Fault(f"{self.path}: the run has no node {node}")
+            time, values = run.series(self.quantity, place[0], self.path)
+            here = node_id == node
+            if self.time[here].min() < time[0] or self.time[here].max() > time[-1]:
+                raise Fault(f"{self.path}: times from {self.time[here].min():g} to {self.time[here].max():g} s; the run has {self.quantity} from "
+                            f"{time[0]:g} to {time[-1]:g} s")
+            result[here] = np.interp(self.time[here], time, values)
+        return result
+
+    def _only(self, run):
+        if len(run.node_id) != 1:
+            raise Fault(f"{self.path}: the run has {len(run.node_id)} nodes; expected a column node_id")
+        return run.node_id[0]
+
+
+class Run:
+    """The history of a run."""
+
+    def __init__(self, path):
+        with h5py.File(path) as file:
+            self.node_id, self.time = file["node_id"][:], file["time"][:]
+            self.step = file["dt"][:] if "dt" in file else np.diff(self.time, prepend=file["time"].attrs["t0"])
+            self.of = {name: data[:] for name, data in file.items() if isinstance(data, h5py.Dataset) and data.ndim == 2 and data.dtype.kind == "f"}
+            meta = file["meta"].attrs
+            self.provenance = {"scene": meta.get("scene_name", ""), "program": meta.get("producer", ""), "commit": meta.get("commit", "")}
+            self.units = {name: file[name].attrs["units"] for name in self.of} | {"slip_distance": "m"}
+            self.of_step = {name for name in self.of if "step" in str(file[name].attrs["long_name"]) and "end of" not in str(file[name].attrs["long_name"])
+                            and "start of" not in str(file[name].attrs["long_name"])}
+        self.of["slip_distance"] = np.cumsum(np.abs(self.of["sliding_velocity"]) * self.step[:, None], axis=0)
+
+    def series(self, quantity, place, path):
+        """Returns times and values of a node: a mean of a step is the value at its middle."""
+        if quantity not in self.of:
+            raise Fault(f"{path}: the run has no {quantity}; it has {', '.join(sorted(self.of))}")
+        return self.time - (0.5 * self.step if quantity in self.of_step else 0.0), self.of[quantity][:, place]
+
+
+def with_value(text, key, value):
+    """Returns the text of a scene in which a key has a number, at its place where the text has it."""
+    table, _, name = key.rpartition(".")
+    lines, at, begin = text.splitlines(), None, 0 if not table else None
+    current = ""
+    for i, line in enumerate(lines):
+        if header := re.match(r"\s*\[\s*([\w.]+)\s*\]", line):
+            current = header[1]
+            begin = i + 1 if current == table else begin
+        elif current == table and re.match(rf"\s*{re.escape(name)}\s*=", line):
+            at = i
+    row = f"{name} = {value!r}"
+    if at is not None:
+        lines[at] = row
+    elif begin is not None:
+        lines.insert(begin, row)
+    else:
+        lines += ["", f"[{table}]", row]
+    return "\n".join(lines) + "\n"
+
+
+class Model:
+    """Runs of a scene with other values of its parameters; each set of values is run once."""
+
+    def __init__(self, options, parameters, work):
+        self.parameters, self.work, self.history = parameters, work, options.history
+        self.program = options.bin / ("shearbus-replay" if options.history else "shearbus-hydro")
+        self.scene_path, self.done = options.scene, {}
+        try:
+            self.text = options.scene.read_text(encoding="utf-8")
+            tomllib.loads(self.text)
+        except (OSError, tomllib.TOMLDecodeError) as cause:
+            raise Fault(f"{options.scene}: {cause}") from None
+        if not self.program.exists():
+            raise Fault(f"{self.program} is missing: build the programs, or name their directory with --bin")
+
+    def scene(self, x):
+        text = self.text
+        for parameter, share in zip(self.parameters, x, strict=True):
+            text = with_value(text, parameter.key, parameter.value(float(share)))
+        return text
+
+    def _run(self, x):
+        with tempfile.TemporaryDirectory(dir=self.work) as where:
+            scene, out = pathlib.Path(where) / "scene.toml", pathlib.Path(where) / "out"
+            scene.write_text(self.scene(x), encoding="utf-8")
+            words = ([self.history, "--scene", scene, "--out", out / "history.h5"] if self.history else [scene, "--out", out, "--no-plot"])
+            out.mkdir()
+            made = subprocess.run([self.program, *words, "--no-progress"], capture_output=True, text=True, check=False)
+            if made.returncode != 0:
+                values = ", ".join(f"{p.key} = {p.value(float(share)):.6g}" for p, share in zip(self.parameters, x))
+                raise Fault(f"the run with {values} failed: {made.stderr.strip().replace(str(scene), str(self.scene_path))}")
+            return Run(out / "history.h5")
+
+    def runs(self, points):
+        """Returns the runs at several points, as many at once as there are cores."""
+        new = {tuple(x): x for x in points if tuple(x) not in self.done}
+        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+            self.done.update(zip(new, pool.map(self._run, new.values()), strict=True))
+        return [self.done[tuple(x)] for x in points]
+
+    def derivatives(self, x, observe, step=STEP):
+        """Returns the derivatives of observe(run) to the parameters, scaled to their ranges: central, and one-sided at the ends of a range."""
+        ends = [(np.clip(x - step * unit, 0.0, 1.0), np.clip(x + step * unit, 0.0, 1.0)) for unit in np.eye(len(x))]
+        runs = [observe(run) for run in self.runs([end for pair in ends for end in pair])]
+        return np.array([(runs[2 * i + 1] - runs[2 * i]) / (ends[i][1][i] - ends[i][0][i]) for i in range(len(x))])
+
+
+def fit(model, curves, starts):
+    """Returns the best point, its derivatives in standard deviations, the residuals and their scale."""
+    sigma = np.concatenate([np.full(len(curve.time), 1.0) if curve.sigma is None else curve.sigma for curve in curves])
+    measured = np.concatenate([curve.values for curve in curves])
+    if len(measured) <= len(model.parameters):
+        raise Fault(f"{len(measured)} measured values for {len(model.parameters)} parameters: expected more values than parameters")
+
+    def observe(run):
+        return np.concatenate([curve.of(run) for curve in curves]) / sigma
+
+    def residuals(x):
+        return observe(model.runs([x])[0]) - measured / sigma
+
+    count = len(model.parameters)
+    points = [np.full(count, 0.5), *qmc.LatinHypercube(count, seed=1).random(starts - 1)]
+    model.runs(points)
+    best = None
+    for start in points:
+        found = least_squares(residuals, start, jac=lambda x: model.derivatives(x, observe).T, bounds=(0.0, 1.0), xtol=1e-6, ftol=1e-8, x_scale="jac")
+        best = found if best is None or found.cost < best.cost else best
+    known = all(curve.sigma is not None for curve in curves)
+    freedom = len(measured) - count
+    scale = 1.0 if known else np.sqrt(2.0 * best.cost / freedom)
+    return best.x, model.derivatives(best.x, observe).T / scale, best.fun, {
+        "values": len(measured), "freedom": freedom, "sigma_known": known, "chi_squared": 2.0 * best.cost if known else None,
+        "sigma_of_residuals": None if known else float(scale)}
+
+
+def judged(parameters, x, jacobian, freedom):
+    """Returns intervals, correlations and directions: what the curves say about the parameters."""
+    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    deviation = 1.0 / np.maximum(singular, 1e-12)
+    covariance = (directions.T * deviation**2) @ directions
+    spread = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(spread, spread)
+    reach = student.ppf(0.975, freedom) * spread
+    found = []
+    for i, parameter in enumerate(parameters):
+        others = [j for j in range(len(parameters)) if j != i]
+        nearest = max(others, key=lambda j: abs(correlation[i, j]), default=None)
+        width = parameter.high - parameter.low
+        found.append({
+            "key": parameter.key, "value": parameter.value(float(x[i])), "low": parameter.value(float(x[i])) - reach[i] * width,
+            "high": parameter.value(float(x[i])) + reach[i] * width, "range": [parameter.low, parameter.high],
+            "at_end_of_range": bool(x[i] < 1e-3 or x[i] > 1 - 1e-3), "determined": bool(spread[i] < UNDETERMINED),
+            "most_correlated": None if nearest is None else parameters[nearest].key,
+            "correlation": None if nearest is None else float(correlation[i, nearest])})
+    return found, [{"standard_deviation": float(s), "determined": bool(s < UNDETERMINED),
+                    "parts": {p.key: float(part) for p, part in zip(parameters, row)}} for s, row in zip(deviation, directions)]
+
+
+def table(found, directions):
+    lines = [f"{'parameter':<36}{'value':>13}{'95 % from':>13}{'to':>13}  correlation"]
+    for row in found:
+        remark = " at the end of its range" if row["at_end_of_range"] else "" if row["determined"] else " NOT DETERMINED"
+        with_other = f"{row['correlation']:+.2f} with {row['most_correlated']}" if row["most_correlated"] else ""
+        lines.append(f"{row['key']:<36}{row['value']:>13.6g}{row['low']:>13.6g}{row['high']:>13.6g}  {with_other}{remark}")
+    for direction in directions:
+        if not direction["determined"]:
+            parts = " ".join(f"{part:+.2f} {key}" for key, part in direction["parts"].items() if abs(part) > 0.1)
+            lines.append(f"The curves do not tell values apart along {parts} (each scaled to its range).")
+    return "\n".join(lines)
+
+
+def draw(path, curves, run):
+    sys.path.insert(0, str(ROOT / "client/report"))
+    import style
+    made, axes = style.figure(2, len(curves), (4.7 * len(curves) + 0.6, 5.0), squeeze=False, sharex="col", height_ratios=(3, 1))
+    for (upper, lower), curve in zip(axes.T, curves):
+        lower.axhline(0.0, color=style.GRID)
+        model, nodes = curve.of(run), np.zeros(len(curve.time)) if curve.node_id is None else curve.node_id
+        for k, node in enumerate(np.unique(nodes)):
+            here = np.flatnonzero(nodes == node)
+            here = here[np.argsort(curve.time[here])]
+            time, colour = curve.time[here] * 1e6, f"C{k % 5}"
+            upper.plot(time, curve.values[here], ".", ms=3, color=style.FAINT, label="measured" if k == 0 else None)
+            upper.plot(time, model[here], lw=1.6, color=colour, label=f"fitted, node {node:g}" if curve.node_id is not None else "fitted")
+            lower.plot(time, curve.values[here] - model[here], ".", ms=3, color=colour)
+        upper.set_ylabel(f"{curve.quantity.replace('_', ' ')} ({run.units[curve.quantity]})")
+        upper.set_ylim(bottom=min(0.0, upper.get_ylim()[0]))
+        upper.legend()
+        lower.set_ylabel("measured - fitted")
+        lower.set_xlabel("time (µs)")
+    style.save(made, path, style.provenance_text(run.provenance))
+
+
+def write_sensitivities(path, model):
+    """Derivatives of every answer at the middle of the ranges, by central differences, and how far those of half the step are from them."""
+    x = np.full(len(model.parameters), 0.5)
+    print(f"{'parameter':<36}{'quantity':<24}{'largest derivative':>20}{'of its range':>16}{'two steps differ by':>22}")
+    with h5py.File(path, "w") as file:
+        base = model.runs([x])[0]
+        file["time"], file["node_id"] = base.time, base.node_id
+        for quantity in ANSWERS:
+            coarse, fine = (model.derivatives(x, lambda run: run.of[quantity], step) for step in (2 * STEP, STEP))
+            for parameter, d, half in zip(model.parameters, coarse, fine):
+                width, most = parameter.high - parameter.low, np.abs(half).max()
+                data = file.create_dataset(f"{parameter.key}/{quantity}", data=half / width)
+                data.attrs["long_name"] = f"derivative of {quantity} to {parameter.key} at {parameter.value(0.5):g}"
+                file[f"{parameter.key}/{quantity}_difference"] = np.abs(half - d) / width
+                print(f"{parameter.key:<36}{quantity:<24}{most / width:>20.6g}{most:>16.6g}{np.median(np.abs(half - d)) / max(most, 1e-300):>21.1e}")
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="shearbus-study fit", description=__doc__, formatter_class=Help)
+    parser.add_argument("scene", type=pathlib.Path)
+    parser.add_argument("--curve", type=pathlib.Path, action="append", default=[], metavar="CSV", help="a measured curve; repeatable")
+    parser.add_argument("--parameter", action="append", required=True, metavar="KEY=LOW:HIGH", help="a key of the scene and its range; repeatable")
+    parser.add_argument("--history", type=pathlib.Path, help="a recorded history, which shearbus-replay sends; without one shearbus-hydro runs SCENE")
+    parser.add_argument("--starts", type=int, default=3, help="searches from so many points, of which the best counts (default 3)")
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/fit"))
+    parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin", help="directory of the programs")
+    options = parser.parse_args()
+    try:
+        parameters = [Parameter(text) for text in options.parameter]
+        curves = [Curve(path) for path in options.curve]
+        options.out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix="shearbus-fit-") as work:
+            model = Model(options, parameters, work)
+            if not curves:
+                write_sensitivities(options.out / "sensitivities.h5", model)
+                return
+            x, jacobian, residuals, quality = fit(model, curves, max(1, options.starts))
+            found, directions = judged(parameters, x, jacobian, quality["freedom"])
+            (options.out / "fitted.toml").write_text(model.scene(x), encoding="utf-8")
+            report = {"scene": str(options.scene), "curves": [str(path) for path in options.curve], "runs": len(model.done), **quality,
+                      "parameters": found, "directions": directions}
+            (options.out / "fit.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+            draw(options.out / "fit.png", curves, model.runs([x])[0])
+        print(table(found, directions))
+        print(f"residuals: {np.sqrt(np.mean(residuals**2)):.3g} {'sigma' if quality['sigma_known'] else '(SI)'} rms of {quality['values']} values; "
+              f"{len(model.done)} runs\nwritten: {options.out}/fit.json, fitted.toml, fit.png")
+    except (Fault, OSError) as fault:
+        sys.exit(f"shearbus-study fit: {fault}")
+
+
+if __name__ == "__main__":
+    main()
