@@ -20,7 +20,10 @@ from runs import Fault, Run, style_text
 
 NODES = "interface node: its {} at the start (mm)"
 LEVELS = (350, 500, 750, 1000, 1250)  # contours of the interface temperature (K)
-FRONT = {"color": "white", "lw": 1.0, "path_effects": [withStroke(linewidth=2.4, foreground=style.INK)]}
+FRONT = {"color": "white", "lw": 1.0, "path_effects": [withStroke(linewidth=2.4, foreground="black")]}
+WHERE = {"coulomb_tresca": ", of the zones at the flank"}  # what the temperature of a law without a layer is
+SURFACE = {0.0: "on the axis", 0.5: "at half the radius"}  # by the share of the radius
+SURFACE_LABEL = "velocity of the cone's free surface (m/s)"
 MAPS = ("regime", "interface_temperature", "sliding_velocity", "shear_stress", "pressure")
 
 
@@ -83,20 +86,24 @@ def mirrored(axis, runs, time=None, name="temperature", scale=1.0):
     return drawn, extend, frames[0][1]["time"]
 
 
+def draw_flank(axis, runs):
+    """Draws the temperature of the interface along the flank: highest, and dashed at the end."""
+    for run in runs:
+        heat, colour = run["interface_temperature"], style.law_colour(run.law)
+        axis.plot(run.place * 1e3, heat.max(axis=0), color=colour, lw=1.8)
+        axis.plot(run.place * 1e3, heat[-1], "--", color=colour, lw=1.2)
+    axis.set(xlabel=NODES.format(runs[0].place_name), ylabel="temperature of the flank (K)", ylim=(280, None))
+    axis.grid()
+
+
 def shape_and_flank(runs):
     runs = runs[:2]
     figure, (shape, flank) = style.figure(1, 2, (11, 5.0), legend=True, width_ratios=(1.25, 1))
     drawn, extend, time = mirrored(shape, runs)
     figure.colorbar(drawn, ax=shape, label=f"temperature of the zones at {time:.1f} µs (K)", extend=extend, shrink=0.85)
-    for run in runs:
-        heat, colour = run["interface_temperature"], style.law_colour(run.law)
-        flank.plot(run.place * 1e3, heat.max(axis=0), color=colour, lw=1.8)
-        flank.plot(run.place * 1e3, heat[-1], "--", color=colour, lw=1.2)
-    flank.set(xlabel=NODES.format(runs[0].place_name), ylabel="temperature of the flank (K)", ylim=(280, None))
+    draw_flank(flank, runs)
     flank.set_title("the flank, on a scale of its own", fontsize=10)
-    flank.grid()
-    where = {"coulomb_tresca": ", of the zones at the flank"}
-    style.legend_below(figure, [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label + where.get(run.law, "")) for run in runs] +
+    style.legend_below(figure, [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label + WHERE.get(run.law, "")) for run in runs] +
                        [Line2D([], [], color=style.FAINT, lw=1.8, label="highest"), Line2D([], [], color=style.FAINT, ls="--", label=f"at {time:.1f} µs")])
     return figure
 
@@ -123,68 +130,107 @@ def difference(run, other, name):
     return np.ma.masked_where(~both, shown(run, name).data - on_time(shown(other, name).data))
 
 
+def map_scale(runs, name):
+    """Returns the label, the limits and the arrows of the colour scale that the maps of these runs share; of regimes
+    the label alone."""
+    if name == "regime":
+        return "friction regime", {}, "neither"
+    label, _, kind = style.QUANTITIES[name]
+    return label, *style.limits(kind, *(shown(run, name) for run in runs))
+
+
+def draw_map(axis, run, name, span):
+    """Draws the map of one quantity of a run, grey where the contact is open, with the line of the shock. Returns what
+    a colour bar needs, the contours or None, and whether a node melts."""
+    axis.set_facecolor(style.OPEN)
+    nodes = run.place * 1e3  # the height moves with the metal: each node keeps its line
+    lines, molten = None, False
+    if name == "regime":
+        values, colours = np.ma.masked_equal(run["regime"], 0), style.regime_colours()
+    else:
+        values, colours = shown(run, name), {"cmap": style.COLOUR_MAPS[style.QUANTITIES[name][2]], **span}
+    image = axis.pcolormesh(run.time, nodes, values.T, shading="nearest", rasterized=True, **colours)
+    if name != "regime":
+        levels = [level for level in LEVELS if values.min() < level < values.max()] if name == "interface_temperature" else []
+        lines = axis.contour(run.time, nodes, values.T, levels=levels, colors="white", linewidths=0.7) if levels else None
+        molten = melting_outline(axis, run)
+    axis.plot(front(run), nodes, **FRONT)
+    return image, lines, molten
+
+
+def draw_difference(axis, runs, name):
+    """Draws the map of the first run less that of the second. Returns what a colour bar needs, and its arrows."""
+    values = difference(*runs, name)
+    span, extend = style.limits("signed", values)
+    axis.set_facecolor(style.OPEN)
+    return axis.pcolormesh(runs[0].time, runs[0].place * 1e3, values.T, shading="nearest", rasterized=True, cmap=style.COLOUR_MAPS["signed"], **span), extend
+
+
+def have_difference(runs, name):
+    return name in ("sliding_velocity", "pressure") and len(runs) == 2 and np.array_equal(runs[0].nodes, runs[1].nodes)
+
+
+def last_time(runs):
+    return 1.1 * max(run.last_contact for run in runs)
+
+
 def space_time(runs, name):
     """Draws the maps of one quantity side by side, and their difference where two runs have the same nodes. Returns
     the figure."""
-    compared = name in ("sliding_velocity", "pressure") and len(runs) == 2 and np.array_equal(runs[0].nodes, runs[1].nodes)
+    compared = have_difference(runs, name)
     count = len(runs) + compared
     figure, axes = style.figure(1, count, (4.3 * count + 1.2, 4.6), legend=True, squeeze=False, sharey=True)
-    label, _, kind = ("friction regime", 1, None) if name == "regime" else style.QUANTITIES[name]
-    span, extend = (None, None) if name == "regime" else style.limits(kind, *(shown(run, name) for run in runs))
-    molten, contours = False, []
+    label, span, extend = map_scale(runs, name)
+    drawn = [draw_map(axis, run, name, span) for axis, run in zip(axes[0], runs)]
     for axis, run in zip(axes[0], runs):
-        axis.set_facecolor(style.OPEN)
-        nodes = run.place * 1e3  # the height moves with the metal: each node keeps its line
-        if name == "regime":
-            axis.pcolormesh(run.time, nodes, run["regime"].T, shading="nearest", rasterized=True, **style.regime_colours())
-            share = run.summary.get("slip_share_coulomb")
-            axis.set_title(run.label + (f"\nCoulomb {100 * share:.0f} % of the slip" if share is not None else ""))
-        else:
-            values = shown(run, name)
-            image = axis.pcolormesh(run.time, nodes, values.T, shading="nearest", rasterized=True, cmap=style.COLOUR_MAPS[kind], **span)
-            levels = [level for level in LEVELS if values.min() < level < values.max()] if kind == "temperature" else []
-            if levels:
-                contours.append(axis.contour(run.time, nodes, values.T, levels=levels, colors="white", linewidths=0.7))
-            axis.set_title(run.label)
-            molten |= melting_outline(axis, run)
-        axis.plot(front(run), nodes, **FRONT)
+        share = run.summary.get("slip_share_coulomb") if name == "regime" else None
+        axis.set_title(run.label + (f"\nCoulomb {100 * share:.0f} % of the slip" if share is not None else ""))
     if name != "regime":
-        bar = figure.colorbar(image, ax=list(axes[0][: len(runs)]), label=label, extend=extend, pad=0.02)
-        for lines in contours:
-            bar.add_lines(lines, erase=False)
+        bar = figure.colorbar(drawn[-1][0], ax=list(axes[0][: len(runs)]), label=label, extend=extend, pad=0.02)
+        for _, lines, _ in drawn:
+            if lines is not None:
+                bar.add_lines(lines, erase=False)
     if compared:
-        values = difference(*runs, name)
-        span, extend = style.limits("signed", values)
-        image = axes[0][-1].pcolormesh(runs[0].time, runs[0].place * 1e3, values.T, shading="nearest", rasterized=True, cmap=style.COLOUR_MAPS["signed"], **span)
-        axes[0][-1].set_facecolor(style.OPEN)
+        image, extend = draw_difference(axes[0][-1], runs, name)
         axes[0][-1].set_title("left minus middle")
         figure.colorbar(image, ax=axes[0][-1], label=f"difference of {label}", extend=extend)
     for axis in axes[0]:
-        axis.set_xlim(0.0, 1.1 * max(run.last_contact for run in runs))
+        axis.set_xlim(0.0, last_time(runs))
         axis.set_xlabel("time (µs)")
     axes[0][0].set_ylabel(NODES.format(runs[0].place_name))
     handles = [Line2D([], [], **FRONT, label="shock: a tenth of the highest pressure")]
     if name == "regime":
         handles = style.regime_handles(np.concatenate([np.unique(run["regime"]) for run in runs])) + handles
     else:
-        handles = style.regime_handles([0]) + handles + [Line2D([], [], color=style.MELTING, lw=1.1, label=style.MELTING_LABEL)] * molten
+        handles = style.regime_handles([0]) + handles + [Line2D([], [], color=style.MELTING, lw=1.1, label=style.MELTING_LABEL)] * any(molten for _, _, molten in drawn)
     style.legend_below(figure, handles)
     return figure
 
 
-def free_surface(runs):
+def surfaces(runs):
+    """Returns the runs that have a free surface, and the time at which it begins to move (µs)."""
     runs = [run for run in runs if run.surface is not None]
+    starts = [time[(np.abs(speed) > 1.0).any(axis=1)][0] if (np.abs(speed) > 1.0).any() else time[0] for time, speed in (run.surface for run in runs)]
+    return runs, min(starts, default=0.0)
+
+
+def draw_surface(axis, runs, begin, where):
+    """Draws the velocity of the free surface of these runs at a share of its radius."""
+    for run in runs:
+        time, speed = run.surface
+        axis.plot(time, speed[:, int(where * (speed.shape[1] - 1))], color=style.law_colour(run.law), lw=1.5)
+    axis.set(xlabel="time (µs)", title=SURFACE[where], xlim=(0.9 * begin, max(run.surface[0][-1] for run in runs)))
+    axis.grid()
+
+
+def free_surface(runs):
+    runs, begin = surfaces(runs)
     figure, axes = style.figure(1, 2, (11, 4.2), sharey=True)
-    begin = min(time[(np.abs(speed) > 1.0).any(axis=1)][0] if (np.abs(speed) > 1.0).any() else time[0] for time, speed in (run.surface for run in runs))
-    for axis, where, title in zip(axes, (0.0, 0.5), ("on the axis", "at half the radius")):
-        for run in runs:
-            time, speed = run.surface
-            axis.plot(time, speed[:, int(where * (speed.shape[1] - 1))], color=style.law_colour(run.law), lw=1.5)
-        axis.set(xlabel="time (µs)", title=title, xlim=(0.9 * begin, max(run.surface[0][-1] for run in runs)))
-        axis.grid()
-    axes[0].set_ylabel("velocity of the cone's free surface (m/s)")
+    for axis, where in zip(axes, SURFACE):
+        draw_surface(axis, runs, begin, where)
+    axes[0].set_ylabel(SURFACE_LABEL)
     figure.canvas.draw()
-    for axis, where in zip(axes, (0.0, 0.5)):
+    for axis, where in zip(axes, SURFACE):
         style.label_ends(axis, [(run.surface[0][-1], run.surface[1][-1, int(where * (run.surface[1].shape[1] - 1))], run.label, style.law_colour(run.law))
                                 for run in runs])
     return figure

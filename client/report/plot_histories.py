@@ -12,7 +12,7 @@ import sys
 import matplotlib.pyplot as plt
 import numpy as np
 import style
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from runs import Fault, Run, style_text
@@ -20,6 +20,7 @@ from runs import Fault, Run, style_text
 MOST_LINES = 8   # lines in one panel; with more columns, some lines and the band of all columns
 MOST_PANELS = 6  # panels side by side
 BAND = "#ebebeb"
+LINES = ListedColormap(plt.cm.viridis(np.linspace(0.2, 0.88, 256)))
 SHOWN = ("interface_temperature", "shear_stress", "sliding_velocity")
 
 
@@ -59,62 +60,90 @@ def panels_of(runs):
     return panels, sum(len(groups(run)) for run in runs) - len(panels)
 
 
+def colours(runs):
+    """Returns the colours of the lines by their jump, neither too dark nor too light for any paper."""
+    jumps = np.concatenate([jump(run) for run in runs])
+    return plt.cm.ScalarMappable(Normalize(jumps.min(), jumps.max() if jumps.max() > jumps.min() else jumps.min() + 1.0), LINES)
+
+
+def quantities(runs):
+    return list(SHOWN) + ["pressure"] * any(pressure_varies(run) for run in runs)
+
+
+def draw_history(axis, run, columns, name, scale):
+    """Draws one quantity of some columns against time. Returns whether a band stands for lines that are left out, and
+    whether the melting temperature is drawn."""
+    label, factor, _ = style.QUANTITIES[name]
+    values = np.abs(run[name]) * factor if name == "sliding_velocity" else run[name] * factor
+    chosen = columns if columns.size <= MOST_LINES else columns[np.unique(np.linspace(0, columns.size - 1, 6).round().astype(int))]
+    banded = columns.size > chosen.size
+    if banded:
+        axis.fill_between(run.time, values[:, columns].min(axis=1), values[:, columns].max(axis=1), color=BAND, lw=0)
+    for column in chosen:
+        axis.plot(run.time, values[:, column], color=scale.to_rgba(jump(run)[column]) if np.ptp(jump(run)) > 0 else style.INK, lw=1.4)
+    melting = run.scene.get("soft", {}).get("melting_temperature_k")
+    melts = name == "interface_temperature" and melting and run.scene["soft"].get("melting_curve", "constant") == "constant"
+    if melts:
+        axis.axhline(0.99 * melting, color=style.FAINT, lw=1.0, ls="--")
+    axis.set_ylabel(label)
+    axis.grid()
+    axis.set_xlim(0.0, run.time[-1])
+    return banded, bool(melts)
+
+
 def histories(runs):
     """Returns the figure of the histories and the number of panels that it leaves out."""
     panels, left_out = panels_of(runs)
-    quantities = list(SHOWN) + ["pressure"] * any(pressure_varies(run) for run in runs)
-    figure, axes = style.figure(len(quantities), len(panels), (1.6 + max(2.7 * len(panels), 5.0), 2.2 * len(quantities) + 1.0), legend=True,
+    names = quantities(runs)
+    figure, axes = style.figure(len(names), len(panels), (1.6 + max(2.7 * len(panels), 5.0), 2.2 * len(names) + 1.0), legend=True,
                                 sharex=True, sharey="row", squeeze=False)
-    jumps = np.concatenate([jump(run)[columns] for run, _, columns in panels])
-    scale = plt.cm.ScalarMappable(Normalize(jumps.min(), jumps.max() if jumps.max() > jumps.min() else jumps.min() + 1.0), "viridis")
-    banded, melts = False, False
-    for p, (run, title, columns) in enumerate(panels):
-        chosen = columns if columns.size <= MOST_LINES else columns[np.unique(np.linspace(0, columns.size - 1, 6).round().astype(int))]
-        for axis, name in zip(axes[:, p], quantities):
-            label, factor, _ = style.QUANTITIES[name]
-            values = np.abs(run[name]) * factor if name == "sliding_velocity" else run[name] * factor
-            if columns.size > chosen.size:
-                banded = True
-                axis.fill_between(run.time, values[:, columns].min(axis=1), values[:, columns].max(axis=1), color=BAND, lw=0)
-            for column in chosen:
-                axis.plot(run.time, values[:, column], color=scale.to_rgba(jump(run)[column]), lw=1.4)
-            melting = run.scene.get("soft", {}).get("melting_temperature_k")
-            if name == "interface_temperature" and melting and run.scene["soft"].get("melting_curve", "constant") == "constant":
-                melts = True
-                axis.axhline(0.99 * melting, color=style.MELTING, lw=1.0, ls="--")
-            axis.set_ylabel(label if p == 0 else "")
-            axis.grid()
-            axis.set_xlim(0.0, run.time[-1])
+    scale = colours(runs)
+    found = np.array([draw_history(axis, run, columns, name, scale) for p, (run, _, columns) in enumerate(panels) for axis, name in zip(axes[:, p], names)])
+    for p, (_, title, _) in enumerate(panels):
         axes[0, p].set_title(title)
         axes[-1, p].set_xlabel("time (µs)")
-    if jumps.max() > jumps.min():
+        for axis in axes[:, p] if p > 0 else ():
+            axis.set_ylabel("")
+    if any(np.ptp(jump(run)) > 0 for run in runs):
         figure.colorbar(scale, ax=list(axes[:, -1]), label=jump_label(runs), shrink=0.6, pad=0.03)
-    handles = [Patch(color=BAND, label="range of all columns")] * banded
-    handles += [Line2D([], [], color=style.MELTING, lw=1.0, ls="--", label=style.MELTING_LABEL)] * melts
+    banded, melts = found.any(axis=0)
+    handles = [Patch(color=BAND, label="range of all columns")] * bool(banded)
+    handles += [Line2D([], [], color=style.FAINT, lw=1.0, ls="--", label=style.MELTING_LABEL)] * bool(melts)
     if handles:
         style.legend_below(figure, handles)
     return figure, left_out
+
+
+def draw_regimes(axis, run, columns, label):
+    """Draws the map of the regimes of some columns. label: of their jump."""
+    rows = jump(run)[columns]
+    regular = columns.size > 1 and np.all(np.diff(rows) > 0)
+    axis.set_facecolor(style.OPEN)
+    axis.pcolormesh(run.time, rows if regular else np.arange(columns.size), np.ma.masked_equal(run["regime"][:, columns], 0).T, shading="nearest",
+                    rasterized=True, **style.regime_colours())
+    axis.set(xlim=(0.0, min(1.1 * run.last_contact, run.time[-1])), xlabel="time (µs)", ylabel=label if regular else f"column, by {label[:-6]}")
 
 
 def regimes(runs):
     panels, _ = panels_of(runs)
     figure, axes = style.figure(1, len(panels), (1.2 + 2.7 * len(panels), 4.4), legend=True, sharey=True, squeeze=False)
     for axis, (run, title, columns) in zip(axes[0], panels):
-        rows = jump(run)[columns]
-        regular = columns.size > 1 and np.all(np.diff(rows) > 0)
-        axis.pcolormesh(run.time, rows if regular else np.arange(columns.size), run["regime"][:, columns].T, shading="nearest", rasterized=True,
-                        **style.regime_colours())
-        axis.set(xlim=(0.0, min(1.1 * run.last_contact, run.time[-1])), title=title, xlabel="time (µs)",
-                 ylabel=jump_label(runs) if regular else f"column, by {jump_label(runs)[:-6]}")
+        draw_regimes(axis, run, columns, jump_label(runs))
+        axis.set_title(title)
         axis.label_outer()
     style.legend_below(figure, style.regime_handles(np.concatenate([np.unique(run["regime"][:, columns]) for run, _, columns in panels])))
     return figure
 
 
+def has_many(runs):
+    """Returns whether the runs have enough columns for a map of regimes."""
+    return all("regime" in run for run in runs) and any(run["regime"].shape[1] > MOST_LINES for run in runs)
+
+
 def pictures(runs):
     """Yields (name of the file, figure, number of panels left out) of all pictures of these runs."""
     yield "histories.png", *histories(runs)
-    if all("regime" in run for run in runs) and any(run["regime"].shape[1] > MOST_LINES for run in runs):
+    if has_many(runs):
         yield "regimes.png", regimes(runs), 0
 
 

@@ -4,25 +4,58 @@ several laws are compared.
 
 exit code: 0 the report is written, 1 a run cannot be read or the file not written, 2 a faulty command line"""
 import argparse
+import importlib
+import json
 import os
 import pathlib
+import platform
 import shlex
+import subprocess
 import sys
 
 
-def arguments(version):
-    parser = argparse.ArgumentParser(prog="shearbus-report", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", nargs="+", type=pathlib.Path, metavar="RUN", help="directory of shearbus-hydro, or result of shearbus-replay (HDF5)")
+def version_of(version, programs):
+    """Returns the entries of --version. programs: directory of shearbus-ctl, which is of the same build and knows its
+    commit."""
+    found = {"program": "shearbus-report", "version": version, "commit": "unknown"}
+    try:
+        told = subprocess.run([pathlib.Path(programs) / "shearbus-ctl", "--version", "--json"], capture_output=True, text=True, timeout=20, check=True)
+        found["commit"] = json.loads(told.stdout)["commit"]
+    except (OSError, subprocess.SubprocessError, ValueError, KeyError):
+        pass
+    found["python"] = platform.python_version()
+    for library in ("jinja2", "matplotlib", "numpy", "h5py", "PIL"):
+        try:
+            found[library] = importlib.import_module(library).__version__
+        except ImportError:
+            found[library] = "missing"
+    return found
+
+
+def arguments(version, programs):
+    parser = argparse.ArgumentParser(prog="shearbus-report", usage="shearbus-report RUN [RUN ...] [-o REPORT.html] [--figures DIR]\n       shearbus-report --version [--json]", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", nargs="*", type=pathlib.Path, metavar="RUN", help="directory of shearbus-hydro, or result of shearbus-replay (HDF5)")
     parser.add_argument("-o", "--out", type=pathlib.Path, metavar="REPORT.html", help="the report, replaced once it is whole (default: report.html in the first RUN, or beside it)")
     parser.add_argument("--figures", type=pathlib.Path, metavar="DIR", help="figures.json and pictures of the paper's figures, for a section of their own")
-    parser.add_argument("--version", action="version", version=f"shearbus-report {version}")
-    return parser.parse_args()
+    parser.add_argument("--version", action="store_true", help="print version, commit and libraries")
+    parser.add_argument("--json", action="store_true", help="with --version: as one line of JSON")
+    options = parser.parse_args()
+    if options.version:
+        entries = version_of(version, programs)
+        text = [f"{entries.pop('program')} {entries.pop('version')}"] if not options.json else []
+        print(json.dumps(entries) if options.json else "\n".join(text + [f"  {key:<10} {value}" for key, value in entries.items()]))
+        sys.exit(0)
+    if options.json:
+        parser.error("--json needs --version")
+    if not options.runs:
+        parser.error("the following arguments are required: RUN")
+    return options
 
 
 def main(version, programs):
     """Runs the program. programs: directory of shearbus-ctl, which knows the sources of the materials. Returns the
     exit code."""
-    options = arguments(version)
+    options = arguments(version, programs)
     if options.out is None:
         first = options.runs[0]
         options.out = (first if first.is_dir() else first.parent) / "report.html"

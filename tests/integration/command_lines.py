@@ -42,6 +42,22 @@ class Programs(unittest.TestCase):
         if head is not None and head.returncode == 0:
             self.assertRegex(found[0]["commit"], r"^[0-9a-f]{12}(\+dirty)?$", "a build of a repository knows its commit")
 
+    def test_the_report_says_its_version_in_the_form_of_the_other_programs(self):
+        entries = json.loads(run(OPTIONS.report, "--version", "--json").stdout)
+        self.assertEqual(list(entries), ["program", "version", "commit", "python", "jinja2", "matplotlib", "numpy", "h5py", "PIL"])
+        control = next(program for program in OPTIONS.programs if program.name == "shearbus-ctl")
+        other = json.loads(run(control, "--version", "--json").stdout)
+        self.assertEqual((entries["version"], entries["commit"]), (other["version"], other["commit"]))
+        text = run(OPTIONS.report, "--version").stdout.splitlines()
+        self.assertEqual(text[0], f"shearbus-report {other['version']}")
+        form = [len(re.match(r"  \w+ +", line)[0]) for line in run(control, "--version").stdout.splitlines()[1:]]
+        self.assertEqual([re.match(r"  (\w+) +(.*)", line).groups() for line in text[1:]], list(entries.items())[2:])
+        self.assertEqual({len(re.match(r"  \w+ +", line)[0]) for line in text[1:]}, set(form))
+        for wrong, said in ((["--json"], "--json needs --version"), ([], "required: RUN")):
+            done = run(OPTIONS.report, *wrong)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(said, done.stderr)
+
     def test_help_is_for_people(self):
         for program in OPTIONS.programs:
             commands = [[]]
@@ -108,5 +124,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--source", type=pathlib.Path, required=True)
     parser.add_argument("--programs", type=pathlib.Path, nargs="+", required=True)
+    parser.add_argument("--report", type=pathlib.Path, required=True)
     OPTIONS, rest = parser.parse_known_args()
     unittest.main(argv=["command_lines.py", *rest], verbosity=2)

@@ -31,10 +31,23 @@ CHROMIUM = ["/usr/bin/chromium", "--headless", "--no-sandbox", "--disable-gpu", 
 FAULTS = r"""
 (() => {
   const faults = [];
+  for (const e of document.querySelectorAll("details")) e.open = true;
   const width = document.documentElement.clientWidth;
   if (document.documentElement.scrollWidth > width) {
-    const wide = [...document.querySelectorAll("body *")].filter(e => e.getBoundingClientRect().right > width + 1 && !e.closest(".plate, .scroll, pre"));
+    const wide = [...document.querySelectorAll("body *")].filter(e => e.getBoundingClientRect().right > width + 1);
     faults.push("overflows to " + document.documentElement.scrollWidth + ": " + wide.slice(0, 3).map(e => e.outerHTML.slice(0, 80)).join(" | "));
+  }
+  // No part of the page may scroll sideways.
+  for (const e of document.querySelectorAll("body *"))
+    if (e.scrollWidth > e.clientWidth + 1 && ["auto", "scroll"].includes(getComputedStyle(e).overflowX)) faults.push("scrolls sideways: " + e.outerHTML.slice(0, 80));
+  // In the dark no picture stands in a white box.
+  if (matchMedia("(prefers-color-scheme: dark)").matches) for (const e of document.querySelectorAll("svg path, svg rect"))
+    if (getComputedStyle(e).fill === "rgb(255, 255, 255)" && e.getBoundingClientRect().width > 0.4 * e.ownerSVGElement.getBoundingClientRect().width)
+      faults.push("white box: " + e.ownerSVGElement.getAttribute("aria-label"));
+  const rows = {};  // how far the pictures of each row of the maps reach, as a share of the width
+  for (const e of document.querySelectorAll(".group svg")) {
+    const area = e.closest(".groups").getBoundingClientRect(), r = e.closest(".group").getBoundingClientRect();
+    rows[Math.round(r.top)] = Math.max(rows[Math.round(r.top)] || 0, (e.getBoundingClientRect().right - area.left) / area.width);
   }
   for (const image of document.images) if (!(image.complete && image.naturalWidth > 0)) faults.push("image is missing: " + image.alt);
   const texts = [];
@@ -44,7 +57,7 @@ FAULTS = r"""
     const range = document.createRange();
     range.selectNodeContents(node);
     for (const r of range.getClientRects()) if (r.width > 1 && r.height > 1 && getComputedStyle(node.parentElement).visibility === "visible")
-      texts.push({r, text: node.data.trim(), parent: node.parentElement, clip: node.parentElement.closest(".plate, .scroll, pre")});
+      texts.push({r, text: node.data.trim(), parent: node.parentElement, clip: node.parentElement.closest("pre")});
   }
   for (let i = 0; i < texts.length; ++i) for (let j = i + 1; j < texts.length; ++j) {
     const a = texts[i], b = texts[j];
@@ -52,7 +65,7 @@ FAULTS = r"""
     const w = Math.min(a.r.right, b.r.right) - Math.max(a.r.left, b.r.left), h = Math.min(a.r.bottom, b.r.bottom) - Math.max(a.r.top, b.r.top);
     if (w > 1.5 && h > 0.35 * Math.min(a.r.height, b.r.height)) faults.push("texts overlap: " + a.text.slice(0, 40) + " / " + b.text.slice(0, 40));
   }
-  return {faults, paper: getComputedStyle(document.body).backgroundColor, height: document.documentElement.scrollHeight, texts: texts.length};
+  return {faults, paper: getComputedStyle(document.body).backgroundColor, height: document.documentElement.scrollHeight, texts: texts.length, rows: Object.values(rows)};
 })()
 """
 
@@ -148,7 +161,7 @@ class Report(unittest.TestCase):
             file["profiles/time"], file["profiles/node_id"] = file["time"][[50, 150]], file["node_id"][-1:]
             file["profiles/position"], file["profiles/layer_temperature"] = [-1e-6, 0.0, 1e-6], [[[300.0, 600.0, 400.0]], [[310.0, 700.0, 500.0]]]
         cls.reports = {}
-        for name, words in {"cone": [*cls.cones, "--figures", cls.paper()], "column": [cls.column], "replay": [cls.result]}.items():
+        for name, words in {"cone": [*cls.cones, "--figures", cls.paper()], "one": cls.cones[:1], "column": [cls.column], "replay": [cls.result]}.items():
             cls.reports[name] = path / f"{name}.html"
             if name == "replay":
                 run(OPTIONS.report, *words, "-o", cls.reports[name])
@@ -178,13 +191,29 @@ class Report(unittest.TestCase):
                      "energy closed to", "aluminium_dlp: DLP tables", "Selected nodes", "hottest", "left out", "Figure 12: profiles", "It falls.", "By a fifth.", "[hydro.cone_target]"):
             self.assertTrue(text in page, text)
         column = self.reports["column"].read_text()
-        for text in ("sliding_to_a_stop", "No figures of the paper were given", "solver of the layers"):
+        for text in ("sliding_to_a_stop", "solver of the layers"):
             self.assertTrue(text in column, text)
+        layer = summary["layer_energy"]
+        residual = layer["energy_residual_j_per_m2"] / layer["interface_work_j_per_m2"]
+        self.assertGreater(abs(residual), 1e-12)
+        self.assertRegex(page, rf"<td>work of the interface stress</td><td>{residual:.1e}</td>")
+        self.assertTrue("more than rounding" in page and "more than rounding" not in column)
         replay = self.reports["replay"].read_text()
         self.assertTrue("velocity_driven" in replay)
         self.assertTrue("temperature across the layer of the node" in replay)
         self.assertFalse("kept no profiles" in replay)
         self.assertTrue("kept no profiles" in column)
+
+    def test_a_section_without_content_is_left_out(self):
+        for name, left_out in (("cone", []), ("column", ["paper"]), ("replay", ["paper", "ledger"])):
+            page = self.reports[name].read_text()
+            for section in ("case", "fields", "nodes", "ledger", "cost", "paper", "scene"):
+                for part in (f'id="{section}"', f'href="#{section}"'):
+                    self.assertEqual(part in page, section not in left_out, (name, part))
+            bodies = re.findall(r"<h2[^>]*>.*?</h2>(.*?)</section>", page, re.S)
+            self.assertEqual(len(bodies), 7 - len(left_out))
+            for body in bodies:
+                self.assertGreater(len(re.sub(r"<[^>]*>|\s", "", body)), 40, (name, body[:200]))
 
     def test_the_page_is_one_file_without_network_or_script(self):
         for report in self.reports.values():
@@ -214,20 +243,25 @@ class Report(unittest.TestCase):
         try:
             for name, report in self.reports.items():
                 for width, theme in ((360, "light"), (360, "dark"), (1400, "light"), (1400, "dark")):
-                    if name != "cone" and (width < 1000) != (theme == "light") and not OPTIONS.screenshots:
+                    if name == "one" and (width, theme) != (1400, "dark") and not OPTIONS.screenshots:
+                        continue
+                    if name in ("column", "replay") and (width < 1000) != (theme == "light") and not OPTIONS.screenshots:
                         continue
                     found = browser.open(report.as_uri(), width, theme)
                     self.assertEqual(found["faults"], [], f"{name} at {width} pixels, {theme}")
                     self.assertGreater(found["texts"], 50)
+                    if name in ("cone", "one"):  # the maps fill the page, of one run and of two
+                        self.assertGreater(min(found["rows"]), 0.85, f"{name} at {width} pixels: {found['rows']}")
                     self.assertEqual(found["paper"], {"light": "rgb(255, 255, 255)", "dark": "rgb(22, 24, 27)"}[theme])
                     if OPTIONS.screenshots:
                         OPTIONS.screenshots.mkdir(parents=True, exist_ok=True)
                         browser.screenshot(OPTIONS.screenshots / f"{name}-{width}-{theme}.png", width, min(found["height"], 16000))
             # The check itself notices a page with each fault.
-            (self.path / "bad.html").write_text('<!DOCTYPE html><body style="margin:0"><div style="width:2000px">wide</div><img src="gone.png" alt="gone">'
+            (self.path / "bad.html").write_text('<!DOCTYPE html><body style="margin:0"><svg width="100" height="50"><rect width="90" height="40" fill="#ffffff"/></svg>'
+                                                '<p style="width:100px;overflow-x:auto;white-space:nowrap">a line that is far too long</p><div style="width:2000px">wide</div><img src="gone.png" alt="gone">'
                                                 '<p style="position:absolute;top:50px">one text</p><p style="position:absolute;top:52px">other text</p>')
-            faults = " ".join(browser.open((self.path / "bad.html").as_uri(), 360, "light")["faults"])
-            for fault in ("overflows to", "image is missing: gone", "texts overlap"):
+            faults = " ".join(browser.open((self.path / "bad.html").as_uri(), 360, "dark")["faults"])
+            for fault in ("overflows to", "scrolls sideways: <p", "white box", "image is missing: gone", "texts overlap"):
                 self.assertIn(fault, faults)
         finally:
             browser.close()
