@@ -44,26 +44,32 @@ std::string error_text(const Comparison& c) {
 
 }  // namespace
 
-// What the interface saw, and how much of the bound on friction below melting it used.
+// What limited the slip, the load on the interface, and how much of the work that friction can do below melting it did.
 std::string Summary2d::flank_text() const {
   const auto slip_in = [&](wire::Regime regime) { return 100.0 * interface.share_of_slip(regime); };
   const NodeTotals& nodes = interface.totals();
   const double fastest = *std::ranges::max_element(nodes.fastest_slip);
   std::string out = fmt::format(
-      "  slip by regime          {} {:.1f} %, Tresca {:.1f} %, of which melting {:.1f} %\n"
+      "  slip by regime          {} {:.1f} %, Tresca {:.1f} %, melting {:.1f} % of the slip distance of all nodes\n",
+      sliding_name(), slip_in(wire::Regime::kCoulomb), slip_in(wire::Regime::kTresca), slip_in(wire::Regime::kMelting));
+  if (!slips_freely())
+    for (const auto& [label, value] : regime_lines()) out += fmt::format("  {:<24}{}\n", label, value);
+  out += fmt::format(
       "  flank, highest          pressure {:.2f} GPa (mean of the nodes' highest {:.2f}), slip {:.0f} m/s ({:.0f})",
-      sliding_name(), slip_in(wire::Regime::kCoulomb), slip_in(wire::Regime::kTresca) + slip_in(wire::Regime::kMelting),
-      slip_in(wire::Regime::kMelting), 1e-9 * interface.highest_pressure(), 1e-9 * mean_of(nodes.highest_pressure),
-      fastest, mean_of(nodes.fastest_slip));
+      1e-9 * interface.highest_pressure(), 1e-9 * mean_of(nodes.highest_pressure), fastest,
+      mean_of(nodes.fastest_slip));
   if (published) {
     out += fmt::format("; published: up to {:.0f} GPa, {:.0f} m/s", 1e-9 * published->pressure,
                        published->sliding_velocity);
   }
-  out +=
-      fmt::format("\n  P sqrt(t) of slip       mean {:.2f} GPa us^(1/2)\n", 1e-6 * interface.mean_pressure_root_time());
+  out += fmt::format(
+      "\n  P sqrt(t) of slip       {:.2f} GPa us^(1/2): mean pressure times root of the time of slip, mean of nodes\n",
+      1e-6 * interface.mean_pressure_root_time());
   if (interface.has_bound()) {
-    out += fmt::format("  bound below melting     used by a node: at most {:.3f}, at the end {:.3f} (mean)\n",
-                       interface.most_bound_used(), mean_of(nodes.bound_used));
+    out += fmt::format(
+        "  friction below melting  did at most {:.1f} % (mean at the end {:.1f} %) of the work that an interface below "
+        "melting can take up\n",
+        100.0 * interface.most_bound_used(), 100.0 * mean_of(nodes.bound_used));
   }
   return out;
 }
@@ -82,7 +88,8 @@ std::string Summary2d::text() const {
   if (interface.nodes() > 0) {
     const auto share = [&](wire::Regime regime) { return 100.0 * interface.share(regime); };
     out += fmt::format(
-        "  regime shares           open {:.1f} %, stick {:.1f} %, {} {:.1f} %, Tresca {:.1f} %, melting {:.1f} %\n"
+        "  regime shares           open {:.1f} %, stick {:.1f} %, {} {:.1f} %, Tresca {:.1f} %, melting {:.1f} % of "
+        "the node-steps\n"
         "  slip distance           mean {:.4f} mm, longest {:.4f} mm\n"
         "  hottest interface       {:.1f} K; highest pressure {:.3f} GPa\n"
         "  friction heat           {:.4f} {} of {:.1f} kinetic at the start; closing the gaps {:.4f}\n",
@@ -92,8 +99,7 @@ std::string Summary2d::text() const {
         turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
     out += flank_text();
   }
-  if (!interface.energy().empty())
-    for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
+  for (const auto& [label, value] : layer_lines(interface.energy())) out += fmt::format("  {:<24}{}\n", label, value);
   for (const Comparison& c : comparisons) {
     out += fmt::format("  {:<36}{:.6g} {}, should be {:.6g}  {}\n", c.what, c.found, c.units, c.exact, error_text(c));
   }

@@ -85,9 +85,19 @@ class Cone(unittest.TestCase):
                         self.assertGreater(used.max(), 0.5)
                         self.assertGreaterEqual(summary["bound_used_most"], used.max())
                         numpy.testing.assert_array_equal(nodes["bound_used"], used[-1])
-                        self.assertRegex(done.stdout, r"bound below melting +used by a node: at most 0\.\d+")
+                        share = 100 * summary["bound_used_most"]
+                        self.assertRegex(done.stdout, rf"friction below melting +did at most {share:.1f} % .* of the work that an interface below melting can take up")
                     else:
-                        self.assertNotIn("bound", done.stdout)
+                        self.assertNotIn("below melting", done.stdout)
+                shares = [100 * summary[f"slip_share_{name}"] for name in ("coulomb", "tresca", "melting")]
+                self.assertIn("Coulomb {:.1f} %, Tresca {:.1f} %, melting {:.1f} % of the slip distance".format(*shares), done.stdout)
+                self.assertLessEqual(sum(shares), 100 + 1e-9)
+                self.assertIn("Coulomb: friction coefficient times pressure", done.stdout)
+                if law == "subgrid":  # the residual of the layers' energy is told relative to the work, with its reason
+                    layer = summary["layer_energy"]
+                    found = layer["energy_residual_j_per_m2"] / layer["interface_work_j_per_m2"]
+                    self.assertIn(f"energy {found:.1e} of the work\n", done.stdout)
+                    self.assertEqual("more than rounding" in done.stdout, abs(found) > 1e-12)
             self.assertLess(slip["subgrid"], 0.7 * slip["coulomb_tresca"])
 
     def test_flow_stress_as_printed_gives_the_figures_and_the_hot_scene_reverses_the_order(self):
