@@ -203,6 +203,32 @@ std::string microseconds(double seconds) {
   return fmt::format("{:.2f} µs", 1e6 * seconds);
 }
 
+// Returns the number of characters of a text in UTF-8.
+std::size_t width_of(std::string_view text) {
+  return static_cast<std::size_t>(std::ranges::count_if(text, [](char c) { return (c & 0xc0) != 0x80; }));
+}
+
+// Returns an indented label and its text. Where the text would pass column 100, it goes on in a new line below its
+// beginning.
+std::string labelled(const std::string& label, std::string_view text) {
+  constexpr std::size_t kColumns = 100;
+  std::string out = "  " + label;
+  const std::size_t begin = width_of(out);
+  std::size_t column = begin;
+  while (!text.empty()) {
+    const std::string_view word = text.substr(0, text.find(' '));
+    text.remove_prefix(std::min(text.size(), word.size() + 1));
+    if (column > begin) {
+      const bool fits = column + 1 + width_of(word) <= kColumns;
+      out += fits ? " " : '\n' + std::string(begin, ' ');
+      column = fits ? column + 1 : begin;
+    }
+    out += word;
+    column += width_of(word);
+  }
+  return out + '\n';
+}
+
 }  // namespace
 
 // The median of many samples lies between the (k+1)th smallest and the (k+1)th largest of n samples with the probability
@@ -274,30 +300,32 @@ std::string Explanation::text(std::size_t nodes) const {
   for (const bool on : {true, false}) {
     for (const ScenePart& part : parts) {
       if (part.on != on) continue;
-      out += fmt::format("  {:<4}{:<40}", on ? "on" : "off", part.name);
-      if (!part.excluded.empty() && !on) {
-        out += fmt::format("not in this scene: {}\n", part.excluded);
+      const std::string label = fmt::format("{:<4}{:<40}", on ? "on" : "off", part.name);
+      if (!part.excluded.empty()) {
+        out += labelled(label, on ? part.meaning : fmt::format("not in this scene: {}", part.excluded));
         continue;
       }
-      if (part.excluded.empty())
-        out += fmt::format("{} {:+} B per node, {} per slipping node-step: ", on ? "takes" : "would take",
-                           part.bytes_per_node, part.slipping.text());
-      out += part.meaning + "\n";
+      out += labelled(label, fmt::format("{} {:+} B per node, {} per slipping node-step:", on ? "takes" : "would take",
+                                         part.bytes_per_node, part.slipping.text()));
+      out += labelled(std::string(label.size(), ' '), part.meaning);
     }
   }
-  out += fmt::format("  memory              {} B per node; with everything on {} B\n", cost.bytes_per_node,
-                     everything.bytes_per_node);
-  out +=
-      fmt::format("  time per node-step  {} slipping, {} open with heat in the layer; with everything on {} and {}\n",
-                  microseconds(cost.slipping_s), microseconds(cost.resting_s), microseconds(everything.slipping_s),
-                  microseconds(everything.resting_s));
-  out += fmt::format("  a new step length   {}\n", microseconds(cost.step_length_s));
+  const auto line = [&](const char* label, const std::string& text) {
+    out += labelled(fmt::format("{:<20}", label), text);
+  };
+  line("memory", fmt::format("{} B per node; with everything on {} B", cost.bytes_per_node, everything.bytes_per_node));
+  line("time per node-step", fmt::format("{} slipping, {} open with heat in the layer; with everything on {} and {}",
+                                         microseconds(cost.slipping_s), microseconds(cost.resting_s),
+                                         microseconds(everything.slipping_s), microseconds(everything.resting_s)));
+  line("a new step length", microseconds(cost.step_length_s));
   if (nodes > 0)
-    out += fmt::format("  a step of {} nodes  {} if all slip, {} if all rest; {:.1f} kB\n", nodes,
-                       microseconds(static_cast<double>(nodes) * cost.slipping_s + cost.step_length_s),
-                       microseconds(static_cast<double>(nodes) * cost.resting_s + cost.step_length_s),
-                       1e-3 * static_cast<double>(nodes * cost.bytes_per_node));
-  return out + fmt::format("  everything on       {}\n", fmt::join(together, ", "));
+    out += labelled(fmt::format("a step of {} nodes  ", nodes),
+                    fmt::format("{} if all slip, {} if all rest; {:.1f} kB",
+                                microseconds(static_cast<double>(nodes) * cost.slipping_s + cost.step_length_s),
+                                microseconds(static_cast<double>(nodes) * cost.resting_s + cost.step_length_s),
+                                1e-3 * static_cast<double>(nodes * cost.bytes_per_node)));
+  line("everything on", fmt::format("{}", fmt::join(together, ", ")));
+  return out;
 }
 
 std::vector<std::pair<std::string, std::string>> OmittedCost::lines() const {

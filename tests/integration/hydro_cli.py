@@ -204,9 +204,11 @@ class Results(HydroTest):
     def test_explain_tells_what_a_scene_pays_for_and_runs_nothing(self):
         run = self.hydro("--explain", scene=PROBLEMS / "cone_al_steel_coarse.toml")
         self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertRegex(run.stdout, r"off tangential_components +would take \+\d+ B per node")
-        self.assertRegex(run.stdout, r"off layer.inertia +not in this scene: .*strategy = \"force_driven\"")
-        self.assertRegex(run.stdout, r"a step of 41 nodes +[\d.]+ µs if all slip")
+        self.assertLessEqual(max(map(len, run.stdout.splitlines())), 100)
+        told = " ".join(run.stdout.split())
+        self.assertRegex(told, r"off tangential_components would take \+\d+ B per node")
+        self.assertRegex(told, r"off layer.inertia not in this scene: layer.inertia = true .* strategy = \"force_driven\"")
+        self.assertRegex(told, r"a step of 41 nodes [\d.]+ µs if all slip")
         self.assertFalse(self.out.exists(), "--explain runs nothing")
 
     def test_released_interface_carries_nothing_and_cools(self):

@@ -56,6 +56,27 @@ TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   EXPECT_FALSE(part(driven, "junctions").excluded.empty());
 }
 
+TEST(Explain, NoLineIsWiderThanATerminal) {
+  for (const v1::Scene& scene : {support::force_scene(), support::velocity_scene()}) {
+    const std::string text = explain(scene).text(10);
+    std::size_t widest = 0, begin = 0;
+    for (std::size_t end = text.find('\n'); end != std::string::npos; begin = end + 1, end = text.find('\n', begin))
+      widest = std::max(widest, end - begin);  // bytes, so that a µ counts twice
+    EXPECT_LE(widest, 101U) << text;
+    EXPECT_GT(widest, 80U) << text;
+    EXPECT_EQ(begin, text.size());
+  }
+  // A long reason continues below its beginning, and no word of it is lost.
+  const Explanation forced = explain(support::force_scene());
+  std::string reason = part(forced, "layer.inertia").excluded;
+  ASSERT_GT(reason.size(), 100U);
+  std::string text = forced.text();
+  const std::string margin = '\n' + std::string(46, ' ');
+  EXPECT_THAT(text, HasSubstr(margin));
+  for (std::size_t at = 0; (at = text.find(margin, at)) != std::string::npos;) text.replace(at, margin.size(), " ");
+  EXPECT_THAT(text, HasSubstr(reason + '\n'));
+}
+
 TEST(Explain, TimesAreMeasured) {
   v1::Scene scene = support::velocity_scene(60);
   const Explanation told = explain(scene);
