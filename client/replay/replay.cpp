@@ -46,37 +46,44 @@ struct Service {
   Client client;
 };
 
-// A column of the result file. Each component of each column of the replies is one column.
-struct ReplyColumn {
+// A column of the result file: one component of a column of the requests or of the replies.
+struct ResultColumn {
   Field field;
   std::uint32_t component;
+  bool is_input;
 };
 
-std::vector<ReplyColumn> reply_columns(const wire::SessionOpened& session) {
-  std::vector<ReplyColumn> columns;
-  for (const Field field : session.reply_columns)
+// The velocity jump and the pressure that were sent, so that a result can be drawn and understood without its history,
+// and everything that was answered. The other columns of the requests are in the history alone.
+std::vector<ResultColumn> result_columns(const wire::SessionOpened& session) {
+  std::vector<ResultColumn> columns;
+  const auto add = [&](Field field, bool is_input) {
     for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? session.tangential_components : 1);
          ++component)
-      columns.push_back({field, component});
+      columns.push_back({field, component, is_input});
+  };
+  for (const Field field : {Field::kPressure, Field::kVelocityJump}) add(field, true);
+  for (const Field field : session.reply_columns) add(field, false);
   return columns;
 }
 
 std::vector<wire::Quantity> quantities(const wire::SessionOpened& session) {
   std::vector<wire::Quantity> all;
-  for (const ReplyColumn& column : reply_columns(session))
+  for (const ResultColumn& column : result_columns(session))
     all.push_back(wire::quantity_of_column(column.field, column.component));
   return all;
 }
 
-void write_row(wire::HistoryWriter& writer, const StepResult& result, double time_s, double dt_s,
-               std::span<const ReplyColumn> columns) {
+void write_row(wire::HistoryWriter& writer, const Batch& request, const StepResult& result, double time_s, double dt_s,
+               std::span<const ResultColumn> columns) {
   writer.begin_row(time_s, dt_s);
   for (std::size_t i = 0; i < columns.size(); ++i) {
-    const auto [field, component] = columns[i];
+    const auto [field, component, is_input] = columns[i];
+    const Batch& batch = is_input ? request : result.batch();
     if (wire::element_of(field) == wire::Element::kUint8)
-      writer.set(i, result.batch().u8(field, component));
+      writer.set(i, batch.u8(field, component));
     else
-      writer.set(i, result.batch().f64(field, component));
+      writer.set(i, batch.f64(field, component));
   }
   writer.end_row();
 }
@@ -107,7 +114,7 @@ void replay(const Options& options, const Table& history, HistoryInput& input, S
             wire::HistoryWriter& writer, wire::ProfileRecord& profiles, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", options.progress);
   Batch request = session.request(input.optional_columns(), input.form());
-  const std::vector<ReplyColumn> columns = reply_columns(session.opened());
+  const std::vector<ResultColumn> columns = result_columns(session.opened());
   input.prepare(request);
   for (std::size_t step = 0; step < history.steps(); ++step) {
     if (wire::interrupted())
@@ -124,7 +131,7 @@ void replay(const Options& options, const Table& history, HistoryInput& input, S
 
     const auto answered = Clock::now();
     const double dt_s = history.dt_s()[step];
-    write_row(writer, result, history.times_s()[step], dt_s, columns);
+    write_row(writer, request, result, history.times_s()[step], dt_s, columns);
     time.writing += Clock::now() - answered;
     tally.add(result, history.times_s()[step], dt_s);
     input.feed_back(result, request);

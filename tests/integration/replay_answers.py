@@ -58,9 +58,12 @@ class Results(ReplayTest):
         self.write(**velocity_history(steps=4, nodes=2, t0=-1e-9))
         self.result()
         with h5py.File(self.out) as file:
-            self.assertEqual(set(file), {"time", "dt", "node_id", "shear_stress", "sliding_velocity", "interface_temperature",
-                                         "regime", "outcome", "friction_heat", "meta"})
-            units = {"time": "s", "shear_stress": "Pa", "sliding_velocity": "m s-1", "interface_temperature": "K"}
+            self.assertEqual(set(file), {"time", "dt", "node_id", "pressure", "velocity_jump", "shear_stress", "sliding_velocity",
+                                         "interface_temperature", "regime", "outcome", "friction_heat", "meta"})
+            with h5py.File(self.history) as history:  # the result has what was sent, so that it can be drawn alone
+                for name in ("pressure", "velocity_jump"):
+                    np.testing.assert_array_equal(file[name][:], history[name][:])
+            units = {"time": "s", "pressure": "Pa", "velocity_jump": "m s-1", "shear_stress": "Pa", "sliding_velocity": "m s-1", "interface_temperature": "K"}
             for name, unit in units.items():
                 self.assertEqual(file[name].attrs["units"], unit)
             self.assertEqual(file["time"].attrs["t0"], -1e-9)
@@ -242,6 +245,7 @@ class Loops(ReplayTest):
         closed = self.result(scene=self.scene)
         self.assertIn("closed loop from /initial_velocity_jump", closed["text"])
         recorded = np.vstack([parts["initial_velocity_jump"], closed["velocity_jump_new"][:-1]])
+        np.testing.assert_array_equal(closed["velocity_jump"], recorded)  # the result has the jump that was sent
         self.write(**(parts | {"initial_velocity_jump": None, "velocity_jump": recorded}))
         opened = self.result(scene=self.scene)
         self.assertIn("as recorded in /velocity_jump", opened["text"])
