@@ -1,8 +1,7 @@
 """Puts one or more runs into one HTML file that needs nothing else: no network, no script. A RUN is a directory that
 shearbus-hydro wrote, in one or two dimensions, or a file of results of shearbus-replay; runs of one scene with
 several laws are compared.
-
-exit code: 0 the report is written, 1 a run cannot be read or the file not written, 2 a faulty command line"""
+"""
 import argparse
 import importlib
 import json
@@ -12,6 +11,13 @@ import platform
 import shlex
 import subprocess
 import sys
+
+
+EPILOG = """Examples:
+  shearbus-report out/cone_al_steel-subgrid out/cone_al_steel-coulomb_tresca -o cone.html
+  shearbus-report result.h5
+
+Exit codes: 0 the report is written, 1 a run cannot be read or the file not written, 2 a faulty command line"""
 
 
 def version_of(version, programs):
@@ -33,7 +39,7 @@ def version_of(version, programs):
 
 
 def arguments(version, programs):
-    parser = argparse.ArgumentParser(prog="shearbus-report", usage="shearbus-report RUN [RUN ...] [-o REPORT.html] [--figures DIR]\n       shearbus-report --version [--json]", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(prog="shearbus-report", usage="shearbus-report RUN [RUN ...] [-o REPORT.html] [--figures DIR]\n       shearbus-report --version [--json]", description=__doc__, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="*", type=pathlib.Path, metavar="RUN", help="directory of shearbus-hydro, or result of shearbus-replay (HDF5)")
     parser.add_argument("-o", "--out", type=pathlib.Path, metavar="REPORT.html", help="the report, replaced once it is whole (default: report.html in the first RUN, or beside it)")
     parser.add_argument("--figures", type=pathlib.Path, metavar="DIR", help="figures.json and pictures of the paper's figures, for a section of their own")

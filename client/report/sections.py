@@ -276,19 +276,22 @@ def cone_fields(runs):
 def history_fields(runs):
     """Returns the groups of pictures of runs in one dimension and results, one group for each quantity."""
     panels, left_out = plot_histories.panels_of(runs)
+    panels.sort(key=lambda entry: runs.index(entry[0]))  # equal pressures stand below each other
+    columns = max(sum(entry[0] is run for entry in panels) for run in runs)
+    columns = columns if columns > 1 else len(panels)
     scale, label, found = plot_histories.colours(runs), plot_histories.jump_label(runs), []
     for name in plot_histories.quantities(runs):
         figures, notes = [], [f"{left_out} groups of columns are left out."] * bool(left_out)
-        for run, title, columns in panels:
+        for run, title, nodes_of_panel in panels:
             figure, axis = panel((4.2, 2.6))
-            banded, melts = plot_histories.draw_history(axis, run, columns, name, scale)
+            banded, melts = plot_histories.draw_history(axis, run, nodes_of_panel, name, scale)
             axis.set(xlabel="time (µs)", title=title if len(panels) > 1 else "")
             figures.append((figure, axis))
             notes += ["The band has all columns."] * banded + [f"Dashed: {style.MELTING_LABEL}."] * melts
         low, high = min(axis.get_ylim()[0] for _, axis in figures), max(axis.get_ylim()[1] for _, axis in figures)
         for _, axis in figures:
             axis.set_ylim(low, high)
-        found.append({"title": style.QUANTITIES[name][0].split(" (")[0], "text": " ".join(dict.fromkeys(notes)),
+        found.append({"title": style.QUANTITIES[name][0].split(" (")[0], "text": " ".join(dict.fromkeys(notes)), "columns": columns,
                       "panels": [svg(figure, f"history-{name}-{i}", f"{name.replace('_', ' ')} against time") for i, (figure, _) in enumerate(figures)]})
     low, high = scale.get_clim()
     if any(np.ptp(plot_histories.jump(run)) > 0 for run in runs):
@@ -296,12 +299,12 @@ def history_fields(runs):
         found[0]["scale"] = {"stops": stops, "low": number(low), "high": number(high), "label": label}
     if plot_histories.has_many(runs):
         figures = []
-        for i, (run, title, columns) in enumerate(panels):
+        for i, (run, title, nodes_of_panel) in enumerate(panels):
             figure, axis = panel()
-            plot_histories.draw_regimes(axis, run, columns, label)
+            plot_histories.draw_regimes(axis, run, nodes_of_panel, label)
             axis.set_title(title if len(panels) > 1 else "")
             figures.append(svg(figure, f"regimes-{i}", "friction regime of the columns against time"))
-        found.append({"title": "friction regime", "text": "", "panels": figures})
+        found.append({"title": "friction regime", "text": "", "columns": columns, "has_regimes": True, "panels": figures})
     return found
 
 
@@ -466,7 +469,7 @@ def report(paths, figures, control, command):
         "runs": [{"label": run.label, "colour": law_colour(run.law), "path": str(run.path), "verdicts": verdicts(run), "provenance": run.provenance,
                   "time": run.summary.get("run_time_s")} for run in runs],
         "numbers": five_numbers(main) if main else [], "number_runs": lines(main),
-        "fields_title": "Fields and maps" if any(run.two_dimensions for run in runs) else "Histories", "along_interface": main and main[0].two_dimensions and any("pressure" in run for run in main), "melting": style.MELTING_LABEL,
+        "fields_title": "Fields and maps" if any(run.two_dimensions for run in runs) else "Histories", "along_interface": main and main[0].two_dimensions and any("pressure" in run for run in main),
         "case": the_case(first, material_sources(control)), "fields": fields(runs), "nodes": nodes(main) if main else [],
         "has_profiles": any("profiles" in run.table for run in main), "ledgers": [found for found in map(ledger, runs) if found["bars"] or found["rows"] or found["comparisons"]],
         "costs": [found for found in map(cost, runs) if found["bars"] or found["rows"] or found["flags"]],
