@@ -3,6 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hydro_stub/interface_law.hpp"
@@ -14,11 +15,11 @@ nlohmann::ordered_json as_json(const wire::EnergyTotals& energy);  // each energ
 nlohmann::ordered_json as_json(const OmittedCost& omitted);
 nlohmann::ordered_json as_json(const server::Entries& entries);
 
-// Lines of a summary, each with label and text. Below: the energies of the layers, with the residuals of their balances
-// relative to what is balanced; empty for a law without layers.
-using SummaryLines = std::vector<std::pair<std::string, std::string>>;
+using SummaryLines = std::vector<std::pair<std::string, std::string>>;  // lines of a summary, each with label and text
+// Returns the lines on the energies of the layers. The residuals are relative to the heat and to the work of the
+// interface stress. Empty for a law without layers.
 SummaryLines layer_lines(const wire::EnergyTotals& energy);
-// What limits the friction in each regime, for readers who do not know the names of the regimes.
+// Returns the lines that explain the names of the regimes: what limits the friction in each of them.
 SummaryLines regime_lines();
 
 }  // namespace shearbus::hydro

@@ -93,7 +93,7 @@ class Cone(unittest.TestCase):
                 self.assertIn("Coulomb {:.1f} %, Tresca {:.1f} %, melting {:.1f} % of the slip distance".format(*shares), done.stdout)
                 self.assertLessEqual(sum(shares), 100 + 1e-9)
                 self.assertIn("Coulomb: friction coefficient times pressure", done.stdout)
-                if law == "subgrid":  # the residual of the layers' energy is told relative to the work, with its reason
+                if law == "subgrid":  # the residual of the layers' energy is relative to the work, and the summary says why it is no rounding
                     layer = summary["layer_energy"]
                     found = layer["energy_residual_j_per_m2"] / layer["interface_work_j_per_m2"]
                     self.assertIn(f"energy {found:.1e} of the work\n", done.stdout)
