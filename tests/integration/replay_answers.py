@@ -49,6 +49,7 @@ class PaperCase(ReplayTest):
         self.assertTrue(melting[-1] and not melting[0])
         self.assertIn("melting %.1f %%" % (100 * melting.mean()), result["text"])
         self.assertIn("%.3f K, node 0" % result["interface_temperature"].max(), result["text"])
+        self.assertRegex(result["text"], r"layer, residuals +heat \S+ of the heat; energy -\d\.\de-04 of the work\n +more than rounding: elastic work that heats")
         slip = np.sum(np.abs(result["sliding_velocity"]) * result["dt"][:, None])
         self.assertIn("%.6g m mean" % slip, result["text"])
 
