@@ -121,7 +121,7 @@ std::string Summary::text() const {
   line("friction work",
        fmt::format("{:.6g} kJ/m2, heat into the soft body {:.6g} kJ/m2 (heat partition {:.4f}), all columns",
                    friction_work_ * 1e-3, heat_ * 1e-3, heat_share_));
-  for (const auto& [label, value] : layer_lines(energy_)) line(label.c_str(), value);
+  for (const auto& [label, value] : energy_.lines()) line(label.c_str(), value);
   line("momentum ledger", fmt::format("closed to {:.1e}", momentum_residual_));
   line("energy ledger", fmt::format("closed to {:.1e} (kinetic + elastic + friction + far ends)", energy_residual_));
   if (flagged_ > 0) line("remarks", fmt::format("{} node-steps were substepped or had several answers", flagged_));

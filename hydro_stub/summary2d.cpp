@@ -99,7 +99,7 @@ std::string Summary2d::text() const {
         turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
     out += flank_text();
   }
-  for (const auto& [label, value] : layer_lines(interface.energy())) out += fmt::format("  {:<24}{}\n", label, value);
+  for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
   for (const Comparison& c : comparisons) {
     out += fmt::format("  {:<36}{:.6g} {}, should be {:.6g}  {}\n", c.what, c.found, c.units, c.exact, error_text(c));
   }

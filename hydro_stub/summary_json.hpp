@@ -16,9 +16,6 @@ nlohmann::ordered_json as_json(const OmittedCost& omitted);
 nlohmann::ordered_json as_json(const server::Entries& entries);
 
 using SummaryLines = std::vector<std::pair<std::string, std::string>>;  // lines of a summary, each with label and text
-// Returns the lines on the energies of the layers. The residuals are relative to the heat and to the work of the
-// interface stress. Empty for a law without layers.
-SummaryLines layer_lines(const wire::EnergyTotals& energy);
 // Returns the lines that explain the names of the regimes: what limits the friction in each of them.
 SummaryLines regime_lines();
 

@@ -22,11 +22,6 @@ double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-// Returns the residual of a balance relative to `whole`, which is balanced.
-double relative(double residual, double whole) {
-  return whole != 0.0 ? residual / std::abs(whole) : residual;
-}
-
 }  // namespace
 
 Tally::Tally(const std::vector<std::uint64_t>& node_ids)
@@ -83,22 +78,6 @@ std::string Tally::outcomes_text() const {
                      100.0 * static_cast<double>(flagged_) / static_cast<double>(node_steps_), fmt::join(counts, ", "));
 }
 
-std::string Tally::energy_text() const {
-  if (energy_.empty()) return {};
-  constexpr double kRounding = 1e-12;
-  const double heat =
-      relative(energy_.mean(Field::kHeatResidual), energy_.mean(Field::kHeatToSoft) + energy_.mean(Field::kHeatToHard));
-  const double work = relative(energy_.mean(Field::kEnergyResidual), energy_.mean(Field::kInterfaceWork));
-  auto lines = energy_.lines();
-  lines.back() = {"layer, residuals", fmt::format("heat {:.1e} of the heat; energy {:.1e} of the work", heat, work)};
-  if (std::abs(work) > kRounding)
-    lines.emplace_back(
-        "", "more than rounding: elastic work that heats, steps that stop the slip (METHODS.md, Energy ledger)");
-  std::string text;
-  for (const auto& [label, value] : lines) text += fmt::format("  {:<28}{}\n", label, value);
-  return text;
-}
-
 std::string Tally::text(const RunTime& time) const {
   const auto most_slip = std::max_element(slip_.begin(), slip_.end());
   const auto id = [&](std::size_t node) { return node_ids_[node]; };
@@ -111,7 +90,7 @@ std::string Tally::text(const RunTime& time) const {
                       id(static_cast<std::size_t>(most_slip - slip_.begin())));
   text += fmt::format("  friction heat in the layer  {:.6g} J/m2 mean, {:.6g} J/m2 most\n", mean(heat_),
                       *std::max_element(heat_.begin(), heat_.end()));
-  text += energy_text();
+  for (const auto& [label, value] : energy_.lines()) text += fmt::format("  {:<28}{}\n", label, value);
   text += fmt::format("  regimes                     {}\n", regimes_text());
   text += fmt::format("  flagged                     {}\n", outcomes_text());
   text += fmt::format(

@@ -38,7 +38,6 @@ class Tally {
   static constexpr std::size_t kFailedBit = 7;
   std::string regimes_text() const;
   std::string outcomes_text() const;
-  std::string energy_text() const;  // lines on the energies of the layers; empty without them
 
   const std::vector<std::uint64_t>& node_ids_;
   std::vector<double> slip_;  // path length of the slip of each node  [m]

@@ -21,7 +21,8 @@ class EnergyTotals {
   bool empty() const { return numbers_.back() == 0.0; }
   double mean(Field term) const;  // mean over the nodes of the sum over the steps  [J/m2]
 
-  // Returns the lines of a summary, each with label and text.
+  // Returns the lines of a summary, each with label and text; the residuals of the balances are relative to what is
+  // balanced. No lines if no reply had the ledger.
   std::vector<std::pair<std::string, std::string>> lines() const;
 
   // Return the sums as plain numbers, which a restart dump saves and restores.
