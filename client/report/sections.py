@@ -124,6 +124,8 @@ def five_numbers(runs):
     heat_key = next((key for key in ("friction_heat_j", "friction_heat_j_per_m", "friction_work_j_per_m2") if key in runs[0].summary), None)
 
     def heat(run):
+        if heat_key == "friction_work_j_per_m2":  # of all columns
+            return run.summary[heat_key] / run.summary["columns"]
         if heat_key:
             return summary(run, heat_key)
         return float(run["heat"].mean()) if run.table and run["heat"] is not None else None

@@ -191,7 +191,8 @@ class Report(unittest.TestCase):
                      "energy closed to", "aluminium_dlp: DLP tables", "Selected nodes", "hottest", "left out", "Figure 12: profiles", "It falls.", "By a fifth.", "[hydro.cone_target]"):
             self.assertTrue(text in page, text)
         column = self.reports["column"].read_text()
-        for text in ("sliding_to_a_stop", "solver of the layers"):
+        work = json.loads((self.column / "summary.json").read_text())
+        for text in ("sliding_to_a_stop", "solver of the layers", f"{work['friction_work_j_per_m2'] / work['columns']:,.0f}"):
             self.assertTrue(text in column, text)
         layer = summary["layer_energy"]
         residual = layer["energy_residual_j_per_m2"] / layer["interface_work_j_per_m2"]
