@@ -25,7 +25,7 @@ void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int 
 
 InterfaceWeights::InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lines)
     : symmetry_(symmetry), lines_(std::move(lines)) {
-  std::ranges::stable_partition(lines_, [](const SlideLine& line) { return line.rubs; });
+  std::stable_partition(lines_.begin(), lines_.end(), [](const SlideLine& line) { return line.rubs; });
   for (std::size_t l = 0; l < lines_.size(); ++l) {
     first_.push_back(static_cast<int>(node_.size()));
     std::vector<int> nodes = lines_[l].soft.nodes;

@@ -101,7 +101,7 @@ class Yielding {
       left_[j] = left;
       right_[j] = right;
       x_[j] = inside ? next : middle;
-      error_[j] = inside | (error <= kRounding) ? error : 1.0;
+      error_[j] = (inside | (error <= kRounding)) ? error : 1.0;
     }
   }
   void keep_unsolved(Strip& strip, bool last) {

@@ -24,6 +24,8 @@ struct AnswerColumn {
   Lane (physics::TileOutputs::*member)[physics::kLanes];
   std::span<Value> values;
 };
+template <typename Lane, typename Value>
+AnswerColumn(Lane (physics::TileOutputs::*)[physics::kLanes], std::span<Value>) -> AnswerColumn<Lane, Value>;
 struct LedgerColumn {
   physics::LedgerTerm term;
   std::span<double> values;

@@ -202,7 +202,8 @@ class Pair {
 class RequestOutOfMemory : public testing::TestWithParam<std::tuple<Strategy, bool>> {};
 
 TEST_P(RequestOutOfMemory, AtAnyAllocationOfARequestChangesNothing) {
-  const auto [strategy, durable] = GetParam();
+  const auto strategy = std::get<0>(GetParam());
+  const bool durable = std::get<1>(GetParam());
   const auto nodes = support::node_ids(kNodes);
   Pair pair(durable);
   v1::Scene scene = support::scene_of(strategy);

@@ -107,9 +107,9 @@ TEST(Operations, AnOperatorSeesSessionsTopNodesAndMetricsWithoutStoppingTheRun) 
   EXPECT_THAT(metrics, HasSubstr("shearbus_request_seconds_count{verb=\"downscale\"} 21\n"));
   EXPECT_THAT(metrics, HasSubstr("shearbus_journal_append_seconds_count 22\n"));
   // Each record is brought to the disk. Where the session was quiet for a second, there is one more, of its last reply.
-  const auto value_of = [&](const std::string& name) {
-    const std::size_t at = metrics.find("\n" + name + " ");
-    return at == std::string::npos ? -1.0 : std::stod(metrics.substr(at + name.size() + 2));
+  const auto value_of = [&text = metrics](const std::string& name) {
+    const std::size_t at = text.find("\n" + name + " ");
+    return at == std::string::npos ? -1.0 : std::stod(text.substr(at + name.size() + 2));
   };
   EXPECT_GE(value_of("shearbus_journal_records_total"), 22.0);
   EXPECT_EQ(value_of("shearbus_journal_sync_seconds_count"), value_of("shearbus_journal_records_total"));

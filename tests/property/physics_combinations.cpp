@@ -286,8 +286,8 @@ static_assert(FrictionLawClass<CompleteLaw>);
 
 // An incomplete friction law: it does not declare whether it depends on slip.
 struct ForgetfulLaw {
-  static constexpr std::string_view kName = "forgetful", kEquation = "", kAdds = "", kWhen = "";
-  static constexpr bool kDependsOnTemperature = false;
+  [[maybe_unused]] static constexpr std::string_view kName = "forgetful", kEquation = "", kAdds = "", kWhen = "";
+  [[maybe_unused]] static constexpr bool kDependsOnTemperature = false;
   static LawFault fault_of(const InterfaceOptions&, const Material&) { return {}; }
   static InterfaceOptions typical(const InterfaceOptions& options, const Material&) { return options; }
   static FrictionValue at(const InterfaceOptions&, const Material&, double, double) { return {0.1, 0.0, 0.0}; }

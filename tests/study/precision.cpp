@@ -73,7 +73,6 @@ constexpr GridChoice kQuickGrids[] = {{60, 1.08}, {15, 1.35}};
 constexpr double kAccuracies[] = {1e-3, 1e-6};
 constexpr int kSteps[] = {10, 20, 40, 100, 200, 400, 1000, 2000, 4000};
 constexpr int kQuickSteps[] = {20, 100};
-constexpr double kTolerances[] = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
 
 double cpu_seconds() {
   timespec now{};

@@ -15,7 +15,7 @@ static_assert(FlowLawClass<JohnsonCook>);
 
 // Two classes that are no flow laws: one declares no properties, the other hides one of its properties.
 struct Undeclared {
-  static constexpr std::string_view kName = "undeclared";
+  [[maybe_unused]] static constexpr std::string_view kName = "undeclared";
 };
 template <class Law>
 struct WithoutRate : Law {
