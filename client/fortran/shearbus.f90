@@ -54,6 +54,8 @@ module shearbus
     real(real64), allocatable :: temperature(:)                    ! K
     real(real64), allocatable :: jump_new(:), jump_new2(:)         ! m/s, force-driven scenes
     real(real64), allocatable :: heat(:)                           ! J/m2, that entered the layer in the step
+    ! Pa, optional: impulse of the stress over the step, divided by dt; asked for if the host allocates it
+    real(real64), allocatable :: mean_stress(:), mean_stress2(:)
     integer, allocatable :: regime(:), outcome(:)
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
     real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
@@ -630,6 +632,8 @@ contains
     call fit(self%jump_new, has(2, 33))
     call fit(self%jump_new2, has(2, 33) .and. two)
     call fit(self%heat, has(2, 36))
+    call fit(self%mean_stress, .false.)
+    call fit(self%mean_stress2, .false.)
     if (allocated(self%regime)) deallocate (self%regime, self%outcome)
     allocate (self%regime(self%n), self%outcome(self%n), source=0)
   contains
@@ -710,6 +714,8 @@ contains
     call take(self%jump_new, other%jump_new)
     call take(self%jump_new2, other%jump_new2)
     call take(self%heat, other%heat)
+    call take(self%mean_stress, other%mean_stress)
+    call take(self%mean_stress2, other%mean_stress2)
     if (allocated(other%regime)) then
       self%regime = other%regime
       self%outcome = other%outcome
@@ -861,6 +867,8 @@ contains
     call want(self%jump_new, 'jump_new', 33, 0)
     call want(self%jump_new2, 'jump_new2', 33, 1)
     call want(self%heat, 'heat', 36, 0)
+    call want(self%mean_stress, 'mean_stress', 37, 0)
+    call want(self%mean_stress2, 'mean_stress2', 37, 1)
     outputs(n_out + 1) = c_column(34, 0, c_loc(self%bytes(1, 1)), 0)
     outputs(n_out + 2) = c_column(35, 0, c_loc(self%bytes(1, 2)), 0)
     request%inputs = c_loc(inputs)
@@ -1128,6 +1136,8 @@ contains
     call follow(self%jump_new)
     call follow(self%jump_new2)
     call follow(self%heat)
+    call follow(self%mean_stress)
+    call follow(self%mean_stress2)
     self%regime = codes(self%regime)
     self%outcome = codes(self%outcome)
   contains

@@ -125,6 +125,10 @@ constexpr std::array kConditions = {
                     [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
                     "is of layers with one stress, and with layer.inertia it varies",
                     "Leave out the columns of the energy ledger."},
+    ColumnCondition{Field::kMeanShearStress, wire::Kind::kOutput,
+                    [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
+                    "is of layers with one stress, and with layer.inertia waves change it within the step",
+                    "Leave it out; the stress at the end of the step is in shear_stress_pa."},
     ColumnCondition{Field::kErrorEstimate, wire::Kind::kOutput,
                     [](const physics::ModelOptions& options) { return options.tolerance.has_value(); },
                     wire::Code::kUnsupported,
@@ -177,6 +181,7 @@ shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, 
   ROW(enumerator, 0, quantity) SECOND_##direction(ROW, enumerator, quantity)
 #include "proto/wire/columns.inc"
 #undef ROW
+  columns.wants_mean_stress = reply.has(Field::kMeanShearStress);
   for (std::uint32_t component = 0; component < 2; ++component)
     if (reply.has(Field::kClosure, component)) columns.closure[component] = reply.f64(Field::kClosure, component);
   for (const LedgerRow& row : kLedger)

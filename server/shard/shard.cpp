@@ -365,6 +365,7 @@ void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
   physics::TileInputs& in = tile.in = {};
   in.active = lanes.named | lanes.open;
   in.work = tile.work;
+  in.wants_mean_stress = step.columns.wants_mean_stress;
   std::fill_n(tile.work, kLanes, kNodeWork);
   leave_open(lanes.open, in);
   for (const InputColumn& column : step.columns.inputs) gather(column.values, lanes, in.*column.member);

@@ -37,8 +37,9 @@ struct StepColumns {
   std::vector<InputColumn> inputs;
   std::vector<double> converted;  // values of input columns that were converted from the request's stick form
   std::vector<OutputColumn> outputs;
-  std::span<double> closure[2];  // receives, for each component, sent minus answered jump  [m/s]; empty: not wanted
-  double host_time = 0.0;        // host's time at the end of the step, 0: not given  [s]
+  std::span<double> closure[2];    // receives, for each component, sent minus answered jump  [m/s]; empty: not wanted
+  bool wants_mean_stress = false;  // whether a column of the reply holds the mean stress of the step
+  double host_time = 0.0;          // host's time at the end of the step, 0: not given  [s]
 
   bool has_ledger() const {
     return std::ranges::any_of(outputs,

@@ -104,8 +104,11 @@ contains
     first = bus%temperature
     call check('answers', all(bus%stress > 0 .and. bus%temperature > 300 .and. bus%jump_new < bus%jump .and. bus%heat > 0))
     call check('codes', all(bus%regime >= shearbus_stick .and. bus%regime <= shearbus_melting .and. bus%outcome == 0))
+    allocate (bus%mean_stress(n), source=-1.0_real64)
     call bus%step(1e-9_real64, 2e-9_real64, 2_int64, stat=stat, msg=msg)
     call ok('step with a long number')
+    call check('mean stress of a force-driven step', all(bus%mean_stress == bus%stress))
+    deallocate (bus%mean_stress)
     second = bus%temperature
 
     call bus%rollback_to('start', stat, msg)

@@ -353,12 +353,12 @@ class Outsider(unittest.TestCase):
             opened = session.opened.header.session_opened
             return (opened.strategy, opened.tangential_components, list(opened.required_columns), list(opened.optional_columns),
                     list(opened.reply_columns), list(opened.columns_on_request))
-        ledger = list(range(40, 49))
+        on_request = [37, *range(40, 49)]
         velocity = facts(self.open(paper_scene(), [1]))
-        self.assertEqual(velocity, (1, 1, [JUMP, PRESSURE], [], [STRESS, SLIDING, TEMPERATURE, HEAT, REGIME, OUTCOME], ledger))
+        self.assertEqual(velocity, (1, 1, [JUMP, PRESSURE], [], [STRESS, SLIDING, TEMPERATURE, HEAT, REGIME, OUTCOME], on_request))
         force = facts(self.open(force_scene() + "plastic_layer = true\n", [1]))
         self.assertEqual(force, (2, 1, [JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD], [17],
-                                 [STRESS, SLIDING, TEMPERATURE, JUMP_NEW, HEAT, REGIME, OUTCOME], ledger))
+                                 [STRESS, SLIDING, TEMPERATURE, JUMP_NEW, HEAT, REGIME, OUTCOME], on_request))
 
     # -- trial, commit, rollback --
 

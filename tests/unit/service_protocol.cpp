@@ -73,7 +73,9 @@ TEST_P(ServiceOf, OpeningFillsTheSceneIn) {
   EXPECT_TRUE(std::ranges::equal(opened.required_columns, columns.required));
   EXPECT_TRUE(std::ranges::equal(opened.reply_columns, columns.reply));
   EXPECT_TRUE(opened.optional_columns.empty()) << "no slip drives the layer, and it does not flow";
-  EXPECT_TRUE(std::ranges::equal(opened.columns_on_request, wire::kLedgerColumns));
+  std::vector<Field> on_request = {Field::kMeanShearStress};
+  on_request.insert(on_request.end(), wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
+  EXPECT_EQ(opened.columns_on_request, on_request);
   EXPECT_GT(opened.bytes_per_node, 24u * 2 * 8);
   const wire::ServerStatus status = harness.service.status();
   EXPECT_EQ(status.sessions, 1u);
@@ -277,6 +279,42 @@ TEST_P(ServiceOf, TheErrorEstimateIsToldOfScenesWithATolerance) {
   wire::Request shorter = ServiceHarness::step(2, columns(2));
   std::get<wire::Downscale>(shorter.body).dt_s = 1e-13;
   EXPECT_EQ(harness.ask(shorter).reply.status.field, "dt_s");
+}
+
+// Column 37: nobody gets it without asking; asked for, it comes with the same bytes in every other column.
+TEST_P(ServiceOf, TheMeanStressIsToldOnRequest) {
+  ServiceHarness harness, plain;
+  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  plain.ask(ServiceHarness::opening(scene(), kNodes));
+  for (int n = 1; n <= 3; ++n) {
+    wire::Request wanting = ServiceHarness::step(static_cast<std::uint64_t>(n), columns(n));
+    const Answer without = plain.ask(wanting);
+    auto& wanted = std::get<wire::Downscale>(wanting.body).wanted;
+    const auto reply = wire::columns_of(GetParam()).reply;
+    wanted.assign(reply.begin(), reply.end());
+    wanted.push_back(Field::kMeanShearStress);
+    const Answer answer = harness.ask(wanting);
+    ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+    EXPECT_FALSE(without.reply.batch.has(Field::kMeanShearStress));
+    const std::span<const double> stress = answer.reply.batch.f64(Field::kShearStress);
+    const std::span<const double> mean = answer.reply.batch.f64(Field::kMeanShearStress);
+    EXPECT_TRUE(std::ranges::equal(stress, without.reply.batch.f64(Field::kShearStress)));
+    EXPECT_EQ(std::ranges::equal(mean, stress), GetParam() == Strategy::kForceDriven);
+    for (std::size_t row = 0; row < mean.size(); ++row) EXPECT_LE(std::abs(mean[row]), 1.5 * std::abs(stress[row]));
+  }
+  wire::Request missing = ServiceHarness::step(4, columns(4));
+  std::get<wire::Downscale>(missing.body).wanted = {Field::kMeanShearStress};
+  EXPECT_EQ(harness.ask(missing).reply.batch.f64(Field::kMeanShearStress).size(), kNodes.size());
+  if (GetParam() == Strategy::kForceDriven) return;
+  v1::Scene waves = scene();
+  waves.mutable_layer()->set_inertia(true);
+  ServiceHarness other;
+  ASSERT_TRUE(other.ask(ServiceHarness::opening(waves, kNodes)).reply.status.ok());
+  std::get<wire::Downscale>(missing.body).wanted = {Field::kMeanShearStress};
+  missing.sequence = 1;
+  const Answer refused = other.ask(missing);
+  EXPECT_EQ(refused.code(), Code::kUnsupported);
+  EXPECT_NE(refused.reply.status.text.find("mean_shear_stress"), std::string::npos) << refused.reply.status.text;
 }
 
 TEST_P(ServiceOf, AStepOfNoNodesIsAnEmptyAnswer) {

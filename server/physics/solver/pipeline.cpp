@@ -1,5 +1,6 @@
 #include "server/physics/solver/pipeline.hpp"
 
+#include <algorithm>
 #include <limits>
 
 #include "server/physics/solver/around/sleep.hpp"
@@ -63,6 +64,15 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   }
 }
 
+// The stress that a force-driven step answers is its mean already: the momentum balance (61) takes it as constant over
+// the step, and that of substeps is their mean.
+void answer_mean_stress(const Problem& problem, const TileInputs& inputs, TileOutputs& outputs) {
+  if (!inputs.wants_mean_stress || problem.options.strategy != Strategy::kForceDriven) return;
+  std::copy_n(outputs.shear_stress, kLanes, outputs.mean_shear_stress);
+  if (problem.options.tangential_components == 2)
+    std::copy_n(outputs.second_shear_stress, kLanes, outputs.second_mean_shear_stress);
+}
+
 }  // namespace
 
 DividedTile::DividedTile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
@@ -76,6 +86,7 @@ DividedTile::DividedTile(const Problem& problem, const StepOperators& operators,
 bool DividedTile::run(double work) {
   if (!step_->run(work)) return false;
   if (scalar_) scalar_->turn(problem_, inputs_, committed_, trial_, outputs_);
+  answer_mean_stress(problem_, inputs_, outputs_);
   return true;
 }
 
@@ -85,13 +96,16 @@ void advance_tile(const Problem& problem, const StepOperators& operators, const 
     DividedTile(problem, operators, inputs, committed, trial, outputs,
                 scratch_tile(Scratch::kAccepted, problem.layout.doubles))
         .run(std::numeric_limits<double>::infinity());
-  } else if (problem.options.tangential_components == 2) {
+    return;
+  }
+  if (problem.options.tangential_components == 2) {
     const ScalarStep scalar(problem, operators, inputs, committed);
     advance_once(problem, operators, scalar.inputs(), committed, trial, outputs);
     scalar.turn(problem, inputs, committed, trial, outputs);
   } else {
     advance_once(problem, operators, inputs, committed, trial, outputs);
   }
+  answer_mean_stress(problem, inputs, outputs);
 }
 
 void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
@@ -99,6 +113,7 @@ void keep_lane(const Problem& problem, const TileInputs& inputs, const double* c
   const TileLayout& layout = problem.layout;
   copy_lane(committed, trial, layout.doubles, lane);
   outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
+  if (inputs.wants_mean_stress) outputs.mean_shear_stress[lane] = outputs.shear_stress[lane];
   outputs.sliding_velocity[lane] = 0.0;
   outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
   outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);

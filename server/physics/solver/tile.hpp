@@ -27,6 +27,7 @@ struct TileInputs {
   SearchEffort* effort = nullptr;                 // counters of search effort, to which a step adds; null: no counts
   double* work = nullptr;                         // work of each lane, [kLanes], to which a step adds; null: no counts
   std::uint32_t active = 0;                       // bit i: lane i takes the step
+  bool wants_mean_stress = false;                 // whether TileOutputs::mean_shear_stress is wanted
   alignas(64) double velocity_jump[kLanes] = {};  // jump [V]; force-driven: jump before the step, at n-1/2  [m/s]
   alignas(64) double pressure[kLanes] = {};       // normal pressure P, compression positive  [Pa]
   alignas(64) double soft_shear_rate[kLanes] = {};  // shear rate of the host's soft zone, for INTERFACE_SLIP  [1/s]
@@ -50,6 +51,9 @@ struct TileOutputs {
   alignas(64) double friction_heat[kLanes];        // heat that entered the conducting bodies in the step   [J/m2]
   alignas(64) double error_estimate[kLanes];       // estimated error of T0, relative to T_melt - T_start  [1]
   alignas(64) double second_shear_stress[kLanes];  // second tangential component of shear_stress  [Pa]
+  // Impulse of the shear stress over the step, divided by dt; only if TileInputs::wants_mean_stress  [Pa]
+  alignas(64) double mean_shear_stress[kLanes];
+  alignas(64) double second_mean_shear_stress[kLanes];  // second tangential component of mean_shear_stress  [Pa]
   alignas(64) double second_sliding_velocity[kLanes];   // second tangential component of sliding_velocity  [m/s]
   alignas(64) double second_velocity_jump_new[kLanes];  // second tangential component of velocity_jump_new  [m/s]
   Regime regime[kLanes];

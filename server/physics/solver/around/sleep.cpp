@@ -78,8 +78,9 @@ const double* waking_tile(const Problem& problem, std::uint32_t waking, const do
   return states;
 }
 
-void write_sleeping_lane(const Problem& problem, const double* committed, const RestingStep& resting, double T0,
-                         int num_live, int lane, double* trial, TileOutputs& outputs) {
+void write_sleeping_lane(const Problem& problem, const TileInputs& inputs, const double* committed,
+                         const RestingStep& resting, double T0, int num_live, int lane, double* trial,
+                         TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const LaneStep& step = resting.step;
   trial[layout.shear_stress + lane] = step.stress;
@@ -94,6 +95,10 @@ void write_sleeping_lane(const Problem& problem, const double* committed, const 
   outputs.friction_heat[lane] = 0.0;
   outputs.regime[lane] = step.regime;
   outputs.outcome[lane] = kAsleep | resting.outcome;
+  if (inputs.wants_mean_stress) {  // the stress of a layer at rest changes linearly in time
+    const double before = stress_before(layout, inputs, committed, lane);
+    outputs.mean_shear_stress[lane] = step.regime == Regime::kOpen ? 0.0 : 0.5 * (before + step.stress);
+  }
 }
 
 // Counts the steps at rest of a lane that was solved and puts the lane to sleep after enough of them. A lane that might
@@ -255,7 +260,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
       for (std::ptrdiff_t k = 0; k < basis.num_modes(); ++k) rows_new[k * kLanes + l] *= decay[k];
     }
     const int lives = still_living(living(layout, committed, l), l, rows_new);
-    write_sleeping_lane(problem, committed, at_rest[l], T0[l], lives, l, trial, outputs);
+    write_sleeping_lane(problem, inputs, committed, at_rest[l], T0[l], lives, l, trial, outputs);
   }
 }
 

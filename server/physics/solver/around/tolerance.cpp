@@ -254,6 +254,8 @@ void ControlledStep::accept_or_refine(int l) {
   const double half = std::ldexp(0.5, -lane.level);
   add(one, half, forced_, lane.sum);
   add(two, half, forced_, lane.sum);
+  if (inputs_.wants_mean_stress && !forced_)
+    lane.mean_stress += half * (first_.mean_shear_stress[l] + second_.mean_shear_stress[l]);
   lane.estimate += error;
   // A substep may be accepted with an error above the allowed one. The remaining budget is then raised to this error,
   // so that the later substeps are not made much more accurate than this one.
@@ -310,6 +312,7 @@ void ControlledStep::finish(int l) {
   trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;
   outputs_.error_estimate[l] = lanes_[l].estimate;
   outputs_.shear_stress[l] = sum.stress;
+  if (inputs_.wants_mean_stress) outputs_.mean_shear_stress[l] = lanes_[l].mean_stress;
   // The mean slip could oppose the mean stress where the slip reverses; friction does no negative work.
   outputs_.sliding_velocity[l] = sum.stress * sum.slip < 0.0 ? 0.0 : sum.slip;
   outputs_.interface_temperature[l] = sum.T0;

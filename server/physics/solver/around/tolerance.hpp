@@ -45,7 +45,8 @@ class ControlledStep {
     bool coarse_known = true;
     bool refined = false;  // the next substep was shortened because of its error
     int attempts = 0;
-    double left = 0.0;      // remaining error budget of T0, relative to T_melt less the initial temperature
+    double left = 0.0;         // remaining error budget of T0, relative to T_melt less the initial temperature
+    double mean_stress = 0.0;  // sum of mean stress times fraction of the step, of the accepted substeps  [Pa]
     double estimate = 0.0;  // estimated error of T0 after the accepted substeps, relative to the same range as `left`
   };
 

@@ -104,6 +104,14 @@ void ScalarStep::turn(const Problem& problem, const TileInputs& inputs, const do
       outputs.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);
       if (!(apart <= kOutsideDomainShare * length(lane.jump))) outputs.outcome[l] |= kOutsideDomain;
     }
+    if (inputs.wants_mean_stress) {
+      // The part of the old stress across e ends at 0, along a straight path.
+      const Vector across = lane.stress_old + -stress_old_[l] * e;
+      const bool failed = (outputs.outcome[l] & kFailed) != 0, open = outputs.regime[l] == Regime::kOpen;
+      const Vector mean = failed ? lane.stress_old : open ? Vector{} : outputs.mean_shear_stress[l] * e + 0.5 * across;
+      outputs.mean_shear_stress[l] = mean.first;
+      outputs.second_mean_shear_stress[l] = mean.second;
+    }
     trial[layout.shear_stress + l] = outputs.shear_stress[l] = stress.first;
     trial[layout.second_stress + l] = outputs.second_shear_stress[l] = stress.second;
     outputs.sliding_velocity[l] = slip.first;

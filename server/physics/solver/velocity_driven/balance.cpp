@@ -13,6 +13,7 @@
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
+#include "server/physics/solver/velocity_driven/mean_stress.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -329,6 +330,19 @@ void reshape_heat(const Problem& problem, const double* strain_old, const double
   shape[0] += interface_slip / slip;
 }
 
+// The mean stress of a step whose balance is solved, signed  [Pa]. `slips`: slip of layer and interface in the step.
+double mean_stress(const Problem& problem, const Material& soft, const TileInputs& inputs, int l, const Lane& lane,
+                   double dt, double s_start, const double* committed, const double* trial, bool slips) {
+  const TileLayout& layout = problem.layout;
+  const StressPath path{lane.direction * s_start, lane.a_trial, lane.loaded ? lane.a : 0.0};
+  if (!slips) return lane.direction * mean_of(path);
+  const double pressure = inputs.pressure[l];
+  const FlowedLayer layer{committed + layout.temperature + l, committed + layout.plastic_strain + l,
+                          trial + layout.plastic_strain + l};
+  const double friction = interface_strength(problem.interface, soft, pressure, nullptr).friction(*layer.T_old).stress;
+  return lane.direction * mean_of(path, onset_of_flow(problem.grid, soft, pressure, dt, layer, friction));
+}
+
 struct Answer {
   double slip;  // sliding velocity [v], signed  [m/s]
   Regime regime;
@@ -481,6 +495,10 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
     outputs.regime[l] = answer.regime;
     outputs.outcome[l] = outside_domain(answer.slip, jump);
+    if (inputs.wants_mean_stress)
+      outputs.mean_shear_stress[l] = open ? 0.0
+                                          : mean_stress(problem, soft_at(l), inputs, l, lane, dt, s_start[l], committed,
+                                                        trial, layer_slip > 0.0 || interface_slip > 0.0);
     trial[layout.shear_stress + l] = s;
     trial[layout.regime + l] = static_cast<double>(answer.regime);
   }
