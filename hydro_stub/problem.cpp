@@ -24,7 +24,9 @@ physics::Material resolve(const v1::Body& body, const std::string& table) {
       body.material(), scene::numbers_of(body), physics::FlowLaws::numbered(static_cast<int>(body.flow_law())));
   if (!result.fault.empty()) refuse(table + "." + result.fault_field, result.fault, "");
   if (body.melting_curve() == v1::MELTING_CURVE_LINDEMANN)
-    result.material.melting_curve = physics::MeltingCurve::kLindemann;
+    choose_melting_curve(result.material, physics::MeltingCurve::kLindemann);
+  if (body.melting_curve() == v1::MELTING_CURVE_SIMON)
+    choose_melting_curve(result.material, physics::MeltingCurve::kSimon);
   if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED)
     result.material.pressure_term = physics::PressureTerm::kCompressed;
   if (const std::string_view missing = physics::constant_missing_for_options(result.material); !missing.empty())

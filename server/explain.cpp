@@ -43,7 +43,8 @@ using physics::Property;
 
 // Parts that add no physics, because they replace other parts or save work.
 constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulombLimit, Property::kSecondOrder,
-                                    Property::kModes,         Property::kSleep,        Property::kTolerance};
+                                    Property::kModes,         Property::kSleep,        Property::kTolerance,
+                                    Property::kIsothermalEnd, Property::kSimonMelting};
 constexpr const char* kLedger = "energy ledger";
 
 // Measures the time of a model's steps: steps one tile (8 nodes that are stepped together) with inputs like a host's.
@@ -194,7 +195,7 @@ FullModel with_everything(const physics::ModelOptions& options) {
     physics::ModelOptions more = physics::switched(full.options, part, true);
     if (!refusal_of(more).empty()) continue;
     full.options = std::move(more);
-    full.parts.emplace_back(part.key);
+    full.parts.push_back(unique_key(part));
   }
   return full;
 }
@@ -268,7 +269,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
   // 1. Find the memory and time of each part: switch this part alone on if it is off, or off if it is on.
   for (const physics::Part& part : physics::parts()) {
     if (part.set == nullptr) continue;
-    ScenePart found{.name = std::string(part.key), .on = part.is_on(options), .meaning = std::string(part.adds)};
+    ScenePart found{.name = unique_key(part), .on = part.is_on(options), .meaning = std::string(part.adds)};
     const physics::ModelOptions other = physics::switched(options, part, !found.on);
     found.excluded = refusal_of(other);
     if (found.excluded.empty()) {
@@ -346,8 +347,8 @@ OmittedCost omitted_cost(const std::string& effective_scene, const wire::Session
                       .bytes_per_node_with_everything = bytes_per_node(full.options, true),
                       .share_asleep = {}};
   for (const physics::Part& part : physics::parts())
-    if (!part.is_on(options) && std::ranges::find(full.parts, part.key) != full.parts.end())
-      omitted.parts.emplace_back(part.key);
+    if (!part.is_on(options) && std::ranges::find(full.parts, unique_key(part)) != full.parts.end())
+      omitted.parts.push_back(unique_key(part));
   if (options.sleep && totals.node_steps > 0)
     omitted.share_asleep = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
   return omitted;

@@ -62,7 +62,9 @@ void check_scene(const v1::Scene& scene, Findings& findings) {
                                       " bears on a body's strength, and only the soft body's is computed: give it to "
                                       "[soft]");
   };
-  soft_only(scene.hard().melting_curve() == v1::MELTING_CURVE_LINDEMANN, "melting_curve");
+  soft_only(scene.hard().melting_curve() == v1::MELTING_CURVE_LINDEMANN ||
+                scene.hard().melting_curve() == v1::MELTING_CURVE_SIMON,
+            "melting_curve");
   soft_only(scene.hard().pressure_term() == v1::PRESSURE_TERM_COMPRESSED, "pressure_term");
 }
 

@@ -125,6 +125,15 @@ constexpr std::array kConditions = {
                     [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
                     "is of layers with one stress, and with layer.inertia it varies",
                     "Leave out the columns of the energy ledger."},
+    ColumnCondition{Field::kUnspecified, wire::Kind::kLedger,
+                    [](const physics::ModelOptions& options) {
+                      return options.grid.far_boundary != physics::FarBoundary::kIsothermal &&
+                             (!options.hard_grid ||
+                              options.hard_grid->far_boundary != physics::FarBoundary::kIsothermal);
+                    },
+                    wire::Code::kUnsupported,
+                    "has no term for the heat that leaves through a face with far_boundary = \"isothermal\"",
+                    "Leave out the columns of the energy ledger."},
     ColumnCondition{Field::kMeanShearStress, wire::Kind::kOutput,
                     [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
                     "is of layers with one stress, and with layer.inertia waves change it within the step",

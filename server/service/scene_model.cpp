@@ -39,14 +39,30 @@ physics::Material material_of(const v1::Body& body, const std::string& table) {
     refuse(table + "." + made.fault_field, fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
            "Name a material of the catalog, or give every constant.");
   if (body.melting_curve() == v1::MELTING_CURVE_LINDEMANN)
-    made.material.melting_curve = physics::MeltingCurve::kLindemann;
+    choose_melting_curve(made.material, physics::MeltingCurve::kLindemann);
+  if (body.melting_curve() == v1::MELTING_CURVE_SIMON) {
+    if (body.has_melting_temperature_k() && body.melting_temperature_k() != made.material.simon_temperature)
+      refuse(table + ".melting_temperature_k",
+             fmt::format("{0}.melting_temperature_k = {1} is not {0}.simon_temperature_k, at which the curve of "
+                         "melting_curve = \"simon\" starts",
+                         table, body.melting_temperature_k()),
+             "Leave melting_temperature_k out, or choose another melting_curve.");
+    choose_melting_curve(made.material, physics::MeltingCurve::kSimon);
+  }
   if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
   return made.material;
 }
 
 physics::FarBoundary far_boundary_of(v1::FarBoundary boundary) {
-  return boundary == v1::FAR_BOUNDARY_HALF_SPACE ? physics::FarBoundary::kHalfSpace : physics::FarBoundary::kInsulated;
+  switch (boundary) {
+    case v1::FAR_BOUNDARY_HALF_SPACE:
+      return physics::FarBoundary::kHalfSpace;
+    case v1::FAR_BOUNDARY_ISOTHERMAL:
+      return physics::FarBoundary::kIsothermal;
+    default:
+      return physics::FarBoundary::kInsulated;
+  }
 }
 
 // Fills in the absent keys of [hard_layer] from [layer]. `cells` and `grading` stay absent in a scene with a tolerance,

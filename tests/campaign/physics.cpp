@@ -27,7 +27,7 @@ void add_missing(const std::function<ModelOptions(Strategy)>& base, std::vector<
         if (item.kind == Kind::kFlowLaw) return o.soft.flow_law == alone.soft.flow_law;
         if (item.kind == Kind::kFrictionLaw) return o.interface.friction_law == alone.interface.friction_law;
         for (const Part& part : parts())
-          if (part.key == item.name && part.set != nullptr) return part.is_on(o);
+          if (unique_key(part) == item.name && part.set != nullptr) return part.is_on(o);
         return false;
       };
       if (std::any_of(all.begin(), all.end(), has)) continue;

@@ -160,7 +160,9 @@ std::string layer(const ModelOptions& o) {
   } else {
     text += fmt::format(" of {} cells growing by {:g}", o.grid.cells, o.grid.grading);
   }
-  text += o.grid.far_boundary == physics::FarBoundary::kHalfSpace ? ", half-space behind" : ", insulated";
+  text += o.grid.far_boundary == physics::FarBoundary::kHalfSpace    ? ", half-space behind"
+          : o.grid.far_boundary == physics::FarBoundary::kIsothermal ? ", far face at its temperature"
+                                                                     : ", insulated";
   if (o.hard_grid) text += ", the hard body conducts";
   if (o.time_integrator == physics::TimeIntegrator::kSdirk2) text += ", second order";
   if (o.tolerance) text += fmt::format(", by a tolerance of {:g}", *o.tolerance);

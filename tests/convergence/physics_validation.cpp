@@ -19,6 +19,32 @@ TEST(PhysicsValidation, AluminiumMeltsAtTheMeasuredTemperature) {
   EXPECT_NEAR(T_melt, 4576.0, 2 * 235.0);
 }
 
+// Hammerberg et al. 2011 and 2008: in molecular dynamics between two thermostats the critical velocity falls as one over
+// the size, and is linear in the temperature over T_melt. A layer between its interface and a face at T_far slides
+// steadily with s v = k_tot (T0 - T_far)/L, so the velocity at which T0 reaches a share of T_melt is exactly of this form.
+TEST(PhysicsValidation, TheCriticalVelocityFallsAsOneOverSizeAndIsLinearInTheTemperature) {
+  constexpr double kShare = 0.9;
+  ModelOptions options = graded(paper_options(), 20, 1.1);
+  options.soft.hardening_coefficient = 0.0;
+  options.grid.far_boundary = FarBoundary::kIsothermal;
+  const double T_c = kShare * options.soft.melting_temperature;
+  const double s_c = flow_stress(options.soft, 0.0, 11.2e9, T_c) / kSqrt3;
+  for (const double size : {5e-6, 10e-6, 20e-6}) {
+    for (const double T_far : {300.0, 600.0, 900.0}) {
+      options.grid.thickness = size;
+      options.initial_temperature = T_far;
+      Rig rig(options, 1);
+      const double conductance = options.soft.conductivity / size / rig.conducted_share();
+      const double critical = conductance * (T_c - T_far) / s_c;
+      rig.set_all(critical, 11.2e9);
+      for (int n = 0; n < 400; ++n) rig.step(0.1 * size * size / options.soft.diffusivity);
+      EXPECT_NEAR(rig.T(0), T_c, 1e-6) << size << " m, " << T_far << " K";
+      EXPECT_NEAR(rig.stress() / s_c, 1.0, 1e-9);
+      std::printf("L %4.1f um, T_far %3.0f K: critical velocity %.3f m/s\n", size * 1e6, T_far, critical);
+    }
+  }
+}
+
 // Irfan and Prakash 2000: Ti-6Al-4V on tool steel at 1.5 GPa and up to 60 m/s, interface temperatures up to 800 C. Two
 // half-spaces heated by the power s v reach T - T_start = 2 s v sqrt(t/pi) / e, with the sum e of their effusivities
 // sqrt(k rho c). A slip of 1 us at 60 m/s then heats by 780 K if the friction coefficient is 0.13.

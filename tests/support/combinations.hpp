@@ -69,7 +69,7 @@ inline std::vector<Item> items() {
                    Kind::kFrictionLaw});
   for (const Part& part : parts()) {
     if (part.set == nullptr) continue;
-    all.push_back({std::string(part.key), [&part](ModelOptions& o) { part.set(o, true); }});
+    all.push_back({unique_key(part), [&part](ModelOptions& o) { part.set(o, true); }});
   }
   return all;
 }

@@ -80,6 +80,53 @@ TEST(PhysicsPressure, TheConstantTheyNeedIsNamed) {
   EXPECT_EQ(constant_missing_for_options(m), "sound_speed_m_per_s");
 }
 
+// Simon's curve T0 (1 + P/a)^(1/c), with constants of the size of aluminium's.
+TEST(PhysicsPressure, SimonsCurveIsThatOfItsFormula) {
+  Material m = aluminium();
+  m.simon_temperature = 933.45;
+  m.simon_pressure = 6.049e9;
+  EXPECT_EQ(constant_missing_for_options(m), "");
+  choose_melting_curve(m, MeltingCurve::kSimon);
+  EXPECT_EQ(constant_missing_for_options(m), "simon_exponent");
+  m.simon_exponent = 1.0 / 0.531;
+  EXPECT_EQ(constant_missing_for_options(m), "");
+  EXPECT_EQ(m.melting_temperature, 933.45);
+  for (const double P : {2e9, 11.2e9, 125e9})
+    EXPECT_NEAR(at_pressure(m, P).melting_temperature, 933.45 * std::pow(1.0 + P / 6.049e9, 0.531), 1e-9);
+  EXPECT_NEAR(at_pressure(m, 2e9).melting_temperature, 1086.0, 1.0);
+  EXPECT_NEAR(at_pressure(m, 11.2e9).melting_temperature, 1628.0, 1.0);
+  EXPECT_NEAR(at_pressure(m, 125e9).melting_temperature, 4779.0, 1.0);
+  EXPECT_EQ(at_pressure(m, -3e9).melting_temperature, 933.45);
+  const Material once = at_pressure(m, 20e9);
+  EXPECT_FALSE(once.varies_with_compression());
+  EXPECT_EQ(at_pressure(once, 20e9).melting_temperature, once.melting_temperature);
+  EXPECT_EQ(flow_stress(once, 0.1, 20e9, 900.0), flow_stress(m, 0.1, 20e9, 900.0));
+  // The compression is needed by the pressure term only.
+  m.sound_speed = kNotGiven;
+  EXPECT_EQ(constant_missing_for_options(m), "");
+  EXPECT_GT(at_pressure(m, 20e9).melting_temperature, 1900.0);
+  m.pressure_term = PressureTerm::kCompressed;
+  EXPECT_EQ(constant_missing_for_options(m), "sound_speed_m_per_s");
+}
+
+TEST(PhysicsPressure, AnInterfaceIsPinnedAtSimonsCurve) {
+  ModelOptions options = graded(paper_options());
+  options.grid.far_boundary = FarBoundary::kHalfSpace;
+  Rig constant(options, 1);
+  options.soft.simon_temperature = 933.45;
+  options.soft.simon_pressure = 6.049e9;
+  options.soft.simon_exponent = 1.0 / 0.531;
+  choose_melting_curve(options.soft, MeltingCurve::kSimon);
+  Rig simon(options, 1);
+  for (Rig* rig : {&constant, &simon}) {
+    rig->set_all(1000.0, 11.2e9);
+    for (int n = 0; n < 1000; ++n) rig->step(1e-9);
+  }
+  EXPECT_NEAR(simon.stress() / constant.stress(), (1628.2 - 300) / (1220 - 300), 0.003);
+  EXPECT_LT(simon.T(0), 1628.5);
+  EXPECT_EQ(simon.outputs.regime[0], Regime::kMelting);
+}
+
 // At 1000 m/s the interface stays just below its melting temperature, and the stress s is proportional to the melting
 // temperature minus the initial temperature. This difference is 57 % larger at 11.2 GPa than at zero pressure.
 TEST(PhysicsPressure, ThePinnedStressFollowsTheMeltingCurve) {

@@ -456,7 +456,7 @@ TEST(SceneRules, RefuseEnumsAndTextNoFileCouldHold) {
   v1::Scene scene = support::force_scene();
   scene.mutable_layer()->set_far_boundary(static_cast<v1::FarBoundary>(9));
   EXPECT_THAT(faults_in(scene).front().text,
-              HasSubstr("layer.far_boundary = 9 is not one of \"insulated\", \"half_space\""));
+              HasSubstr("layer.far_boundary = 9 is not one of \"insulated\", \"half_space\", \"isothermal\""));
   EXPECT_THROW(to_toml(scene), wire::Error);
   scene = support::force_scene();
   scene.set_name(std::string(wire::kMaxTextBytes + 1, 'x'));

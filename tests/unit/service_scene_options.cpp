@@ -330,6 +330,42 @@ TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("only the soft body's is computed"));
 }
 
+TEST(SceneOptions, SimonsMeltingCurveHasItsConstantsAndItsMeltingTemperature) {
+  v1::Scene scene = support::velocity_scene();
+  scene.mutable_soft()->set_melting_curve(v1::MELTING_CURVE_SIMON);
+  EXPECT_EQ(refusal_of(scene).field, "soft.simon_temperature_k");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs the constants of the curve"));
+  scene.mutable_soft()->set_simon_temperature_k(933.45);
+  scene.mutable_soft()->set_simon_pressure_pa(6e9);
+  scene.mutable_soft()->set_simon_exponent(1.9);
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.soft.melting_curve, physics::MeltingCurve::kSimon);
+  EXPECT_EQ(made.options.soft.melting_temperature, 933.45);
+  const SceneModel again = scene_model(made.effective, "effective");
+  EXPECT_EQ(again.effective, made.effective);
+  EXPECT_EQ(again.options.soft.simon_exponent, 1.9);
+  scene.mutable_soft()->set_melting_temperature_k(1220.0);
+  EXPECT_EQ(refusal_of(scene).field, "soft.melting_temperature_k");
+  scene.mutable_soft()->clear_melting_temperature_k();
+  scene.mutable_hard()->set_melting_curve(v1::MELTING_CURVE_SIMON);
+  EXPECT_EQ(refusal_of(scene).field, "hard.melting_curve");
+}
+
+TEST(SceneOptions, AFaceMayKeepItsTemperature) {
+  v1::Scene scene = support::velocity_scene();
+  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_ISOTHERMAL);
+  scene.mutable_hard_layer()->set_cells(5);
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(made.options.grid.far_boundary, physics::FarBoundary::kIsothermal);
+  EXPECT_EQ(made.options.hard_grid->far_boundary, physics::FarBoundary::kIsothermal);
+  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_INSULATED);
+  scene.mutable_hard_layer()->set_far_boundary(v1::FAR_BOUNDARY_ISOTHERMAL);
+  EXPECT_EQ(scene_model(scene).options.grid.far_boundary, physics::FarBoundary::kInsulated);
+  scene.mutable_layer()->set_sleep(true);
+  EXPECT_EQ(refusal_of(scene).field, "layer.far_boundary");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("a held face lets it out"));
+}
+
 const std::vector<std::pair<std::string, double>> kJohnsonCookCopper = {
     {"yield_strength_pa", 90e6},        {"hardening_modulus_pa", 292e6},      {"hardening_exponent", 0.31},
     {"rate_coefficient", 0.025},        {"reference_strain_rate_per_s", 1.0}, {"thermal_softening_exponent", 1.09},

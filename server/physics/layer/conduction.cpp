@@ -18,7 +18,8 @@ double conduction_stretch(const Grid& grid) {
   return grid.matched ? 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading) : 1.0;
 }
 
-HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary) : width(grid.width) {
+HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary)
+    : width(grid.width), soft_end_is_held(far_boundary == FarBoundary::kIsothermal) {
   if (far_boundary == FarBoundary::kHalfSpace) {
     const double ratio = grid.matched ? std::max(grid.grading, kLeastMatchedGrading) : kExtensionGrading;
     const double thickness = grid.vertex.back();
@@ -46,6 +47,7 @@ HeatGrid::HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard,
   const HeatGrid other(hard, hard_far_boundary);
   interface = other.num_vertices() - 1;
   hard_weight = other.weight[0];
+  hard_end_is_held = other.soft_end_is_held;
   width.insert(width.begin(), other.width.rbegin(), other.width.rend());
   weight.insert(weight.begin(), other.weight.rbegin(), other.weight.rend() - 1);
 }
@@ -66,6 +68,8 @@ struct Coupling {
 
 Coupling coupling(const HeatGrid& grid, const Material& soft, const Material& hard, double dt, std::size_t i) {
   const std::size_t interface = static_cast<std::size_t>(grid.interface);
+  // A vertex that is held exchanges no heat in its own equation: its temperature stays.
+  if ((grid.soft_end_is_held && i + 1 == grid.weight.size()) || (grid.hard_end_is_held && i == 0)) return {0.0, 0.0};
   if (i == interface && i > 0) {
     // Heat capacity of the vertex at z = 0, divided by dt  [W/(m2 K)].
     const double inertia = grid.capacity(grid.interface, soft, hard) / dt;

@@ -35,10 +35,12 @@ struct HeatGrid {
   // Heat capacity per area of a vertex  [J/(m2 K)].
   double capacity(int vertex, const Material& soft, const Material& hard) const;
 
-  int interface = 0;           // index of the vertex at z = 0
-  std::vector<double> width;   // conduction length of each cell                 [m]
-  std::vector<double> weight;  // length whose heat each vertex holds; at z = 0 the part in the soft body [m]
-  double hard_weight = 0.0;    // length in the hard body whose heat the vertex at z = 0 holds  [m]
+  int interface = 0;              // index of the vertex at z = 0
+  std::vector<double> width;      // conduction length of each cell                 [m]
+  std::vector<double> weight;     // length whose heat each vertex holds; at z = 0 the part in the soft body [m]
+  bool soft_end_is_held = false;  // the last vertex of the soft body keeps its temperature
+  bool hard_end_is_held = false;  // the outermost vertex of the hard body keeps its temperature
+  double hard_weight = 0.0;       // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };
 
 // Ratio of the conduction length of a cell to its width: 1, except on a matched grid.

@@ -9,7 +9,9 @@ namespace shearbus::physics {
 // matrix of this order.
 inline constexpr int kMaxBasisVertices = 1000;
 
-enum class FarBoundary { kInsulated, kHalfSpace };
+// What lies behind the far face of a body: nothing, more of the body, or a bath that keeps the face at the temperature
+// of the start.
+enum class FarBoundary { kInsulated, kHalfSpace, kIsothermal };
 
 struct GridOptions {
   double thickness = 20e-6;  // thickness h of the layer  [m]

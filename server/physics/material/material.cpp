@@ -45,6 +45,9 @@ constexpr std::array kFields = {
     MaterialField{"hugoniot_slope", &Material::hugoniot_slope, false, false},
     MaterialField{"grueneisen_coefficient", &Material::grueneisen, false, false},
     MaterialField{"grueneisen_volume_correction", &Material::volume_correction, false, true},
+    MaterialField{"simon_temperature_k", &Material::simon_temperature, false, false},
+    MaterialField{"simon_pressure_pa", &Material::simon_pressure, false, false},
+    MaterialField{"simon_exponent", &Material::simon_exponent, false, false},
 };
 
 bool is_strength(double Material::*constant) {
@@ -188,20 +191,28 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
 
 std::string_view constant_missing_for_options(const Material& material) {
   const double Material::*compression[] = {&Material::sound_speed, &Material::hugoniot_slope};
-  const double Material::*melting[] = {&Material::grueneisen, &Material::volume_correction};
-  const auto missing = [&](const double Material::*member) {
-    const auto field = std::find_if(kFields.begin(), kFields.end(), [&](const auto& f) { return f.value == member; });
-    return std::isfinite(material.*member) ? std::string_view() : field->name;
+  const double Material::*lindemann[] = {&Material::grueneisen, &Material::volume_correction};
+  const double Material::*simon[] = {&Material::simon_temperature, &Material::simon_pressure,
+                                     &Material::simon_exponent};
+  std::string_view missing;
+  const auto need = [&](std::span<const double Material::*const> members) {
+    for (const double Material::*member : members) {
+      const auto field = std::find_if(kFields.begin(), kFields.end(), [&](const auto& f) { return f.value == member; });
+      if (missing.empty() && !std::isfinite(material.*member)) missing = field->name;
+    }
   };
   const bool has_pressure_term = has_constant(material.flow_law, &Material::pressure_coefficient);
-  if (material.melting_curve == MeltingCurve::kConstant && !has_pressure_term) return {};
-  if (!material.varies_with_compression()) return {};
-  for (const double Material::*member : compression)
-    if (!missing(member).empty()) return missing(member);
-  if (material.melting_curve == MeltingCurve::kConstant) return {};
-  for (const double Material::*member : melting)
-    if (!missing(member).empty()) return missing(member);
-  return {};
+  const bool compressed = material.pressure_term != PressureTerm::kLinear && has_pressure_term;
+  if (compressed || material.melting_curve == MeltingCurve::kLindemann) need(compression);
+  if (material.melting_curve == MeltingCurve::kLindemann) need(lindemann);
+  if (material.melting_curve == MeltingCurve::kSimon) need(simon);
+  return missing;
+}
+
+void choose_melting_curve(Material& material, MeltingCurve curve) {
+  material.melting_curve = curve;
+  if (curve == MeltingCurve::kSimon && std::isfinite(material.simon_temperature))
+    material.melting_temperature = material.simon_temperature;
 }
 
 double compression_at(const Material& m, double pressure) {
@@ -217,6 +228,12 @@ double compression_at(const Material& m, double pressure) {
 Material at_pressure(const Material& m, double pressure) {
   Material now = m;
   if (!m.varies_with_compression()) return now;
+  if (m.melting_curve == MeltingCurve::kSimon) {
+    now.melting_temperature =
+        m.simon_temperature * power(1.0 + std::max(0.0, pressure) / m.simon_pressure, 1.0 / m.simon_exponent);
+    now.melting_curve = MeltingCurve::kConstant;
+  }
+  if (!now.varies_with_compression()) return now;
   const double eta = compression_at(m, pressure);
   if (m.melting_curve == MeltingCurve::kLindemann) {
     now.melting_temperature *= exponential(2.0 * m.volume_correction * (1.0 - 1.0 / eta)) *

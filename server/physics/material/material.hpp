@@ -12,8 +12,8 @@
 
 namespace shearbus::physics {
 
-enum class MeltingCurve { kConstant, kLindemann };  // T_melt is constant, or rises with P
-enum class PressureTerm { kLinear, kCompressed };   // pressure term of g(P, T): gP P, or gP P / eta^(1/3)
+enum class MeltingCurve { kConstant, kLindemann, kSimon };  // T_melt is constant, or rises with P
+enum class PressureTerm { kLinear, kCompressed };           // pressure term of g(P, T): gP P, or gP P / eta^(1/3)
 
 enum class FlowLaw : std::uint8_t {};  // place in the list of flow_laws.hpp
 
@@ -56,12 +56,17 @@ struct Material {
   double overdriven_exponent = kNotGiven;   // beta, exponent of the stress s0 r^beta at the highest strain rates r  [1]
   double modulus_temperature = kNotGiven;   // alpha in G = G0 (1 - alpha T/T_melt)  [1]
 
-  // Compression and melting under pressure, as Steinberg tabulates them; needed only by melting_curve and
-  // pressure_term.
+  // Compression and melting under pressure, as Steinberg tabulates them; needed only by the Lindemann melting_curve and
+  // by pressure_term.
   double sound_speed = kNotGiven;        // c0 of the Hugoniot U = c0 + s u  [m/s]
   double hugoniot_slope = kNotGiven;     // s of the Hugoniot U = c0 + s u  [1]
   double grueneisen = kNotGiven;         // Grueneisen's gamma0  [1]
   double volume_correction = kNotGiven;  // first-order volume correction a of gamma0  [1]
+
+  // Constants of Simon's melting curve T0 (1 + P/a)^(1/c); needed only by that melting_curve.
+  double simon_temperature = kNotGiven;  // T0, melting temperature at rest  [K]
+  double simon_pressure = kNotGiven;     // a  [Pa]
+  double simon_exponent = kNotGiven;     // c  [1]
 
   FlowLaw flow_law{};  // place of the law in flow_laws.hpp; 0: Steinberg-Cochran-Guinan
   MeltingCurve melting_curve = MeltingCurve::kConstant;
@@ -71,6 +76,10 @@ struct Material {
     return melting_curve != MeltingCurve::kConstant || pressure_term != PressureTerm::kLinear;
   }
 };
+
+// Chooses the melting curve. With Simon's curve the melting temperature of the material becomes that of the curve at
+// rest, if the material has its constants.
+void choose_melting_curve(Material& material, MeltingCurve curve);
 
 // A constant of a material and its name in scenes. Overrides, effective scenes and messages all use this table.
 struct MaterialField {

@@ -16,6 +16,7 @@ double compression_at(const Material& m, double pressure);
 
 // The material at a pressure: its melting_curve and pressure_term are worked into the constants T_melt and gP.
 //   T_melt(P) = T_melt exp(2 a (1 - 1/eta)) eta^(2 (gamma0 - a - 1/3))      (Lindemann's law, as Steinberg gives it)
+//   T_melt(P) = T0 (1 + P/a)^(1/c)                                          (Simon, Glatzel 1929), T0 in tension
 //   gP(P)     = gP / eta^(1/3)                                              (Steinberg, Cochran, Guinan 1980)
 Material at_pressure(const Material& m, double pressure);
 

@@ -79,6 +79,14 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
     // Heat capacity divided by dt  [W/(m2 K)]
     const double storage = grid.capacity(i, options.soft, options.hard) / dt;
     double diagonal = storage;
+    const bool held = i == n - 1                    ? options.grid.far_boundary == FarBoundary::kIsothermal
+                      : i == 0 && options.hard_grid ? options.hard_grid->far_boundary == FarBoundary::kIsothermal
+                                                    : false;
+    if (held) {
+      entries.emplace_back(i, i, storage);  // of the size of the other rows, for the pivoting
+      rhs[i] = storage * old.rows[i];
+      continue;
+    }
     if (i > 0) {
       const double k = (i <= grid.interface ? options.hard : options.soft).conductivity;
       entries.emplace_back(i, i - 1, -k / grid.width[i - 1]);

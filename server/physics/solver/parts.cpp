@@ -36,6 +36,13 @@ JunctionOptions typical_junctions(const ModelOptions& o) {
   return {.contact_fraction = 0.5, .height = 1e-7, .metal = metal};
 }
 
+// Constants of Simon's curve that begin at the metal's melting temperature, with the steepness of common metals.
+void give_typical_melting(Material& metal) {
+  metal.simon_temperature = metal.melting_temperature;
+  metal.simon_pressure = 10e9;
+  metal.simon_exponent = 2.0;
+}
+
 // Sets of properties, each used by several entries of kParts.
 constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
@@ -159,7 +166,7 @@ constexpr std::array kParts = {
     Part{.property = kMeltingCurve,
          .key = "soft.melting_curve",
          .value = "\"lindemann\"",
-         .is_on = [](const ModelOptions& o) { return o.soft.melting_curve != MeltingCurve::kConstant; },
+         .is_on = [](const ModelOptions& o) { return o.soft.melting_curve == MeltingCurve::kLindemann; },
          .set = [](ModelOptions& o,
                    bool on) { o.soft.melting_curve = on ? MeltingCurve::kLindemann : MeltingCurve::kConstant; },
          .goes_with = kStepOfALayer | kFlow | Properties{kPlasticHeating, kInertia},
@@ -245,6 +252,39 @@ constexpr std::array kParts = {
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return !states_of(o.interface.friction_law).empty(); },
          .law_with = "friction law with a state of its own"},
+    Part{.property = kIsothermalEnd,
+         .key = "layer.far_boundary",
+         .value = "\"isothermal\"",
+         .is_on =
+             [](const ModelOptions& o) {
+               return o.grid.far_boundary == FarBoundary::kIsothermal ||
+                      (o.hard_grid && o.hard_grid->far_boundary == FarBoundary::kIsothermal);
+             },
+         .set =
+             [](ModelOptions& o, bool on) {
+               o.grid.far_boundary = on ? FarBoundary::kIsothermal : FarBoundary::kInsulated;
+               if (o.hard_grid) o.hard_grid->far_boundary = o.grid.far_boundary;
+             },
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
+                      Properties{kInertia, kSecondOrder, kTwoComponents, kTemperatureDependentFriction},
+         .equation = "T(h) = T_start",
+         .adds = "the far face of a body keeps the temperature of the start, so that a sliding layer becomes steady",
+         .when = "thin layers between baths, as in molecular dynamics"},
+    Part{.property = kSimonMelting,
+         .key = "soft.melting_curve",
+         .value = "\"simon\"",
+         .is_on = [](const ModelOptions& o) { return o.soft.melting_curve == MeltingCurve::kSimon; },
+         .set =
+             [](ModelOptions& o, bool on) {
+               if (on && !std::isfinite(o.soft.simon_pressure)) give_typical_melting(o.soft);
+               choose_melting_curve(o.soft, on ? MeltingCurve::kSimon : MeltingCurve::kConstant);
+             },
+         .goes_with = kStepOfALayer | kFlow |
+                      Properties{kPlasticHeating, kInertia, kCompressedPressureTerm, kSecondOrder, kModes, kSleep,
+                                 kTolerance, kTwoComponents, kTemperatureDependentFriction, kIsothermalEnd},
+         .equation = "Simon, Glatzel 1929",
+         .adds = "the melting temperature follows a measured curve T0 (1 + P/a)^(1/c)",
+         .when = "metals with a measured melting curve; T0 is then that of the curve, not that of the flow law"},
 };
 static_assert(kParts.size() == kProperties);
 static_assert([] {
@@ -325,6 +365,13 @@ constexpr std::array kExclusions = {
     Exclusion{kTwoComponents, kInterfaceSlip, "the shear rate that drives the layer with that drive has no direction"},
     Exclusion{kTwoComponents, kInertia,
               "the stress of a step has one direction, and that of waves turns across the layer"},
+    Exclusion{kIsothermalEnd, kPlasticHeating,
+              "work that heats the far vertex would leave it at once, and the friction heat would count it"},
+    Exclusion{kIsothermalEnd, kModes, "the sum of exponentials is that of an insulated slab or of a half-space"},
+    Exclusion{kIsothermalEnd, kSleep, "the modes of a sleeping node keep their heat, and a held face lets it out"},
+    Exclusion{kIsothermalEnd, kTolerance,
+              "the grid and the error estimate are those of bodies that keep their heat or lose it to infinity"},
+    Exclusion{kSimonMelting, kMeltingCurve, "a body has one melting curve"},
 };
 
 // A check of one option alone: returns a refusal, or nothing if the value of the option is allowed.
@@ -368,11 +415,13 @@ constexpr std::array<Limit, 7> kLimits = {
       const std::string_view missing = constant_missing_for_options(o.soft);
       if (missing.empty()) return {};
       const std::string key = "soft." + std::string(missing);
-      return Refusal{key,
-                     key +
-                         " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
-                         "compression at a pressure",
-                     "Give it, or leave both options at their defaults."};
+      return Refusal{
+          key,
+          key + (o.soft.melting_curve == MeltingCurve::kSimon && missing.starts_with("simon")
+                     ? " is missing: melting_curve = \"simon\" needs the constants of the curve"
+                     : " is missing: melting_curve = \"lindemann\" and pressure_term = \"compressed\" need the "
+                       "compression at a pressure"),
+          "Give it, or leave both options at their defaults."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       const LawFault fault = FrictionLaws::with(
@@ -426,6 +475,14 @@ std::span<const Part> parts() {
 }
 const Part& part_of(Property property) {
   return kParts[static_cast<std::size_t>(property)];
+}
+std::string unique_key(const Part& part) {
+  std::string name(part.key);
+  for (const Part& earlier : kParts) {
+    if (earlier.property >= part.property) break;
+    if (earlier.set != nullptr && earlier.key == part.key) return name + " = " + std::string(part.value);
+  }
+  return name;
 }
 std::string setting_of(const Part& part, const ModelOptions& options) {
   const std::string key(part.key);

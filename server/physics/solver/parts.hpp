@@ -43,8 +43,10 @@ enum class Property : std::uint8_t {
   kTwoComponents,
   kTemperatureDependentFriction,
   kFrictionWithState,
+  kIsothermalEnd,
+  kSimonMelting,
 };
-inline constexpr int kProperties = 23;
+inline constexpr int kProperties = 25;
 
 class Properties {
  public:
@@ -83,6 +85,9 @@ struct Part {
 };
 std::span<const Part> parts();
 const Part& part_of(Property property);
+// What names a part among those with a `set`: its key or, if an earlier one has this key, key
+// and value.
+std::string unique_key(const Part& part);
 // The setting that switches a part on, as a scene writes it: `layer.inertia = true`, `[junctions]`, `soft.flow_law =
 // "johnson_cook"`.
 std::string setting_of(const Part& part, const ModelOptions& options);
