@@ -22,7 +22,10 @@ ConeTarget make_cone_target(const guest::HydroScene& scene) {
                      .soft = make_metal(scene.scene().soft(), "soft", scene.hydro().cone_target().soft_eos()),
                      .hard = make_metal(scene.scene().hard(), "hard", scene.hydro().cone_target().hard_eos())};
   const v1::Layer& layer = scene.scene().layer();
-  if (scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID && !layer.inertia() &&
+  // The bound assumes that the bodies keep their heat.
+  const bool loses_heat = layer.far_boundary() == v1::FAR_BOUNDARY_ISOTHERMAL ||
+                          scene.scene().hard_layer().far_boundary() == v1::FAR_BOUNDARY_ISOTHERMAL;
+  if (scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID && !layer.inertia() && !loses_heat &&
       physics::properties_of(problem.soft.strength.flow_law).vanishes_at_melting) {
     problem.heat_bound = {.soft = problem.soft.strength,
                           .hard = problem.hard.strength,

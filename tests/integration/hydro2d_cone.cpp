@@ -119,6 +119,18 @@ TEST(Hydro2dCone, EveryLawKeepsEnergyAndAxialMomentum) {
   EXPECT_LT(service.hottest, physics::at_pressure(problem.soft.strength, service.highest_pressure).melting_temperature);
 }
 
+// The bound of the work of friction is that of bodies that keep their heat.
+TEST(Hydro2dCone, TheHeatBoundIsOffWhereHeatLeaves) {
+  guest::HydroScene scene = cone();
+  scene.mutable_hydro()->set_interface_law(guest::INTERFACE_LAW_SUBGRID);
+  EXPECT_TRUE(hydro::make_cone_target(scene).heat_bound.has_value());
+  guest::HydroScene behind = scene;
+  behind.mutable_scene()->mutable_hard_layer()->set_far_boundary(v1::FAR_BOUNDARY_ISOTHERMAL);
+  EXPECT_FALSE(hydro::make_cone_target(behind).heat_bound.has_value());
+  scene.mutable_scene()->mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_ISOTHERMAL);
+  EXPECT_FALSE(hydro::make_cone_target(scene).heat_bound.has_value());
+}
+
 // Runs the cone with two scenes. The first has junctions and solves every node in every step. The second has no
 // junctions, and its nodes at rest sleep, so they are not solved. The junctions cover the whole area and do not harden,
 // so they change no bit of the answers.
