@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <random>
 #include <stdexcept>
 #include <string_view>
@@ -131,14 +132,12 @@ void Server::while_replaying() {
   looked_at_socket_ns_ = now;
   pollfd stop{.fd = stop_fd_, .events = POLLIN, .revents = 0};
   if (stop_fd_ >= 0 && ::poll(&stop, 1, 0) > 0) throw store::Interrupted();
+  std::optional<service::ReplyFrames> reply;  // the last one: its header is copied when the handler has returned
   router_.answer_waiting(
-      [this](transport::Frames frames, std::string_view) {
-        std::vector<transport::OutFrame> sent;
-        if (auto reply = service_.refuse_while_recovering(frames)) {
-          auto header = std::make_shared<const std::string>(std::move(reply->header));
-          sent.push_back({std::as_bytes(std::span(*header)), header});
-        }
-        return transport::Answer(std::move(sent));
+      [&](transport::Frames frames, std::string_view) {
+        reply = service_.refuse_while_recovering(frames);
+        if (!reply) return transport::Answer();
+        return transport::Answer(transport::OutFrame{std::as_bytes(std::span(reply->header)), nullptr});
       },
       kRefusedAtStop);
   if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;
@@ -233,20 +232,21 @@ void Server::end_if_failed() const {
 
 void Server::run(int stop_fd, ServiceManager* manager) {
   manager_ = manager;
-  const transport::Handler handler = [this](transport::Frames frames, std::string_view user) {
-    std::vector<transport::OutFrame> sent;
+  std::optional<service::ReplyFrames> reply;  // the last one: its header is copied when the handler has returned
+  const transport::Handler handler = [&](transport::Frames frames, std::string_view user) {
     service::Turn turn{};
-    if (auto reply = service_.handle(frames, Access::caller(user), &turn)) {
-      auto header = std::make_shared<const std::string>(std::move(reply->header));
-      sent.push_back({std::as_bytes(std::span(*header)), header});
-      if (reply->has_payload) sent.push_back({reply->payload, std::move(reply->owner)});
-    } else if (turn != service::Turn::kAnswered) {
+    reply = service_.handle(frames, Access::caller(user), &turn);
+    if (!reply && turn != service::Turn::kAnswered)
       return transport::Answer(turn == service::Turn::kComputing ? transport::Answer::Kind::kKept
                                                                  : transport::Answer::Kind::kHeld);
-    } else {
+    if (!reply) {
       end_if_failed();
+      return transport::Answer();
     }
-    return transport::Answer(std::move(sent));
+    transport::OutFrame header{std::as_bytes(std::span(reply->header)), nullptr};
+    transport::OutFrame payload{reply->payload, std::move(reply->owner)};
+    return reply->has_payload ? transport::Answer(std::move(header), std::move(payload))
+                              : transport::Answer(std::move(header));
   };
   const auto work = [this] {
     const bool complete = service_.work();

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -36,13 +37,15 @@ constexpr std::chrono::milliseconds kRecoveryPause{200};  // time between two re
 constexpr std::chrono::milliseconds kFilePause{50};       // time between two looks at an endpoint file
 constexpr std::chrono::milliseconds kFileLook{500};       // likewise while the server that it names does not answer
 constexpr std::chrono::seconds kFirstNotice{2};           // waiting time before the log says what a call waits for
+constexpr long kLongestSleepMs = 3'600'000;               // of one call of poll()
 constexpr int kGoodbyeLingerMs = 100;  // longest time that an unsent closing request delays the program's end
 
-// The bytes of a frame that was received, a zmq::message_t.
+// The bytes of a frame that was received.
+std::span<const std::byte> view_of(const zmq::message_t& frame) {
+  return {static_cast<const std::byte*>(frame.data()), frame.size()};
+}
 std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
-  if (!frame) return {};
-  const auto& message = *static_cast<const zmq::message_t*>(frame.get());
-  return {static_cast<const std::byte*>(message.data()), message.size()};
+  return frame ? view_of(*static_cast<const zmq::message_t*>(frame.get())) : std::span<const std::byte>();
 }
 
 [[noreturn]] void unreachable(const std::string& where, const std::string& why) {
@@ -235,6 +238,9 @@ bool SocketConnection::connect() {
     socket.set(zmq::sockopt::curve_secretkey, server_.secret_key);
   }
   watch_handshakes();
+  file_ = socket.get(zmq::sockopt::fd);
+  monitor_file_ = zmq::socket_ref(zmq::from_handle, monitor_.get()).get(zmq::sockopt::fd);
+  monitor_unread_ = true;
   // libzmq would go on trying for ever.
   if (server_.endpoint.starts_with("ipc://") &&
       ::faccessat(AT_FDCWD, server_.endpoint.c_str() + std::strlen("ipc://"), W_OK, AT_EACCESS) != 0 &&
@@ -337,19 +343,39 @@ void SocketConnection::refused(bool sent) const {
 // Waits until the socket is ready for `events`. Returns false if `until` passed first, or if the server refused the
 // connection.
 bool SocketConnection::wait(short events, Clock::time_point until) {
-  std::array<zmq_pollitem_t, 2> items = {{{socket_.get(), 0, events, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}}};
   for (;;) {
     // Rounds up, because a timeout of 0 ms would be a busy loop.
     const auto wake = options().log ? std::min(until, waiting_.next_notice) : until;
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(wake - Clock::now()).count();
-    const int found = zmq_poll(items.data(), static_cast<int>(items.size()), std::max<long>(left, 0));
-    if (found > 0 && items[0].revents != 0) return true;
-    if (found > 0) read_handshakes();
+    const auto [ready, told] = sleep(events, std::max<long>(left, 0));
+    if (ready) return true;
+    if (told) read_handshakes();
     if (!refusal_.ok()) return false;
-    if (found >= 0 && Clock::now() >= until) return false;
+    if (Clock::now() >= until) return false;
     if (options().log && Clock::now() >= waiting_.next_notice) notice(events);
-    if (found < 0 && zmq_errno() != EINTR) unreachable(where_, zmq_strerror(zmq_errno()));
   }
+}
+
+// Waits until the socket may be ready for `events` (first), or its monitor has something to tell (second).
+//
+// For a message poll() of the sockets' files is enough: receive() has just found no message and read_handshakes() no
+// event, and libzmq makes the files readable when there is one after that. zmq_poll() would look at both sockets before
+// and after it sleeps, and ask the kernel each time.
+std::pair<bool, bool> SocketConnection::sleep(short events, long wait_ms) {
+  if (events == ZMQ_POLLIN) {
+    if (std::exchange(monitor_unread_, false)) read_handshakes();
+    if (!refusal_.ok()) return {false, false};
+    std::array<pollfd, 2> files = {
+        {{.fd = file_, .events = POLLIN, .revents = 0}, {.fd = monitor_file_, .events = POLLIN, .revents = 0}}};
+    const int found = ::poll(files.data(), files.size(), static_cast<int>(std::min<long>(wait_ms, kLongestSleepMs)));
+    if (found < 0 && errno != EINTR) unreachable(where_, std::strerror(errno));
+    return {found > 0 && files[0].revents != 0, found > 0 && files[1].revents != 0};
+  }
+  monitor_unread_ = true;
+  std::array<zmq_pollitem_t, 2> items = {{{socket_.get(), 0, events, 0}, {monitor_.get(), 0, ZMQ_POLLIN, 0}}};
+  const int found = zmq_poll(items.data(), static_cast<int>(items.size()), wait_ms);
+  if (found < 0 && zmq_errno() != EINTR) unreachable(where_, zmq_strerror(zmq_errno()));
+  return {found > 0 && items[0].revents != 0, found > 0 && items[1].revents != 0};
 }
 
 void SocketConnection::notice(short events) {
@@ -391,20 +417,22 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   for (;;) {
     if (frames_read_ > kFramesBeforeLook) return false;
-    std::array<std::shared_ptr<zmq::message_t>, wire::kMaxFrames + 1> frames;
+    zmq::message_t header;
+    zmq::message_t surplus;
+    std::shared_ptr<zmq::message_t> payload;  // where it stays: a small frame has its bytes inside
     std::array<std::span<const std::byte>, wire::kMaxFrames + 1> views;
     std::size_t count = 0;
-    for (bool more = true; more && count < frames.size();) {  // decode() refuses three frames
-      auto frame = std::make_shared<zmq::message_t>();
-      if (zmq_msg_recv(frame->handle(), socket_.get(), ZMQ_DONTWAIT) < 0) {
+    for (bool more = true; more && count < views.size();) {  // decode() refuses three frames
+      if (count == 1 && !payload) payload = std::make_shared<zmq::message_t>();
+      zmq::message_t& frame = count == 0 ? header : count == 1 ? *payload : surplus;
+      if (zmq_msg_recv(frame.handle(), socket_.get(), ZMQ_DONTWAIT) < 0) {
         if (zmq_errno() == EINTR) continue;
         if (zmq_errno() == EAGAIN) break;
         unreachable(where_, zmq_strerror(zmq_errno()));
       }
       ++frames_read_;
-      more = frame->more();
-      views[count] = {static_cast<const std::byte*>(frame->data()), frame->size()};
-      frames[count++] = std::move(frame);
+      more = frame.more();
+      views[count++] = view_of(frame);
     }
     if (count == 0) {
       frames_read_ = 0;
@@ -422,8 +450,8 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     // A reply has the id 0 if the server could not read the id of the request.
     if (received.reply.request_id != request_id && (received.reply.request_id != 0 || received.reply.status.ok()))
       continue;
-    received.payload_frame = frames[1];
-    if (recorder_) reply_header_frame_ = frames[0];
+    received.payload_frame = std::move(payload);
+    if (recorder_) reply_header_frame_ = std::make_shared<zmq::message_t>(std::move(header));
     answered_ = true;
     return true;
   }
@@ -434,7 +462,8 @@ void SocketConnection::post(const wire::Request& request) {
   try {
     if (!socket_ && !connect()) return;
     const auto now = Clock::now();
-    if (send(wire::encode_header(request), request.batch)) posted_ = Posted{request.request_id, now};
+    header_ = wire::encode_header(request, std::move(header_));
+    if (send(header_, request.batch)) posted_ = Posted{request.request_id, now};
   } catch (...) {
     socket_.reset();  // the socket may hold a part of the request
     throw;
@@ -457,7 +486,7 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
 Received SocketConnection::exchange(const wire::Request& request, std::chrono::milliseconds deadline) {
   const auto started = Clock::now();
   auto last_moment = started + deadline;
-  const std::string header = wire::encode_header(request);
+  const std::string& header = header_ = wire::encode_header(request, std::move(header_));
   bool under_way = posted_ && posted_->request_id == request.request_id;
   const auto asked = under_way ? posted_->at : started;
   posted_.reset();

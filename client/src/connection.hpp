@@ -122,6 +122,7 @@ class SocketConnection final : public Connection {
   void watch_handshakes();
   std::string own_public_key() const;
   bool wait(short events, Clock::time_point until);
+  std::pair<bool, bool> sleep(short events, long wait_ms);
   void notice(short events);
   bool send(const std::string& header, const wire::Batch& batch);
   void read_handshakes();
@@ -139,15 +140,19 @@ class SocketConnection final : public Connection {
   std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
   std::optional<wire::SessionRecorder> recorder_;
   std::shared_ptr<void> reply_header_frame_;  // of the last reply; only for the recorder
+  std::string header_;                        // of the last request
   std::optional<Posted> posted_;
   Waiting waiting_{};
   bool answered_ = false;                       // true once the server has answered
   std::unique_ptr<void, CloseSocket> monitor_;  // receives the handshake events of socket_
   std::unique_ptr<void, CloseSocket>
-      socket_;               // null after a timeout, so that a late reply cannot be mistaken for another
-  wire::Status refusal_;     // why the server refused the connection; OK if it did not
-  int frames_read_ = 0;      // frames read from socket_ since it was found empty
-  int silent_failures_ = 0;  // consecutive handshakes that failed without a reason
+      socket_;     // null after a timeout, so that a late reply cannot be mistaken for another
+  int file_ = -1;  // of socket_, and of monitor_; libzmq makes it readable when it has something to tell
+  int monitor_file_ = -1;
+  bool monitor_unread_ = false;  // events may wait in monitor_ of which its file does not tell
+  wire::Status refusal_;         // why the server refused the connection; OK if it did not
+  int frames_read_ = 0;          // frames read from socket_ since it was found empty
+  int silent_failures_ = 0;      // consecutive handshakes that failed without a reason
 };
 
 }  // namespace shearbus

@@ -14,11 +14,6 @@ namespace {
 constexpr std::chrono::milliseconds kStoppingPause{100};  // pause between two attempts while the server restarts
 constexpr int kMostRestarts = 20;                         // restarts of the server that one call follows
 
-// A view of the same columns, valid while `batch` is.
-wire::Batch view_of(const wire::Batch& batch) {
-  return wire::Batch::over(batch.columns(), batch.bytes());
-}
-
 // The columns of numbers in memory of their own, which outlives the received frame.
 Batch copy_of(const Batch& batch) {
   Batch copy = columns_of(batch, batch.columns().front().count);
@@ -245,7 +240,7 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
                                  .wanted = wanted,
                                  .policy = options.policy,
                                  .absent_nodes = options.absent_nodes};
-  request.batch = view_of(columns);
+  request.batch = columns.view();
   return request;
 }
 
@@ -433,7 +428,7 @@ void Session::Impl::start(const Batch& columns, const StepOptions& options, wire
   started_in_parts.reset();
   wire::Request started = step_request(columns, options, mode);
   if (needs_parts(columns)) {
-    started_in_parts.emplace(Started{view_of(columns), mode});
+    started_in_parts.emplace(Started{columns.view(), mode});
     // A repetition of an interrupted step goes on with the part that was not answered, in finish_trial().
     if (in_parts) return;
     started = part_request(columns, std::get<wire::Downscale>(started.body), 1);

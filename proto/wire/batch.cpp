@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <utility>
 
@@ -26,25 +27,58 @@ std::size_t padded(std::size_t bytes) {
 
 }  // namespace
 
-Batch Batch::of(std::span<const Field> fields, std::size_t count, std::uint32_t components) {
-  Batch batch;
+// Writes columns_ and size_.
+void Batch::lay_out(std::span<const Field> fields, std::size_t count, std::uint32_t components) {
+  columns_.clear();
+  columns_.reserve(fields.size() * components);
+  size_ = 0;
   for (Field field : fields) {
     const Element element = element_of(field);
     for (std::uint32_t component = 0; component < (is_tangential(field) ? components : 1); ++component) {
-      batch.columns_.push_back({field, component, element, batch.size_, count});
-      batch.size_ += padded(count * size_of(element));
+      columns_.push_back({field, component, element, size_, count});
+      size_ += padded(count * size_of(element));
     }
   }
-  batch.owned_ = std::make_unique<std::uint64_t[]>(batch.size_ / 8);
+}
+
+Batch Batch::of(std::span<const Field> fields, std::size_t count, std::uint32_t components) {
+  Batch batch;
+  batch.lay_out(fields, count, components);
+  batch.capacity_ = batch.size_ / 8;
+  batch.owned_ = std::make_unique<std::uint64_t[]>(batch.capacity_);
   batch.data_ = reinterpret_cast<const std::byte*>(batch.owned_.get());
   return batch;
+}
+
+void Batch::reshape(std::span<const Field> fields, std::size_t count, std::uint32_t components) {
+  lay_out(fields, count, components);
+  const std::size_t words = size_ / 8;
+  if (!owned_ || capacity_ < words || capacity_ - words > words / 4) {
+    owned_.reset();
+    owned_ = std::make_unique_for_overwrite<std::uint64_t[]>(words);
+    capacity_ = words;
+  }
+  data_ = reinterpret_cast<const std::byte*>(owned_.get());
+  // Only the columns of bytes have padding.
+  for (const Column& column : columns_)
+    if (const std::size_t end = column.offset_bytes + column.count * size_of(column.element); end % 8 != 0)
+      std::memset(reinterpret_cast<std::byte*>(owned_.get()) + end, 0, padded(end) - end);
+}
+
+Batch Batch::view() const {
+  Batch same;
+  same.columns_ = columns_;
+  same.data_ = data_;
+  same.size_ = size_;
+  return same;
 }
 
 Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes) {
   if (columns.size() > kMaxColumns)
     throw Error(
         {.code = Code::kShape, .text = fmt::format("{} columns, at most {} allowed", columns.size(), kMaxColumns)});
-  std::vector<std::pair<std::uint64_t, std::uint64_t>> extents;
+  std::array<std::pair<std::uint64_t, std::uint64_t>, kMaxColumns> extents;
+  std::size_t filled = 0;  // number of columns that have values
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const Column& column = columns[i];
     const ColumnRow* known = find_column(column.field);
@@ -60,10 +94,10 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
     for (std::size_t j = 0; j < i; ++j)
       if (columns[j].field == column.field && columns[j].component == column.component)
         refuse(column, "is given twice");
-    if (column.count > 0) extents.emplace_back(column.offset_bytes, column.offset_bytes + column.count * size);
+    if (column.count > 0) extents[filled++] = {column.offset_bytes, column.offset_bytes + column.count * size};
   }
-  std::sort(extents.begin(), extents.end());
-  for (std::size_t i = 1; i < extents.size(); ++i)
+  std::sort(extents.begin(), extents.begin() + static_cast<std::ptrdiff_t>(filled));
+  for (std::size_t i = 1; i < filled; ++i)
     if (extents[i].first < extents[i - 1].second)
       throw Error({.code = Code::kShape, .text = fmt::format("two columns overlap at byte {}", extents[i].first)});
 
@@ -77,7 +111,8 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
 
 void Batch::own() {
   if (owned_) return;
-  owned_ = std::make_unique<std::uint64_t[]>(padded(size_) / 8);
+  capacity_ = padded(size_) / 8;
+  owned_ = std::make_unique_for_overwrite<std::uint64_t[]>(capacity_);
   if (size_ > 0) std::memcpy(owned_.get(), data_, size_);
   data_ = reinterpret_cast<const std::byte*>(owned_.get());
 }
@@ -95,7 +130,7 @@ bool Batch::has(Field field, std::uint32_t component) const {
 namespace {
 
 template <typename T, Element kElement>
-std::span<const T> view(const Column* column, const std::byte* data) {
+std::span<const T> values_of(const Column* column, const std::byte* data) {
   if (!column || column->element != kElement) return {};
   return {reinterpret_cast<const T*>(data + column->offset_bytes), column->count};
 }
@@ -108,13 +143,13 @@ std::span<T> writable(std::span<const T> column) {
 }  // namespace
 
 std::span<const double> Batch::f64(Field field, std::uint32_t component) const {
-  return view<double, Element::kFloat64>(find(field, component), data_);
+  return values_of<double, Element::kFloat64>(find(field, component), data_);
 }
 std::span<const std::uint64_t> Batch::u64(Field field, std::uint32_t component) const {
-  return view<std::uint64_t, Element::kUint64>(find(field, component), data_);
+  return values_of<std::uint64_t, Element::kUint64>(find(field, component), data_);
 }
 std::span<const std::uint8_t> Batch::u8(Field field, std::uint32_t component) const {
-  return view<std::uint8_t, Element::kUint8>(find(field, component), data_);
+  return values_of<std::uint8_t, Element::kUint8>(find(field, component), data_);
 }
 std::span<double> Batch::f64(Field field, std::uint32_t component) {
   own();

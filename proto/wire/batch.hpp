@@ -36,6 +36,11 @@ class Batch {
   // Allocates zeroed columns of `count` values: one for each field, but two for each tangential field if `components`
   // is 2. The non-const spans of the batch write the values.
   static Batch of(std::span<const Field> fields, std::size_t count, std::uint32_t components = 1);
+  // Like of(), but uses the memory that this batch owns if it suffices and is not much larger, and the values of the
+  // columns are undefined: the caller writes all of them. The bytes between the columns are zero.
+  void reshape(std::span<const Field> fields, std::size_t count, std::uint32_t components = 1);
+  // Returns the same columns over the same bytes, which belong to this batch or its caller.
+  Batch view() const;
 
   // Makes a batch of columns over received bytes. Aligned bytes are not copied and must outlive the batch; misaligned
   // bytes (ZeroMQ hands out such frames below 8 kB) are copied. Throws Error{kShape} if a column leaves the frame,
@@ -59,10 +64,12 @@ class Batch {
 
  private:
   const Column* find(Field field, std::uint32_t component) const;
+  void lay_out(std::span<const Field> fields, std::size_t count, std::uint32_t components);
   void own();
 
   std::vector<Column> columns_;
   std::unique_ptr<std::uint64_t[]> owned_;  // null if the bytes belong to the caller
+  std::size_t capacity_ = 0;                // number of words in owned_
   const std::byte* data_ = nullptr;
   std::size_t size_ = 0;
 };

@@ -1,8 +1,6 @@
 #include "proto/wire/codec.hpp"
 
 #include <fmt/format.h>
-#define XXH_INLINE_ALL  // compiles xxhash into this file, so that client libraries need no libxxhash
-#include <xxhash.h>
 
 #include <algorithm>
 #include <optional>
@@ -18,12 +16,12 @@ namespace {
 
 using Frames = std::span<const std::span<const std::byte>>;
 
-// The declaration of the payload frame in a header.
+// The declaration of the payload frame in a header. Columns is a vector to be read into, or a span to be written.
+template <typename Columns = std::vector<Column>>
 struct Payload {
-  static constexpr std::uint32_t kNumber = 8;
   std::uint64_t size_bytes = 0;
   std::uint64_t xxh3 = 0;
-  std::vector<Column> columns;
+  Columns columns;
 
   static void fields(auto&& v, auto& m) {
     v(1, "size_bytes", m.size_bytes);
@@ -31,6 +29,8 @@ struct Payload {
     v(3, "columns", at_most(kMaxColumns, m.columns));
   }
 };
+
+constexpr std::uint32_t kPayloadNumber = 8;
 
 // Lists the fields that precede the payload in the header of a request and of a reply.
 template <typename Message>
@@ -47,7 +47,7 @@ void envelope_fields(auto&& v, Message& m) {
   throw Error({.code = code, .text = std::move(text), .remedy = std::move(remedy), .field = std::move(field)});
 }
 
-Payload payload_of(const Batch& batch) {
+Payload<std::span<const Column>> payload_of(const Batch& batch) {
   if (batch.columns().size() > kMaxColumns)
     refuse(Code::kShape, fmt::format("{} columns, at most {} fit a message", batch.columns().size(), kMaxColumns));
   if (batch.bytes().size() > kMaxPayloadBytes)
@@ -64,12 +64,12 @@ Status shortened(Status status) {
 }
 
 template <typename Message>
-std::string encode(const Message& message) {
-  Encoder out;
+std::string encode(const Message& message, std::string memory) {
+  Encoder out(std::move(memory));
   const FieldWriter write(out);
   out.fixed32(1, kMagic);
   envelope_fields(write, message);
-  if (!message.batch.columns().empty()) write(Payload::kNumber, "payload", payload_of(message.batch));
+  if (!message.batch.columns().empty()) write(kPayloadNumber, "payload", payload_of(message.batch));
   if constexpr (std::is_same_v<Message, Reply>) {
     if (message.status.node_ids.size() <= kMaxNodesNamed)
       write(9, "status", message.status);
@@ -101,7 +101,7 @@ struct Bodies<std::variant<std::monostate, Body...>> {
 };
 
 // Checks that the payload frame is as the header declares it, and returns its columns.
-Batch read_payload(const Payload* payload, Frames frames, bool may_have_one) {
+Batch read_payload(Payload<>* payload, Frames frames, bool may_have_one) {
   if (!payload) {
     if (frames.size() == 2) refuse(Code::kBadFraming, "a payload frame arrived that the header does not declare");
     return {};
@@ -118,7 +118,7 @@ Batch read_payload(const Payload* payload, Frames frames, bool may_have_one) {
     refuse(Code::kChecksum,
            fmt::format("the payload frame has XXH3-64 {:016x}, its header says {:016x}", found, payload->xxh3),
            "Send the request again.", "payload.xxh3");
-  return Batch::over(payload->columns, bytes);
+  return Batch::over(std::move(payload->columns), bytes);
 }
 
 void check_frames(Frames frames) {
@@ -152,19 +152,19 @@ template <typename Message>
 void read_header(Frames frames, bool strict, Message& message) {
   const FieldPath header;
   const FieldPath payload_path{&header, "payload"};
-  std::optional<Payload> payload;
+  std::optional<Payload<>> payload;
   bool may_have_payload = false;
   bool has_status = false;
   Decoder in(frames[0]);
   EncodedField found;
   while (in.next(found)) {
-    if (found.number < Payload::kNumber) continue;
+    if (found.number < kPayloadNumber) continue;
     const bool is_body = Bodies<decltype(message.body)>::find(found.number, [&]<typename Body>() {
       may_have_payload = Body::kBody.payload;
       read_message(message.body.template emplace<Body>(), found.bytes, {&header, Body::kBody.name}, strict);
     });
     if (is_body) continue;
-    if (found.number == Payload::kNumber) {
+    if (found.number == kPayloadNumber) {
       read_message(payload.emplace(), found.bytes, payload_path, strict);
       continue;
     }
@@ -212,11 +212,11 @@ void decode_as(Frames frames, Message& message) {
 
 }  // namespace
 
-std::string encode_header(const Request& request) {
-  return encode(request);
+std::string encode_header(const Request& request, std::string memory) {
+  return encode(request, std::move(memory));
 }
-std::string encode_header(const Reply& reply) {
-  return encode(reply);
+std::string encode_header(const Reply& reply, std::string memory) {
+  return encode(reply, std::move(memory));
 }
 
 void decode(Frames frames, Request& message) {
@@ -233,7 +233,7 @@ bool declares_payload(std::span<const std::byte> header_frame) {
 std::uint64_t hash_of(Frames frames) {
   // The hash of a frame is the seed of the next, so that moving bytes between frames changes the result.
   std::uint64_t hash = 0;
-  for (const std::span<const std::byte> frame : frames) hash = XXH3_64bits_withSeed(frame.data(), frame.size(), hash);
+  for (const std::span<const std::byte> frame : frames) hash = xxh3(frame, hash);
   return hash;
 }
 

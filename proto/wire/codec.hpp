@@ -10,10 +10,11 @@
 
 namespace shearbus::wire {
 
-// Return the header frame of a message. The payload frame is message.batch.bytes(), sent only if the batch has columns.
+// Return the header frame of a message, in `memory` if its capacity suffices. The payload frame is
+// message.batch.bytes(), sent only if the batch has columns.
 // Throw Error{kLimit or kShape} for a message that no peer accepts, Error{kInvalidScene} for a scene that is not UTF-8.
-std::string encode_header(const Request& request);
-std::string encode_header(const Reply& reply);
+std::string encode_header(const Request& request, std::string memory = {});
+std::string encode_header(const Reply& reply, std::string memory = {});
 
 // Decode a message. `frames` holds the header and, if the header declares it, the payload, whose bytes must outlive the
 // message as described at Batch::over. Throw Error{kBadFraming, kMalformed, kVersion, kLimit, kChecksum, kShape or

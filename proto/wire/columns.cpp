@@ -20,6 +20,15 @@ constexpr std::array kRows = {
 #include "proto/wire/columns.inc"
 };
 
+// For each number of a field the place of its row in kRows, plus 1; 0: the number is no field.
+constexpr std::array kPlaces = [] {
+  std::array<std::uint8_t, 1 + static_cast<std::size_t>(std::ranges::max_element(kRows, {}, &ColumnRow::field)->field)>
+      places{};
+  for (std::size_t place = 0; place < kRows.size(); ++place)
+    places[static_cast<std::size_t>(kRows[place].field)] = static_cast<std::uint8_t>(place + 1);
+  return places;
+}();
+
 // The fields of all columns whose row of kRows passes the test, that is, Test{}(row) is true.
 template <typename Test>
 struct Selection {
@@ -51,8 +60,8 @@ std::span<const ColumnRow> column_rows() {
 }
 
 const ColumnRow* find_column(Field field) {
-  const auto found = std::ranges::find(kRows, field, &ColumnRow::field);
-  return found == kRows.end() ? nullptr : &*found;
+  const auto number = static_cast<std::size_t>(field);
+  return number < kPlaces.size() && kPlaces[number] != 0 ? &kRows[kPlaces[number] - 1] : nullptr;
 }
 
 const ColumnRow& column_row(Field field) {

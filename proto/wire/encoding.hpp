@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace shearbus::wire {
 
@@ -16,6 +17,12 @@ enum class WireType : std::uint32_t { kVarint = 0, kFixed64 = 1, kLength = 2, kF
 // Appends fields to a message.
 class Encoder {
  public:
+  // `memory` is overwritten; its capacity is used.
+  explicit Encoder(std::string memory = {}) : out_(std::move(memory)) {
+    out_.clear();
+    out_.reserve(kUsualBytes);
+  }
+
   void varint(std::uint32_t number, std::uint64_t value);
   void fixed32(std::uint32_t number, std::uint32_t value);
   void fixed64(std::uint32_t number, std::uint64_t value);
@@ -35,6 +42,8 @@ class Encoder {
   std::string take() { return std::move(out_); }
 
  private:
+  static constexpr std::size_t kUsualBytes = 512;  // the header of a step or of its reply has fewer
+
   void tag(std::uint32_t number, WireType type);
   void insert_length(std::size_t begin);
 

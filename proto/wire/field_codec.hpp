@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <concepts>
 #include <cstdint>
@@ -87,6 +88,10 @@ class FieldWriter {
   }
   template <typename T>
   void write(std::uint32_t number, const std::vector<T>& values, bool fixed = false) const {
+    write(number, std::span<const T>(values), fixed);
+  }
+  template <typename T>
+  void write(std::uint32_t number, std::span<const T> values, bool fixed = false) const {
     if constexpr (Varint<T>) {
       if (values.empty()) return;
       out_.nested(number, [&] {
@@ -195,6 +200,7 @@ class FieldReader {
 
  private:
   static constexpr std::size_t kAnyCount = std::numeric_limits<std::size_t>::max();
+  static constexpr std::size_t kUsualCount = 16;  // entries of a list for which memory is allocated at once
 
   bool is(WireType type) {
     const bool same = found_.type == type;
@@ -266,6 +272,7 @@ class FieldReader {
     const auto append = [&](T value) {
       if (values.size() == most)
         refuse_field(kColumns ? Code::kShape : Code::kLimit, path, fmt::format("has more than {} entries", most));
+      if (most != kAnyCount && values.empty()) values.reserve(std::min(most, kUsualCount));
       values.push_back(std::move(value));
     };
     if constexpr (Varint<T>) {

@@ -7,9 +7,9 @@
 
 namespace shearbus::wire {
 
-uint64_t xxh3_avx2(const void* bytes, size_t size);
-uint64_t xxh3_avx2(const void* bytes, size_t size) {
-  return XXH3_64bits(bytes, size);
+uint64_t xxh3_avx2(const void* bytes, size_t size, uint64_t seed);
+uint64_t xxh3_avx2(const void* bytes, size_t size, uint64_t seed) {
+  return XXH3_64bits_withSeed(bytes, size, seed);
 }
 
 }  // namespace shearbus::wire

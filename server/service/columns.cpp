@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <iterator>
+#include <utility>
 
 #include "proto/wire/messages.hpp"
 
@@ -178,8 +179,13 @@ ModelColumns columns_of(const physics::ModelOptions& options) {
   return {met(all.required), met(all.optional), met(all.reply), met(all.on_request)};
 }
 
-shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt) {
-  shard::StepColumns columns;
+shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt, shard::StepColumns memory) {
+  shard::StepColumns columns = {.inputs = std::move(memory.inputs),
+                                .converted = std::move(memory.converted),
+                                .outputs = std::move(memory.outputs),
+                                .closure = {}};
+  columns.inputs.clear();
+  columns.outputs.clear();
   for (const InputRow& row : kInputs)
     if (request.has(row.field, row.component))
       columns.inputs.push_back({row.member, request.f64(row.field, row.component)});

@@ -42,6 +42,8 @@ ModelColumns columns_of(const physics::ModelOptions& options);
 // The columns that the request holds and the columns that the reply has room for. The batches must outlive the result.
 // If the request gives the stick stress and the impedance of each node instead of the stresses and masses of the two
 // bodies, these are converted to stresses and masses with the same momentum balance over the step length `dt` [s].
-shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt);
+// `memory`: columns of an earlier step, whose memory is used.
+shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt,
+                                shard::StepColumns memory = {});
 
 }  // namespace shearbus::service

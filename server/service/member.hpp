@@ -44,6 +44,7 @@ struct Service::RunningStep {
 
   const wire::Downscale& step() const { return std::get<wire::Downscale>(request.body); }
   std::span<const std::uint8_t> outcomes() const;
+  void clear() noexcept;  // frees everything but memory that a later step may use
 };
 
 struct Service::Member {

@@ -56,7 +56,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
   ++metrics_.requests;
   User& asking = user(caller.identity);
   ++asking.requests;
-  auto reply = std::make_shared<wire::Reply>();
+  ReplyPtr reply = blank_reply();
   reply->epoch = epoch_;
   kept_ = false;
   current_ = {};
@@ -101,6 +101,27 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
   return std::nullopt;
 }
 
+Service::ReplyPtr Service::blank_reply() {
+  if (!spare_reply_) return std::make_shared<wire::Reply>();
+  *spare_reply_ = {};
+  return std::exchange(spare_reply_, nullptr);
+}
+
+// Keeps the memory of a reply that was sent, unless a socket still needs it.
+void Service::spare(ReplyPtr reply) noexcept {
+  if (!reply || reply.use_count() != 1) return;
+  // The last other owner may have been a thread of libzmq: to give up a copy orders its reads before what is written
+  // here, which use_count() does not.
+  ReplyPtr(reply).reset();
+  if (!reply->batch.columns().empty()) spare_batch_ = std::move(reply->batch);
+  spare_reply_ = std::move(reply);
+}
+
+void Service::spare(std::unique_ptr<RunningStep> step) noexcept {
+  step->clear();
+  spare_step_ = std::move(step);
+}
+
 void Service::settle() {
   if (store_->durability() == store::Durability::kPower)
     timed(options_.now_ns, times_.journal_sync, [&] { store_->settle(); });
@@ -112,18 +133,22 @@ void Service::settle() {
 Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const ReplyPtr& reply) {
   Arrival arrival{.frames = frames, .caller = caller, .request = {}, .hash = 0, .started_ns = 0};
   wire::Request& request = arrival.request;
-  const auto address = [&] {
-    reply->request_id = request.request_id;
-    reply->session_id = request.session_id;
-    reply->sequence = request.sequence;
+  const auto address = [&](const wire::Request& asked) {
+    reply->request_id = asked.request_id;
+    reply->session_id = asked.session_id;
+    reply->sequence = asked.sequence;
   };
+  if (Member* const member = computed_for(frames)) {
+    address(member->running->request);
+    return end_step(*member, arrival);
+  }
   try {
     wire::decode(frames, request);
   } catch (const Error&) {
-    address();  // so that the refusal has the session and request ids that could be read
+    address(request);  // so that the refusal has the session and request ids that could be read
     throw;
   }
-  address();
+  address(request);
   arrival.started_ns = options_.now_ns();
   current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns};
   if (shutting_down_)
@@ -399,7 +424,7 @@ Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& r
     throw Error({.code = Code::kUnsupported, .text = "this server does not know the request"});
   }
   ++member.totals.requests;
-  member.conversation.complete(request.sequence, arrival.hash, reply);
+  spare(member.conversation.complete(request.sequence, arrival.hash, reply));
   return reply;
 }
 

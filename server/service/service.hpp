@@ -142,6 +142,9 @@ class Service : private store::Recovery {
   using ReplyPtr = std::shared_ptr<wire::Reply>;
 
   ReplyPtr answer(Frames frames, const Caller& caller, const ReplyPtr& reply);
+  ReplyPtr blank_reply();
+  void spare(ReplyPtr reply) noexcept;
+  void spare(std::unique_ptr<RunningStep> step) noexcept;
   ReplyPtr answer_in_session(Arrival& arrival, const ReplyPtr& reply);
   void hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const;
   ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
@@ -167,6 +170,8 @@ class Service : private store::Recovery {
   void end_step(Member& member, RunningStep& running, const Arrival& arrival);
   bool must_wait(const Member& member);
   void wait_for_work(Member& member, Frames frames);
+  Member* computed_for(Frames frames) const;
+  ReplyPtr end_step(Member& member, const Arrival& arrival);
   void report_budget(const Member& member, std::uint64_t nodes, wire::Upscale& upscale) const noexcept;
   void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
                       const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) const noexcept;
@@ -246,7 +251,13 @@ class Service : private store::Recovery {
   bool may_wait_ = false;            // true if the present request may be answered later
   Turn turn_ = Turn::kAnswered;      // turn of the present request
   std::deque<Member*> computing_;    // sessions whose step waits for work(), the next one first
+  std::vector<Member*> computed_;    // sessions whose step is complete and not answered yet
   std::vector<Member*> journaled_;   // sessions whose request is in the journal, in its order
+  // Memory of an earlier step and of its reply, for the next one: a step of a size that the server has answered before
+  // allocates next to nothing.
+  std::unique_ptr<RunningStep> spare_step_;
+  wire::Batch spare_batch_;
+  ReplyPtr spare_reply_;
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;

@@ -26,6 +26,16 @@ std::span<const std::uint8_t> Service::RunningStep::outcomes() const {
   return unasked.empty() ? std::as_const(reply->batch).u8(Field::kOutcome) : std::span(unasked);
 }
 
+void Service::RunningStep::clear() noexcept {
+  if (run && !shard::Shard::is_small(*run)) run.reset();
+  RunningStep blank;
+  blank.columns = std::move(columns);
+  blank.unasked = std::move(unasked);
+  blank.unasked.clear();
+  blank.run = std::move(run);
+  *this = std::move(blank);
+}
+
 // While a step is computed, every other request of its session waits.
 bool Service::must_wait(const Member& member) {
   if (!member.running) return false;
@@ -54,17 +64,35 @@ Service::ReplyPtr Service::downscale(Member& member, Arrival& arrival, const Rep
     must_wait(member);
     return reply;
   }
-  const std::unique_ptr<RunningStep> running = std::move(member.running);
+  return end_step(member, arrival);
+}
+
+// The session whose complete step was begun with these frames; null if there is none. The request was checked when it
+// came, so it is not decoded again.
+Service::Member* Service::computed_for(Frames frames) const {
+  const auto found = std::ranges::find_if(computed_, [&](const Member* member) {
+    return !frames.empty() && member->running->frames[0].data() == frames[0].data();
+  });
+  return found != computed_.end() ? *found : nullptr;
+}
+
+Service::ReplyPtr Service::end_step(Member& member, const Arrival& arrival) {
+  std::unique_ptr<RunningStep> running = std::move(member.running);
   std::erase(journaled_, &member);
+  std::erase(computed_, &member);
   kept_ = kept_ || running->kept;
+  current_.verb = running->request.body.index();
   end_step(member, *running, arrival);
-  return running->reply;
+  ReplyPtr reply = running->reply;
+  spare(std::move(running));
+  return reply;
 }
 
 void Service::wait_for_work(Member& member, Frames frames) {
   RunningStep& running = *member.running;
   std::ranges::copy(frames.first(std::min(frames.size(), running.frames.size())), running.frames.begin());
   journaled_.reserve(journaled_.size() + 1);
+  computed_.reserve(computed_.size() + computing_.size() + 1);
   // A user whose steps begin to wait joins where the others are: time that was not used gives no claim.
   User& owner = user(member.identity);
   std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
@@ -83,7 +111,7 @@ void Service::wait_for_work(Member& member, Frames frames) {
 // all-or-nothing is computed apart from the states and journaled when it has succeeded.
 std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arrival& arrival, const ReplyPtr& reply) {
   shard::Shard& shard = *member.shard;
-  auto running = std::make_unique<RunningStep>();
+  auto running = spare_step_ ? std::move(spare_step_) : std::make_unique<RunningStep>();
   running->request = std::move(arrival.request);
   running->hash = arrival.hash;
   running->started_ns = arrival.started_ns;
@@ -91,7 +119,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   const wire::Request& request = running->request;
   const wire::Downscale& step = running->step();
   const physics::ModelOptions& options = shard.model().options();
-  const std::vector<Field> wanted = check_wanted(step, options, shard.check_closure());
+  const std::span<const Field> wanted = check_wanted(step, options, shard.check_closure());
   running->further = step.part > 1;
   check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
   running->rows = check_step(step, request.batch, options, shard.nodes());
@@ -104,9 +132,12 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   running->operators = shard.operators(step.dt_s);
   const shard::Rows& rows = running->rows;
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
-  reply->batch = wire::Batch::of(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
+  // The shard writes each row of each column.
+  reply->batch = std::move(spare_batch_);
+  reply->batch.reshape(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
   auto& upscale = reply->body.emplace<wire::Upscale>();
-  shard::StepColumns& columns = running->columns = step_columns(request.batch, reply->batch, step.dt_s);
+  shard::StepColumns& columns = running->columns =
+      step_columns(request.batch, reply->batch, step.dt_s, std::move(running->columns));
   columns.host_time = step.time_s;
   const std::uint64_t version_before = shard.state_version() + (commits ? 1 : 0);
   if (shard.check_closure() && version_before == 0) upscale.warnings = unit_warnings(step, request.batch);
@@ -122,7 +153,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   } else if (step.policy == wire::Policy::kAllOrNothing) {
     running->run = shard.prepare_attempt(rows, *running->operators, columns, commits);
   } else {
-    running->run = shard.prepare(rows, *running->operators, columns);
+    running->run = shard.prepare(rows, *running->operators, columns, std::move(running->run));
     keep(arrival, member.id, &member);
     // Nothing can fail from here to the answer, so states, sequence and kept reply stay consistent.
     if (commits) shard.commit();
@@ -154,7 +185,10 @@ bool Service::work() noexcept {
   try {
     const bool complete = slice(member);
     users_.find(member.identity)->second.turn_ns += options_.now_ns() - started_ns;
-    if (complete) return true;
+    if (complete) {
+      computed_.push_back(&member);
+      return true;
+    }
     computing_.push_back(&member);
     return false;
   } catch (const std::exception& fault) {
@@ -192,7 +226,7 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
     leave_capsules(member, running, {reply.batch, running.outcomes(), all_or_nothing && step.commit_previous});
   if (all_or_nothing || running.further) {
     if (count.failed != 0 && all_or_nothing) refuse_failed_step(batch, shard.nodes(), running.outcomes());
-    keep(arrival, member.id, &member);
+    keep(arrival, member.id, &member, running.request.sequence);
     if (step.commit_previous) shard.commit();
   }
   shard.finish(*running.run);
@@ -210,7 +244,7 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
   upscale.state_version = shard.state_version();
   upscale.solver_ns = running.solver_ns;
   upscale.service_ns = running.ended_ns - running.started_ns;
-  member.conversation.complete(running.request.sequence, running.hash, running.reply);
+  spare(member.conversation.complete(running.request.sequence, running.hash, running.reply));
 
   if (store_ != nullptr) store_->add_work(count.work);
   ++member.totals.requests;

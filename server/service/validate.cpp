@@ -41,9 +41,10 @@ constexpr double kLongestStep = 1.0;     // longest accepted step  [s]
 template <typename Expected, typename Valid, typename NodeOf>
 void check_values(Field field, std::span<const double> column, const Expected& expected, const Valid& valid,
                   const NodeOf& node_of) {
-  double invalid = 0.0;  // a number as wide as a value lets the compiler do without branches
-  for (const double value : column) invalid += valid(value) ? 0.0 : 1.0;
-  if (invalid == 0.0) return;
+  // An integer as wide as a value, and no branches: the compiler checks several values at a time.
+  std::uint64_t invalid = 0;
+  for (const double value : column) invalid += valid(value) ? 0U : 1U;
+  if (invalid == 0) return;
 
   std::vector<std::uint64_t> nodes;
   double first = 0.0;
@@ -118,22 +119,33 @@ wire::Form form_of(const wire::Batch& batch, const wire::StrategyColumns& column
 void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions& options) {
   const wire::StrategyColumns& columns = wire::columns_of(strategy_of(options));
   check_components(batch, static_cast<std::uint32_t>(options.tangential_components));
-  const std::vector<Field> required = wire::columns_in(form_of(batch, columns), columns.required);
-  for (const Field field : required) {
+  const wire::Form form = form_of(batch, columns);
+  // The same columns as wire::columns_in() lists.
+  const auto of_form = [&](Field field) {
+    return form == wire::Form::kFarField || !contains(wire::kFarFieldColumns, field);
+  };
+  const auto check_given = [&](Field field) {
     if (!batch.has(field))
       refuse(Code::kShape, wire::name(field), fmt::format("column {} is missing", wire::name(field)),
              needed_columns(columns));
     if (options.tangential_components == 2 && wire::is_tangential(field) && !batch.has(field, 1))
       refuse(Code::kShape, wire::name(field), fmt::format("component 1 of column {} is missing", wire::name(field)),
              "The scene has tangential_components = 2: send both components of every tangential column.");
-  }
+  };
+  for (const Field field : columns.required)
+    if (of_form(field)) check_given(field);
+  if (form == wire::Form::kStick) std::ranges::for_each(wire::kStickColumns, check_given);
+
   for (const wire::Column& column : batch.columns()) {
-    if (column.field != Field::kNodeId && !contains(required, column.field) &&
-        !contains(columns.optional, column.field))
-      refuse(
-          Code::kShape, wire::name(column.field),
-          fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
-          "Send " + join_names(std::array{std::span<const Field>(required), columns.optional}) + " and nothing else.");
+    const bool required = (contains(columns.required, column.field) && of_form(column.field)) ||
+                          (form == wire::Form::kStick && contains(wire::kStickColumns, column.field));
+    if (column.field != Field::kNodeId && !required && !contains(columns.optional, column.field))
+      refuse(Code::kShape, wire::name(column.field),
+             fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
+             "Send " +
+                 join_names(
+                     std::array{std::span<const Field>(wire::columns_in(form, columns.required)), columns.optional}) +
+                 " and nothing else.");
     check_condition(column.field, options, wire::name(column.field));
   }
 }
@@ -356,10 +368,11 @@ shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable
   return rows;
 }
 
-std::vector<Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options, bool check_closure) {
+std::span<const Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
+                                    bool check_closure) {
   const std::span<const Field> all = wire::columns_of(strategy_of(options)).reply;
   const std::span<const Field> on_request = wire::columns_of(strategy_of(options)).on_request;
-  if (step.wanted.empty()) return {all.begin(), all.end()};
+  if (step.wanted.empty()) return all;
   for (std::size_t i = 0; i < step.wanted.size(); ++i) {
     const Field field = step.wanted[i];
     if (!contains(all, field) && !contains(on_request, field))

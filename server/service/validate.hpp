@@ -45,9 +45,9 @@ std::vector<double> check_initial_temperatures(const wire::Batch& batch, const p
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
                        const shard::NodeTable& nodes);
 
-// The columns of the reply: the wanted columns, or all default columns of the strategy.
-std::vector<wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
-                                      bool check_closure);
+// The columns of the reply: the wanted columns, which belong to `step`, or all default columns of the strategy.
+std::span<const wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
+                                          bool check_closure);
 
 // Warnings about numbers of a checked first step that are possible, but more often in wrong units.
 std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::Batch& batch);

@@ -11,11 +11,11 @@ Verdict Session::triage(std::uint64_t sequence, std::uint64_t hash) const {
         Triage::kReject,
         {.code = code, .text = std::move(text), .remedy = std::move(remedy), .last_sequence = last_sequence_}};
   };
-  const std::string found = "sequence " + std::to_string(sequence);
-  const std::string last = std::to_string(last_sequence_);
   const bool open = kept_reply_ != nullptr;
   const bool is_next = open ? sequence > last_sequence_ && sequence - last_sequence_ == 1 : sequence == 0;
   if (is_next) return {};
+  const std::string found = "sequence " + std::to_string(sequence);
+  const std::string last = std::to_string(last_sequence_);
   if (!open || sequence > last_sequence_)
     return reject(wire::Code::kSequenceGap, found + " after " + last + ": requests in between are missing",
                   "Number requests 1, 2, 3, ... and wait for each reply.");
@@ -28,10 +28,11 @@ Verdict Session::triage(std::uint64_t sequence, std::uint64_t hash) const {
   return {Triage::kResend, {}};
 }
 
-void Session::complete(std::uint64_t sequence, std::uint64_t hash, std::shared_ptr<wire::Reply> reply) {
+std::shared_ptr<wire::Reply> Session::complete(std::uint64_t sequence, std::uint64_t hash,
+                                               std::shared_ptr<wire::Reply> reply) {
   last_sequence_ = sequence;
   last_hash_ = hash;
-  kept_reply_ = std::move(reply);
+  return std::exchange(kept_reply_, std::move(reply));
 }
 
 }  // namespace shearbus::session

@@ -34,7 +34,8 @@ class Session {
   Verdict triage(std::uint64_t sequence, std::uint64_t hash) const;
 
   // Must be called when a request has changed the state; repetitions of the request are then answered with `reply`.
-  void complete(std::uint64_t sequence, std::uint64_t hash, std::shared_ptr<wire::Reply> reply);
+  // Returns the reply to the request before, which the session no longer needs.
+  std::shared_ptr<wire::Reply> complete(std::uint64_t sequence, std::uint64_t hash, std::shared_ptr<wire::Reply> reply);
 
   std::uint64_t last_sequence() const { return last_sequence_; }
   std::uint64_t last_hash() const { return last_hash_; }

@@ -159,7 +159,7 @@ class Shard::StepRun {
     bool interrupted = false;
   };
 
-  StepRun(const StepOf& step_of, const Rows& of) : step(step_of), rows(of) {}
+  StepRun(const StepOf& step_of, const Rows& of) noexcept : step(step_of), rows(of) {}
 
   bool done() const {
     return next >= tiles->size() && std::ranges::none_of(divided, [](const auto& seat) { return seat->interrupted; });
@@ -199,10 +199,15 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
 }
 
 std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const physics::StepOperators& operators,
-                                                const StepColumns& columns) {
-  auto run = std::make_shared<StepRun>(StepOf{stepped_nodes(rows), rows.all && nodes_.slots_are_rows(),
-                                              rows.others_are_open, operators, columns, columns.has_ledger()},
-                                       rows);
+                                                const StepColumns& columns, std::shared_ptr<StepRun> run) {
+  const StepOf step{stepped_nodes(rows), rows.all && nodes_.slots_are_rows(), rows.others_are_open, operators, columns,
+                    columns.has_ledger()};
+  if (run) {
+    std::destroy_at(run.get());
+    std::construct_at(run.get(), step, rows);  // throws nothing
+  } else {
+    run = std::make_shared<StepRun>(step, rows);
+  }
   const std::size_t tasks = run->step.num_nodes / std::max<std::size_t>(options_.nodes_per_task, 1);
   run->threads = static_cast<unsigned>(std::clamp<std::size_t>(tasks, 1, pool_.threads()));
   if (!model_.options().tolerance) return run;
@@ -212,8 +217,8 @@ std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const physics:
 }
 
 std::shared_ptr<Shard::StepRun> Shard::prepare(const Rows& rows, const physics::StepOperators& operators,
-                                               const StepColumns& columns) {
-  return prepared(rows, operators, columns);
+                                               const StepColumns& columns, std::shared_ptr<StepRun> memory) {
+  return prepared(rows, operators, columns, std::move(memory));
 }
 
 std::shared_ptr<Shard::StepRun> Shard::prepare_attempt(const Rows& rows, const physics::StepOperators& operators,
@@ -314,6 +319,10 @@ void Shard::run_seat(StepRun& run, std::size_t seat, double work) {
 
 StepCount Shard::count_of(const StepRun& run) {
   return run.count;
+}
+
+bool Shard::is_small(const StepRun& run) {
+  return !run.attempt && run.divided.empty();
 }
 
 void Shard::finish(StepRun& run) {

@@ -81,9 +81,10 @@ class Shard {
   // and changes nothing. After begin(), work() is called until it returns true: each thread of the step computes until
   // it has done about so many evaluations. Until finish() no other member may change the shard, and the arguments of
   // prepare() must live. A run that is abandoned has changed no committed state.
+  // `memory`: an earlier run that nobody needs any more, whose memory is used; may be null.
   class StepRun;
   std::shared_ptr<StepRun> prepare(const Rows& rows, const physics::StepOperators& operators,
-                                   const StepColumns& columns);
+                                   const StepColumns& columns, std::shared_ptr<StepRun> memory = nullptr);
   // Prepares a step that changes no state of the shard before finish(). It starts from the trial states if
   // `from_trial`, else from the committed states. finish() then cannot fail; if the step started from a trial, that
   // trial must be committed before.
@@ -97,7 +98,9 @@ class Shard {
   void begin(StepRun& run);
   bool work(StepRun& run, double work);
   static StepCount count_of(const StepRun& run);  // of the tiles that are done
-  void finish(StepRun& run);                      // makes the new states the trial
+  // Whether the run of a step that is over holds no memory except its own, so that it may be kept for prepare().
+  static bool is_small(const StepRun& run);
+  void finish(StepRun& run);  // makes the new states the trial
 
   // Number of nodes that a step of these rows includes.
   std::size_t stepped_nodes(const Rows& rows) const {
@@ -166,7 +169,7 @@ class Shard {
   struct TileStep;
   struct LaneRows;
   std::shared_ptr<StepRun> prepared(const Rows& rows, const physics::StepOperators& operators,
-                                    const StepColumns& columns);
+                                    const StepColumns& columns, std::shared_ptr<StepRun> run = nullptr);
   void find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles);
   void adopt(const Attempt& attempt);
   void run_seat(StepRun& run, std::size_t seat, double work);

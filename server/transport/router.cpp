@@ -1,10 +1,13 @@
 #include "server/transport/router.hpp"
 
+#include <poll.h>
 #include <sys/stat.h>
 
 #include <array>
 #include <cerrno>
 #include <stdexcept>
+#include <system_error>
+#include <tuple>
 #include <utility>
 
 #include "server/transport/descriptor_guard.hpp"
@@ -46,7 +49,7 @@ const char* property(zmq::message_t& frame, const char* name) {
 }
 
 zmq::message_t message_of(const OutFrame& frame) {
-  if (frame.bytes.size() <= kCopiedUpTo) return {frame.bytes.data(), frame.bytes.size()};
+  if (frame.bytes.size() <= kCopiedUpTo || !frame.owner) return {frame.bytes.data(), frame.bytes.size()};
   auto owner = std::make_unique<std::shared_ptr<const void>>(frame.owner);
   // libzmq's interface takes a pointer to non-const but does not change the object.
   zmq::message_t message(
@@ -133,18 +136,28 @@ void Router::guard(Peer::Way way) {
   AccessHandler::guard(socket_, way);
 }
 
+// zmq_poll() would look at the socket before and after it sleeps, and ask the kernel each time. Here the file of the
+// socket is enough: the last call of receive() before has found no message, and libzmq makes the file readable when it
+// has something to tell after that.
+bool Router::sleep(int stop_fd, int wait_ms) {
+  std::array<pollfd, 2> files = {{{.fd = socket_.get(zmq::sockopt::fd), .events = POLLIN, .revents = 0},
+                                  {.fd = stop_fd, .events = POLLIN, .revents = 0}}};
+  if (::poll(files.data(), files.size(), wait_ms) < 0 && errno != EINTR)
+    throw std::system_error(errno, std::generic_category(), "the server cannot wait for messages");
+  return files[1].revents == 0;
+}
+
 void Router::run(const Handler& handler, int stop_fd, const Pulse& pulse) {
-  std::array<zmq::pollitem_t, 2> items = {{{socket_.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, stop_fd, ZMQ_POLLIN, 0}}};
+  bool drained = false;  // no message waited when the socket was looked at last
   for (;;) {
     const bool busy = pulse.busy && pulse.busy();
-    if (zmq_poll(items.data(), static_cast<int>(items.size()), busy ? 0 : pulse.every_ms) < 0) {
-      if (zmq_errno() == EINTR) continue;
-      throw zmq::error_t();
+    if (!sleep(stop_fd, busy || !drained ? 0 : pulse.every_ms)) return;
+    drained = false;
+    for (int i = 0; i < kAnswersBeforePoll && !drained; ++i) drained = !answer_one(handler);
+    if (busy && pulse.work()) {
+      answer_held(handler);
+      drained = false;  // libzmq may have taken notice of a message when it sent the answers
     }
-    if ((items[1].revents & ZMQ_POLLIN) != 0) return;
-    for (int i = 0; i < kAnswersBeforePoll && answer_one(handler); ++i) {
-    }
-    if (busy && pulse.work()) answer_held(handler);
     if (pulse.beat && !pulse.beat()) return;
   }
 }
@@ -186,8 +199,8 @@ bool Router::answer_one(const Handler& handler) {
   const Answer answer = ask(handler, message);
   if (answer.kind != Answer::Kind::kDone)
     hold(std::move(next_), answer.kind);
-  else if (!answer.frames.empty())
-    send(message.peer, answer.frames);
+  else if (answer.count != 0)
+    send(message.peer, answer);
   return true;
 }
 
@@ -220,8 +233,8 @@ void Router::answer_held(const Handler& handler) {
     const Answer answer = ask(handler, *message);
     if (answer.kind != Answer::Kind::kDone)
       hold(std::move(message), answer.kind);
-    else if (!answer.frames.empty())
-      send(message->peer, answer.frames);
+    else if (answer.count != 0)
+      send(message->peer, answer);
   }
 }
 
@@ -235,7 +248,7 @@ bool Router::receive(zmq::message_t& frame) {
 
 // Sends without waiting. Only the sending of the routing id can fail: once libzmq has accepted it, libzmq accepts the
 // other frames of the message.
-void Router::send(zmq::message_t& peer, const std::vector<OutFrame>& frames) {
+void Router::send(zmq::message_t& peer, const Answer& answer) {
   const auto send_frame = [&](zmq::message_t& frame, bool more) {
     while (zmq_msg_send(frame.handle(), socket_.handle(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {
       if (zmq_errno() == EINTR) continue;
@@ -244,9 +257,8 @@ void Router::send(zmq::message_t& peer, const std::vector<OutFrame>& frames) {
     }
     return true;
   };
-  std::vector<zmq::message_t> messages;
-  messages.reserve(frames.size());
-  for (const OutFrame& frame : frames) messages.push_back(message_of(frame));
+  std::array<zmq::message_t, std::tuple_size_v<decltype(answer.frames)>> messages;
+  for (std::size_t i = 0; i < answer.count; ++i) messages[i] = message_of(answer.frames[i]);
 
   bool accepted = send_frame(peer, true);
   if (!accepted && zmq_errno() == EAGAIN) {
@@ -262,8 +274,8 @@ void Router::send(zmq::message_t& peer, const std::vector<OutFrame>& frames) {
     if (options_.log) options_.log(gone ? "an answer found its peer gone" : "an answer found its peer not reading");
     return;
   }
-  for (std::size_t i = 0; i < messages.size(); ++i)
-    if (!send_frame(messages[i], i + 1 < messages.size())) return;
+  for (std::size_t i = 0; i < answer.count; ++i)
+    if (!send_frame(messages[i], i + 1 < answer.count)) return;
   ++counters_.sent;
 }
 

@@ -21,7 +21,8 @@
 
 namespace shearbus::transport {
 
-// A frame to send. Small frames are copied; `owner` keeps the bytes of a large frame alive until they are sent.
+// A frame to send. `owner` keeps the bytes of a large frame alive until they are sent. The bytes of small frames and of
+// those without an owner are copied when the handler has returned.
 struct OutFrame {
   std::span<const std::byte> bytes;
   std::shared_ptr<const void> owner;
@@ -35,11 +36,14 @@ struct Answer {
     kKept,  // the message is needed where it is in memory, and is handed to the handler again
     kHeld   // the message is handed to the handler again; it may be dropped, because its sender will repeat it
   };
-  Answer(std::vector<OutFrame> answer = {}) : frames(std::move(answer)) {}  // NOLINT: an answer is its frames
+  Answer() = default;
   explicit Answer(Kind what) : kind(what) {}
+  explicit Answer(OutFrame header) : frames{std::move(header)}, count(1) {}
+  Answer(OutFrame header, OutFrame payload) : frames{std::move(header), std::move(payload)}, count(2) {}
 
   Kind kind = Kind::kDone;
-  std::vector<OutFrame> frames;
+  std::array<OutFrame, 2> frames;
+  std::size_t count = 0;
 };
 // Answers a message. `user` is the name that the access handler gave the peer; it is empty for a peer inside this
 // process.
@@ -121,7 +125,8 @@ class Router {
   Answer ask(const Handler& handler, const Message& message);
   void hold(std::unique_ptr<Message> message, Answer::Kind kind);
   bool receive(zmq::message_t& frame);
-  void send(zmq::message_t& peer, const std::vector<OutFrame>& frames);
+  bool sleep(int stop_fd, int wait_ms);  // false: stop_fd is readable
+  void send(zmq::message_t& peer, const Answer& answer);
 
   RouterOptions options_;
   std::vector<SocketPath> paths_;  // must outlive the context, which may have open sockets at these paths

@@ -376,6 +376,26 @@ TEST_P(ServiceOf, SessionsDoNotSeeEachOther) {
   }
 }
 
+// The server computes a step in the memory of an earlier reply, which may be another session's and of another size.
+TEST_P(ServiceOf, AReplyHoldsNothingOfTheRepliesBeforeIt) {
+  const auto many = support::node_ids(21), few = support::node_ids(19);
+  ServiceHarness both, first, second;
+  for (ServiceHarness* harness : {&both, &first}) harness->ask(ServiceHarness::opening(scene(), many, 1));
+  for (ServiceHarness* harness : {&both, &second}) harness->ask(ServiceHarness::opening(scene(), few, 2));
+  for (int step = 1; step <= 12; ++step) {
+    const auto asked = [&](ServiceHarness& harness, const std::vector<std::uint64_t>& ids, std::uint8_t session) {
+      wire::Request request =
+          ServiceHarness::step(static_cast<std::uint64_t>(step), support::step_columns(GetParam(), ids, step),
+                               wire::Mode::kAdvance, session);
+      if (step % 3 == 0)
+        std::get<wire::Downscale>(request.body).wanted = {wire::Field::kOutcome, wire::Field::kShearStress};
+      return harness.ask(request).payload();
+    };
+    EXPECT_EQ(asked(both, many, 1), asked(first, many, 1)) << step;
+    EXPECT_EQ(asked(both, few, 2), asked(second, few, 2)) << step;
+  }
+}
+
 TEST_P(ServiceOf, AFaultInsideTheServerIsAReplyAndChangesNothing) {
   ServiceHarness harness, twin;
   for (ServiceHarness* h : {&harness, &twin}) h->ask(ServiceHarness::opening(scene(), kNodes));

@@ -38,7 +38,7 @@ class Echo {
           [this](Frames, std::string_view user) {
             ++messages;
             auto text = std::make_shared<std::string>(user);
-            return std::vector<OutFrame>{{std::as_bytes(std::span(*text)), text}};
+            return Answer(OutFrame{std::as_bytes(std::span(*text)), text});
           },
           stop_);
     });

@@ -95,6 +95,36 @@ TEST(Batch, WritingToReceivedColumnsLeavesTheFrameAsItCame) {
   EXPECT_THAT(memory, ElementsAre(1.0, 2.0));
 }
 
+TEST(Batch, AViewHasTheSameColumnsOverTheSameBytes) {
+  const Field fields[] = {Field::kVelocityJump, Field::kRegime};
+  const Batch batch = Batch::of(fields, 3);
+  const Batch view = batch.view();
+  EXPECT_EQ(view.bytes().data(), batch.bytes().data());
+  EXPECT_EQ(view.bytes().size(), batch.bytes().size());
+  EXPECT_EQ(view.u8(Field::kRegime).data(), batch.u8(Field::kRegime).data());
+}
+
+TEST(Batch, AnotherShapeUsesTheMemoryAndLeavesNoOldByteBetweenTheColumns) {
+  const Field fields[] = {Field::kVelocityJump, Field::kRegime, Field::kOutcome};
+  Batch batch = Batch::of(fields, 16);
+  const std::byte* memory = batch.bytes().data();
+  std::ranges::fill(batch.f64(Field::kVelocityJump), -1.0);
+  std::ranges::fill(batch.u8(Field::kRegime), 0xff);
+  std::ranges::fill(batch.u8(Field::kOutcome), 0xff);
+  batch.reshape(fields, 13);
+  EXPECT_EQ(batch.bytes().data(), memory);
+  const Batch fresh = Batch::of(fields, 13);
+  ASSERT_EQ(batch.bytes().size(), fresh.bytes().size());
+  std::ranges::fill(batch.f64(Field::kVelocityJump), 0.0);
+  std::ranges::fill(batch.u8(Field::kRegime), 0);
+  std::ranges::fill(batch.u8(Field::kOutcome), 0);
+  EXPECT_TRUE(std::ranges::equal(batch.bytes(), fresh.bytes())) << "the columns were written, the rest must be zero";
+  batch.reshape(fields, 4);
+  EXPECT_NE(batch.bytes().data(), memory) << "a small reply keeps no large memory";
+  batch.reshape(fields, 40);
+  EXPECT_EQ(batch.f64(Field::kVelocityJump).size(), 40U);
+}
+
 TEST(Batch, SoundColumnsAreTaken) {
   EXPECT_EQ(refusal({kJump, kPressure, kRegime}, 35), "");
   // columns may come in any order, with spare bytes after the last
