@@ -24,7 +24,8 @@ struct VarintText {
 }  // namespace
 
 void Encoder::raw_varint(std::uint64_t value) {
-  out_ += VarintText(value).text();
+  for (; value >= 0x80; value >>= 7) out_.push_back(static_cast<char>(value | 0x80));
+  out_.push_back(static_cast<char>(value));
 }
 
 void Encoder::raw_fixed64(std::uint64_t value) {

@@ -30,12 +30,21 @@ void leave_open(std::uint32_t lanes, physics::TileInputs& in) {
 
 template <typename LaneRows>
 void gather(std::span<const double> column, const LaneRows& lanes, double* values) {
+  if (lanes.in_order) {
+    std::copy_n(column.data() + lanes.row[0], kLanes, values);
+    return;
+  }
   for (int lane = 0; lane < kLanes; ++lane)
     if (lanes.has(lane)) values[lane] = column[lanes.row[lane]];
 }
 
 template <typename From, typename LaneRows, typename To>
 void scatter(const From* values, const LaneRows& lanes, std::span<To> column) {
+  if (lanes.in_order) {
+    To* rows = column.data() + lanes.row[0];
+    for (int lane = 0; lane < kLanes; ++lane) rows[lane] = static_cast<To>(values[lane]);
+    return;
+  }
   for (int lane = 0; lane < kLanes; ++lane)
     if (lanes.has(lane)) column[lanes.row[lane]] = static_cast<To>(values[lane]);
 }
@@ -123,6 +132,7 @@ struct Shard::LaneRows {
   std::uint32_t row[kLanes] = {};
   std::uint32_t named = 0;  // bit i: the node of lane i has a row in the request
   std::uint32_t open = 0;   // bit i: the node of lane i has no row in the request and is stepped as an open contact
+  bool in_order = false;    // all lanes are named, and their rows follow each other
   bool has(int lane) const { return (named >> lane & 1U) != 0; }
 };
 
@@ -362,6 +372,7 @@ void Shard::adopt(const Attempt& attempt) {
 
 void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
   LaneRows& lanes = tile.lanes = {};
+  int in_order = 0;  // number of named lanes whose row follows that of the first lane as it should
   for (int lane = 0; lane < kLanes; ++lane) {
     const std::size_t slot = tile.tile * kLanes + lane;
     const bool has_row = step.rows_are_slots ? slot < nodes_.size() : row_of_slot_[slot] != kNoRow;
@@ -370,7 +381,9 @@ void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
     if (!has_row) continue;
     lanes.row[lane] = step.rows_are_slots ? static_cast<std::uint32_t>(slot) : row_of_slot_[slot];
     lanes.named |= 1U << lane;
+    in_order += lanes.row[lane] == lanes.row[0] + static_cast<std::uint32_t>(lane) ? 1 : 0;
   }
+  lanes.in_order = in_order == kLanes;
   physics::TileInputs& in = tile.in = {};
   in.active = lanes.named | lanes.open;
   in.work = tile.work;
