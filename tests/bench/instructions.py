@@ -1,4 +1,4 @@
-"""Counts the instructions of a node-step with callgrind and fails above the bounds below.
+"""Counts instructions with callgrind, of a node-step or of a step's way over the bus; fails above the bounds below.
 
 A count does not depend on the load of the machine. The start of the program cancels in the difference of two runs.
 """
@@ -13,12 +13,15 @@ STEPS = {"force_driven": (100, 600), "velocity_driven": (0, 1000)}  # of the two
 # Most instructions of a node-step of shearbus-bench-steps, by strategy and case. Counted with gcc 12: 556 and
 # 306; 4,329 and 3,862.
 BOUNDS = {"force_driven": {"profile": 600, "modes": 340}, "velocity_driven": {"layer_shear": 4400, "interface_slip": 3950}}
+# Most instructions of a step of shearbus-bench-exchange beyond those of the shard, by number of nodes.
+EXCHANGE_STEPS = (4, 12)  # of the two runs
+EXCHANGE_BOUNDS = {100: 45_000, 10_000: 1_000_000}  # counted with gcc 12: 41,130 and 907,961
 NO_ANSWER = 77  # the machine has no AVX2: the counts are not meant for it
 
 
-def instructions(valgrind, program, case, steps):
-    run = subprocess.run([valgrind, "--tool=callgrind", "--callgrind-out-file=/dev/null", program, case, str(steps)],
-                         capture_output=True, text=True)
+def instructions(valgrind, program, *arguments):
+    command = [valgrind, "--tool=callgrind", "--callgrind-out-file=/dev/null", program, *map(str, arguments)]
+    run = subprocess.run(command, capture_output=True, text=True)
     if run.returncode == NO_ANSWER:
         sys.exit(NO_ANSWER)
     found = re.search(r"Collected : (\d+)", run.stderr)
@@ -27,19 +30,30 @@ def instructions(valgrind, program, case, steps):
     return int(found.group(1))
 
 
+def per_step(valgrind, program, steps, *arguments):
+    """Returns the instructions of a step: the difference of two runs of `steps` steps, without their common start."""
+    counts = [instructions(valgrind, program, *arguments, number) for number in steps]
+    return (counts[1] - counts[0]) / (steps[1] - steps[0])
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--valgrind", required=True)
     arguments.add_argument("--program", required=True)
-    arguments.add_argument("--strategy", required=True, choices=BOUNDS)
+    arguments.add_argument("--strategy", choices=BOUNDS, help="without it the exchange of a step is counted")
     given = arguments.parse_args()
     above = 0
-    for case, bound in BOUNDS[given.strategy].items():
-        short, long = STEPS[given.strategy]
-        counts = [instructions(given.valgrind, given.program, case, steps) for steps in (short, long)]
-        count = (counts[1] - counts[0]) / ((long - short) * LANES)
-        print(f"{case}: {count:.0f} instructions a node-step, at most {bound} expected")
-        above += count > bound
+    if given.strategy:
+        for case, bound in BOUNDS[given.strategy].items():
+            count = per_step(given.valgrind, given.program, STEPS[given.strategy], case) / LANES
+            print(f"{case}: {count:.0f} instructions a node-step, at most {bound} expected")
+            above += count > bound
+    else:
+        for nodes, bound in EXCHANGE_BOUNDS.items():
+            whole, shard = (per_step(given.valgrind, given.program, EXCHANGE_STEPS, kind, nodes)
+                            for kind in ("service", "shard"))
+            print(f"{nodes} nodes: {whole - shard:.0f} instructions of a step over the bus, at most {bound} expected")
+            above += whole - shard > bound
     sys.exit(1 if above else 0)
 
 
