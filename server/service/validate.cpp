@@ -58,8 +58,8 @@ void check_values(Field field, std::span<const double> column, const Expected& e
          "Nothing was changed; correct the values and send the step again.", std::move(nodes));
 }
 
-// Returns whether all values are from `lowest` to `highest`; false if one is NaN. The loop is in vectors, and counts the
-// two bounds apart: gcc 12 compares the values one by one in a plain loop, and where the two masks are combined.
+// Returns whether all values are from `lowest` to `highest`; false if one is NaN. The loop is in vectors, and counts
+// the two bounds apart: gcc 12 compares the values one by one in a plain loop, and where the two masks are combined.
 bool all_between(std::span<const double> values, double lowest, double highest) {
   using Pair = double __attribute__((vector_size(16)));
   using Counts = long long __attribute__((vector_size(16)));

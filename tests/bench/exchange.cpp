@@ -1,6 +1,6 @@
 // shearbus-bench-exchange KIND NODES STEPS makes steps for a counter of instructions (instructions.py), in one thread
-// and without a socket. KIND is `service`: a client's request is encoded, answered by the service and its reply decoded;
-// or `shard`: the same steps by the shard alone. The difference is the cost of the bus without ZeroMQ.
+// and without a socket. KIND is `service`: a client's request is encoded, answered by the service and its reply
+// decoded; or `shard`: the same steps by the shard alone. The difference is the cost of the bus without ZeroMQ.
 #include <cstdio>
 #include <cstdlib>
 #include <string_view>

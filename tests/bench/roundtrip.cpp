@@ -7,9 +7,9 @@
 //   shearbus a step through client and server: codec, checksums, validation. Gather and scatter are part of the
 //            solver's time.
 //
-// Prints the medians, their ratio, that of the lowest tenths, and the allocations of a round trip on both sides together, libzmq's included; with
-// an argument it also writes them to this file as JSON. Run it on an idle machine; only the ratio is comparable between
-// machines.
+// Prints the medians, their ratio, that of the lowest tenths, and the allocations of a round trip on both sides
+// together, libzmq's included; with an argument it also writes them to this file as JSON. Run it on an idle machine;
+// only the ratio is comparable between machines.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
