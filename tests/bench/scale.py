@@ -24,7 +24,7 @@ import numpy
 OPTIONS = None
 REFERENCE = 10_000  # nodes
 LARGEST_SESSION, LARGEST_MESSAGE = 2_000_000, 200_000  # nodes, the limits of the contract
-REPLY, FRAME = 42, 56  # bytes of a row of the kept reply, and of the request at hand: both of one message
+REPLY, FRAME = 42, 56  # bytes of a row of a reply, of which the kept one and an earlier one are there, and of the request at hand
 SCENE = """name = "scale"
 strategy = "force_driven"
 [soft]
@@ -147,7 +147,7 @@ def of_one_server(nodes, cells):
         server.kill()
         from_checkpoint = server.start()
         size = server.bytes_of("checkpoint-*.h5")
-        formula = empty + nodes * (per_node - REPLY) + min(nodes, LARGEST_MESSAGE) * (REPLY + FRAME)
+        formula = empty + nodes * (per_node - REPLY) + min(nodes, LARGEST_MESSAGE) * (2 * REPLY + FRAME)
         return {
             "nodes": nodes, "cells": cells, "bytes_per_node": per_node, "resident_bytes": resident, "empty_bytes": empty,
             "formula_bytes": formula, "resident_of_formula": resident / formula,
