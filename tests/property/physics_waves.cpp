@@ -157,7 +157,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
   double momentum = 0.0, kinematic = 0.0, energy = 0.0;
   int steps = 0, flowing = 0, slipping = 0, melting = 0, guarded = 0, failed = 0, reversed = 0, most = 0;
   long iterations = 0;
-  for (int scene = 0; scene < 150; ++scene) {
+  for (int scene = 0; scene < 220; ++scene) {
     Rig rig(random_inertia_options(draw, extreme));
     for (int n = 0; n < 25; ++n) {
       random_inputs(draw, rig, extreme);
