@@ -381,7 +381,7 @@ class Signals {
     sigset_t one;
     sigemptyset(&one);
     sigaddset(&one, SIGTSTP);
-    ::raise(SIGTSTP);
+    static_cast<void>(::raise(SIGTSTP));
     pthread_sigmask(SIG_UNBLOCK, &one, nullptr);  // here it takes effect
     pthread_sigmask(SIG_BLOCK, &one, nullptr);
   }

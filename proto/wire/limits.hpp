@@ -26,7 +26,8 @@ inline constexpr std::size_t kMaxNameBytes = 128;  // length of the name of a ma
 inline constexpr std::size_t kMaxOffers = 256;
 inline constexpr std::size_t kMaxTopNodes = 1'024;
 inline constexpr std::size_t kMaxSessionsListed = 128;  // sessions listed in one reply
-inline constexpr std::uint64_t kMaxDrainS = 365 * 86'400;  // longest time that a drain may give the sessions
+inline constexpr std::uint64_t kMaxDrainS =
+    std::uint64_t{365} * 86'400;  // longest time that a drain may give the sessions
 inline constexpr std::size_t kMaxHeaderBytes = std::size_t{512} * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
 // length of a text in a header, except scenes and lists of faults
