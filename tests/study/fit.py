@@ -115,8 +115,7 @@ class Run:
             meta = file["meta"].attrs
             self.provenance = {"scene": meta.get("scene_name", ""), "program": meta.get("producer", ""), "commit": meta.get("commit", "")}
             self.units = {name: file[name].attrs["units"] for name in self.of} | {"slip_distance": "m"}
-            self.of_step = {name for name in self.of if "step" in str(file[name].attrs["long_name"]) and "end of" not in str(file[name].attrs["long_name"])
-                            and "start of" not in str(file[name].attrs["long_name"])}
+            self.of_step = {name for name in self.of if re.search(r"\b(during|mean of|in) (the|this) step", str(file[name].attrs["long_name"]))}
         self.of["slip_distance"] = np.cumsum(np.abs(self.of["sliding_velocity"]) * self.step[:, None], axis=0)
 
     def series(self, quantity, place, path):
