@@ -22,7 +22,7 @@ namespace shearbus::scene {
 struct Place {
   std::uint32_t line = 1;
   std::uint32_t column = 1;
-  friend auto operator<=>(const Place&, const Place&) = default;
+  friend auto operator<=>(const Place&, const Place&) = default;  // NOLINT(modernize-use-nullptr): a false alarm
 };
 
 struct Fault {

@@ -99,7 +99,7 @@ const char* name(Field field) {
 }
 
 std::string units_in_files(const ColumnRow& row) {
-  const std::string unit = row.unit;
+  std::string unit = row.unit;
   const std::size_t slash = unit.find('/');
   if (unit.empty()) return "1";
   if (slash == std::string::npos) return unit;

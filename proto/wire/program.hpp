@@ -16,7 +16,7 @@ namespace shearbus::wire {
 // process. Standard streams that the caller has closed are opened on /dev/null; otherwise the next file that the
 // program opens would receive what is printed.
 inline void begin_program() {
-  std::signal(SIGXFSZ, SIG_IGN);
+  static_cast<void>(std::signal(SIGXFSZ, SIG_IGN));
   for (int stream = STDIN_FILENO; stream <= STDERR_FILENO; ++stream)
     // open() takes the lowest free number, which is that of the closed stream.
     if (::fcntl(stream, F_GETFD) < 0) static_cast<void>(::open("/dev/null", O_RDWR));

@@ -177,7 +177,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
 
   NodeState early = state;
   const Heat first = heat_of_step(options, kGamma * dt, state, old);
-  double s1 = 0.0, s2 = 0.0, q1 = 0.0, q2 = 0.0, mean = 0.0, slip = 0.0;
+  double s1 = 0.0, q1 = 0.0, q2 = 0.0, mean = 0.0, slip = 0.0;
   const bool open = in.pressure <= 0.0;
   bool rests = false;
   if (!open) {
@@ -187,7 +187,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     if (law.limit(T0(stick)) >= stick) {  // the node sticks; if it moved before, backward Euler takes the step
       if (V != 0.0) return false;
       rests = true;
-      mean = s1 = s2 = stick;
+      mean = stick;
     } else {
       s1 = bisect([&](double s) { return s - law.limit(T0(s)); }, 0.0, stick);
       q1 = beta_T * s1 * jump(kGamma * dt, s1);
@@ -206,7 +206,7 @@ bool force_driven_sdirk2(const ModelOptions& options, double dt, const NodeInput
     const auto spare = [&](double s) { return law.limit(second.T_ad[0] + second.B[0] * q2_of(s)) - s; };
     const double end = (stick - (1.0 - kGamma) * s1) / kGamma;  // stress s2 that makes the jump after the step 0
     if (spare(end) >= 0.0) return false;
-    s2 = bisect([&](double s) { return -spare(s); }, 0.0, end);
+    const double s2 = bisect([&](double s) { return -spare(s); }, 0.0, end);
     q2 = q2_of(s2);
     mean = mean_of(s2);
     slip = slip_of(s2);
