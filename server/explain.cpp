@@ -192,9 +192,9 @@ FullModel with_everything(const physics::ModelOptions& options) {
     full.options = physics::switched(full.options, physics::part_of(property), false);
   for (const physics::Part& part : physics::parts()) {
     if (part.set == nullptr || std::ranges::find(kAddNothing, part.property) != kAddNothing.end()) continue;
-    physics::ModelOptions more = physics::switched(full.options, part, true);
+    const physics::ModelOptions more = physics::switched(full.options, part, true);
     if (!refusal_of(more).empty()) continue;
-    full.options = std::move(more);
+    full.options = more;
     full.parts.push_back(unique_key(part));
   }
   return full;

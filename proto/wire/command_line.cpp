@@ -47,7 +47,6 @@ std::string entry(const std::string& names, const std::string& description) {
 
 // The name of an option's value in the help. CLI11 appends the descriptions of the option's checks to its type.
 std::string value_name(const CLI::Option& option) {
-  std::string type = option.get_type_name();
   std::string checks;
   try {
     auto& checked = const_cast<CLI::Option&>(option);  // get_validator() changes nothing, but is not const
@@ -56,6 +55,7 @@ std::string value_name(const CLI::Option& option) {
   } catch (const CLI::OptionNotFound&) {
     // behind the last check
   }
+  std::string type = option.get_type_name();
   if (type.ends_with(checks)) type.resize(type.size() - checks.size());
   constexpr std::array<std::pair<const char*, const char*>, 4> kOwn = {
       {{"UINT", "N"}, {"INT", "N"}, {"FLOAT", "NUMBER"}, {"ENUM", "WORD"}}};
@@ -210,6 +210,7 @@ std::string wrong_word(const std::string& name, const std::string& word, const s
 CLI::Option* add_choice(CLI::App& app, const std::string& name, std::string& value,
                         const std::vector<std::string>& words, const std::string& meaning) {
   std::vector<std::pair<std::string, std::string>> pairs;
+  pairs.reserve(words.size());
   for (const std::string& word : words) pairs.emplace_back(word, word);
   return add_choice(app, name, value, std::move(pairs), meaning);
 }

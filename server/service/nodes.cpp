@@ -122,9 +122,10 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   const auto refuse = [&](std::vector<std::uint64_t> owned, const std::string& holder, const std::string& remedy) {
     const std::size_t count = owned.size();
     if (owned.size() > wire::kMaxNodesNamed) owned.resize(wire::kMaxNodesNamed);
+    const std::string text = fmt::format("node {} of domain \"{}\" belongs to {} ({} of {} nodes at fault)",
+                                         owned.front(), printable(std::string(domain.name)), holder, count, ids.size());
     throw Error({.code = Code::kNodeOwned,
-                 .text = fmt::format("node {} of domain \"{}\" belongs to {} ({} of {} nodes at fault)", owned.front(),
-                                     printable(std::string(domain.name)), holder, count, ids.size()),
+                 .text = text,
                  .remedy = remedy,
                  .field = wire::name(Field::kNodeId),
                  .node_ids = std::move(owned)});
@@ -271,6 +272,7 @@ std::vector<wire::TransferId> Service::offers_of(const Member& member) const {
   for (const auto& [id, transfer] : transfers_)
     if (transfer.giver == member.id) oldest_first.emplace(transfer.sequence, id);
   std::vector<wire::TransferId> offers;
+  offers.reserve(oldest_first.size());
   for (const auto& [sequence, id] : oldest_first) offers.push_back(id);
   return offers;
 }

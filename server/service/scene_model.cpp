@@ -147,7 +147,7 @@ void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
       refused.remedy += (refused.remedy.empty() ? "" : " ") + refusal.remedy;
     refused.faults.push_back({std::move(refusal.key), std::move(refusal.text), {}});
   }
-  if (!refused.faults.empty()) throw refused;
+  if (!refused.faults.empty()) throw Refused(std::move(refused));
 }
 
 // Converts a checked scene whose defaults have been filled in. Also fills in the constants that the scene leaves to the

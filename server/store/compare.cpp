@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <charconv>
 #include <cstring>
 #include <fstream>
@@ -64,7 +65,7 @@ std::string difference(const std::string& where, const shard::States& a, const s
       if (x.name != y.name || x.width != y.width) return where + ": other quantities, " + x.name + " and " + y.name;
       const std::size_t at = row * x.width;
       for (std::size_t i = 0; i < x.width; ++i)
-        if (std::memcmp(&x.values[at + i], &y.values[at + i], sizeof(double)) != 0)
+        if (std::bit_cast<std::uint64_t>(x.values[at + i]) != std::bit_cast<std::uint64_t>(y.values[at + i]))
           return where + ", node " + number(node_ids[a.rows[row]]) + ", " + x.name +
                  (x.width > 1 ? std::string(" ").append(number(std::uint64_t{i})) : "") + ": " +
                  number(x.values[at + i]) + " and " + number(y.values[at + i]) + " " + x.units;

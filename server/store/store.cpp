@@ -590,7 +590,7 @@ std::size_t Store::capsule_room() {
 
 std::string Store::leave_capsule(const Capsule& capsule) {
   const auto there = find().capsules;
-  const std::string file = capsule_name(there.empty() ? 1 : there.back() + 1);
+  std::string file = capsule_name(there.empty() ? 1 : there.back() + 1);
   write_new(file + std::string(kUnfinished), capsule_bytes(capsule), false);
   storage_.rename(file + std::string(kUnfinished), file);
   return file;
