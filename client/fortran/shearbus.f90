@@ -56,6 +56,9 @@ module shearbus
     real(real64), allocatable :: heat(:)                           ! J/m2, that entered the layer in the step
     ! Pa, optional: impulse of the stress over the step, divided by dt; asked for if the host allocates it
     real(real64), allocatable :: mean_stress(:), mean_stress2(:)
+    ! Optional, asked for if the host allocates them: derivatives of stress by jump and pressure, time to T0 = T_melt.
+    real(real64), allocatable :: stress_per_jump(:), stress_per_pressure(:) ! Pa s/m, 1
+    real(real64), allocatable :: time_to_melting(:)                         ! s
     integer, allocatable :: regime(:), outcome(:)
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
     real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
@@ -634,6 +637,9 @@ contains
     call fit(self%heat, has(2, 36))
     call fit(self%mean_stress, .false.)
     call fit(self%mean_stress2, .false.)
+    call fit(self%stress_per_jump, .false.)
+    call fit(self%stress_per_pressure, .false.)
+    call fit(self%time_to_melting, .false.)
     if (allocated(self%regime)) deallocate (self%regime, self%outcome)
     allocate (self%regime(self%n), self%outcome(self%n), source=0)
   contains
@@ -716,6 +722,9 @@ contains
     call take(self%heat, other%heat)
     call take(self%mean_stress, other%mean_stress)
     call take(self%mean_stress2, other%mean_stress2)
+    call take(self%stress_per_jump, other%stress_per_jump)
+    call take(self%stress_per_pressure, other%stress_per_pressure)
+    call take(self%time_to_melting, other%time_to_melting)
     if (allocated(other%regime)) then
       self%regime = other%regime
       self%outcome = other%outcome
@@ -869,6 +878,9 @@ contains
     call want(self%heat, 'heat', 36, 0)
     call want(self%mean_stress, 'mean_stress', 37, 0)
     call want(self%mean_stress2, 'mean_stress2', 37, 1)
+    call want(self%stress_per_jump, 'stress_per_jump', 38, 0)
+    call want(self%stress_per_pressure, 'stress_per_pressure', 39, 0)
+    call want(self%time_to_melting, 'time_to_melting', 49, 0)
     outputs(n_out + 1) = c_column(34, 0, c_loc(self%bytes(1, 1)), 0)
     outputs(n_out + 2) = c_column(35, 0, c_loc(self%bytes(1, 2)), 0)
     request%inputs = c_loc(inputs)
@@ -1138,6 +1150,9 @@ contains
     call follow(self%heat)
     call follow(self%mean_stress)
     call follow(self%mean_stress2)
+    call follow(self%stress_per_jump)
+    call follow(self%stress_per_pressure)
+    call follow(self%time_to_melting)
     self%regime = codes(self%regime)
     self%outcome = codes(self%outcome)
   contains

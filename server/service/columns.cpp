@@ -111,6 +111,18 @@ void add_stick_form(const wire::Batch& request, double dt, shard::StepColumns& c
 
 // ---- columns that only models with certain options have ----
 
+template <Field kDerivative>
+constexpr ColumnCondition kHasTangent = {
+    kDerivative,
+    wire::Kind::kOutput,
+    physics::Model::can_linearise,
+    wire::Code::kUnsupported,
+    "is of steps whose stress is given by one balance; those of a scene with tolerance, time_integrator = \"sdirk2\", "
+    "two "
+    "tangential components, layer.inertia, interface.plastic_layer, velocity_driven.taylor_quinney_factor or drive = "
+    "\"interface_slip\" are given by several, or by one that the derivative does not cover",
+    "Leave it out, or compare two trial steps."};
+
 constexpr std::array kConditions = {
     ColumnCondition{Field::kSoftPlasticStrainRate, wire::Kind::kInput,
                     [](const physics::ModelOptions& options) { return options.plastic_layer; },
@@ -139,6 +151,8 @@ constexpr std::array kConditions = {
                     [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
                     "is of layers with one stress, and with layer.inertia waves change it within the step",
                     "Leave it out; the stress at the end of the step is in shear_stress_pa."},
+    kHasTangent<Field::kStressPerJump>,
+    kHasTangent<Field::kStressPerPressure>,
     ColumnCondition{Field::kErrorEstimate, wire::Kind::kOutput,
                     [](const physics::ModelOptions& options) { return options.tolerance.has_value(); },
                     wire::Code::kUnsupported,
@@ -197,6 +211,8 @@ shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, 
 #include "proto/wire/columns.inc"
 #undef ROW
   columns.wants_mean_stress = reply.has(Field::kMeanShearStress);
+  columns.wants_tangent = reply.has(Field::kStressPerJump) || reply.has(Field::kStressPerPressure);
+  columns.wants_time_to_melting = reply.has(Field::kTimeToMelting);
   for (std::uint32_t component = 0; component < 2; ++component)
     if (reply.has(Field::kClosure, component)) columns.closure[component] = reply.f64(Field::kClosure, component);
   for (const LedgerRow& row : kLedger)

@@ -239,9 +239,9 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   if (store_ != nullptr) welcome.limits.max_replay_work = static_cast<std::uint64_t>(store_->checkpoint_work());
   welcome.limits.max_work_budget = static_cast<std::uint64_t>(options_.max_work_budget);
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial",        "resume",     "mark",
-                          "domains",         "stick_form",   "absent_nodes", "closure",    "idle_limit",
-                          "parts",           "profiles",     "regimes",      "mean_stress"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial",        "resume",      "mark",
+                          "domains",         "stick_form",   "absent_nodes", "closure",     "idle_limit",
+                          "parts",           "profiles",     "regimes",      "mean_stress", "linearised"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);

@@ -396,6 +396,8 @@ void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
 StepCount Shard::end_tile(const StepOf& step, TileStep& tile) const {
   const physics::TileOutputs& out = tile.out;
   physics::TileLedger ledger;
+  if (step.columns.wants_tangent) model_.linearise(step.operators, tile.in, tile.from, tile.to, tile.out);
+  if (step.columns.wants_time_to_melting) model_.predict_melting(step.operators, tile.in, tile.from, tile.out);
   if (step.has_ledger) model_.record_energy(step.operators, tile.in, out, tile.from, tile.to, ledger);
   for (const OutputColumn& column : step.columns.outputs)
     std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), tile.lanes, answer.values); }, column);

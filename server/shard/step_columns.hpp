@@ -38,7 +38,10 @@ struct StepColumns {
   std::vector<double> converted;  // values of input columns that were converted from the request's stick form
   std::vector<OutputColumn> outputs;
   std::span<double> closure[2];    // receives, for each component, sent minus answered jump  [m/s]; empty: not wanted
-  bool wants_mean_stress = false;  // whether a column of the reply holds the mean stress of the step
+  // Whether columns of the reply hold the mean stress of the step, derivatives of the stress, the time to melting.
+  bool wants_mean_stress = false;
+  bool wants_tangent = false;
+  bool wants_time_to_melting = false;
   double host_time = 0.0;          // host's time at the end of the step, 0: not given  [s]
 
   bool has_ledger() const {

@@ -73,7 +73,8 @@ TEST_P(ServiceOf, OpeningFillsTheSceneIn) {
   EXPECT_TRUE(std::ranges::equal(opened.required_columns, columns.required));
   EXPECT_TRUE(std::ranges::equal(opened.reply_columns, columns.reply));
   EXPECT_TRUE(opened.optional_columns.empty()) << "no slip drives the layer, and it does not flow";
-  std::vector<Field> on_request = {Field::kMeanShearStress};
+  std::vector<Field> on_request = {Field::kMeanShearStress, Field::kStressPerJump, Field::kStressPerPressure,
+                                   Field::kTimeToMelting};
   on_request.insert(on_request.end(), wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
   EXPECT_EQ(opened.columns_on_request, on_request);
   EXPECT_GT(opened.bytes_per_node, 24u * 2 * 8);
@@ -293,6 +294,7 @@ TEST_P(ServiceOf, TheMeanStressIsToldOnRequest) {
     const auto reply = wire::columns_of(GetParam()).reply;
     wanted.assign(reply.begin(), reply.end());
     wanted.push_back(Field::kMeanShearStress);
+    wanted.insert(wanted.end(), {Field::kStressPerJump, Field::kStressPerPressure, Field::kTimeToMelting});
     const Answer answer = harness.ask(wanting);
     ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
     EXPECT_FALSE(without.reply.batch.has(Field::kMeanShearStress));
@@ -301,6 +303,10 @@ TEST_P(ServiceOf, TheMeanStressIsToldOnRequest) {
     EXPECT_TRUE(std::ranges::equal(stress, without.reply.batch.f64(Field::kShearStress)));
     EXPECT_EQ(std::ranges::equal(mean, stress), GetParam() == Strategy::kForceDriven);
     for (std::size_t row = 0; row < mean.size(); ++row) EXPECT_LE(std::abs(mean[row]), 1.5 * std::abs(stress[row]));
+    EXPECT_TRUE(
+        std::ranges::any_of(answer.reply.batch.f64(Field::kStressPerJump), [](double value) { return value != 0.0; }));
+    EXPECT_TRUE(
+        std::ranges::all_of(answer.reply.batch.f64(Field::kTimeToMelting), [](double value) { return value > 0.0; }));
   }
   wire::Request missing = ServiceHarness::step(4, columns(4));
   std::get<wire::Downscale>(missing.body).wanted = {Field::kMeanShearStress};
@@ -315,6 +321,10 @@ TEST_P(ServiceOf, TheMeanStressIsToldOnRequest) {
   const Answer refused = other.ask(missing);
   EXPECT_EQ(refused.code(), Code::kUnsupported);
   EXPECT_NE(refused.reply.status.text.find("mean_shear_stress"), std::string::npos) << refused.reply.status.text;
+  std::get<wire::Downscale>(missing.body).wanted = {Field::kStressPerPressure};
+  EXPECT_EQ(other.ask(missing).code(), Code::kUnsupported);
+  std::get<wire::Downscale>(missing.body).wanted = {Field::kTimeToMelting};
+  EXPECT_TRUE(other.ask(missing).reply.status.ok());
 }
 
 TEST_P(ServiceOf, AStepOfNoNodesIsAnEmptyAnswer) {

@@ -9,6 +9,7 @@
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/around/discretisation.hpp"
 #include "server/physics/solver/around/ledger.hpp"
+#include "server/physics/solver/around/linearised.hpp"
 #include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/around/tolerance.hpp"
 #include "server/physics/solver/divided_tile.hpp"
@@ -221,6 +222,18 @@ bool DividedStep::run(double work) {
 void Model::record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
                           const double* committed, const double* trial, TileLedger& ledger) const {
   physics::record_energy(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
+}
+
+bool Model::can_linearise(const ModelOptions& options) {
+  return physics::can_linearise(options);
+}
+void Model::linearise(const StepOperators& operators, const TileInputs& inputs, const double* committed,
+                      const double* trial, TileOutputs& outputs) const {
+  physics::linearise(*impl_, operators, inputs, committed, trial, outputs);
+}
+void Model::predict_melting(const StepOperators& operators, const TileInputs& inputs, const double* committed,
+                            TileOutputs& outputs) const {
+  physics::predict_melting(*impl_, inputs, operators.dt(), committed, outputs);
 }
 
 }  // namespace shearbus::physics

@@ -76,6 +76,15 @@ class Model {
   void record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
                      const double* committed, const double* trial, TileLedger& ledger) const;
 
+  // The linearised answer of the step from `committed` to `trial` (MODEL.md, "Linearised answer"): write the active
+  // lanes of stress_per_jump and stress_per_pressure, and of time_to_melting, change no state. linearise() is only for
+  // options that can_linearise() allows.
+  static bool can_linearise(const ModelOptions& options);
+  void linearise(const StepOperators& operators, const TileInputs& inputs, const double* committed, const double* trial,
+                 TileOutputs& outputs) const;
+  void predict_melting(const StepOperators& operators, const TileInputs& inputs, const double* committed,
+                       TileOutputs& outputs) const;
+
  private:
   friend class DividedStep;
   struct Impl;

@@ -54,6 +54,10 @@ struct TileOutputs {
   // Impulse of the shear stress over the step, divided by dt; only if TileInputs::wants_mean_stress  [Pa]
   alignas(64) double mean_shear_stress[kLanes];
   alignas(64) double second_mean_shear_stress[kLanes];  // second tangential component of mean_shear_stress  [Pa]
+  // The linearised answer; only after Model::linearise() and Model::predict_melting().
+  alignas(64) double stress_per_jump[kLanes];      // derivative of shear_stress by velocity_jump  [Pa s/m]
+  alignas(64) double stress_per_pressure[kLanes];  // derivative of shear_stress by pressure  [1]
+  alignas(64) double time_to_melting[kLanes];      // time after the step to T0 = T_melt at the rate of the step  [s]
   alignas(64) double second_sliding_velocity[kLanes];   // second tangential component of sliding_velocity  [m/s]
   alignas(64) double second_velocity_jump_new[kLanes];  // second tangential component of velocity_jump_new  [m/s]
   Regime regime[kLanes];
