@@ -12,11 +12,12 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// Smallest accepted width of the first cell, about a hundredth of the diameter of an atom. A thinner cell is taken for
-// a mistake in the keys cells or grading.
-constexpr double kThinnestCell = 1e-12;  // [m]
+// Smallest accepted width of the first cell, the distance of neighbouring atoms in iron (0.248 nm; aluminium 0.286 nm):
+// below it a metal has neither a temperature nor a flow stress. A thinner cell is a mistake in the keys cells or grading.
+constexpr double kThinnestCell = 0.25e-9;  // [m]
+constexpr double kRounding = 1e-9;         // relative error of the width as computed here
 // Number of cells that the check assumes if the scene requests a tolerance, which lets the server choose the cells.
-constexpr std::uint32_t kCellsOfTolerance = 500;
+constexpr std::uint32_t kCellsOfTolerance = 1;
 
 bool sound_grid(const Findings& findings, const std::string& table) {
   return findings.sound(table) && findings.sound(table + ".thickness_m") && findings.sound(table + ".cells") &&
@@ -27,12 +28,12 @@ void check_first_cell(const std::string& table, double thickness, std::uint32_t 
                       Findings& findings) {
   const double sum = ratio == 1.0 ? cells : std::expm1(cells * std::log(ratio)) / (ratio - 1.0);
   const double first = thickness / sum;
-  if (!(first >= kThinnestCell))
-    findings.add(
-        table + (grading_given ? ".grading" : ".cells"),
-        fmt::format("{}.grading = {} with {} cells makes the first cell {:.3g} m wide, expected at least {} m: "
-                    "take fewer cells or a ratio nearer to 1",
-                    table, number_text(ratio), cells, first, kThinnestCell));
+  if (!(first >= kThinnestCell * (1.0 - kRounding)))
+    findings.add(table + (grading_given ? ".grading" : ".cells"),
+                 fmt::format("{}.grading = {} with {} cells makes the first cell {:.3g} m wide, expected at least {} "
+                             "m, the distance of two "
+                             "atoms: take fewer cells or a ratio nearer to 1",
+                             table, number_text(ratio), cells, first, kThinnestCell));
 }
 
 void check_grids(const v1::Scene& scene, Findings& findings) {

@@ -34,15 +34,19 @@ double crossing_time(const ModelOptions& options) {
 
 // Root mean square over time of the error of the stress at z = 0, relative to the largest exact stress there. The
 // imposed V(t) must begin smoothly from rest, and the layer must stay elastic.
-double reflection_error(int cells, double dt, const std::function<double(double)>& V, double t_end) {
-  const ModelOptions options = cold_options(cells);
+// The host imposes V at the end of each step, or with `mean` at its middle: a jump "of the step" is its mean.
+struct PulseError {
+  double mean_square, largest;  // root mean square and largest error, relative to the largest exact stress
+};
+PulseError reflection_error(ModelOptions options, double dt, const std::function<double(double)>& V, double t_end,
+                            bool mean = false) {
   const double cross = crossing_time(options);
   Rig rig(options, 1);
-  double squares = 0.0, largest = 0.0;
+  double squares = 0.0, largest = 0.0, farthest = 0.0;
   const int steps = static_cast<int>(std::lround(t_end / dt));
   for (int n = 1; n <= steps; ++n) {
     const double t = n * dt;
-    rig.set_all(V(t), kPressure);
+    rig.set_all(V(mean ? t - 0.5 * dt : t), kPressure);
     rig.step(dt);
     // Exact s(0): the hard body doubles every wave from z = h, and the wave returns after every two crossings of the
     // layer.
@@ -50,8 +54,9 @@ double reflection_error(int cells, double dt, const std::function<double(double)
     for (int k = 0; (2 * k + 1) * cross < t; ++k) exact += 2.0 * impedance(options.soft) * V(t - (2 * k + 1) * cross);
     squares += (rig.stress() - exact) * (rig.stress() - exact);
     largest = std::max(largest, std::abs(exact));
+    farthest = std::max(farthest, std::abs(rig.stress() - exact));
   }
-  return std::sqrt(squares / steps) / largest;
+  return {std::sqrt(squares / steps) / largest, farthest / largest};
 }
 
 TEST(PhysicsWavesConvergence, FirstOrderAgainstDAlembertWithReflectionsAtBothEnds) {
@@ -64,7 +69,7 @@ TEST(PhysicsWavesConvergence, FirstOrderAgainstDAlembertWithReflectionsAtBothEnd
   double before = 0.0;
   for (int refined : {1, 2, 4, 8, 16}) {
     const double dt = 0.2e-9 / refined;
-    const double error = reflection_error(20 * refined, dt, pulse, 40e-9);
+    const double error = reflection_error(cold_options(20 * refined), dt, pulse, 40e-9).mean_square;
     const double order = before != 0.0 ? std::log2(before / error) : NAN;
     std::printf("  %4d  %8.3g s  %10.3e  %6.3f\n", 20 * refined, dt, error, order);
     before = error;
@@ -72,6 +77,68 @@ TEST(PhysicsWavesConvergence, FirstOrderAgainstDAlembertWithReflectionsAtBothEnd
       EXPECT_NEAR(order, 1.0, 0.07);
       EXPECT_LT(error, 6e-3);
     }
+  }
+}
+
+// A pulse whose fifth derivative is continuous: a kink in its second one would limit the order to 5/3.
+TEST(PhysicsWavesConvergence, StagesAreOfSecondOrderAgainstDAlembertWithReflectionsAtBothEnds) {
+  const auto pulse = [](double t) { return t < 20e-9 ? std::pow(std::sin(M_PI * t / 20e-9), 6) : 0.0; };
+  std::printf("sdirk2, pulse of 1 m/s over 20 ns, 40 ns: cells, dt, error of s(0), order\n");
+  double before = 0.0;
+  for (int refined : {1, 2, 4, 8}) {
+    const double dt = 0.4e-9 / refined;
+    const ModelOptions options = of_second_order(cold_options(80 * refined));
+    const double error = reflection_error(options, dt, pulse, 40e-9, true).mean_square;
+    const double order = before != 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %4d  %8.3g s  %10.3e  %6.3f\n", 80 * refined, dt, error, order);
+    before = error;
+    if (refined == 1) continue;
+    EXPECT_NEAR(order, 2.0, 0.06);
+  }
+  EXPECT_LT(before, 1e-4);
+}
+
+// What is lost of a short pulse at the step length of a host: it crosses the layer in 6.26 ns, and back.
+TEST(PhysicsWavesConvergence, StagesKeepAPulseThatBackwardEulerLoses) {
+  const auto pulse = [](double t) { return t < 15e-9 ? std::pow(std::sin(M_PI * t / 15e-9), 2) : 0.0; };
+  const ModelOptions options = cold_options(200);
+  std::printf("15 ns pulse, steps of 1 ns: until, largest error of s(0) by backward Euler, by sdirk2\n");
+  for (const auto& [t_end, kept] : {std::pair{20e-9, 0.05}, {60e-9, 0.2}}) {
+    const double first = reflection_error(options, 1e-9, pulse, t_end, true).largest;
+    const double second = reflection_error(of_second_order(options), 1e-9, pulse, t_end, true).largest;
+    std::printf("  %2.0f ns  %6.3f  %6.3f\n", t_end * 1e9, first, second);
+    EXPECT_GT(first, 0.3);
+    EXPECT_LT(second, kept);
+  }
+}
+
+// Flow, heat and waves together: the paper's layer under a jump that rises to 100 m/s in 100 ns.
+TEST(PhysicsWavesConvergence, StagesAreCloserThanBackwardEulerInAHotFlowingLayer) {
+  struct Answer {
+    double stress, temperature;
+  };
+  const auto after = [](double dt, TimeIntegrator integrator) {
+    ModelOptions options = with_inertia(graded(paper_options()));
+    options.time_integrator = integrator;
+    Rig rig(options, 1);
+    rig.set_all(0.0, 11.2e9);
+    rig.step(1e-15);  // closes the contact with the layer at rest
+    for (int n = 1; n * dt < 600e-9 + 0.5 * dt; ++n) {
+      rig.set_all(50.0 * (1.0 - std::cos(M_PI * std::min((n - 0.5) * dt / 100e-9, 1.0))), 11.2e9);
+      rig.step(dt);
+    }
+    return Answer{rig.stress(), rig.outputs.interface_temperature[0]};
+  };
+  const Answer fine = after(0.0625e-9, TimeIntegrator::kSdirk2);
+  std::printf("rise to 100 m/s, 600 ns: dt, error of s(0) and T0 by backward Euler, by sdirk2\n");
+  for (double dt : {2e-9, 1e-9}) {
+    const Answer first = after(dt, TimeIntegrator::kBackwardEuler), second = after(dt, TimeIntegrator::kSdirk2);
+    const auto off = [&](const Answer& a) { return std::abs(a.stress - fine.stress); };
+    const auto hot = [&](const Answer& a) { return std::abs(a.temperature - fine.temperature); };
+    std::printf("  %5.2g s  %9.2e Pa %9.2e K   %9.2e Pa %9.2e K\n", dt, off(first), hot(first), off(second),
+                hot(second));
+    EXPECT_LT(off(second), 0.05 * off(first));
+    EXPECT_LT(hot(second), 0.2 * hot(first));
   }
 }
 
@@ -103,12 +170,20 @@ TEST(PhysicsWavesConvergence, SecondOrderInCells) {
 // front crosses the layer at the elastic wave speed. Behind the front the stress is s = tau and the velocity v = V -
 // tau/Z, with which the layer slips on the hard body. After the front has reached the soft body, the layer slips on it
 // with tau/Z, at z = h.
-TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
+class PhysicsWavesFronts : public ::testing::TestWithParam<TimeIntegrator> {};
+INSTANTIATE_TEST_SUITE_P(, PhysicsWavesFronts,
+                         ::testing::Values(TimeIntegrator::kBackwardEuler, TimeIntegrator::kSdirk2),
+                         [](const auto& test) {
+                           return test.param == TimeIntegrator::kSdirk2 ? "Sdirk2" : "BackwardEuler";
+                         });
+
+TEST_P(PhysicsWavesFronts, InAPerfectlyPlasticLayer) {
   const double V = 50.0;
   std::printf("perfectly plastic layer, 50 m/s: cells, dt, mean error of s over the layer at half a crossing, order\n");
   double before = 0.0;
   for (int refined : {1, 4, 16}) {
     ModelOptions options = cold_options(50 * refined);
+    options.time_integrator = GetParam();
     options.soft.hardening_coefficient = 0.0;
     const double tau = yield_stress(options.soft);
     const double Z = impedance(options.soft);
@@ -131,11 +206,13 @@ TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
     }
     before = error;
     if (refined < 16) continue;
-    EXPECT_NEAR(rig.outputs.sliding_velocity[0], V - tau / Z, 1e-6 * V);
-    EXPECT_NEAR(velocity_in(rig, grid.num_cells() / 4), V - tau / Z, 1e-4 * V);
+    // Behind a jump the scheme of second order rings, which leaves plastic strain; backward Euler is monotone.
+    const bool rings = GetParam() == TimeIntegrator::kSdirk2;
+    EXPECT_NEAR(rig.outputs.sliding_velocity[0], V - tau / Z, (rings ? 2e-4 : 1e-6) * V);
+    EXPECT_NEAR(velocity_in(rig, grid.num_cells() / 4), V - tau / Z, (rings ? 1e-3 : 1e-4) * V);
     for (int n = 0; n < 3 * half; ++n) rig.step(dt);
     for (int i = 0; i < grid.num_vertices(); ++i) EXPECT_NEAR(stress_at(rig, i), tau, 1e-9 * tau);
-    EXPECT_NEAR(velocity_in(rig, grid.num_cells() / 4), V - tau / Z, 1e-4 * V);
+    EXPECT_NEAR(velocity_in(rig, grid.num_cells() / 4), V - tau / Z, (rings ? 1e-3 : 1e-4) * V);
     EXPECT_NEAR(rig.outputs.sliding_velocity[0], V, 1e-9 * V);
   }
 }
@@ -143,12 +220,13 @@ TEST(PhysicsWavesConvergence, AFrontInAPerfectlyPlasticLayer) {
 // Linear hardening (exponent n = 1): above the shear yield stress tau the stress grows with the shear by the tangent
 // modulus G_t. A plastic front of speed c_p = sqrt(G_t / rho) follows the elastic front. Until reflections return, s(0)
 // = tau + rho c_p (V - tau / Z), with the impedance Z.
-TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
+TEST_P(PhysicsWavesFronts, OfPlasticFlowInALinearlyHardeningLayer) {
   const double V = 50.0;
   std::printf("linear hardening, 50 m/s: cells, dt, error of s(0), of the plastic slip in the layer\n");
   double before = 0.0;
   for (int refined : {1, 4, 16}) {
     ModelOptions options = cold_options(50 * refined);
+    options.time_integrator = GetParam();
     Material& soft = options.soft;
     soft.hardening_exponent = 1.0;
     const double rate = soft.yield_strength * soft.hardening_coefficient / 3.0;  // slope ds / d(plastic shear) [Pa]
@@ -162,16 +240,17 @@ TEST(PhysicsWavesConvergence, APlasticFrontInALinearlyHardeningLayer) {
     rig.set_all(V, kPressure);
     for (int n = 0; n < steps; ++n) rig.step(dt);
     const double slip = (s - tau) / rate * plastic_speed * steps * dt;
+    const bool rings = GetParam() == TimeIntegrator::kSdirk2;
     const double error_s = rig.stress() / s - 1.0;
     const double error_slip = rig.plastic_slip() / slip - 1.0;
     std::printf("  %4d  %8.3g s  %10.2e  %10.2e\n", options.grid.cells, dt, error_s, error_slip);
     if (before != 0.0) {
-      EXPECT_LT(std::abs(error_slip), 0.35 * before);
+      EXPECT_LT(std::abs(error_slip), (rings ? 0.5 : 0.35) * before);
     }
     before = std::abs(error_slip);
     if (refined < 16) continue;
-    EXPECT_NEAR(error_s, 0.0, 1e-4);
-    EXPECT_NEAR(error_slip, 0.0, 2e-3);
+    EXPECT_NEAR(error_s, 0.0, rings ? 2e-3 : 1e-4);
+    EXPECT_NEAR(error_slip, 0.0, rings ? 4e-3 : 2e-3);
   }
 }
 

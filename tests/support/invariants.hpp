@@ -27,13 +27,7 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
   const bool has_profile = rig.model.layout().heat_modes == TileLayout::kAbsent;
   require_numbers(a);
   require_temperatures(rig, a, lane, figures);
-  // The check that stress times slip is not negative does not apply to a layer with inertia: the slip velocity [v] is
-  // that of the whole layer, in which stresses of both signs may occur.
-  if (options.inertia) {
-    require(a.heat >= 0.0, "heat {} < 0", a.heat);
-  } else {
-    require_dissipation(a);
-  }
+  require_dissipation(a);
   // Without a temperature profile the heat is kept in modes. The modes give the stored heat only for an insulated slab,
   // whose mode with decay rate 0 contains all heat.
   if (has_profile || !HeatKernel(options.soft, options.grid).far_face_unfelt(options.modes->longest_time)) {

@@ -210,7 +210,9 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   } while (!properties_of(options.soft.flow_law).has_wave_return);
   options.drive = Drive::kLayerShear;
   options.taylor_quinney_factor.reset();
-  options.time_integrator = TimeIntegrator::kBackwardEuler;
+  // Draws from a copy of the generator, so that scenes of backward Euler stay as they were before the waves had SDIRK2.
+  Draw aside = draw;
+  options.time_integrator = aside.chance(0.5) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
   options.inertia = true;
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
   return options;

@@ -16,6 +16,15 @@ inline ModelOptions with_inertia(ModelOptions options) {
   return options;
 }
 
+inline ModelOptions of_first_order(ModelOptions options) {
+  options.time_integrator = TimeIntegrator::kBackwardEuler;
+  return options;
+}
+inline ModelOptions of_second_order(ModelOptions options) {
+  options.time_integrator = TimeIntegrator::kSdirk2;
+  return options;
+}
+
 inline double shear_speed(const Material& m) {
   return std::sqrt(m.shear_modulus / m.density);
 }
@@ -30,26 +39,27 @@ inline double velocity_in(const Rig& rig, int cell, int lane = 0) {
   return rig.committed[rig.model.layout().layer_velocity + cell * kLanes + lane];
 }
 
-inline WaveStep wave_step(const Rig& rig, int lane, const Material& soft_at_pressure) {
+inline WaveStep wave_step(const Rig& rig, int lane, const HeatOperator& heat, const Material& soft_at_pressure) {
   const ModelOptions& o = rig.model.options();
   const double pressure = rig.inputs.pressure[lane];
   return {
       .soft = &soft_at_pressure,
       .grid = &rig.model.grid(),
-      .response = rig.operators->heat().layer_response(),
-      .dt = rig.operators->dt(),
+      .response = heat.layer_response(),
+      .dt = heat.dt,
       .pressure = pressure,
       .jump = rig.inputs.velocity_jump[lane],
       .heat_share = rig.conducted_share(),
       .coulomb = o.friction_coefficient ? *o.friction_coefficient * pressure : std::numeric_limits<double>::infinity()};
 }
 
-// Computes the fields from which the next step of a lane starts. The temperatures include the conduction of that step.
-inline void fill_fields(const Rig& rig, int lane, WaveFields& fields) {
+// Computes the fields from which the next step of a lane, of the length of `heat`, starts. The temperatures include the
+// conduction of that step.
+inline void fill_fields(const Rig& rig, int lane, const HeatOperator& heat, WaveFields& fields) {
   const HeatGrid& grid = rig.heat_grid();
   std::vector<double> T(rig.committed.size());
   const std::size_t first = rig.model.layout().first_temperature();
-  conduct(rig.operators->heat(), grid.num_vertices(), rig.committed.data() + first, T.data());
+  conduct(heat, grid.num_vertices(), rig.committed.data() + first, T.data());
   const bool was_open = rig.committed[rig.model.layout().regime + lane] == static_cast<double>(Regime::kOpen);
   const int n = rig.model.grid().num_cells();
   for (int i = 0; i <= n; ++i) {

@@ -331,7 +331,7 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
 
 NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2 && !inputs.backward_euler;
-  if (options.inertia) return with_inertia(options, dt, inputs, state);
+  if (options.inertia) return with_inertia(options, dt, inputs, state, sdirk2);
   if (options.strategy == Strategy::kVelocityDriven) {
     if (sdirk2) return velocity_driven_sdirk2(options, dt, inputs, state);
     return velocity_driven(options, dt, inputs, state, heat_of_step(options, dt, state, profile_of(state)));

@@ -62,8 +62,8 @@ double friction_coefficient(const ModelOptions& options, double pressure, double
 // The force-driven step of a node whose layer may flow and harden (MODEL.md, "Plastic layer").
 NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
-// The velocity-driven step of a layer with inertia.
-NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
+// The velocity-driven step of a layer with inertia, by backward Euler or by SDIRK2.
+NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state, bool sdirk2);
 
 // advance_uncontrolled(): one undivided step by the integrator of the options. advance_controlled(): a step divided
 // into substeps, so that its estimated error is below the tolerance of the options.

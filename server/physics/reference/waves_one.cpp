@@ -125,69 +125,124 @@ void balance(const Layer& layer, const std::vector<double>& T, Solved& at) {
   }
 }
 
-}  // namespace
+// What a stage finds in addition to the state at its end.
+struct Stage {
+  double flux = 0.0;
+  double slip_along[2] = {};  // flow and slip at z = 0 along positive and along negative stresses  [m]
+  bool interface_slips = false;
+};
 
-NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
-  const Profile T_ad = conduct(options, dt, {}, profile_of(state));
-  const Profile B = unit_response(options, dt, {}, T_ad);
-  const Material soft = at_pressure(options.soft, in.pressure);
-  NodeOutputs out;
-  out.velocity_jump_new = in.velocity_jump;
-  if (in.pressure <= 0.0) {
-    std::fill(state.stress_field.begin(), state.stress_field.end(), 0.0);
-    std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
-    heat_up(state, T_ad, 0.0, B);
-    state.shear_stress = 0.0;
-    out.interface_temperature = state.temperature[0];
-    out.sliding_velocity = in.velocity_jump;
-    out.regime = state.regime = Regime::kOpen;
-    return out;
-  }
-  if (state.regime == Regime::kOpen) {
-    std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
-  }
+// Backward Euler over dt from `state`, whose temperatures without friction would end at heat.T_ad.
+Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat, NodeState& state) {
   const Layer layer{
       options, Grid(options.grid), dt, in, state.stress_field, state.plastic_strain, state.layer_velocity};
   const int n = layer.cells();
   Solved at{layer.velocity_old, state.stress_field, state.plastic_strain, state.plastic_strain};
   const auto solve_at = [&](double q) {
     std::vector<double> T(n + 1);
-    for (int i = 0; i <= n; ++i) T[i] = T_ad[i] + q * B[i];
+    for (int i = 0; i <= n; ++i) T[i] = heat.T_ad[i] + q * heat.B[i];
     balance(layer, T, at);
     return conducted_share(options) * std::max(0.0, at.stress[0] * in.velocity_jump) -
            q;  // heat flux that the stress at z = 0 releases, less the flux q that was assumed
   };
-  double flux = 0.0;
-  double hi = std::max(0.0, (soft.melting_temperature - T_ad[0]) / B[0]);
+  Stage stage;
+  double hi = std::max(0.0, (at_pressure(options.soft, in.pressure).melting_temperature - heat.T_ad[0]) / heat.B[0]);
   if (solve_at(0.0) > 0.0 && hi > 0.0) {
     double lo = 0.0;
     for (double mid = 0.5 * hi; mid > lo && mid < hi && hi - lo > 1e-15 * hi; mid = 0.5 * (lo + hi)) {
       (solve_at(mid) > 0.0 ? lo : hi) = mid;
     }
-    flux = lo;
-    solve_at(flux);
+    stage.flux = lo;
+    solve_at(stage.flux);
   }
-
-  double slip = at.interface_slip;
-  bool slips = slip != 0.0;
-  double hottest = 0.0;
+  stage.interface_slips = at.interface_slip != 0.0;
+  stage.slip_along[std::signbit(at.stress[0])] = std::abs(at.interface_slip) * dt;
   for (int i = 0; i <= n; ++i) {
-    slip += std::copysign(kSqrt3 * layer.grid.weight[i] * at.growth[i] / dt, at.stress[i]);
-    slips = slips || at.growth[i] > 0.0;
+    stage.slip_along[std::signbit(at.stress[i])] += kSqrt3 * layer.grid.weight[i] * at.growth[i];
     state.plastic_strain[i] += at.growth[i];
-    hottest = std::max(hottest, T_ad[i] + flux * B[i]);
   }
-  heat_up(state, T_ad, flux, B);
-  out.friction_heat = flux * dt;
-  out.interface_temperature = state.temperature[0];
+  heat_up(state, heat.T_ad, stage.flux, heat.B);
   state.stress_field = at.stress;
   state.layer_velocity = at.velocity;
-  state.shear_stress = out.shear_stress = at.stress[0];
+  return stage;
+}
+
+NodeOutputs open_contact(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state, bool sdirk2) {
+  const Profile old = profile_of(state);
+  Heat heat = heat_of_step(options, sdirk2 ? kGamma * dt : dt, state, old);
+  NodeOutputs out;
+  if (sdirk2) {
+    NodeState early = state;
+    heat_up(early, heat.T_ad, 0.0, heat.B);
+    const Heat second = heat_of_second_stage(options, dt, 0.0, old, early);
+    out.first_order = !in_range(options, in.pressure, old, second.T_ad);
+    heat = out.first_order ? heat_of_step(options, dt, state, old) : second;
+  }
+  std::fill(state.stress_field.begin(), state.stress_field.end(), 0.0);
+  std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
+  heat_up(state, heat.T_ad, 0.0, heat.B);
+  state.shear_stress = 0.0;
+  out.velocity_jump_new = out.sliding_velocity = in.velocity_jump;
+  out.interface_temperature = state.temperature[0];
+  out.regime = state.regime = Regime::kOpen;
+  return out;
+}
+
+}  // namespace
+
+NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state, bool sdirk2) {
+  if (in.pressure <= 0.0) return open_contact(options, dt, in, state, sdirk2);
+  if (state.regime == Regime::kOpen) {
+    std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
+  }
+  const Profile old = profile_of(state);
+  const NodeState start = state;
+  NodeOutputs out;
+  Stage step;
+  if (sdirk2) {
+    // Alexander's stages: backward Euler over gamma dt from x_old to x1, then from x_old + (1/gamma - 1) (x1 - x_old).
+    const Stage first = advance_stage(options, kGamma * dt, in, heat_of_step(options, kGamma * dt, state, old), state);
+    const Heat heat = heat_of_second_stage(options, dt, first.flux, old, state);
+    out.first_order = !in_range(options, in.pressure, old, heat.T_ad);
+    const double r = 1.0 / kGamma - 1.0;
+    const auto extrapolate = [&](const std::vector<double>& before, std::vector<double>& values) {
+      for (std::size_t i = 0; i < values.size(); ++i) values[i] = before[i] + r * (values[i] - before[i]);
+    };
+    extrapolate(start.plastic_strain, state.plastic_strain);
+    extrapolate(start.stress_field, state.stress_field);
+    extrapolate(start.layer_velocity, state.layer_velocity);
+    if (out.first_order) {
+      state = start;
+    } else {
+      step = advance_stage(options, kGamma * dt, in, heat, state);
+      step.flux = (1.0 - kGamma) * first.flux + kGamma * step.flux;
+      for (int k = 0; k < 2; ++k) step.slip_along[k] += r * first.slip_along[k];
+    }
+  }
+  if (!sdirk2 || out.first_order) {
+    step = advance_stage(options, dt, in, heat_of_step(options, dt, state, old), state);
+  }
+
+  // The slip along s(0). Below 1 Pa, next to melting, rounding decides the sign of s(0): then it is the whole slip.
+  double stress = state.stress_field[0];
+  double slip = (stress > 0.0 ? step.slip_along[0] : -step.slip_along[1]) / dt;
+  if (std::abs(stress) < 1.0) {
+    slip = (step.slip_along[0] - step.slip_along[1]) / dt;
+    if (slip * stress < 0.0) stress = 0.0;
+  }
+  const double hottest = *std::max_element(state.temperature.begin(),
+                                           state.temperature.begin() + static_cast<int>(state.stress_field.size()));
+  const double melting = at_pressure(options.soft, in.pressure).melting_temperature;
+  out.friction_heat = step.flux * dt;
+  out.interface_temperature = state.temperature[0];
+  state.shear_stress = state.stress_field[0];
+  out.shear_stress = stress;
+  out.velocity_jump_new = in.velocity_jump;
   out.sliding_velocity = slip;
-  out.regime = state.regime = !slips                                       ? Regime::kStick
-                              : at.interface_slip != 0.0                   ? Regime::kCoulomb
-                              : hottest >= 0.99 * soft.melting_temperature ? Regime::kMelting
-                                                                           : Regime::kTresca;
+  out.regime = state.regime = slip == 0.0                 ? Regime::kStick
+                              : step.interface_slips      ? Regime::kCoulomb
+                              : hottest >= 0.99 * melting ? Regime::kMelting
+                                                          : Regime::kTresca;
   return out;
 }
 

@@ -190,8 +190,9 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.time_integrator == TimeIntegrator::kSdirk2; },
          .set = [](ModelOptions& o,
                    bool on) { o.time_integrator = on ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler; },
-         .goes_with = kEitherStrategy | kEitherHardBody | kUnderPressure |
-                      Properties{kInterfaceSlip, kCoulombLimit, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm},
+         .goes_with =
+             kEitherStrategy | kEitherHardBody | kUnderPressure |
+             Properties{kInterfaceSlip, kCoulombLimit, kInertia, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm},
          .equation = "Alexander 1977",
          .adds = "second order in time, two stages a step",
          .when = "few, long steps; tolerances below 1e-2"},
@@ -337,7 +338,6 @@ constexpr std::array kExclusions = {
     Exclusion{kSecondOrder, kPlasticHeating,
               "where the work becomes heat is taken from the step before, which is first order"},
     Exclusion{kSecondOrder, kPlasticLayer, "its slip and flow share one balance per step"},
-    Exclusion{kSecondOrder, kInertia, "sdirk2 is of the heat only, and the waves are followed to first order"},
     Exclusion{kSecondOrder, kJunctions, "their strain grows with the slip of the whole step"},
     Exclusion{kSecondOrder, kSlipDependentFriction, "its friction is found for the mean slip of a step"},
     Exclusion{kSecondOrder, kFirstOrderFlow, "its stress follows the rate of a step, to first order"},

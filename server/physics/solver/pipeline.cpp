@@ -20,7 +20,7 @@ namespace {
 AdvanceTile solver_of(const ModelOptions& options) {
   const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
   if (options.strategy == Strategy::kVelocityDriven) {
-    if (options.inertia) return advance_with_inertia;
+    if (options.inertia) return second_order ? advance_with_inertia_sdirk2 : advance_with_inertia;
     return second_order ? advance_velocity_driven_sdirk2 : advance_velocity_driven;
   }
   if (options.plastic_layer) return advance_force_driven_flowing;

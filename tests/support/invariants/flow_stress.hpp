@@ -7,6 +7,7 @@
 
 #include "tests/support/invariants/answered.hpp"
 #include "tests/support/invariants/broken.hpp"
+#include "tests/support/invariants/heat_of_work.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
@@ -49,7 +50,8 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
     // A vertex counts as flowing only if its plastic strain increment exceeds the rounding error of the strain.
     const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
-    if (a.in_parts()) continue;  // the vertex may have flowed in an earlier substep only, at another stress
+    // The vertex may have flowed in an earlier substep or stage only, at another stress.
+    if (a.in_parts() || (options.inertia && of_two_stages(options, a))) continue;
     if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
     const double least = limit(T * (1 + kDigits) + grain, dep - noise);
     require(carried >= least * (1 - 1e-10),

@@ -7,6 +7,8 @@
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/pipeline.hpp"
+#include "server/physics/solver/scratch.hpp"
+#include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
 #include "server/physics/solver/work.hpp"
@@ -20,6 +22,21 @@ void gather(const double* rows, int count, double* values) {
 
 void scatter(const double* values, int count, double* rows) {
   for (std::ptrdiff_t i = 0; i < count; ++i) rows[i * kLanes] = values[i];
+}
+
+// What a stage, or a step of two stages, has found in one lane.
+struct Found {
+  double flux = 0.0;             // heat flux q into the layer: of a step its mean  [W/m2]
+  double slip_along[2] = {};     // flow and slip at z = 0 along stresses above 0, and along stresses below 0  [m]
+  bool interface_slips = false;  // at the end the friction limit holds the stress at z = 0
+};
+
+// The step of two stages of SDIRK2. Slip takes the weight that extrapolates the first stage to the start of the second.
+Found step_of(const Found& first, const Found& second) {
+  const auto slip = [&](int k) { return sdirk2::kExtrapolation * first.slip_along[k] + second.slip_along[k]; };
+  return {.flux = sdirk2::kFirstWeight * first.flux + sdirk2::kDiagonal * second.flux,
+          .slip_along = {slip(0), slip(1)},
+          .interface_slips = second.interface_slips};
 }
 
 // An open contact: the layer moves with the soft body without stress, until the contact closes.
@@ -39,30 +56,41 @@ void open_lane(const Problem& problem, const TileInputs& inputs, const double* c
   outputs.outcome[l] = 0;
 }
 
-void closed_lane(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                 const double* committed, double* trial, int l, TileOutputs& outputs) {
+// The mechanical state of a closed lane from which a step starts. A contact that closes finds the layer moving with the
+// soft body.
+void copy_start(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int l) {
+  const TileLayout& layout = problem.layout;
+  copy_lane(committed + layout.plastic_strain, trial + layout.plastic_strain, layout.num_strain_vertices * kLanes, l);
+  copy_lane(committed + layout.shear_stress, trial + layout.shear_stress, layout.num_stress_vertices * kLanes, l);
+  copy_lane(committed + layout.layer_velocity, trial + layout.layer_velocity, layout.num_velocity_cells * kLanes, l);
+  if (committed[layout.regime + l] != static_cast<double>(Regime::kOpen)) return;
+  for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
+    trial[layout.layer_velocity + i * kLanes + l] = inputs.velocity_jump[l];
+}
+
+// Backward Euler over the length of `heat`, from the state in `trial`, whose temperatures have been conducted already.
+// Returns false if no answer was found.
+bool solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double* trial, int l,
+                 Found& found) {
   const TileLayout& layout = problem.layout;
   const Grid& grid = problem.grid;
-  const HeatOperator& heat = operators.heat();
   const int n = grid.num_cells();
-  const double jump = inputs.velocity_jump[l];
   const Material soft = at_pressure(problem.options.soft, inputs.pressure[l]);
   const WaveStep step{.soft = &soft,
                       .grid = &grid,
                       .response = heat.layer_response(),
-                      .dt = operators.dt(),
+                      .dt = heat.dt,
                       .pressure = inputs.pressure[l],
-                      .jump = jump,
+                      .jump = inputs.velocity_jump[l],
                       .heat_share = problem.heat_partition,
                       .coulomb = interface_strength(problem.interface, soft, inputs.pressure[l], nullptr)
                                      .friction(trial[layout.temperature + l])
                                      .stress};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
-  gather(committed + layout.plastic_strain + l, n + 1, fields.strain);
-  gather(committed + layout.shear_stress + l, n + 1, fields.stress);
-  gather(committed + layout.layer_velocity + l, n, fields.velocity);
-  if (committed[layout.regime + l] == static_cast<double>(Regime::kOpen)) std::fill_n(fields.velocity, n, jump);
+  gather(trial + layout.plastic_strain + l, n + 1, fields.strain);
+  gather(trial + layout.shear_stress + l, n + 1, fields.stress);
+  gather(trial + layout.layer_velocity + l, n, fields.velocity);
 
   const WaveAnswer answer = advance_waves(step, fields);
   if (inputs.effort != nullptr) {
@@ -70,50 +98,138 @@ void closed_lane(const Problem& problem, const StepOperators& operators, const T
     inputs.effort->guarded_steps += answer.guarded ? 1 : 0;
   }
   add_work(inputs, l, n * (1.0 + flow_work(soft.flow_law) * answer.iterations));
-  if (!answer.found) return keep_lane(problem, inputs, committed, trial, l, outputs);
+  if (!answer.found) return false;
 
-  double slip = answer.interface_slip;
-  bool slips = slip != 0.0;
+  // A vertex flows in the direction of its stress. A stress that has fallen to 0 keeps its sign as +0 or -0.
+  found = {.flux = answer.flux, .interface_slips = answer.interface_slip != 0.0};
+  found.slip_along[std::signbit(fields.stress[0])] = std::abs(answer.interface_slip) * step.dt;
   for (int i = 0; i <= n; ++i) {
-    // A vertex flows in the direction of its stress. A stress that has fallen to 0 keeps its sign as +0 or -0.
-    slip += std::copysign(kSqrt3 * grid.weight[i] * fields.strain_growth[i] / step.dt, fields.stress[i]);
-    slips = slips || fields.strain_growth[i] > 0.0;
+    found.slip_along[std::signbit(fields.stress[i])] += kSqrt3 * grid.weight[i] * fields.strain_growth[i];
     fields.strain[i] += fields.strain_growth[i];
   }
   scatter(fields.strain, n + 1, trial + layout.plastic_strain + l);
   scatter(fields.stress, n + 1, trial + layout.shear_stress + l);
   scatter(fields.velocity, n, trial + layout.layer_velocity + l);
   add_flux_lane(heat, problem.heat_grid.num_vertices(), l, answer.flux, trial + layout.first_temperature());
+  return true;
+}
 
-  gather(trial + layout.temperature + l, n + 1, fields.T_ad);
-  const bool melts = *std::max_element(fields.T_ad, fields.T_ad + n + 1) >= kMeltingShare * soft.melting_temperature;
-  outputs.shear_stress[l] = fields.stress[0];
+// Writes the answer of a closed lane. [v] is the slip along s(0): what flows against s(0), because waves have turned the
+// stress there, works against another stress than the interface's. Without stress at z = 0 it is the whole slip.
+void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, const Found& found, const double* trial,
+                 int l, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  const double melts_at = kMeltingShare * at_pressure(problem.options.soft, inputs.pressure[l]).melting_temperature;
+  bool melts = false;
+  for (std::size_t i = 0; i < layout.num_strain_vertices; ++i)
+    melts = melts || trial[layout.temperature + i * kLanes + l] >= melts_at;
+  const double stress = trial[layout.shear_stress + l];
+  const bool carries = std::abs(stress) >= kNoStress;
+  const double slip = (carries && stress < 0.0 ? 0.0 : found.slip_along[0]) / dt -
+                      (carries && stress > 0.0 ? 0.0 : found.slip_along[1]) / dt;
+  outputs.shear_stress[l] = !carries && slip * stress < 0.0 ? 0.0 : stress;
   outputs.sliding_velocity[l] = slip;
-  outputs.friction_heat[l] = answer.flux * step.dt;
-  outputs.regime[l] = !slips                         ? Regime::kStick
-                      : answer.interface_slip != 0.0 ? Regime::kCoulomb
-                      : melts                        ? Regime::kMelting
-                                                     : Regime::kTresca;
-  outputs.outcome[l] = outside_domain(slip, jump);
+  outputs.friction_heat[l] = found.flux * dt;
+  outputs.regime[l] = slip == 0.0             ? Regime::kStick
+                      : found.interface_slips ? Regime::kCoulomb
+                      : melts                 ? Regime::kMelting
+                                              : Regime::kTresca;
+  outputs.outcome[l] = outside_domain(slip, inputs.velocity_jump[l]);
+}
+
+// Writes what an answer of any regime has, and the regime into the state.
+void close_lane(const Problem& problem, const TileInputs& inputs, double* trial, int l, TileOutputs& outputs) {
+  outputs.interface_temperature[l] = trial[problem.layout.temperature + l];
+  outputs.velocity_jump_new[l] = inputs.velocity_jump[l];
+  trial[problem.layout.regime + l] = static_cast<double>(outputs.regime[l]);
+}
+
+bool is_open(const TileInputs& inputs, int l) {
+  return inputs.pressure[l] <= 0.0;
+}
+
+// The start of the second stage: extrapolates the mechanical state, from the start of the step through the end of the
+// first stage.
+void extrapolate_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int l) {
+  const TileLayout& layout = problem.layout;
+  double* start = scratch_tile(Scratch::kStages, layout.doubles);
+  copy_start(problem, inputs, committed, start, l);
+  const auto extrapolate = [&](std::size_t first, std::size_t rows) {
+    for (std::size_t i = first + l; i < first + rows * kLanes; i += kLanes)
+      trial[i] = start[i] + sdirk2::kExtrapolation * (trial[i] - start[i]);
+  };
+  extrapolate(layout.plastic_strain, layout.num_strain_vertices);
+  extrapolate(layout.shear_stress, layout.num_stress_vertices);
+  extrapolate(layout.layer_velocity, layout.num_velocity_cells);
 }
 
 }  // namespace
 
 void advance_with_inertia(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs) {
-  const TileLayout& layout = problem.layout;
-  conduct(operators.heat(), problem.heat_grid.num_vertices(), committed + layout.first_temperature(),
-          trial + layout.first_temperature());
+  const std::size_t T = problem.layout.first_temperature();
+  conduct(operators.heat(), problem.heat_grid.num_vertices(), committed + T, trial + T);
   for (const int l : lanes_of(inputs.active)) {
-    const bool open = inputs.pressure[l] <= 0.0;
-    if (open) {
+    if (is_open(inputs, l)) {
       open_lane(problem, inputs, committed, trial, l, outputs);
     } else {
-      closed_lane(problem, operators, inputs, committed, trial, l, outputs);
+      copy_start(problem, inputs, committed, trial, l);
+      Found found;
+      if (!solve_stage(problem, operators.heat(), inputs, trial, l, found)) {
+        keep_lane(problem, inputs, committed, trial, l, outputs);
+        continue;
+      }
+      answer_lane(problem, operators.dt(), inputs, found, trial, l, outputs);
     }
-    outputs.interface_temperature[l] = trial[layout.temperature + l];
-    outputs.velocity_jump_new[l] = inputs.velocity_jump[l];
-    trial[layout.regime + l] = static_cast<double>(outputs.regime[l]);
+    close_lane(problem, inputs, trial, l, outputs);
+  }
+}
+
+void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                 const double* committed, double* trial, TileOutputs& outputs) {
+  const HeatOperator& stage = operators.stage();
+  const int n = problem.heat_grid.num_vertices();
+  const double* T_old = committed + problem.layout.first_temperature();
+  double* T = trial + problem.layout.first_temperature();
+  Found first[kLanes], second[kLanes];
+  std::uint32_t lost = 0;  // lanes for which the step of second order has no answer
+
+  // 1. First stage of SDIRK2: backward Euler over gamma dt.
+  conduct(stage, n, T_old, T);
+  for (const int l : lanes_of(inputs.active)) {
+    if (is_open(inputs, l)) continue;
+    copy_start(problem, inputs, committed, trial, l);
+    if (!solve_stage(problem, stage, inputs, trial, l, first[l])) lost |= 1u << l;
+  }
+
+  // 2. Second stage: the same from the state extrapolated through the first.
+  const double no_flux[kLanes] = {};
+  sdirk2::begin_second_stage(stage, n, T_old, no_flux, T);
+  lost |= sdirk2::lanes_out_of_range(problem, inputs, T_old, T);
+  for (const int l : lanes_of(inputs.active & ~lost)) {
+    if (is_open(inputs, l)) {
+      open_lane(problem, inputs, committed, trial, l, outputs);
+    } else {
+      extrapolate_lane(problem, inputs, committed, trial, l);
+      if (!solve_stage(problem, stage, inputs, trial, l, second[l])) {
+        lost |= 1u << l;
+        continue;
+      }
+      answer_lane(problem, operators.dt(), inputs, step_of(first[l], second[l]), trial, l, outputs);
+    }
+    close_lane(problem, inputs, trial, l, outputs);
+  }
+
+  // 3. Lanes without an answer take a step of backward Euler instead.
+  if (lost == 0) return;
+  const std::size_t doubles = problem.layout.doubles;
+  double* fallback = scratch_tile(Scratch::kStages, doubles);
+  TileInputs theirs = inputs;
+  theirs.active = lost;
+  advance_with_inertia(problem, operators, theirs, committed, fallback, outputs);
+  for (const int l : lanes_of(lost)) {
+    copy_lane(fallback, trial, doubles, l);
+    if ((outputs.outcome[l] & kFailed) == 0) outputs.outcome[l] |= kFirstOrder;
   }
 }
 
