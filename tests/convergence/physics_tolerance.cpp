@@ -30,7 +30,6 @@ ModelOptions half_space(Strategy strategy = Strategy::kForceDriven) {
 ModelOptions with_cells(ModelOptions options, int cells, double first) {
   options.grid.cells = cells;
   options.grid.grading = std::pow(1.0 + options.grid.thickness / first, 1.0 / cells);
-  options.grid.matched = true;
   options.time_integrator = TimeIntegrator::kSdirk2;
   return options;
 }
@@ -219,7 +218,6 @@ TEST(DeliveredTolerance, TheGridIsFineEnoughWhereverHeatGoes) {
     if (fine.hard_grid) {
       fine.hard_grid->cells = fine.grid.cells;
       fine.hard_grid->grading = fine.grid.grading;
-      fine.hard_grid->matched = true;
     }
     const std::vector<double> exact = run_long(fine, 1000);
     for (const double request : {1e-2, 1e-3, 1e-4}) {

@@ -18,7 +18,6 @@ ModelOptions controlled(Draw& draw, Strategy strategy) {
   options.taylor_quinney_factor.reset();
   options.tolerance = draw.log_uniform(1e-5, 1e-2);
   options.grid.cells = draw.integer(1, 16);
-  options.grid.matched = draw.chance(0.5);
   // The strain increment DLP (48) divides by the hardening coefficient, which therefore must not be 0.
   if (options.soft.hardening_coefficient == 0.0) options.soft.hardening_coefficient = 125.0;
   // Under a tolerance a step of a plastic layer takes up to a second if its flow law couples rate and temperature.

@@ -188,7 +188,7 @@ TEST_P(Sleep, ANodeThatNeverMovedKeepsItsBits) {
       }
       for (int l = 0; l < kLanes; ++l) {
         const bool sleeps = sleeper.outputs.outcome[l] == kAsleep;
-        ASSERT_TRUE(n < 60 || sleeps == (n < 150)) << n;
+        ASSERT_TRUE(n < 80 || sleeps == (n < 150)) << n;  // asleep after 68 steps, a fourth of 272 vertices
         ASSERT_EQ(sleeper.outputs.interface_temperature[l], solved.outputs.interface_temperature[l]) << n;
         ASSERT_EQ(sleeper.outputs.shear_stress[l], solved.outputs.shear_stress[l]) << n;
         ASSERT_EQ(sleeper.outputs.friction_heat[l], solved.outputs.friction_heat[l]) << n;

@@ -302,8 +302,11 @@ TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
   scene.mutable_hard_layer()->set_cells(449);
   scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
   // The largest basis of modes that a scene can ask for: both layers with the most cells and a half-space behind each.
-  const physics::Model most(scene_model(scene).options);
-  EXPECT_LE(most.layout().num_vertices + most.layout().num_hard_vertices, std::size_t{physics::kMaxBasisVertices});
+  for (const double grading : {1.0, 1.0001}) {
+    scene.mutable_layer()->set_grading(grading);
+    const physics::Model most(scene_model(scene).options);
+    EXPECT_LE(most.layout().num_vertices + most.layout().num_hard_vertices, std::size_t{physics::kMaxBasisVertices});
+  }
   scene.mutable_layer()->set_inertia(true);
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with layer.inertia"));
 }

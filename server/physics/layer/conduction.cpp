@@ -12,16 +12,67 @@
 
 namespace shearbus::physics {
 
-// Each vertex of a matched grid holds the heat of one half of each of its two cells. T0 would therefore rise less under
+// Each vertex of a graded grid holds the heat of one half of each of its two cells. T0 would therefore rise less under
 // a flux than in the continuum, by the fraction (ln grading)^2/16. Longer conduction lengths compensate this.
-double conduction_stretch(const Grid& grid) {
-  return grid.matched ? 0.5 * (1.0 + grid.grading) / std::sqrt(grid.grading) : 1.0;
+double conduction_stretch(double grading) {
+  return grading == 1.0 ? 1.0 : 0.5 * (1.0 + grading) / std::sqrt(grading);
 }
+
+double extension_grading(const Grid& grid) {
+  if (grid.grading == 1.0) return HeatGrid::kUniformExtensionGrading;
+  return std::max(grid.grading, grid.least_extension_grading);
+}
+
+namespace {
+
+double eighth_power(double x) {
+  const double fourth = (x * x) * (x * x);
+  return fourth * fourth;
+}
+
+// With longer conduction lengths a slab with an insulated far face would respond too slowly by (stretch - 1) h^3/9 of
+// the second moment of its capacity about that face, once heat fills it. Moves heat capacity from the far face inwards
+// by this moment; the sum of the weights stays.
+void correct_insulated_face(const Grid& grid, double stretch, std::vector<double>& weight) {
+  if (grid.num_cells() < 2) return;
+  const double h = grid.vertex.back();
+  const auto near_face = [&](std::size_t i) {
+    const double power = eighth_power(grid.vertex[i] / h);
+    return power * power;
+  };
+  double sum = 0.0, next = 0.0, moment = 0.0;
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    sum += weight[i] * near_face(i);
+    next += weight[i] * near_face(i) * (grid.vertex[i] / h);
+  }
+  const double balance = sum / next;  // of the two powers, so that no heat is gained
+  const auto shift = [&](std::size_t i) { return near_face(i) * (1.0 - balance * (grid.vertex[i] / h)); };
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    const double depth = 1.0 - grid.vertex[i] / h;
+    moment += weight[i] * shift(i) * (depth * depth);
+  }
+  const double size = (stretch - 1.0) / 9.0 * h / moment;
+  for (std::size_t i = 0; i < weight.size(); ++i) weight[i] *= 1.0 + size * shift(i);
+}
+
+// With longer conduction lengths a steady flux to a far face that is held would meet too much resistance. Shortens the
+// lengths next to that face, so that their sum is the thickness.
+void correct_held_face(const Grid& grid, double stretch, std::vector<double>& width) {
+  const double h = grid.vertex.back();
+  const auto near_face = [&](std::size_t i) { return eighth_power(0.5 * (grid.vertex[i] + grid.vertex[i + 1]) / h); };
+  double sum = 0.0;
+  for (std::size_t i = 0; i < width.size(); ++i) sum += grid.width[i] * near_face(i);
+  const double size = (stretch - 1.0) * h / sum;
+  for (std::size_t i = 0; i < width.size(); ++i) width[i] -= size * grid.width[i] * near_face(i);
+}
+
+}  // namespace
 
 HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary)
     : width(grid.width), soft_end_is_held(far_boundary == FarBoundary::kIsothermal) {
+  const bool uniform = grid.grading == 1.0;
+  const double ratio = extension_grading(grid);
   if (far_boundary == FarBoundary::kHalfSpace) {
-    const double ratio = grid.matched ? std::max(grid.grading, kLeastMatchedGrading) : kExtensionGrading;
     const double thickness = grid.vertex.back();
     double depth = thickness;
     while (depth < kExtensionDepth * thickness) {
@@ -33,13 +84,15 @@ HeatGrid::HeatGrid(const Grid& grid, FarBoundary far_boundary)
   if (width.size() > grid.width.size()) {
     weight.pop_back();
     for (std::size_t i = grid.width.size(); i < width.size(); ++i) {
-      weight.push_back(grid.matched ? 0.5 * (width[i - 1] + width[i]) : std::sqrt(width[i - 1] * width[i]));
+      weight.push_back(uniform ? std::sqrt(width[i - 1] * width[i]) : 0.5 * (width[i - 1] + width[i]));
     }
     weight.push_back(0.5 * width.back());
   }
-  if (!grid.matched) return;
-  const double stretch = conduction_stretch(grid);
-  for (double& cell : width) cell *= stretch;
+  if (uniform) return;
+  const double stretch = conduction_stretch(grid.grading), behind = conduction_stretch(ratio);
+  for (std::size_t i = 0; i < width.size(); ++i) width[i] *= i < grid.width.size() ? stretch : behind;
+  if (far_boundary == FarBoundary::kInsulated) correct_insulated_face(grid, stretch, weight);
+  if (far_boundary == FarBoundary::kIsothermal) correct_held_face(grid, stretch, width);
 }
 
 HeatGrid::HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary)

@@ -15,17 +15,16 @@
 namespace shearbus::physics {
 
 // The vertices of the temperature: those of the layer and, for a half-space, vertices of the soft body behind the
-// layer. From the last cell of the layer on, each cell of this extension is kExtensionGrading times as wide as the cell
-// before it; the extension ends, insulated, at a depth of kExtensionDepth thicknesses. Each of its vertices holds the
-// heat of the geometric mean of its two cells: on geometric cells the discrete half-space then responds as the
-// continuous one does, so a few wide cells suffice (arithmetic means make it stiffer by the fraction
-// (ln grading)^2/16). A matched grid (GridOptions::matched) keeps its own grading in the extension and has longer
-// conduction lengths, which compensate its arithmetic means. Where the hard body conducts, its vertices come first, the
-// outermost vertex leading, so that both bodies form one row of cells through z = 0.
+// layer. From the last cell of the layer on, each cell of this extension is wider than the cell before it by the ratio
+// extension_grading(); the extension ends, insulated, at a depth of kExtensionDepth thicknesses. Arithmetic means would
+// make geometric cells stiffer than the body by the fraction (ln grading)^2/16 of T0. Graded cells therefore have longer
+// conduction lengths (conduction_stretch). Behind uniform cells, each vertex of the extension holds the heat of the
+// geometric mean of its two cells instead: the discrete half-space responds as the continuous one does either way, so a
+// few wide cells suffice. Where the hard body conducts, its vertices come first, the outermost vertex leading, so that
+// both bodies form one row of cells through z = 0.
 struct HeatGrid {
-  static constexpr double kExtensionGrading = 1.3;
+  static constexpr double kUniformExtensionGrading = 1.3;  // grading of the extension behind uniform cells
   static constexpr double kExtensionDepth = 1000.0;
-  static constexpr double kLeastMatchedGrading = 1.001;  // smallest grading of the extension of a matched grid
 
   HeatGrid(const Grid& soft, FarBoundary far_boundary);
   HeatGrid(const Grid& soft, FarBoundary far_boundary, const Grid& hard, FarBoundary hard_far_boundary);
@@ -43,8 +42,12 @@ struct HeatGrid {
   double hard_weight = 0.0;       // length in the hard body whose heat the vertex at z = 0 holds  [m]
 };
 
-// Ratio of the conduction length of a cell to its width: 1, except on a matched grid.
-double conduction_stretch(const Grid& grid);
+// Ratio of the conduction length of a cell to its width: 1 on a uniform grid.
+double conduction_stretch(double grading);
+
+// Ratio of the widths of neighbouring cells that a half-space adds behind a grid. Behind graded cells it is theirs,
+// since a change of the ratio reflects heat, but not so small that the extension would need many cells.
+double extension_grading(const Grid& grid);
 
 // One backward Euler step of length dt without sources, factorised, and the response to a unit flux at z = 0.
 //   (1 + a[i] + c[i]) t[i] = old[i] + a[i] t[i-1] + c[i] t[i+1],   old and t: temperature before and after, and with

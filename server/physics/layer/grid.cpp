@@ -2,7 +2,8 @@
 
 namespace shearbus::physics {
 
-Grid::Grid(const GridOptions& options) : grading(options.grading), matched(options.matched) {
+Grid::Grid(const GridOptions& options)
+    : grading(options.grading), least_extension_grading(options.least_extension_grading) {
   const int n = options.cells;
   const double r = options.grading;
   // The widths of the cells are w r^j and add up to the thickness h. The sum is formed term by term: powers in its

@@ -7,7 +7,7 @@ namespace shearbus::physics {
 
 // Largest number of vertices of both bodies together if `[layer] sleep` is on: the modes of a HeatBasis are a square
 // matrix of this order.
-inline constexpr int kMaxBasisVertices = 1000;
+inline constexpr int kMaxBasisVertices = 1150;
 
 // What lies behind the far face of a body: nothing, more of the body, or a bath that keeps the face at the temperature
 // of the start.
@@ -18,9 +18,7 @@ struct GridOptions {
   int cells = 500;
   double grading = 1.0;  // ratio of the widths of neighbouring cells, which grow from z = 0
   FarBoundary far_boundary = FarBoundary::kInsulated;
-  // Whether adapted conduction lengths cancel the error that the grading causes in the rise of T0 by a flux. The cells
-  // that a half-space adds behind the layer then have the same grading (METHODS.md, "Tolerance").
-  bool matched = false;
+  double least_extension_grading = 1.1;  // least grading of the cells that a half-space adds behind graded cells
 };
 
 struct Grid {
@@ -29,8 +27,7 @@ struct Grid {
   int num_cells() const { return static_cast<int>(width.size()); }
   int num_vertices() const { return num_cells() + 1; }
 
-  double grading;
-  bool matched;
+  double grading, least_extension_grading;
 
   std::vector<double> width;   // width of each cell, from the interface outward  [m]
   std::vector<double> vertex;  // z of each vertex                          [m]

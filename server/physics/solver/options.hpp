@@ -24,7 +24,7 @@ inline constexpr int kMaxInertiaCells = 1000;
 inline constexpr int kMaxSleepCells = 900;  // largest number of cells of both bodies together in a model with sleep
 // A far boundary "half_space" adds at most 49 vertices to a body: each added cell is 1.3 times as wide as the cell
 // before it, down to a depth of 1000 layer thicknesses.
-static_assert(kMaxSleepCells + 2 * 50 <= kMaxBasisVertices);
+static_assert(kMaxSleepCells + 2 * 125 <= kMaxBasisVertices);
 
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;

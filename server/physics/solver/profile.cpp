@@ -10,11 +10,11 @@ namespace shearbus::physics {
 namespace {
 
 // Depths of the vertices of one body, from z = 0 outward. `width(i)` is the conduction length of the cell behind vertex
-// i; a matched grid has conduction lengths longer than its cells.
+// i, which is longer than the cell behind a graded layer.
 template <typename Width>
 std::vector<double> depths_of(const GridOptions& options, std::size_t vertices, const Width& width) {
   const Grid grid(options);
-  const double stretch = conduction_stretch(grid);
+  const double stretch = grid.grading == 1.0 ? 1.0 : conduction_stretch(extension_grading(grid));
   std::vector<double> depth = grid.vertex;
   while (depth.size() < vertices) depth.push_back(depth.back() + width(depth.size() - 1) / stretch);
   return depth;

@@ -12,13 +12,12 @@
 namespace shearbus::physics {
 namespace {
 
-// Each cell of a graded grid is at most 1 + C sqrt(tolerance) times as wide as the cell before it. With an insulated
-// face the quasi-steady profile limits the accuracy: C = kGrowthInsulated. Without an insulated face the localised flow
-// at z = 0 limits the accuracy: C = kGrowthHalfSpace. Both errors are measured to be of second order in (ratio of
-// widths - 1).
-constexpr double kGrowthInsulated = 7.0;
-constexpr double kGrowthHalfSpace = 20.0;
+// Each cell of a graded grid is at most 1 + kGrowth sqrt(tolerance) times as wide as the cell before it: the error of
+// conduction and that of the flow that gathers at z = 0 are of second order in (ratio of widths - 1), measured.
+constexpr double kGrowth = 20.0;
 constexpr double kMostGrowth = 1.0;  // largest (ratio of the widths of neighbouring cells) - 1
+// Cells behind the layer go on with its ratio, which leaves no error there that a tolerance of 1e-6 would show.
+constexpr double kLeastExtensionGrading = 1.001;
 // The first cells resolve the diffusion length of a short time, and therefore the skin in which the flow localises near
 // melting.
 constexpr double kShortTime = 1e-11;  // time whose diffusion length the first cells resolve, at tolerances >= 1e-3  [s]
@@ -31,16 +30,15 @@ constexpr double kLongestTime = 1e-3;  // longest time that the modes represent 
 // Makes cells that grow by a ratio g away from z = 0, from a first cell of (g - 1) delta, where delta is the diffusion
 // length of a short time. The cells then resolve all diffusion lengths above delta alike: the width of each cell is
 // (g - 1) times the distance of its near face from z = -delta.
-GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance, bool insulated) {
-  const double growth =
-      1.0 + std::min((insulated ? kGrowthInsulated : kGrowthHalfSpace) * std::sqrt(tolerance), kMostGrowth);
+GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance) {
+  const double growth = 1.0 + std::min(kGrowth * std::sqrt(tolerance), kMostGrowth);
   const double part = std::min(1.0, tolerance / kShortTimeTolerance);
   const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
   // 1 + thickness / delta. This ratio is g to the power of the number of cells.
   const double ratio = 1.0 + grid.thickness / std::sqrt(diffusivity * short_time);
   grid.cells = std::max(2, static_cast<int>(std::ceil(std::log(ratio) / std::log(growth))));
   grid.grading = std::pow(ratio, 1.0 / grid.cells);
-  grid.matched = true;
+  grid.least_extension_grading = kLeastExtensionGrading;
   return grid;
 }
 
@@ -50,13 +48,11 @@ ModelOptions discretised(ModelOptions options, double tolerance) {
   options.tolerance = tolerance;
   options.time_integrator =
       goes_with(Property::kSecondOrder, options) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
-  const bool insulated = options.grid.far_boundary == FarBoundary::kInsulated ||
-                         (options.hard_grid && options.hard_grid->far_boundary == FarBoundary::kInsulated);
-  options.grid = graded_for(options.grid, options.soft.diffusivity, tolerance, insulated);
+  options.grid = graded_for(options.grid, options.soft.diffusivity, tolerance);
   if (options.hard_grid) {
     options.hard_grid->cells = options.grid.cells;
     options.hard_grid->grading = options.grid.grading;
-    options.hard_grid->matched = true;
+    options.hard_grid->least_extension_grading = kLeastExtensionGrading;
   }
   options.modes.reset();
   if (goes_with(Property::kModes, options))
