@@ -123,10 +123,11 @@ def save(made, path, footer="", colours=None):
         text = footer if len(footer) <= width else footer[: width - 1] + "…"
         made.text(0.995, 0.006, text, ha="right", va="bottom", fontsize=7, color=FAINT)
     raw, out = io.BytesIO(), io.BytesIO()
-    made.savefig(raw, dpi=DPI, format="png")
+    made.savefig(raw, dpi=DPI, format="rgba")
+    size = tuple(int(inches * DPI) for inches in made.get_size_inches())
     plt.close(made)
-    image = Image.open(raw).convert("RGB")
-    (image.quantize(colours, dither=Image.Dither.NONE) if colours else image).save(out, format="png", optimize=True)
+    image = Image.frombytes("RGBA", size, raw.getvalue()).convert("RGB")
+    (image.quantize(colours, dither=Image.Dither.NONE) if colours else image).save(out, format="png", optimize=bool(colours))
     if path is None:
         return out.getvalue()
     path.parent.mkdir(parents=True, exist_ok=True)

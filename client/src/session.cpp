@@ -269,30 +269,40 @@ bool Session::Impl::needs_parts(const Batch& columns) const {
          std::ranges::all_of(all, [&](const wire::Column& column) { return column.count == all.front().count; });
 }
 
-wire::Request Session::Impl::part_request(const Batch& columns, const wire::Downscale& step, std::uint32_t part) const {
+Batch Session::Impl::part_rows(const Batch& columns, std::uint32_t part) const {
   const std::size_t rows = columns.columns().front().count;
   const std::size_t first = (part - 1) * connection->max_rows();
   const std::size_t count = std::min(connection->max_rows(), rows - first);
   std::vector<Field> fields = {Field::kNodeId};
   for (const wire::Column& column : columns.columns())
     if (column.field != Field::kNodeId && column.component == 0) fields.push_back(column.field);
-  wire::Request request = next_request();
-  wire::Downscale& body = request.body.emplace<wire::Downscale>(step);
-  body.part = part;
-  body.parts = static_cast<std::uint32_t>((rows + connection->max_rows() - 1) / connection->max_rows());
-  body.commit_previous = step.commit_previous && part == 1 && !previous_committed;
-  request.batch = Batch::of(fields, count, opened.tangential_components);
+  Batch batch = Batch::of(fields, count, opened.tangential_components);
   const std::span<const std::uint64_t> ids = columns.has(Field::kNodeId) ? columns.u64(Field::kNodeId) : node_ids;
-  std::ranges::copy(ids.subspan(first, count), request.batch.u64(Field::kNodeId).begin());
+  std::ranges::copy(ids.subspan(first, count), batch.u64(Field::kNodeId).begin());
   for (const wire::Column& column : columns.columns())
     if (column.field != Field::kNodeId)
       std::ranges::copy(columns.f64(column.field, column.component).subspan(first, count),
-                        request.batch.f64(column.field, column.component).begin());
+                        batch.f64(column.field, column.component).begin());
+  return batch;
+}
+
+std::uint32_t Session::Impl::parts_of(std::size_t rows) const {
+  return static_cast<std::uint32_t>((rows + connection->max_rows() - 1) / connection->max_rows());
+}
+
+wire::Request Session::Impl::part_request(Batch rows, const wire::Downscale& step, std::uint32_t part,
+                                          std::uint32_t parts) const {
+  wire::Request request = next_request();
+  wire::Downscale& body = request.body.emplace<wire::Downscale>(step);
+  body.part = part;
+  body.parts = parts;
+  body.commit_previous = step.commit_previous && part == 1 && !previous_committed;
+  request.batch = std::move(rows);
   return request;
 }
 
 // Copies the answers of a part to their rows of the whole reply.
-void Session::Impl::adopt_part(const Received& part, std::size_t first_row) {
+void Session::Impl::copy_part(const Received& part, std::size_t first_row) noexcept {
   Batch& whole = in_parts->reply.batch;
   const Batch& rows = part.reply.batch;
   for (const wire::Column& column : whole.columns()) {
@@ -303,6 +313,10 @@ void Session::Impl::adopt_part(const Received& part, std::size_t first_row) {
       std::ranges::copy(rows.f64(column.field, column.component),
                         whole.f64(column.field, column.component).begin() + at);
   }
+}
+
+// Adds what the answer of a part says of all its rows.
+void Session::Impl::add_part(const Received& part) {
   const auto& answer = std::get<wire::Upscale>(part.reply.body);
   auto& sum = std::get<wire::Upscale>(in_parts->reply.body);
   if (sum.nodes == 0 || answer.largest_closure_m_per_s > sum.largest_closure_m_per_s) {
@@ -320,8 +334,10 @@ void Session::Impl::adopt_part(const Received& part, std::size_t first_row) {
   ++in_parts->answered;
 }
 
-// A step of more rows than a message holds. If a part has no answer in time, a repetition of the call goes on with that
-// part. If a part is refused, the parts before it are dropped. `first`: part 1, if it was posted.
+// A step of more rows than a message holds. While the server computes a part, the answers of the part before it are
+// copied and the rows of the next part are gathered; one request at a time is under way, since the server keeps one
+// reply. If a part has no answer in time, a repetition of the call goes on with that part. If a part is refused, the
+// parts before it are dropped. `first`: part 1, if it was posted.
 const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
                                                std::optional<wire::Request> first) {
   const auto step = std::get<wire::Downscale>(first ? first->body : step_request(columns, options, mode).body);
@@ -336,23 +352,45 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
     in_parts = StepInParts{};
     in_parts->hash = hash;
     in_parts->reply.body = wire::Upscale{};
-    in_parts->reply.batch =
-        Batch::of(wanted.empty() ? opened.reply_columns : wanted, rows, opened.tangential_components);
   }
-  const auto parts = static_cast<std::uint32_t>((rows + connection->max_rows() - 1) / connection->max_rows());
+  const std::uint32_t parts = parts_of(rows);
+  std::optional<Received> to_copy;  // the last part that was answered
+  const auto copy = [&]() noexcept {
+    if (to_copy) copy_part(*to_copy, (in_parts->answered - 1) * connection->max_rows());
+    to_copy.reset();
+  };
+  Batch next;  // rows of the next part; without columns if they are not gathered yet
   try {
     while (in_parts->answered < parts) {
       const std::uint32_t part = in_parts->answered + 1;
-      wire::Request request = first ? std::move(*first) : part_request(columns, whole, part);
-      first.reset();
+      wire::Request request;
+      if (first) {
+        request = *std::exchange(first, std::nullopt);
+      } else {
+        request = part_request(next.columns().empty() ? part_rows(columns, part) : std::move(next), whole, part, parts);
+        post(request);
+      }
+      try {
+        Batch& answers = in_parts->reply.batch;
+        if (answers.columns().empty())
+          answers = Batch::of(wanted.empty() ? opened.reply_columns : wanted, rows, opened.tangential_components);
+        copy();
+        next = part < parts ? part_rows(columns, part + 1) : Batch();
+      } catch (const std::bad_alloc&) {
+        in_doubt = InDoubt{request.request_id, request.epoch};
+        throw;
+      }
       const std::size_t count = request.batch.columns().front().count;
       Received received = exchange(std::move(request), [&](Received& reply) {
         if (body_of<wire::Upscale>(reply).nodes != count)
           throw Error({.code = Code::kUnexpectedReply, .text = "the reply to a part of a step has other rows"});
       });
-      adopt_part(received, (part - 1) * connection->max_rows());
+      add_part(received);
+      to_copy = std::move(received);
     }
+    copy();
   } catch (const Error& fault) {
+    copy();
     const Code code = fault.status().code;
     const bool goes_on = in_doubt || code == Code::kUnreachable || code == Code::kAuth;
     if (goes_on) throw;  // the same call goes on
@@ -431,17 +469,22 @@ void Session::Impl::start(const Batch& columns, const StepOptions& options, wire
     started_in_parts.emplace(Started{columns.view(), mode});
     // A repetition of an interrupted step goes on with the part that was not answered, in finish_trial().
     if (in_parts) return;
-    started = part_request(columns, std::get<wire::Downscale>(started.body), 1);
+    started = part_request(part_rows(columns, 1), std::get<wire::Downscale>(started.body), 1,
+                           parts_of(columns.columns().front().count));
   }
-  if (started.request_id == 0) started.request_id = connection->next_request_id();
-  const InDoubt same{started.request_id, started.epoch};
+  post(started);
+  posted.emplace(std::move(started));
+}
+
+// Sends a request, whose reply exchange() then waits for.
+void Session::Impl::post(wire::Request& request) {
+  if (request.request_id == 0) request.request_id = connection->next_request_id();
   try {
-    connection->post(started);
-    posted.emplace(std::move(started));
+    connection->post(request);
   } catch (const Error&) {
     throw;  // the request was not sent
   } catch (...) {
-    in_doubt = same;
+    in_doubt = InDoubt{request.request_id, request.epoch};
     throw;
   }
 }

@@ -126,15 +126,19 @@ struct Session::Impl {
   std::optional<Started> started_in_parts;
 
   bool needs_parts(const Batch& columns) const;
-  wire::Request part_request(const Batch& columns, const wire::Downscale& step, std::uint32_t part) const;
+  std::uint32_t parts_of(std::size_t rows) const;
+  Batch part_rows(const Batch& columns, std::uint32_t part) const;
+  wire::Request part_request(Batch rows, const wire::Downscale& step, std::uint32_t part, std::uint32_t parts) const;
   const StepResult& step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
                                   std::optional<wire::Request> first);
-  void adopt_part(const Received& part, std::size_t first_row);
+  void copy_part(const Received& part, std::size_t first_row) noexcept;
+  void add_part(const Received& part);
 
   wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode);
   const StepResult& exchange_step(wire::Request request);
   const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode);
   void start(const Batch& columns, const StepOptions& options, wire::Mode mode);
+  void post(wire::Request& request);
   Batch columns(std::span<const Field> optional_columns, Form form, bool with_node_ids, std::size_t count) const;
 
   // Sends a request and waits for the reply, across restarts of the server.

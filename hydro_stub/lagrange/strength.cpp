@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "server/physics/layer/wide.hpp"
+
 namespace shearbus::lagrange {
 namespace {
 
@@ -27,21 +29,31 @@ void find_trial(double shear_modulus, double dt, Strip& strip, double (&trial)[S
   }
 }
 
-// Stores the softening g(P, T) of the zones and their flow stress at rest.
+// Stores the softening g(P, T) of the zones, their flow stress at rest, and its slope in a step that yields no more.
 template <class Law>
-void find_strength(const physics::Material& metal, const Strip& strip, double (&g)[Strip::kMostZones],
-                   double (&strength)[Strip::kMostZones]) {
+void find_strength(const physics::Material& metal, double dt, const Strip& strip, double (&g)[Strip::kMostZones],
+                   double (&strength)[Strip::kMostZones], double (&slope)[Strip::kMostZones]) {
   const physics::Material m = metal;  // a copy, which no store to the arrays can change
   if (m.varies_with_compression()) {
+    double melting[Strip::kMostZones], pressure_coefficient[Strip::kMostZones];
     for (int i = 0; i < strip.zones; ++i) {
-      const physics::Material now = physics::at_pressure(m, strip.pressure[i]);
+      const physics::Material at = physics::at_pressure(m, strip.pressure[i]);
+      melting[i] = at.melting_temperature;
+      pressure_coefficient[i] = at.pressure_coefficient;
+    }
+    for (int i = 0; i < strip.zones; ++i) {
+      physics::Material now = m;
+      now.melting_temperature = melting[i];
+      now.pressure_coefficient = pressure_coefficient[i];
       g[i] = Law::softening(now, strip.pressure[i], strip.temperature[i]).g;
     }
   } else {
     for (int i = 0; i < strip.zones; ++i) g[i] = Law::softening(m, strip.pressure[i], strip.temperature[i]).g;
   }
   for (int i = 0; i < strip.zones; ++i) {
-    strength[i] = g[i] * Law::hardened(m, strip.plastic_strain[i], 0.0, strip.pressure[i], strip.temperature[i]);
+    const double ep = strip.plastic_strain[i], P = strip.pressure[i], T = strip.temperature[i];
+    strength[i] = g[i] * Law::hardened(m, ep, 0.0, P, T);
+    slope[i] = g[i] * Law::hardening_slope(m, ep, 0.0, dt, P, T);
   }
 }
 
@@ -54,14 +66,16 @@ class Yielding {
  public:
   Yielding(const physics::Material& metal, double dt) : metal_(metal), dt_(dt), stiffness_(3.0 * metal.shear_modulus) {}
 
-  // Adds zone i of the strip, whose trial stress exceeds its strength.
-  void add(const Strip& strip, int i, double trial, double softening, double strength) {
+  // Adds zone i of the strip, whose trial stress exceeds its strength. The slope is that of the strength at x = 0.
+  void add(const Strip& strip, int i, double trial, double softening, double strength, double slope) {
     zone_[count_] = i;
     trial_[count_] = trial;
     g_[count_] = softening;
     ep_[count_] = strip.plastic_strain[i];
     pressure_[count_] = strip.pressure[i];
     temperature_[count_] = strip.temperature[i];
+    strength_[count_] = strength;
+    slope_[count_] = slope;
     left_[count_] = x_[count_] = 0.0;
     right_[count_] = (trial - strength) / stiffness_;
     ++count_;
@@ -74,7 +88,8 @@ class Yielding {
     }
     constexpr int kMostIterations = 200;
     for (int i = 0; i < kMostIterations && count_ > 0; ++i) {
-      iterate();
+      if (i > 0) evaluate();
+      improve();
       keep_unsolved(strip, i + 1 == kMostIterations);
     }
   }
@@ -83,18 +98,25 @@ class Yielding {
   static constexpr double kConverged = 1e-7;  // the error after a step of Newton's method is of the order of its square
   static constexpr double kRounding = 1e-13;  // an error of rounding, which no step lowers
 
-  void iterate() {
+  // Finds the strength and its slope at x; add() has those at x = 0.
+  void evaluate() {
     const physics::Material m = metal_;  // copies, which no store to the arrays can change
-    const double dt = dt_, stiffness = stiffness_;
+    const double dt = dt_;
     for (int j = 0; j < count_; ++j) {
       const double x = x_[j];
-      const double strength = g_[j] * Law::hardened(m, ep_[j] + x, x / dt, pressure_[j], temperature_[j]);
-      const double slope = g_[j] * Law::hardening_slope(m, ep_[j], x, dt, pressure_[j], temperature_[j]);
-      const double missing = trial_[j] - stiffness * x - strength;
+      strength_[j] = g_[j] * Law::hardened(m, ep_[j] + x, x / dt, pressure_[j], temperature_[j]);
+      slope_[j] = g_[j] * Law::hardening_slope(m, ep_[j], x, dt, pressure_[j], temperature_[j]);
+    }
+  }
+  void improve() {
+    const double stiffness = stiffness_;
+    for (int j = 0; j < count_; ++j) {
+      const double x = x_[j];
+      const double missing = trial_[j] - stiffness * x - strength_[j];
       double left = left_[j], right = right_[j];
       left = missing > 0.0 ? x : left;
       right = missing > 0.0 ? right : x;
-      const double next = x + missing / (stiffness + slope);
+      const double next = x + missing / (stiffness + slope_[j]);
       const double middle = 0.5 * (left + right);
       const double error = std::abs(missing) / trial_[j];
       const bool inside = (next >= left) & (next <= right);
@@ -124,31 +146,35 @@ class Yielding {
   int zone_[Strip::kMostZones];
   double trial_[Strip::kMostZones], g_[Strip::kMostZones], ep_[Strip::kMostZones], pressure_[Strip::kMostZones],
       temperature_[Strip::kMostZones], left_[Strip::kMostZones], right_[Strip::kMostZones], x_[Strip::kMostZones],
-      error_[Strip::kMostZones];
+      error_[Strip::kMostZones], strength_[Strip::kMostZones], slope_[Strip::kMostZones];
 };
+
+template <class Law>
+SHEARBUS_WIDE void advance_by_law(const physics::Material& metal, double dt, Strip& strip) {
+  double trial[Strip::kMostZones], g[Strip::kMostZones], strength[Strip::kMostZones], slope[Strip::kMostZones];
+  find_trial(metal.shear_modulus, dt, strip, trial);
+  find_strength<Law>(metal, dt, strip, g, strength, slope);
+  Yielding<Law> yielding(metal, dt);
+  for (int i = 0; i < strip.zones; ++i) {
+    strip.increment[i] = 0.0;
+    if (trial[i] > strength[i]) yielding.add(strip, i, trial[i], g[i], strength[i], slope[i]);
+  }
+  yielding.solve(strip);
+  for (int i = 0; i < strip.zones; ++i) {
+    const double lost = 3.0 * metal.shear_modulus * strip.increment[i];
+    const double rest = 1.0 - lost / trial[i];
+    const double keep = lost > 0.0 ? (rest > 0.0 ? rest : 0.0) : 1.0;
+    strip.xx[i] *= keep;
+    strip.yy[i] *= keep;
+    strip.xy[i] *= keep;
+  }
+}
 
 }  // namespace
 
 void advance_deviators(const physics::Material& metal, double dt, Strip& strip) {
-  physics::FlowLaws::with(metal.flow_law, [&](auto law) {
-    using Law = typename decltype(law)::type;
-    double trial[Strip::kMostZones], g[Strip::kMostZones], strength[Strip::kMostZones];
-    find_trial(metal.shear_modulus, dt, strip, trial);
-    find_strength<Law>(metal, strip, g, strength);
-    Yielding<Law> yielding(metal, dt);
-    for (int i = 0; i < strip.zones; ++i) {
-      strip.increment[i] = 0.0;
-      if (trial[i] > strength[i]) yielding.add(strip, i, trial[i], g[i], strength[i]);
-    }
-    yielding.solve(strip);
-    for (int i = 0; i < strip.zones; ++i) {
-      const double lost = 3.0 * metal.shear_modulus * strip.increment[i];
-      const double keep = lost > 0.0 ? std::fmax(0.0, 1.0 - lost / trial[i]) : 1.0;
-      strip.xx[i] *= keep;
-      strip.yy[i] *= keep;
-      strip.xy[i] *= keep;
-    }
-  });
+  physics::FlowLaws::with(metal.flow_law,
+                          [&](auto law) { advance_by_law<typename decltype(law)::type>(metal, dt, strip); });
 }
 
 }  // namespace shearbus::lagrange

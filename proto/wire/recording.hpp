@@ -38,8 +38,8 @@ Quantity quantity_of_column(Field field, std::uint32_t component = 0, const std:
 class HistoryWriter {
  public:
   // `meta` is written to /meta, together with format, version, created and units_system: a text of one line as an
-  // attribute, a longer text (the scene) as a scalar dataset. Rows are buffered in chunks of at most 512 KiB per
-  // dataset, or of one row if a row is longer.
+  // attribute, a longer text (the scene) as a scalar dataset. Rows are buffered until they fill 64 KiB per
+  // dataset, or one by one if a row is longer; a dataset of rows exists in the file from then on.
   HistoryWriter(std::filesystem::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
                 const std::map<std::string, std::string>& meta, double start_time_s = 0.0);
   HistoryWriter(HistoryWriter&&) noexcept;

@@ -16,14 +16,23 @@ namespace {
 namespace fs = std::filesystem;
 using namespace hdf5;
 
-constexpr std::size_t kChunkElements = 65'536;     // 512 KiB of doubles
-constexpr std::size_t kMaxRowsPerChunk = 8'192;    // 64 KiB of doubles for one node
+// Rows wait until they fill a chunk of this size. The end of the last chunk may remain unused, so a chunk is no larger
+// than writing needs to be fast. A longer row is a chunk by itself, or several of equal width.
+constexpr std::size_t kChunkElements = 8'192;      // 64 KiB of doubles
+constexpr std::size_t kMaxChunkWidth = 65'536;     // 512 KiB of doubles
+constexpr std::size_t kTimesPerChunk = 1'024;      // 8 KiB of doubles
 constexpr std::size_t kMaxAttributeBytes = 4'096;  // longer texts are datasets; HDF5's own limit is 64 KiB
 
 constexpr const char* kOutcomeLegend =
     "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 32 asleep, 64 first order in place of "
     "second, "
     "128 failed (the node kept its old state)";
+
+// Returns the width of the fewest equal parts of `size` that are at most `most` wide; the last part may be narrower.
+std::size_t even_part(std::size_t size, std::size_t most) {
+  const std::size_t parts = std::max<std::size_t>((size + most - 1) / most, 1);
+  return std::max<std::size_t>((size + parts - 1) / parts, 1);
+}
 
 std::string legend_of_regimes() {
   std::string text;
@@ -49,12 +58,15 @@ struct HistoryWriter::Impl {
   fs::path partial;
   File handle;
   Dataset time;
-  Dataset dt;  // dataset /dt, present if each step is written with its length
+  Dataset dt;
+  bool has_dt = false;  // true if each step is written with its length
   std::vector<Series> series;
   std::size_t nodes = 0;
   std::size_t rows_per_chunk = 1;
+  std::size_t chunk_width = 1;
   std::vector<double> waiting_times;
   std::vector<double> waiting_dts;
+  double start_time = 0.0;
   double last_time = 0.0;
   std::size_t rows_written = 0;
   bool row_open = false;
@@ -93,7 +105,8 @@ struct HistoryWriter::Impl {
   void write_array(const Quantity& quantity, hid_t type, hid_t memory_type, const void* values,
                    const std::vector<hsize_t>& shape) const;
   void append(hid_t dataset, hid_t memory_type, const void* values, std::size_t rows, bool per_node) const;
-  void create_series(Quantity quantity);
+  void add_series(Quantity quantity);
+  void create_series(std::size_t rows_a_chunk);
   Series& in_open_row(std::size_t quantity, std::size_t count, bool bytes);
   void write_waiting_rows();
 };
@@ -106,8 +119,6 @@ void HistoryWriter::Impl::create() {
 Properties HistoryWriter::Impl::chunked(std::span<const hsize_t> chunk) const {
   Properties creation(check(H5Pcreate(H5P_DATASET_CREATE), "cannot prepare a dataset"));
   check(H5Pset_chunk(creation, static_cast<int>(chunk.size()), chunk.data()), "cannot set chunks");
-  check(H5Pset_shuffle(creation), "cannot set shuffle");
-  check(H5Pset_deflate(creation, 1), "cannot set gzip");
   check(H5Pset_fletcher32(creation), "cannot set fletcher32");
   return creation;
 }
@@ -151,7 +162,7 @@ void HistoryWriter::Impl::describe_dataset(hid_t dataset, const Quantity& quanti
   if (quantity.is_outcome) write_text(dataset, "legend", kOutcomeLegend);
 }
 
-void HistoryWriter::Impl::create_series(Quantity quantity) {
+void HistoryWriter::Impl::add_series(Quantity quantity) {
   Series one;
   one.bytes = quantity.is_regime || quantity.is_outcome;
   if (quantity.is_regime) {
@@ -163,11 +174,29 @@ void HistoryWriter::Impl::create_series(Quantity quantity) {
   } else {
     one.type = Type(check(H5Tcopy(one.bytes ? H5T_STD_U8LE : H5T_IEEE_F64LE), "cannot create a type"));
   }
-  one.dataset =
-      create_dataset(quantity.name, one.type, {0, nodes}, {rows_per_chunk, std::min(nodes, kChunkElements)}, true);
-  describe_dataset(one.dataset, quantity);
   one.quantity = std::move(quantity);
   series.push_back(std::move(one));
+}
+
+// Creates the datasets that have a row for each step, unless they exist.
+void HistoryWriter::Impl::create_series(std::size_t rows_a_chunk) {
+  if (time >= 0) return;
+  const bool all_rows = rows_a_chunk < rows_per_chunk;  // true if the history ends before it fills a chunk
+  const std::vector<hsize_t> times = {all_rows ? rows_a_chunk : std::max(rows_a_chunk, kTimesPerChunk)};
+  time = create_dataset("time", H5T_IEEE_F64LE, {0}, times, true);
+  describe_dataset(time, {"time", "s", "end of the step"});
+  const Space scalar(check(H5Screate(H5S_SCALAR), "cannot create t0"));
+  const Attribute t0(
+      check(H5Acreate2(time, "t0", H5T_IEEE_F64LE, scalar, H5P_DEFAULT, H5P_DEFAULT), "cannot create t0"));
+  check(H5Awrite(t0, H5T_NATIVE_DOUBLE, &start_time), "cannot write t0");
+  if (has_dt) {
+    dt = create_dataset("dt", H5T_IEEE_F64LE, {0}, times, true);
+    describe_dataset(dt, {"dt", "s", "length of the step as the host took it"});
+  }
+  for (Series& one : series) {
+    one.dataset = create_dataset(one.quantity.name, one.type, {0, nodes}, {rows_a_chunk, chunk_width}, true);
+    describe_dataset(one.dataset, one.quantity);
+  }
 }
 
 void HistoryWriter::Impl::append(hid_t dataset, hid_t memory_type, const void* values, std::size_t rows,
@@ -185,9 +214,10 @@ void HistoryWriter::Impl::append(hid_t dataset, hid_t memory_type, const void* v
 
 void HistoryWriter::Impl::write_waiting_rows() {
   const std::size_t rows = waiting_times.size();
+  create_series(std::max<std::size_t>(rows, 1));
   if (rows == 0) return;
   append(time, H5T_NATIVE_DOUBLE, waiting_times.data(), rows, false);
-  if (dt >= 0) append(dt, H5T_NATIVE_DOUBLE, waiting_dts.data(), rows, false);
+  if (has_dt) append(dt, H5T_NATIVE_DOUBLE, waiting_dts.data(), rows, false);
   for (Series& one : series) {
     if (one.bytes)
       append(one.dataset, one.type, one.codes.data(), rows, true);
@@ -227,7 +257,7 @@ void HistoryWriter::Impl::write_array(const Quantity& quantity, hid_t type, hid_
   std::vector<hsize_t> chunk = shape;  // the values of one time, or of one node
   hsize_t elements = 1;
   for (std::size_t i = chunk.size(); i-- > 0;) {
-    chunk[i] = std::max<hsize_t>(1, std::min<hsize_t>(chunk[i], kChunkElements / elements));
+    chunk[i] = even_part(chunk[i], std::max<hsize_t>(kMaxChunkWidth / elements, 1));
     elements *= chunk[i];
   }
   const Dataset dataset = create_dataset(quantity.name, type, shape, chunk, false);
@@ -252,8 +282,9 @@ HistoryWriter::HistoryWriter(fs::path file, std::span<const std::uint64_t> node_
   self.file = std::move(file);
   self.nodes = node_ids.size();
   if (self.nodes == 0) refuse(self.file, "a history of no nodes", "Name at least one node.");
-  self.rows_per_chunk = std::clamp<std::size_t>(kChunkElements / self.nodes, 1, kMaxRowsPerChunk);
-  self.last_time = start_time_s;
+  self.rows_per_chunk = std::max<std::size_t>(kChunkElements / self.nodes, 1);
+  self.chunk_width = even_part(self.nodes, kMaxChunkWidth);
+  self.start_time = self.last_time = start_time_s;
   const fs::path directory = self.file.parent_path();
   if (!directory.empty() && !fs::is_directory(directory))
     refuse(self.file, fmt::format("there is no directory {}", directory.string()), "Create it, or write elsewhere.");
@@ -261,19 +292,10 @@ HistoryWriter::HistoryWriter(fs::path file, std::span<const std::uint64_t> node_
   self.partial += ".partial";
   self.create();
 
-  self.time = self.create_dataset("time", H5T_IEEE_F64LE, {0}, {kMaxRowsPerChunk}, true);
-  self.describe_dataset(self.time, {"time", "s", "end of the step"});
-  {
-    const Space scalar(self.check(H5Screate(H5S_SCALAR), "cannot create t0"));
-    const Attribute t0(
-        self.check(H5Acreate2(self.time, "t0", H5T_IEEE_F64LE, scalar, H5P_DEFAULT, H5P_DEFAULT), "cannot create t0"));
-    self.check(H5Awrite(t0, H5T_NATIVE_DOUBLE, &start_time_s), "cannot write t0");
-  }
-  const Dataset ids =
-      self.create_dataset("node_id", H5T_STD_U64LE, {self.nodes}, {std::min(self.nodes, kChunkElements)}, false);
+  const Dataset ids = self.create_dataset("node_id", H5T_STD_U64LE, {self.nodes}, {self.chunk_width}, false);
   self.describe_dataset(ids, {"node_id", "1", "the host's number of the interface node"});
   self.check(H5Dwrite(ids, H5T_NATIVE_UINT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, node_ids.data()), "cannot write /node_id");
-  for (Quantity& quantity : quantities) self.create_series(std::move(quantity));
+  for (Quantity& quantity : quantities) self.add_series(std::move(quantity));
 
   const Group group(
       self.check(H5Gcreate2(self.handle, "meta", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), "cannot create /meta"));
@@ -292,11 +314,8 @@ void HistoryWriter::begin_row(double time_s, std::optional<double> dt_s) {
   if (!std::isfinite(time_s) || time_s <= self.last_time)
     refuse(self.file, fmt::format("a row at {} s after one that ends at {} s", time_s, self.last_time),
            "Times must increase.", "time");
-  if (dt_s && self.rows_written + self.waiting_times.size() == 0) {
-    self.dt = self.create_dataset("dt", H5T_IEEE_F64LE, {0}, {kMaxRowsPerChunk}, true);
-    self.describe_dataset(self.dt, {"dt", "s", "length of the step as the host took it"});
-  }
-  if (dt_s.has_value() != (self.dt >= 0))
+  if (self.rows_written + self.waiting_times.size() == 0) self.has_dt = dt_s.has_value();
+  if (dt_s.has_value() != self.has_dt)
     refuse(self.file, fmt::format("the row at {} s breaks the rule that all rows have a dt or none", time_s), {}, "dt");
   self.waiting_times.push_back(time_s);
   if (dt_s) self.waiting_dts.push_back(*dt_s);

@@ -3,15 +3,19 @@
 // alike. The levels are:
 //
 //   volatile  no state directory
+//   record    no state directory, and an event log of what was asked and answered (--record)
 //   process   a step is in the journal before it is answered
 //   power     the journal is also synced to the disk before the answer
 //
 // Prints for each strategy and number of nodes one line with the median time at each level and its ratio to the median
-// of `volatile`.
+// of `volatile`; with an argument it also writes them to this file as JSON. A second argument is the number of rounds.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
+#include <fstream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -25,15 +29,17 @@ using Clock = std::chrono::steady_clock;
 using Microseconds = std::chrono::duration<double, std::micro>;
 
 constexpr double kDt = 1e-9;
-constexpr int kRounds = 600;
+constexpr const char* kLevels[] = {"volatile", "record", "process", "power"};
 
 struct Arm {
-  explicit Arm(const char* durability, const v1::Scene& scene, std::span<const std::uint64_t> nodes) {
+  Arm(const std::string& level, const v1::Scene& scene, std::span<const std::uint64_t> nodes) {
     server::ServerOptions options;
     options.threads = 1;
-    if (durability != nullptr) {
+    if (level == "record") {
+      options.record_dir = (directory.path() / "record").string();
+    } else if (level != "volatile") {
       options.state_dir = (directory.path() / "state").string();
-      options.durability = durability;
+      options.durability = level;
     }
     server = std::make_unique<support::RunningServer>(options);
     client = std::make_unique<Client>(server->client_options());
@@ -52,12 +58,11 @@ double median(std::vector<double>& values) {
   return values[values.size() / 2];
 }
 
-void measure(const char* label, const v1::Scene& scene, std::size_t nodes) {
+nlohmann::json measure(const char* label, const v1::Scene& scene, std::size_t nodes, int rounds) {
   const auto ids = support::node_ids(nodes);
   std::vector<std::unique_ptr<Arm>> arms;
-  for (const char* durability : {static_cast<const char*>(nullptr), "process", "power"})
-    arms.push_back(std::make_unique<Arm>(durability, scene, ids));
-  for (int round = 0; round < kRounds; ++round) {
+  for (const char* level : kLevels) arms.push_back(std::make_unique<Arm>(level, scene, ids));
+  for (int round = 0; round < rounds; ++round) {
     const auto request = support::step_columns(support::strategy_of(scene), ids, round);
     for (const auto& arm : arms) {
       const auto started = Clock::now();
@@ -65,21 +70,30 @@ void measure(const char* label, const v1::Scene& scene, std::size_t nodes) {
       arm->us.push_back(Microseconds(Clock::now() - started).count());
     }
   }
-  const double first = median(arms[0]->us);
-  const double process = median(arms[1]->us);
-  const double power = median(arms[2]->us);
-  std::printf("%-32s %8zu %12.1f %12.1f %8.3f %12.1f %8.2f\n", label, nodes, first, process, process / first, power,
-              power / first);
+  nlohmann::json found = {{"scene", label}, {"nodes", nodes}, {"rounds", rounds}};
+  const double first = median(arms.front()->us);
+  std::printf("%-28s %8zu %12.1f", label, nodes, first);
+  for (std::size_t i = 0; i < arms.size(); ++i) {
+    const double us = median(arms[i]->us);
+    found[std::string(kLevels[i]) + "_us"] = us;
+    if (i > 0) std::printf(" %12.1f %7.3f", us, us / first);
+  }
+  std::printf("\n");
+  return found;
 }
 
 }  // namespace
 
-int main() {
-  std::printf("%-32s %8s %12s %12s %8s %12s %8s\n", "scene", "nodes", "volatile, us", "process, us", "ratio",
-              "power, us", "ratio");
+int main(int argc, char** argv) {
+  const int rounds = argc > 2 ? std::atoi(argv[2]) : 600;
+  std::printf("%-28s %8s %12s", "scene", "nodes", "volatile, us");
+  for (const char* level : {"record", "process", "power"}) std::printf(" %8s, us %7s", level, "ratio");
+  std::printf("\n");
+  nlohmann::json all;
   for (const std::size_t nodes : {100u, 1'000u, 10'000u}) {
-    measure("force-driven, 24 cells", support::force_scene(), nodes);
-    measure("velocity-driven, 24 cells", support::velocity_scene(), nodes);
+    all.push_back(measure("force-driven, 24 cells", support::force_scene(), nodes, rounds));
+    all.push_back(measure("velocity-driven, 24 cells", support::velocity_scene(), nodes, rounds));
   }
+  if (argc > 1) std::ofstream(argv[1]) << all.dump(2) << "\n";
   return 0;
 }

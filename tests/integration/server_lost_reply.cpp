@@ -2,6 +2,7 @@
 // server answers with the reply that it has kept.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstring>
@@ -40,6 +41,7 @@ class LossyBus {
 
   const std::string& endpoint() const { return endpoint_; }
   std::atomic<int> requests_to_lose{0};
+  std::atomic<int> replies_to_pass{0};  // before the first that is lost
   std::atomic<int> replies_to_lose{0};
   std::atomic<int> requests_seen{0};
 
@@ -90,7 +92,7 @@ class LossyBus {
       }
       for (auto& [peer, link] : links)
         while (receive(link, message)) {
-          if (take(replies_to_lose)) continue;
+          if (!take(replies_to_pass) && take(replies_to_lose)) continue;
           message.insert(message.begin(), zmq::message_t(peer));
           send(front_, message);
         }
@@ -135,6 +137,41 @@ TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
   EXPECT_EQ(status.node_steps, 2 * 12 * kNodes.size());
   EXPECT_EQ(status.replayed, 6u);
   EXPECT_EQ(losses, 10);
+}
+
+// The client gathers the next part and copies the answers before it while a part is under way. Wherever the answer to a
+// part is lost for longer than the deadline, the same call again goes on with that part.
+TEST_F(LostReply, AStepInPartsGoesOnWithThePartWhoseAnswerWasLost) {
+  const auto nodes = support::node_ids(wire::kMaxRowsPerMessage + 1'000);
+  const std::string scene = support::text_of(support::force_scene(1));
+  const Batch step = support::step_columns(Strategy::kForceDriven, nodes, 0);
+  Session twin = direct_.open(scene, "scene", nodes);
+  const StepResult& expected = twin.advance(step, {.dt_s = 1e-9});
+  for (int lost = 0; lost < 2; ++lost) {
+    ClientOptions patient = options();
+    patient.reply_deadline = 4s;
+    patient.retry_after = 60s;
+    patient.check_closure = CheckClosure::kOff;
+    Client client(patient);
+    Session session = client.open(scene, "scene", nodes);
+    bus_.replies_to_pass = lost;
+    bus_.replies_to_lose = 100;
+    try {
+      session.advance(step, {.dt_s = 1e-9});
+      FAIL() << "part " << lost + 1;
+    } catch (const Error& fault) {
+      ASSERT_EQ(fault.status().code, wire::Code::kUnknownOutcome);
+    }
+    bus_.replies_to_pass = bus_.replies_to_lose = 0;
+    const StepResult& found = session.advance(step, {.dt_s = 1e-9});
+    ASSERT_EQ(found.upscale().state_version, 1u);
+    ASSERT_EQ(found.upscale().nodes, nodes.size());
+    const auto same = [&](auto a, auto b) { return std::ranges::equal(a, b); };
+    EXPECT_TRUE(same(found.shear_stress_pa(), expected.shear_stress_pa())) << "part " << lost + 1;
+    EXPECT_TRUE(same(found.interface_temperature_k(), expected.interface_temperature_k())) << "part " << lost + 1;
+    EXPECT_TRUE(same(found.outcome(), expected.outcome())) << "part " << lost + 1;
+    EXPECT_EQ(session.close().node_steps, nodes.size());
+  }
 }
 
 // start_trial() and finish_trial() together make one request. If the request or its reply is lost, the client repeats

@@ -53,7 +53,7 @@ std::vector<std::uint64_t> some_ids(std::size_t nodes) {
   return ids;
 }
 
-// Numbers of steps and of nodes just within and beyond the limits of an HDF5 chunk: 8192 steps, 65536 values.
+// Numbers of steps and of nodes just within and beyond the limits of an HDF5 chunk: 8192 values, or a row of up to 65536.
 class RecordingSizes : public testing::TestWithParam<std::pair<std::size_t, std::size_t>> {};
 
 TEST_P(RecordingSizes, WhatIsWrittenIsReadToTheLastBit) {
@@ -81,7 +81,34 @@ TEST_P(RecordingSizes, WhatIsWrittenIsReadToTheLastBit) {
 
 INSTANTIATE_TEST_SUITE_P(AroundChunkEdges, RecordingSizes,
                          testing::Values(std::pair{1, 1}, std::pair{8192, 1}, std::pair{8193, 1}, std::pair{20001, 7},
-                                         std::pair{3, 65536}, std::pair{3, 65537}, std::pair{2, 200000}));
+                                         std::pair{2, 8192}, std::pair{2, 8193}, std::pair{3, 65536},
+                                         std::pair{3, 65537}, std::pair{2, 200000}));
+
+// A dataset's values as they are, with a checksum of 4 bytes a chunk, and at most the unused end of one chunk of 64 KiB.
+TEST(Recording, AFileIsAsLargeAsItsValues) {
+  for (const auto& [steps, nodes] : {std::pair<std::size_t, std::size_t>{3, 2}, {8191, 1}, {700, 30}, {5, 70'000}}) {
+    const Scratch scratch;
+    HistoryWriter writer(scratch / "history.h5", some_ids(nodes), kQuantities, {});
+    write_rows(writer, steps, nodes);
+    writer.close();
+    const hid_t file = H5Fopen((scratch / "history.h5").c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+    for (const char* name : {"shear_stress", "regime", "time"}) {
+      const hid_t dataset = H5Dopen2(file, name, H5P_DEFAULT);
+      const hid_t creation = H5Dget_create_plist(dataset);
+      ASSERT_EQ(H5Pget_nfilters(creation), 1) << name;
+      EXPECT_GE(H5Pget_filter_by_id2(creation, H5Z_FILTER_FLETCHER32, nullptr, nullptr, nullptr, 0, nullptr, nullptr),
+                0);
+      H5Pclose(creation);
+      const hsize_t stored = H5Dget_storage_size(dataset);
+      const hsize_t size = (name[0] == 't' ? 8 : name[0] == 's' ? 8 * nodes : nodes) * steps;
+      const hsize_t unused = steps * nodes < 8192 ? 0 : 65'536;
+      EXPECT_GE(stored, size) << name;
+      EXPECT_LE(stored, size + size / 1000 + 8 + unused) << name << " of " << steps << " steps of " << nodes;
+      H5Dclose(dataset);
+    }
+    H5Fclose(file);
+  }
+}
 
 TEST(Recording, MetaKeepsShortAndLongTexts) {
   const Scratch scratch;
