@@ -137,6 +137,42 @@ TEST(PhysicsExpandedFlow, IsTheFlowVertexByVertex) {
   EXPECT_GT(left_out, 150);
 }
 
+// A force-driven lane changes its heat flux by another factor than its stress. The expansion follows both, and tells
+// the flow under loads nearby where the same vertices yield.
+TEST(PhysicsExpandedFlow, FollowsAFluxThatChangesByItself) {
+  Draw draw(31);
+  int flowing = 0, followed = 0, told = 0;
+  for (int n = 0; n < 200; ++n) {
+    RandomLayer layer(draw);
+    const std::vector<double> heating(layer.heating, layer.heating + kLanes);
+    Summed summed(layer);
+    for (const double change : {1e-9, 1e-5, -1e-4, 1e-3, 0.5, -0.8}) {
+      NearbyFlow nearby[kLanes];
+      for (int l = 0; l < kLanes; ++l) {
+        nearby[l] = nearby_flow(summed.flow, summed.load, l);
+        summed.load.stress[l] = layer.stress[l] * (1.0 - 0.1 * change);
+        summed.load.heating[l] = layer.heating[l] = heating[static_cast<std::size_t>(l)] * (1.0 + change);
+      }
+      summed.sum();
+      for (int l = 0; l < kLanes; ++l) {
+        const double expected = compare(layer, summed, l);
+        ASSERT_FALSE(HasFailure()) << n << ", lane " << l << ", " << change;
+        flowing += expected > 0.0 ? 1 : 0;
+        const bool follows = expected > 0.0 && heating[static_cast<std::size_t>(l)] > 0.0 &&
+                             summed.load.base_heating[l] != summed.load.heating[l];
+        followed += follows ? 1 : 0;
+        if (!follows || std::abs(change) > 1e-4) continue;
+        const double a = summed.load.stress[l];
+        const NearbyFlow::Slip slip = nearby[l].at(a, summed.load.heating[l] * a);
+        told += std::abs(slip.value - expected) <= 1e-6 * expected + grain(layer, l, a) ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_GT(flowing, 1000);
+  EXPECT_GT(followed, 200);
+  EXPECT_GT(told, 100);
+}
+
 // In a search each lane moves by its own steps. Lane 0 moves from a stress at which the whole layer yields to a lower
 // one at which its hot part does. Lane 1, which is just below its yield stress everywhere and stays, keeps all vertices
 // in the sums of their register: what lane 0 had there at the higher stress must not count any more.

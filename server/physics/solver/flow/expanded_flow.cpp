@@ -1,6 +1,7 @@
 #include "server/physics/solver/flow/expanded_flow.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 
 #include "server/physics/material/flow_laws.hpp"
@@ -25,7 +26,7 @@ bool searches_unbounded(const Material& soft, double T) {
 
 void set_load(const Material& soft, double pressure, double a, double heating, int lane, StressLoad& load) {
   load.stress[lane] = load.base[lane] = a;
-  load.heating[lane] = heating;
+  load.heating[lane] = load.base_heating[lane] = heating;
   load.bracket[lane] = SteinbergCochranGuinan::bracket_at(soft, pressure);
   load.T_melt[lane] = soft.melting_temperature;
 }
@@ -36,6 +37,7 @@ std::size_t rows_of(const Grid& grid) {
 
 void start_flow(const FlowProblem& problem, double* rows, ExpandedFlow& flow) {
   std::fill_n(flow.origin, kLanes, -1.0);
+  std::fill_n(flow.origin_flux, kLanes, 0.0);
   std::fill_n(flow.steepest, kLanes, 0.0);
   flow.exponent = 1.0 / problem.soft->hardening_exponent;
   flow.rows = rows;
@@ -44,6 +46,36 @@ void start_flow(const FlowProblem& problem, double* rows, ExpandedFlow& flow) {
 
 void sum_flow(const FlowProblem& problem, StressLoad& load, double* strain_new, ExpandedFlow& flow) {
   SHEARBUS_CALL(sum_flow, problem, load, strain_new, flow);
+}
+
+NearbyFlow nearby_flow(const ExpandedFlow& flow, const StressLoad& load, int l) {
+  NearbyFlow nearby{.base = load.base[l],
+                    .base_flux = load.base_heating[l] * load.base[l],
+                    .exponent = flow.exponent,
+                    .moment = {flow.moment[0][l], flow.moment[1][l], flow.moment[2][l], flow.moment[3][l]},
+                    .constant = 0.0,
+                    .slope = flow.slope[l]};
+  const double w = flow.w[l];
+  const double* m = nearby.moment;
+  nearby.constant = flow.slip[l] - flow.y[l] * (m[0] + w * (m[1] + w * (m[2] + w * m[3])));
+  return nearby;
+}
+
+NearbyFlow::Slip NearbyFlow::at(double stress, double flux) const {
+  const double w = base_flux > 0.0 ? flux / base_flux - 1.0 : 0.0;
+  const double hot = moment[0] + w * (moment[1] + w * (moment[2] + w * moment[3]));
+  const double hotter = moment[1] + w * (2.0 * moment[2] + w * (3.0 * moment[3]));
+  const double y = power(stress / base, exponent);
+  return {y * hot + constant, exponent * y * hot / stress, base_flux > 0.0 ? y * hotter / base_flux : 0.0};
+}
+
+bool is_balanced(double a, double left, double compliance, double slip, double hot, double slope) {
+  constexpr double kClosed = 1e-11;                    // largest accepted residual, relative to what the flow must be
+  constexpr double kRounded = 2e-15, kDigits = 2e-15;  // rounding errors of `hot` and of the stress
+  const double flow = compliance * slip;
+  double open = kClosed * left + kRounded * (compliance * hot);
+  if (flow <= 2.0 * left) open += kDigits * (compliance * slope + a);
+  return std::abs(flow - left) <= open;
 }
 
 void roots_of(const ExpandedFlow& flow, const StressLoad& load, double compliance, const double (&a_trial)[kLanes],

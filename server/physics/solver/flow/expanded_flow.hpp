@@ -23,23 +23,27 @@ struct FlowBounds {
 
 // The load of each lane.
 struct StressLoad {
-  alignas(64) double stress[kLanes];   // magnitude of the stress a                  [Pa]
-  alignas(64) double base[kLanes];     // stress about which the flow is expanded, set by sum_flow()  [Pa]
-  alignas(64) double heating[kLanes];  // heat flux per stress, q / a                [m/s]
-  alignas(64) double bracket[kLanes];  // bracket_at() of the flow law
-  alignas(64) double T_melt[kLanes];   // melting temperature at the lane's pressure  [K]
+  alignas(64) double stress[kLanes];        // magnitude of the stress a                  [Pa]
+  alignas(64) double heating[kLanes];       // heat flux per stress, q / a                [m/s]
+  alignas(64) double base[kLanes];          // stress about which the flow is expanded, set by sum_flow()  [Pa]
+  alignas(64) double base_heating[kLanes];  // `heating` about which the flow is expanded, set by sum_flow()  [m/s]
+  alignas(64) double bracket[kLanes];       // bracket_at() of the flow law
+  alignas(64) double T_melt[kLanes];        // melting temperature at the lane's pressure  [K]
 };
 
-// The flow of each lane under its stress a = base (1 + u). Under another stress a it is, if the same vertices yield,
-//   (1 + u)^exponent (moment[0] + moment[1] u + moment[2] u^2 + moment[3] u^3) + a constant
+// The flow of each lane under its stress a = base (1 + u) and its flux, 1 + w times that at the base. Under another
+// load it is, if the same vertices yield,
+//   (1 + u)^exponent (moment[0] + moment[1] w + moment[2] w^2 + moment[3] w^3) + a constant
 struct ExpandedFlow {
   static constexpr int kTerms = 4;
   alignas(64) double slip[kLanes];            // integral of the strain increment dep over the layer  [m]
-  alignas(64) double slope[kLanes];           // derivative of `slip` by ln(a)  [m]
+  alignas(64) double slope[kLanes];           // derivative of `slip` by ln(a) at the same `heating`  [m]
   alignas(64) double moment[kTerms][kLanes];  // [m]
   alignas(64) double u[kLanes], y[kLanes];    // a / base - 1 and (1 + u)^exponent
-  alignas(64) double steepest[kLanes];        // how fast the fastest of the vertices' expansions grows with u
+  alignas(64) double w[kLanes];               // q / (flux at the base) - 1; u if `heating` is that of the base
+  alignas(64) double steepest[kLanes];        // how fast the fastest of the vertices' expansions grows with w
   alignas(64) double origin[kLanes];          // stress about which `limit` is known  [Pa]
+  alignas(64) double origin_flux[kLanes];     // heat flux about which `limit` is known  [W/m2]
   alignas(64) double limit[kLanes];           // number of vertices from z = 0 to the last block with one that can yield
   std::ptrdiff_t num_rows[kLanes];            // the largest limit of a register, at its first lane
   double exponent;                            // exponent of the flow law, 1 / n
@@ -66,8 +70,28 @@ void start_flow(const FlowProblem& problem, double* rows, ExpandedFlow& flow);
 // lane depends on the stresses of that lane since start_flow() alone.
 void sum_flow(const FlowProblem& problem, StressLoad& load, double* strain_new, ExpandedFlow& flow);
 
-// The stress of each lane at which the balance a + compliance slip = a_trial is met by the expansion; -1 where the
-// expansion is not good enough to tell.
+// The flow of one lane under loads near the one under which it was summed, by its expansion.
+struct NearbyFlow {
+  double base = 0.0;                    // stress of the expansion; 0: nothing is known of other loads  [Pa]
+  double base_flux;                     // its heat flux  [W/m2]
+  double exponent;                      // 1 / n
+  double moment[ExpandedFlow::kTerms];  // as in ExpandedFlow  [m]
+  double constant;                      // [m]
+  double slope;                         // derivative of the slip by ln(a) at the same flux per stress  [m]
+
+  struct Slip {
+    double value, by_stress, by_flux;  // integral(dep)  [m], its derivatives  [m/Pa], [m3/W]
+  };
+  Slip at(double stress, double flux) const;
+};
+NearbyFlow nearby_flow(const ExpandedFlow& flow, const StressLoad& load, int lane);
+
+// Whether a stress at which the flow was summed meets the balance: the plastic slip integral(dep), times the compliance,
+// is what the stress leaves over. `hot`: the sum that the slip is a small difference of, moment[0].
+bool is_balanced(double a, double left, double compliance, double slip, double hot, double slope);
+
+// The stress of each lane at which the balance a + compliance slip = a_trial is met by the expansion with the flux per
+// stress of the base; -1 where the expansion is not good enough to tell.
 void roots_of(const ExpandedFlow& flow, const StressLoad& load, double compliance, const double (&a_trial)[kLanes],
               double (&root)[kLanes]);
 

@@ -2,7 +2,7 @@
 // once per register width.
 #if SHEARBUS_WIDTH > 1
 
-// An expansion is used while |u| is at most kFarthest / exponent and growth |u| at most kReach.
+// An expansion is used while |u| and |w| are at most kFarthest / exponent and growth |w| at most kReach.
 inline constexpr double kFarthest = 0.02, kReach = 3e-3;
 // In the first of these ranges a vertex with a growth below kSteep becomes hotter by the factor 1 + kHotter + kHotter
 // growth at most: the exponent is at least 1.
@@ -12,9 +12,10 @@ inline constexpr double kSteep = 3.0, kHotter = 0.03;
 inline constexpr double kMargin = 1.0 + 1e-9;
 inline constexpr double kLeastStress = 0x1p-1022;  // smallest stress that is a load, over the yield strength and in Pa
 inline constexpr double kLeastToMelting = 1e-10, kLeastBracket = 1e-60;  // smallest T_melt - T [K], smallest bracket
-inline constexpr double kUnlimited = 1e9;   // limit of a lane whose yielding vertices are not known
-inline constexpr int kNewtonSteps = 2;      // of find_roots(); the balance is nearly linear in y
-inline constexpr double kMostChange = 0.5;  // largest relative change of the series with which a root is of use
+inline constexpr double kRoundedUp = 1.0 + 1e-12;  // so that a flux is as near as its stress in spite of rounding
+inline constexpr double kUnlimited = 1e9;          // limit of a lane whose yielding vertices are not known
+inline constexpr int kNewtonSteps = 2;             // of find_roots(); the balance is nearly linear in y
+inline constexpr double kMostChange = 0.5;         // largest relative change of the series with which a root is of use
 
 [[gnu::always_inline]] inline Register larger(Register a, Register b) {
 #if SHEARBUS_WIDTH == 4
@@ -82,9 +83,9 @@ struct SplitLogarithm {
   return log.value(log.f / (2.0 + log.f));
 }
 
-// A vertex in each lane under the stress base (1 + u):
-//   dep = max(0, (1 + u)^exponent hot (1 + c1 u + c2 u^2 + c3 u^3) - cold),   cold = 1 / beta + ep
-// The terms left out are below (growth u)^4.
+// A vertex in each lane under the stress base (1 + u) and 1 + w times the flux of the base:
+//   dep = max(0, (1 + u)^exponent hot (1 + c1 w + c2 w^2 + c3 w^3) - cold),   cold = 1 / beta + ep
+// The terms left out are below (growth w)^4.
 struct Vertex {
   Register hot, c1, c2, c3, growth;
 };
@@ -107,7 +108,7 @@ struct Law {
     log_load = where(loads, logarithm + log2_of(all(inverse_beta)), all(kNoLoad));
   }
 
-  // hot is exp(load + softening excess) / beta at T = T_ad + rise. At T_ad + (1 + u) rise the excess is a series in u:
+  // hot is exp(load + softening excess) / beta at T = T_ad + rise. At T_ad + (1 + w) rise the excess is a series in w:
   // the ratio of consecutive powers is f for its term -log(bracket) / n, and v for its term 0.001 T / (T_melt - T) / n.
   // A molten vertex is as hot as kMaxExcess permits.
   [[gnu::always_inline]] Vertex at(Register T, Register rise) const {
@@ -145,12 +146,12 @@ struct Sums {
     m3 += weighted * at.c3;
     return dep;
   }
-  [[gnu::always_inline]] Register change(Register u) const { return u * (m1 + u * (m2 + u * m3)); }
-  [[gnu::always_inline]] Register steepness(Register u) const { return m1 + u * (2.0 * m2 + u * (3.0 * m3)); }
+  [[gnu::always_inline]] Register change(Register w) const { return w * (m1 + w * (m2 + w * m3)); }
+  [[gnu::always_inline]] Register steepness(Register w) const { return m1 + w * (2.0 * m2 + w * (3.0 * m3)); }
 
-  [[gnu::always_inline]] void write(Register u, Register y, int lane, ExpandedFlow& flow) const {
+  [[gnu::always_inline]] void write(Register w, Register y, int lane, ExpandedFlow& flow) const {
     store(slip, flow.slip + lane);
-    store(y * (flow.exponent * (m0 + change(u)) + (1.0 + u) * steepness(u)), flow.slope + lane);
+    store(y * (flow.exponent * (m0 + change(w)) + (1.0 + w) * steepness(w)), flow.slope + lane);
     store(m0, flow.moment[0] + lane);
     store(m1, flow.moment[1] + lane);
     store(m2, flow.moment[2] + lane);
@@ -158,27 +159,35 @@ struct Sums {
   }
 };
 
-// Moves the lanes of a register to their stresses: sets u and y; base, where the expansion does not reach the stress;
-// origin and limit, where the vertices that can yield are not known at the stress.
+// Moves the lanes of a register to their loads: sets u, w and y; the base, where the expansion does not reach the load;
+// origin and limit, where the vertices that can yield are not known under the load.
 struct Following {
-  bool reached;  // the expansions of all lanes reach their stresses
+  bool reached;  // the expansions of all lanes reach their loads
   bool at_base;  // all lanes are at their base
   bool limited;  // the vertices that can yield are known in all lanes
 };
 [[gnu::always_inline]] inline Following follow(StressLoad& at, int lane, ExpandedFlow& flow) {
   const Register base = load(at.base + lane), stress = load(at.stress + lane), origin = load(flow.origin + lane);
+  const Register heating = load(at.heating + lane), base_heating = load(at.base_heating + lane);
+  const Register flux = heating * stress, origin_flux = load(flow.origin_flux + lane);
   const double farthest = kFarthest / flow.exponent;
-  const Mask limited = magnitude(stress - origin) <= farthest * origin;
+  const Mask limited = (magnitude(stress - origin) <= farthest * origin) &
+                       (magnitude(flux - origin_flux) <= farthest * kRoundedUp * origin_flux);
   const Register change = (stress - base) / larger(base, all(kLeastStress));
-  const Mask near =
-      limited & (magnitude(change) <= farthest) & (magnitude(change) * load(flow.steepest + lane) <= kReach);
-  const Register u = where(near, change, all(0.0));
+  const Register more = (heating - base_heating) / larger(base_heating, all(kLeastStress));
+  const Register heated = change + more * (1.0 + change);
+  const Mask near = limited & (magnitude(change) <= farthest) & (magnitude(heated) <= farthest) &
+                    (magnitude(heated) * load(flow.steepest + lane) <= kReach);
+  const Register u = where(near, change, all(0.0)), w = where(near, heated, all(0.0));
   store(u, flow.u + lane);
+  store(w, flow.w + lane);
   store(exp2_of(flow.exponent * log2_of(1.0 + u)), flow.y + lane);
   store(where(near, base, stress), at.base + lane);
+  store(where(near, base_heating, heating), at.base_heating + lane);
   store(where(limited, origin, stress), flow.origin + lane);
+  store(where(limited, origin_flux, flux), flow.origin_flux + lane);
   store(where(limited, load(flow.limit + lane), all(kUnlimited)), flow.limit + lane);
-  return {everywhere(near), everywhere(u == 0.0), everywhere(limited)};
+  return {everywhere(near), everywhere((u == 0.0) & (w == 0.0)), everywhere(limited)};
 }
 
 // Expands the vertices of the lanes of a register about `base`, sums their flow there and writes the strain.
@@ -187,7 +196,7 @@ template <bool kSpread>
                                           double* strain_new, ExpandedFlow& flow) {
   const Law law(*problem.soft, at, lane);
   const FlowBounds& bounds = flow.bounds;
-  const Register flux = load(at.heating + lane) * load(at.base + lane), limit = load(flow.limit + lane);
+  const Register flux = load(at.base_heating + lane) * load(at.base + lane), limit = load(flow.limit + lane);
   const std::ptrdiff_t n = limited ? flow.num_rows[lane] : problem.grid->num_vertices();
   Register steepest{}, num_yielding{};
   Sums sums;
@@ -243,19 +252,19 @@ template <bool kSpread>
 
 // Sums the flow of the lanes of a register by their expansions, and writes the strain.
 [[gnu::always_inline]] inline void sum(const FlowProblem& problem, int lane, double* strain_new, ExpandedFlow& flow) {
-  const Register u = load(flow.u + lane), y = load(flow.y + lane), yu = y * u;
+  const Register w = load(flow.w + lane), y = load(flow.y + lane), yw = y * w;
   const double inverse_beta = 1.0 / problem.soft->hardening_coefficient;
   Sums sums;
   for (std::ptrdiff_t i = 0; i < flow.num_rows[lane]; ++i) {
     const std::ptrdiff_t row = i * kLanes + lane;
     const double* kept = flow.rows + i * (ExpandedFlow::kTerms * kLanes) + lane;
     const Vertex at{load(kept), load(kept + kLanes), load(kept + 2 * kLanes), load(kept + 3 * kLanes), {}};
-    const Register now = at.hot * (y + yu * (at.c1 + u * (at.c2 + u * at.c3)));
+    const Register now = at.hot * (y + yw * (at.c1 + w * (at.c2 + w * at.c3)));
     const Register ep = load(problem.strain + row);
     store(ep + sums.add(at, now, inverse_beta + ep, problem.grid->weight[static_cast<std::size_t>(i)]),
           strain_new + row);
   }
-  sums.write(u, y, lane, flow);
+  sums.write(w, y, lane, flow);
 }
 
 inline void sum_flow(const FlowProblem& problem, StressLoad& at, double* strain_new, ExpandedFlow& flow) {

@@ -26,6 +26,13 @@ class RootSearch {
 
   double at() const { return at_; }  // next argument of f; after update() has returned true, the zero of f
 
+  // Tries `guess` next, if it lies inside the bracket and the search is young: a caller that knows more of f than its
+  // values needs few of them.
+  void prefer(double guess) {
+    const double lo = std::min(one_.x, two_.x), hi = std::max(one_.x, two_.x);
+    if (guess > lo && guess < hi && values_ < kMostPreferred) at_ = guess;
+  }
+
   // `value` is f(at()). Returns true when the search has ended.
   bool update(double value) {
     const Point now{at_, squeezed(value)};
@@ -65,6 +72,7 @@ class RootSearch {
     double x = 0.0, f = 0.0;
   };
   static constexpr int kMostValues = 300;
+  static constexpr int kMostPreferred = 8;
   static constexpr int kBisectEvery = 16;
 
   double squeezed(double f) const {

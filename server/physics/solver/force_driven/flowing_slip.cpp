@@ -10,9 +10,15 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kAtCeiling = 1e-11;  // a stress within this relative distance of the layer's ceiling counts as equal
-constexpr int kMostUlps = 1 << 26;    // largest correction of a stress or temperature at the end of a search, in ulps
-constexpr double kBeyond = 1e-10;     // relative margin added to an upper bound of the stress, against rounding
+constexpr double kAtCeiling = 1e-11;   // a stress within this relative distance of the layer's ceiling counts as equal
+constexpr int kMostUlps = 1 << 26;     // largest correction of a stress or temperature at the end of a search, in ulps
+constexpr double kSurely = 1e-9;       // a stress this far above the flow stress, relative to it, makes a layer flow
+constexpr double kClosed = 1e-12;      // largest accepted residual of the flux, relative to it
+constexpr double kLeastGuess = 1e-12;  // smallest useful first stress, relative to the upper end of its interval
+constexpr int kMostGuesses = 6;        // largest number of stresses tried below the root before the upper end
+constexpr int kNearbySteps = 6;        // most steps of Newton's method with the flow nearby
+constexpr double kNearbyMet = 1e-13;   // a relative step below this one ends them
+constexpr double kBeyond = 1e-10;      // relative margin added to an upper bound of the stress, against rounding
 
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
 // stress may melt the layer. The answer is then reduced until the layer stays below melting.
@@ -47,7 +53,8 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
                       start.before.sticks);
   //    At stress 0 the interface is molten and cannot stick.
-  if (rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0) {
+  const bool rigid_comes_first = rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0;
+  if (rigid_comes_first && !rigid_layer_flows()) {
     ask_rigid(Phase::kRigid);
   } else {
     begin_stick();
@@ -75,6 +82,14 @@ bool FlowingSlip::rigid_holds(double slip) const {
   return !(slip > 0.0) && std::abs(rigid_.stress) <= layer_at(rigid_.flux) * (1.0 + kAtCeiling);
 }
 
+// Whether the layer flows at z = 0 under the stress of the answer for a rigid layer, which needs no sum to be seen.
+// Otherwise it may flow all the same.
+bool FlowingSlip::rigid_layer_flows() const {
+  const double yield =
+      flow_stress(*start_.limit.soft, start_.first_strain, start_.limit.pressure, T0(rigid_.flux)) / kSqrt3;
+  return start_.hardens && std::abs(rigid_.stress) > yield * (1.0 + kSurely);
+}
+
 // Finds the smallest heat flux at which `holds` is true, between `lo` and the flux that makes T0 = T_hi, to the
 // resolution of T0.
 template <class Predicate>
@@ -89,7 +104,54 @@ double FlowingSlip::first_flux(double lo, double T_hi, const Predicate& holds) c
   }
 }
 
-void FlowingSlip::update(double slip) {
+// Whether the stress under which the flow was summed is the answer of the stuck balance.
+bool FlowingSlip::stick_is_met(double slip, const NearbyFlow& nearby) const {
+  return nearby.base > 0.0 &&
+         is_balanced(a_, trial_.stress_stick - a_, compliance_, slip, nearby.moment[0], nearby.slope);
+}
+
+// The stress that meets the stuck balance with the flow nearby, by Newton's method; -1 where that is not known.
+double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
+  if (!(nearby.base > 0.0)) return -1.0;
+  double a = a_;
+  for (int step = 0; step < kNearbySteps; ++step) {
+    const NearbyFlow::Slip flow = nearby.at(a, stick_flux(a));
+    const double flux_slope =
+        stopping_.slip(a) > 0.0 ? start_.heat_partition * (stopping_.c - 2.0 * stopping_.b * a) : 0.0;
+    const double open = a + compliance_ * flow.value - trial_.stress_stick;
+    const double next = a - open / (1.0 + compliance_ * (flow.by_stress + flow.by_flux * flux_slope));
+    if (!(next > 0.0)) return -1.0;
+    const double change = std::abs(next - a);
+    a = next;
+    if (change <= kNearbyMet * a) break;
+  }
+  return a;
+}
+
+// The flux that meets the balance of an interface that slips, likewise.
+double FlowingSlip::nearby_slip(const NearbyFlow& nearby) const {
+  if (!(nearby.base > 0.0)) return -1.0;
+  double q = q_;
+  for (int step = 0; step < kNearbySteps; ++step) {
+    const StressLimit::Value limit = start_.limit.at(T0(q));
+    const double layer = layer_at(q);
+    if (layer < limit.stress || !(limit.stress > 0.0)) return -1.0;
+    const double a = limit.stress, by_flux = limit.slope * start_.layer.response(0);
+    const NearbyFlow::Slip flow = nearby.at(a, q);
+    const double v = interface_slip(a, flow.value);
+    const double v_slope =
+        v > 0.0 ? -slipping_.b * by_flux - kSqrt3 / start_.dt * (flow.by_stress * by_flux + flow.by_flux) : 0.0;
+    const double open = q - start_.heat_partition * (a * v);
+    const double next = q - open / (1.0 - start_.heat_partition * (by_flux * v + a * v_slope));
+    if (!(next > 0.0)) return -1.0;
+    const double change = std::abs(next - q);
+    q = next;
+    if (change <= kNearbyMet * q) break;
+  }
+  return q;
+}
+
+void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
   switch (phase_) {
     case Phase::kDone:
       return;
@@ -105,21 +167,25 @@ void FlowingSlip::update(double slip) {
       return;
     case Phase::kOtherAnswer:
       several_ = rigid_holds(slip);
-      ask(Phase::kDone, a_stick_, start_.heat_partition * (a_stick_ * stopping_.slip(a_stick_)));
-      return;
+      return ask_stick(Phase::kDone, a_stick_);
+    case Phase::kStickGuess:
+      return guess_stick(slip, nearby);
     case Phase::kStickEnd: {
       const double balance = stick_balance(slip);
       if (balance <= 0.0 || a_ == 0.0) {
         at_ceiling_ = high_is_ceiling_;
         return end_stick(a_);
       }
-      search_ = RootSearch(0.0, -trial_.stress_stick, a_, balance, trial_.stress_stick,
-                           trial_.direction * start_.before.stress);
-      break;
+      const double known = nearby_stick(nearby);
+      search_ = RootSearch(low_, low_value_, a_, balance, trial_.stress_stick,
+                           known > 0.0 ? known : trial_.direction * start_.before.stress);
+      return ask_stick(Phase::kStick, search_.at());
     }
     case Phase::kStick:
+      if (stick_is_met(slip, nearby)) return end_stick(a_);
       if (search_.update(stick_balance(slip))) return end_stick(search_.at());
-      break;
+      search_.prefer(nearby_stick(nearby));
+      return ask_stick(Phase::kStick, search_.at());
     case Phase::kSlipLow:
       low_value_ = slip_balance(slip);
       if (low_value_ >= 0.0) return end_slip(low_);
@@ -130,13 +196,17 @@ void FlowingSlip::update(double slip) {
         at_ceiling_ = high_is_ceiling_;
         return end_slip(high_);
       }
-      search_ = RootSearch(low_, low_value_, high_, balance, high_, -1.0);
+      search_ = RootSearch(low_, low_value_, high_, balance, high_, nearby_slip(nearby));
       return ask_slip(Phase::kSlip, search_.at());
     }
     case Phase::kSlip: {
-      if (!search_.update(slip_balance(slip))) return ask_slip(Phase::kSlip, search_.at());
+      const bool met = nearby.base > 0.0 && std::abs(slip_balance(slip)) <= kClosed * q_;
+      if (!met && !search_.update(slip_balance(slip))) {
+        search_.prefer(nearby_slip(nearby));
+        return ask_slip(Phase::kSlip, search_.at());
+      }
       // If at the flux found the layer carries a smaller stress than the interface, the answer has less flux and slip.
-      const double q = search_.at();
+      const double q = met ? q_ : search_.at();
       if (layer_holds(q)) {
         high_ = q;
         bound_slip_by_layer();
@@ -145,8 +215,10 @@ void FlowingSlip::update(double slip) {
       return end_slip(q);
     }
   }
-  const double a = search_.at();
-  ask(Phase::kStick, a, start_.heat_partition * (a * stopping_.slip(a)));
+}
+
+void FlowingSlip::ask_stick(Phase phase, double a) {
+  ask(phase, a, stick_flux(a));
 }
 
 // 2. Stick: the slip at the end of the step falls strictly with the stress, because flow and heating rise with the
@@ -182,7 +254,29 @@ void FlowingSlip::begin_stick() {
       high_is_ceiling_ = false;
     }
   }
-  ask(Phase::kStickEnd, high, start_.heat_partition * (high * stopping_.slip(high)));
+  low_ = 0.0;
+  low_value_ = -trial_.stress_stick;
+  high_ = high;
+  guesses_ = 0;
+  const double guess = trial_.direction * start_.before.stress;
+  const bool starts_inside = start_.knows_nearby && guess > kLeastGuess * high && guess < high;
+  ask_stick(starts_inside ? Phase::kStickGuess : Phase::kStickEnd, starts_inside ? guess : high);
+}
+
+// The stuck balance under a guess of the stress: the flow nearby tells the next guess, and the upper end of the interval
+// is evaluated only where no guess lies above the root.
+void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
+  const double balance = stick_balance(slip);
+  if (stick_is_met(slip, nearby)) return end_stick(a_);
+  const double next = nearby_stick(nearby);
+  if (balance > 0.0) {
+    search_ = RootSearch(low_, low_value_, a_, balance, trial_.stress_stick, next);
+    return ask_stick(Phase::kStick, search_.at());
+  }
+  low_ = a_;
+  low_value_ = balance;
+  if (next > a_ && next < high_ && ++guesses_ < kMostGuesses) return ask_stick(Phase::kStickGuess, next);
+  ask_stick(Phase::kStickEnd, high_);
 }
 
 void FlowingSlip::end_stick(double a) {
@@ -198,11 +292,11 @@ void FlowingSlip::end_stick(double a) {
   const bool can_stick = rigid_.sticks || carried >= a;
   if (can_stick) {
     kind_ = Kind::kStick;
-    if (!rigid_.sticks && start_.before.sticks) return ask_rigid(Phase::kOtherAnswer);
-    return ask(Phase::kDone, a, start_.heat_partition * (a * stopping_.slip(a)));
+    if (!rigid_.sticks && start_.before.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kOtherAnswer);
+    return ask_stick(Phase::kDone, a);
   }
   at_ceiling_ = false;
-  if (start_.before.sticks) return ask_rigid(Phase::kRigid);
+  if (start_.before.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kRigid);
   begin_slip();
 }
 

@@ -4,6 +4,7 @@
 // searches of all lanes (nodes stepped together) side by side, because it computes their flow in one pass.
 #pragma once
 
+#include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/heated.hpp"
 #include "server/physics/solver/flow/root_search.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
@@ -14,6 +15,7 @@ namespace shearbus::physics {
 struct FlowingStart {
   StressLimit limit;    // stress limit s_lim(T0) of the interface
   double ceiling;       // stress that the fully hardened layer carries where g = 1; infinity: no ceiling  [Pa]
+  bool knows_nearby;    // update() is told the flow under loads nearby
   bool hardens;         // false: the strength of the layer does not grow, and it flows only at its ceiling
   double first_weight;  // length along z that belongs to the vertex at z = 0  [m]
   double first_strain;  // plastic strain at z = 0 before the step
@@ -35,7 +37,9 @@ class FlowingSlip {
   // The load (stress magnitude and heat flux) under which update() needs the layer's flow; once done(), the load found.
   double stress() const { return a_; }
   double flux() const { return q_; }
-  void update(double slip);  // `slip`: plastic slip across the layer, integral(dep), under this load  [m]
+  double flux_per_stress() const { return a_ > 0.0 ? q_ / a_ : 0.0; }
+  // `slip`: plastic slip across the layer, integral(dep), under this load  [m]. `nearby`: the flow under other loads.
+  void update(double slip, const NearbyFlow& nearby = {});
 
   struct Answer {
     LaneStep step;
@@ -45,17 +49,20 @@ class FlowingSlip {
   Answer answer(double slip) const;  // `slip`: plastic slip across the layer, integral(dep), under the load found  [m]
 
  private:
-  enum class Phase { kDone, kRigid, kOtherAnswer, kStickEnd, kStick, kSlipLow, kSlipHigh, kSlip };
+  enum class Phase { kDone, kRigid, kOtherAnswer, kStickGuess, kStickEnd, kStick, kSlipLow, kSlipHigh, kSlip };
   enum class Kind { kRigid, kStick, kSlip };
 
   void ask(Phase phase, double a, double q);
   void ask_rigid(Phase phase);
+  void ask_stick(Phase phase, double a);
+  void ask_slip(Phase phase, double q);
   void begin_stick();
+  void guess_stick(double slip, const NearbyFlow& nearby);
   void end_stick(double a);
   void begin_slip();
   void end_slip(double q);
-  void ask_slip(Phase phase, double q);
   bool rigid_holds(double slip) const;
+  bool rigid_layer_flows() const;
   double T0(double q) const { return start_.layer.T(0, q); }
   double interface_at(double q) const { return start_.limit.at(T0(q)).stress; }
   double layer_at(double q) const;
@@ -64,6 +71,10 @@ class FlowingSlip {
   double first_flux(double lo, double T_hi, const Predicate& holds) const;
   void bound_slip_by_layer();
   double stick_balance(double slip) const { return a_ + compliance_ * slip - trial_.stress_stick; }
+  double stick_flux(double a) const { return start_.heat_partition * (a * stopping_.slip(a)); }
+  bool stick_is_met(double slip, const NearbyFlow& nearby) const;
+  double nearby_stick(const NearbyFlow& nearby) const;
+  double nearby_slip(const NearbyFlow& nearby) const;
   double slip_balance(double slip) const;
   double interface_slip(double a, double slip) const;
 
@@ -78,11 +89,13 @@ class FlowingSlip {
 
   Phase phase_ = Phase::kDone;
   Kind kind_ = Kind::kRigid;
-  double a_ = 0.0, q_ = 0.0;                         // the load to evaluate next: stress [Pa], heat flux [W/m2]
-  double a_stick_ = 0.0;                             // stress at which the interface sticks while the layer flows  [Pa]
-  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;  // search interval of the flux; slip_balance() at its lower end
-  bool high_is_ceiling_ = false;                     // the layer is at its ceiling at the upper end of the interval
-  bool at_ceiling_ = false;                          // the stress of the answer is the ceiling of the layer
+  double a_ = 0.0, q_ = 0.0;  // the load to evaluate next: stress [Pa], heat flux [W/m2]
+  double a_stick_ = 0.0;      // stress at which the interface sticks while the layer flows  [Pa]
+  // Search interval of the stress that sticks, or of the flux; the balance at its lower end.
+  double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
+  bool high_is_ceiling_ = false;  // the layer is at its ceiling at the upper end of the interval
+  bool at_ceiling_ = false;       // the stress of the answer is the ceiling of the layer
+  int guesses_ = 0;               // number of stresses tried before the upper end of the interval
   bool stick_was_searched_ = false;
   bool several_ = false;  // another answer satisfies the equations of the step too
 };

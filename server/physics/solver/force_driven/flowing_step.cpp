@@ -1,26 +1,31 @@
 #include "server/physics/solver/force_driven/flowing_step.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <iterator>
 
+#include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/force_driven/flowing_slip.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
 namespace {
 
-// The inputs and laws of one lane for a whole step or a substep. `T_ad`: [vertex][lane] of the layer.
+// The inputs and laws of one lane for a whole step or a substep. `knows_nearby`: the search is told the flow under loads
+// nearby. `T_ad`: [vertex][lane] of the layer.
 FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
-                      const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before) {
+                      const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before,
+                      bool knows_nearby) {
   FlowingStart start{};
   start.limit = interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort);
   start.ceiling = strength_ceiling(soft) / kSqrt3;
   start.hardens = hardens(soft);
+  start.knows_nearby = knows_nearby;
   start.first_weight = problem.grid.weight[0];
   start.first_strain = first_strain;
   start.layer = {T_ad + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1};
@@ -42,7 +47,7 @@ LaneStep substep(const Problem& problem, const Material& soft, const TileInputs&
   if (inputs.pressure[lane] <= 0.0) {
     return open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
   }
-  const FlowingStart start = start_of(problem, soft, inputs, lane, heat, T, strain[lane], before);
+  const FlowingStart start = start_of(problem, soft, inputs, lane, heat, T, strain[lane], before, false);
   const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, 0, heat.dt};
   const auto slip_under = [&](const FlowingSlip& step, double* strain_new) {
     if (!start.hardens) return 0.0;
@@ -57,6 +62,78 @@ LaneStep substep(const Problem& problem, const Material& soft, const TileInputs&
   const FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
   add_surplus(problem, answer, lane, strain);
   return answer.step;
+}
+
+// The searches of the lanes of a tile, and the inputs of their sums.
+struct Searches {
+  const TileInputs* inputs;
+  const LaneMaterials* soft_at;
+  FlowingSlip lanes[kLanes];
+  int sums[kLanes] = {};  // number of sums of the flow over the layer that each lane has needed
+
+  bool all_done() const {
+    return std::all_of(std::begin(lanes), std::end(lanes), [](const FlowingSlip& lane) { return lane.done(); });
+  }
+  void count_sum() const {
+    if (inputs->effort != nullptr) ++inputs->effort->layer_sums;
+  }
+  double pressure(int l) const { return contains(inputs->active, l) ? std::max(0.0, inputs->pressure[l]) : 0.0; }
+};
+
+// Runs the searches of all lanes together. On return `slip` and `strain_new` hold the flow and the new strain under the
+// loads found; during the search strain_new holds the yield thresholds.
+void search_by_sums(const FlowProblem& flow, Searches& searches, double* strain_new, double (&slip)[kLanes]) {
+  const int n = flow.grid->num_vertices();
+  FlowLoad load;
+  FlowSum sum{};
+  const auto set = [&](int l) {
+    const FlowingSlip& lane = searches.lanes[l];
+    set_load((*searches.soft_at)(l), searches.pressure(l), lane.stress(), lane.flux(), l, load);
+  };
+  for (int l = 0; l < kLanes; ++l) set(l);
+  flow_thresholds(flow, load, strain_new);
+  while (!searches.all_done()) {
+    flow_under(flow, load, n, strain_new, sum);
+    searches.count_sum();
+    for (int l = 0; l < kLanes; ++l) {
+      if (searches.lanes[l].done()) continue;
+      ++searches.sums[l];
+      searches.lanes[l].update(sum.slip[l]);
+      set(l);
+    }
+  }
+  flow_to(flow, load, n, strain_new, sum);
+  std::copy_n(sum.slip, kLanes, slip);
+}
+
+// The same for a law with an expanded flow. Each sum writes the strain, so that a search that ends under the load of
+// its last sum needs no other.
+void search_by_expansion(const FlowProblem& flow, Searches& searches, double* strain_new, double (&slip)[kLanes]) {
+  StressLoad load;
+  double flux[kLanes];
+  for (int l = 0; l < kLanes; ++l) {
+    const FlowingSlip& lane = searches.lanes[l];
+    flux[l] = lane.flux();
+    set_load((*searches.soft_at)(l), searches.pressure(l), lane.stress(), lane.flux_per_stress(), l, load);
+  }
+  ExpandedFlow sum;
+  start_flow(flow, scratch_tile(Scratch::kFlow, rows_of(*flow.grid)), sum);
+  for (bool moved = true; moved;) {
+    sum_flow(flow, load, strain_new, sum);
+    searches.count_sum();
+    moved = false;
+    for (int l = 0; l < kLanes; ++l) {
+      FlowingSlip& lane = searches.lanes[l];
+      if (lane.done()) continue;
+      ++searches.sums[l];
+      lane.update(sum.slip[l], nearby_flow(sum, load, l));
+      moved = moved || !lane.done() || lane.stress() != load.stress[l] || lane.flux() != flux[l];
+      load.stress[l] = lane.stress();
+      load.heating[l] = lane.flux_per_stress();
+      flux[l] = lane.flux();
+    }
+  }
+  std::copy_n(sum.slip, kLanes, slip);
 }
 
 }  // namespace
@@ -78,42 +155,31 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   conduct(heat, n, T_old, T_all);
 
   // 2. Start the search for the stress of each lane, and load the layer with the first guess of this stress.
-  FlowingSlip lanes[kLanes];
-  int sums[kLanes] = {};  // number of sums of the flow over the layer that each lane has needed
   LaneStep before[kLanes];
-  FlowLoad load;
   const LaneMaterials soft_at(soft, inputs);
+  Searches searches{&inputs, &soft_at};
   for (int l = 0; l < kLanes; ++l) {
     const bool active = contains(inputs.active, l);
     const double pressure = active ? inputs.pressure[l] : 0.0;
     before[l] = InterfaceStep::before(layout, inputs, committed, l);
     if (pressure > 0.0) {
       may_flow = hardens(soft);
-      lanes[l] = FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l]));
+      searches.lanes[l] =
+          FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l], has_expanded_flow(soft)));
     }
-    set_load(soft_at(l), pressure, lanes[l].stress(), lanes[l].flux(), l, load);
   }
 
   // 3. Find stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
-  FlowSum sum{};
+  double slip[kLanes] = {};
   const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated(), heat.dt};
-  if (may_flow) flow_thresholds(flow, load, strain_new);
-  for (;;) {
-    bool all_done = true;
-    for (const FlowingSlip& lane : lanes) all_done = all_done && lane.done();
-    if (all_done) break;
-    if (may_flow) flow_under(flow, load, problem.grid.num_vertices(), strain_new, sum);
-    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
-    for (int l = 0; l < kLanes; ++l) {
-      if (lanes[l].done()) continue;
-      ++sums[l];
-      lanes[l].update(sum.slip[l]);
-      set_load(soft_at(l), inputs.pressure[l], lanes[l].stress(), lanes[l].flux(), l, load);
-    }
-  }
-  if (may_flow) {
-    flow_to(flow, load, problem.grid.num_vertices(), strain_new, sum);
+  if (may_flow && has_expanded_flow(soft)) {
+    search_by_expansion(flow, searches, strain_new, slip);
+  } else if (may_flow) {
+    search_by_sums(flow, searches, strain_new, slip);
   } else {
+    for (FlowingSlip& lane : searches.lanes) {
+      while (!lane.done()) lane.update(0.0);
+    }
     std::copy_n(strain, layout.num_strain_vertices * kLanes, strain_new);
   }
 
@@ -125,7 +191,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   for (const int l : lanes_of(inputs.active)) {
     LaneStep whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
     if (inputs.pressure[l] > 0.0) {
-      const FlowingSlip::Answer answer = lanes[l].answer(sum.slip[l]);
+      const FlowingSlip::Answer answer = searches.lanes[l].answer(slip[l]);
       whole = answer.step;
       add_surplus(problem, answer, l, strain_new);
     }
@@ -136,7 +202,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
           return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
         });
     flux[l] = result.flux;
-    add_work(inputs, l, n + weight * (sums[l] + 1.0) * problem.grid.num_vertices());
+    add_work(inputs, l, n + weight * (searches.sums[l] + 1.0) * problem.grid.num_vertices());
     write_answer(result, layout, l, trial, outputs);
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
   }

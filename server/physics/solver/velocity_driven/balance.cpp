@@ -23,8 +23,6 @@ constexpr double kConverged = 1e-10;  // a Newton step of at most this fraction 
 // Newton's last step may start from a residual F of at most this fraction of the trial stress: it squares the fraction.
 constexpr double kFlowConverged = 1e-3;
 constexpr double kBalanced = 1e-8;  // largest accepted residual F of an answer, relative to a_trial - a
-// Of an expanded flow: the same, and the part of F that rounding makes, per strain and per change of the stress.
-constexpr double kClosed = 1e-11, kRounded = 2e-15, kDigits = 2e-15;
 // If the flow relieves more than this multiple of the trial stress, Newton works on the logarithm of the flow.
 constexpr double kFarAbove = 100.0;
 constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
@@ -230,17 +228,6 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
   flow_to(flow, load, num_rows, strain_new, sum);
 }
 
-// Whether a stress at which the flow was summed is the answer of its lane: F is 0 to kClosed, or to what rounding makes
-// of it. The rounding of the strains, of which the flow is a small difference, always counts. The last digits of the
-// stress count through the slope of the flow only if the flow is at most twice what it must be: far above the root, in
-// a vertex that a few more digits would melt, the slope is so large that any residual would pass.
-bool is_balanced(const ExpandedFlow& sum, int lane, double a, double compliance, double left) {
-  const double flow = compliance * sum.slip[lane];
-  double open = kClosed * left + kRounded * (compliance * sum.moment[0][lane]);
-  if (flow <= 2.0 * left) open += kDigits * (compliance * sum.slope[lane] + a);
-  return std::abs(flow - left) <= open;
-}
-
 // The same for a law with an expanded flow. The answer of a lane is a stress at which the flow was summed: each sum
 // writes the strain, so that strain, temperature and stress belong together. A last step without a sum would not do:
 // near melting the flow stress changes by far more than the stress.
@@ -264,8 +251,9 @@ void find_roots_by_expansion(const FlowProblem& flow, const LaneMaterials& soft_
       if (lane.done) continue;
       ++lane.sums;
       const double left = a_trial[l] - lane.a;
-      lane.done =
-          narrow(lane, compliance * sum.slip[l], left) ? lane.done : is_balanced(sum, l, lane.a, compliance, left);
+      lane.done = narrow(lane, compliance * sum.slip[l], left)
+                      ? lane.done
+                      : is_balanced(lane.a, left, compliance, sum.slip[l], sum.moment[0][l], sum.slope[l]);
       all_done = all_done && lane.done;
     }
     if (all_done) break;
