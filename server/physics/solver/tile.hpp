@@ -56,6 +56,7 @@ struct TileOutputs {
   alignas(64) double second_mean_shear_stress[kLanes];  // second tangential component of mean_shear_stress  [Pa]
   alignas(64) double second_sliding_velocity[kLanes];   // second tangential component of sliding_velocity  [m/s]
   alignas(64) double second_velocity_jump_new[kLanes];  // second tangential component of velocity_jump_new  [m/s]
+  alignas(64) double film_thickness[kLanes];            // liquid at the end of the step; only with a melt film  [m]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
 };
