@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/physics/solver/melting/melt_film.hpp"
 #include "tests/support/invariants/answered.hpp"
 #include "tests/support/invariants/broken.hpp"
+#include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
 
@@ -30,17 +32,25 @@ inline void require_film(const Rig& rig, const Answered& a, int lane, double con
                "thickness of the film");
   if (a.pressure <= 0.0) return;
   const MeltFilmOptions& film = *rig.model.options().melt_film;
-  const double T_melt = at_pressure(rig.model.options().soft, a.pressure).melting_temperature;
+  const Material soft = at_pressure(rig.model.options().soft, a.pressure);
+  const double T_melt = soft.melting_temperature;
+  const double latent = latent_rise(film, soft), diffused = soft.diffusivity * a.dt;
   const auto interface = static_cast<std::size_t>(rig.heat_grid().interface);
-  double compliance = 0.0;
+  double compliance = 0.0, grain = 0.0;
   for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
     const int vertex = static_cast<int>(i);
     const double T = std::max(T_melt, rig.trial[place(rig.model.layout().temperature, vertex, lane)]);
     const double eta = film.viscosity * std::exp(film.activation_energy / 8.31446261815324 * (1.0 / T - 1.0 / T_melt));
-    compliance += rig.heat_grid().weight[interface + i] * rig.liquid(vertex, lane) / eta;
+    const double weight = rig.heat_grid().weight[interface + i];
+    compliance += weight * rig.liquid(vertex, lane) / eta;
+    // The last digits of a temperature melt or freeze some metal, the more the less latent heat it has and the more of
+    // it is conducted in the step.
+    const double conducts = diffused / (weight * rig.heat_grid().width[std::min(interface + i, rig.heat_grid().width.size() - 1)]);
+    if (rig.liquid(vertex, lane) > 0.0) grain += weight / eta * kDigits * T / latent * (1.0 + conducts);
   }
+  grain += kDigits * a.heat / (soft.density * film.latent_heat * film.viscosity);
   const double sheared = std::abs(a.stress) * compliance;
-  const double noise = 1e-12 * (a.size() + sheared) + kProductOfDenormals;
+  const double noise = 1e-12 * (a.size() + sheared) + std::abs(a.stress) * grain + kProductOfDenormals;
   require(sheared <= std::abs(a.jump_new) + noise, "the film is sheared at {:.17g} m/s by a jump of {:.17g} m/s",
           sheared, a.jump_new);
   if (compliance > 0.0 && std::abs(a.stress) < contact)

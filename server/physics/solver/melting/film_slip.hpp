@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "server/physics/solver/flow/root_search.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
@@ -38,26 +39,37 @@ struct FilmSlip {
   template <class Respond>
   double root_most_slip(const Respond& respond) const {
     const auto spare = [&](double a) { return carried(respond(flux(a))) - a; };
-    double a = hottest;
-    double left = spare(a);
-    if (left < 0.0) return root_between(spare, 0.0, a, left);
+    double a = root_below_hottest(respond);
+    if (a < hottest || hottest >= stick) return a;
     // Beyond `hottest` the carried stress does not fall with the stress, so repeated insertion rises to the first root.
     constexpr int kMostInsertions = 100;
-    for (int i = 0; i < kMostInsertions && left > 1e-15 * a; ++i) {
+    double left = spare(a);
+    for (int i = 0; i < kMostInsertions && left > kRounding * a; ++i) {
       a = std::min(a + left, stick);
       left = spare(a);
     }
-    if (left <= 1e-15 * a || a >= stick) return a;
+    if (left <= kRounding * a || a >= stick) return a;
     const double last = spare(stick);
-    return last >= 0.0 ? stick : root_between(spare, a, stick, last);
+    return last >= 0.0 ? stick : RootBetween(a, left, stick, last).find(spare);
   }
 
-  // The root in [0, hottest], where `respond` is only an approximation; `hottest` if there is none.
+  // The root in [0, hottest]; `hottest` if there is none. The carried stress falls with the stress there, so that the
+  // root lies between the stress that is carried without heat and the one that is carried under the heat of that.
   template <class Respond>
   double root_below_hottest(const Respond& respond) const {
     const auto spare = [&](double a) { return carried(respond(flux(a))) - a; };
-    const double left = spare(hottest);
-    return left >= 0.0 ? hottest : root_between(spare, 0.0, hottest, left);
+    double top = std::min(hottest, carried(respond(0.0)));
+    double above = top > 0.0 ? spare(top) : 0.0;
+    if (above >= 0.0) return top;
+    double bottom = std::max(top + above, kLeast * top);
+    double below = spare(bottom);
+    while (below > 0.0 && top > 4.0 * bottom) {  // they may be many powers of ten apart
+      const double middle = std::sqrt(bottom) * std::sqrt(top);
+      const double at = spare(middle);
+      (at > 0.0 ? bottom : top) = middle;
+      (at > 0.0 ? below : above) = at;
+    }
+    return below > 0.0 ? RootBetween(bottom, below, top, above).find(spare) : bottom;
   }
 
   SolidContact contact;
@@ -69,15 +81,20 @@ struct FilmSlip {
   double hottest;    // stress of most heat, at most `stick`          [Pa]
 
  private:
-  template <class Spare>
-  double root_between(const Spare& spare, double lo, double hi, double spare_hi) const {
-    const double spare_lo = spare(lo);
-    if (!(spare_lo > 0.0)) return lo;
-    RootSearch search(lo, -spare_lo, hi, -spare_hi, hi, 0.5 * (lo + hi));
-    while (!search.update(-spare(search.at()))) {
+  static constexpr double kRounding = 1e-15;  // relative rounding of a stress
+  static constexpr double kLeast = 1e-200;    // least root that is looked for, relative to an upper bound
+
+  // Finds the zero of a function that is positive at `lo` and negative at `hi`.
+  struct RootBetween {
+    RootBetween(double lo, double at_lo, double hi, double at_hi) : search(lo, -at_lo, hi, -at_hi, hi, 0.5 * (lo + hi)) {}
+    template <class Spare>
+    double find(const Spare& spare) {
+      while (!search.update(-spare(search.at()))) {
+      }
+      return search.at();
     }
-    return search.at();
-  }
+    RootSearch search;
+  };
 };
 
 }  // namespace shearbus::physics

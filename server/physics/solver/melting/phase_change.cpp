@@ -52,7 +52,7 @@ void PhaseChange::read(const Problem& problem, const HeatOperator& heat, const M
     v.heat = t + v.latent * f;
     v.source = 0.0;
     const double weight = problem.heat_grid.weight[first + i];
-    v.fluidity = weight * (f > 0.0 ? fluidity(film, soft, T[i * kLanes]) : 1.0 / film.viscosity);
+    v.fluidity = weight * (f > 0.0 || t > melt_ ? fluidity(film, soft, T[i * kLanes]) : 1.0 / film.viscosity);
     v.phase = f >= 1.0 ? Phase::kLiquid : f > 0.0 || t > melt_ ? Phase::kMelting : Phase::kSolid;
     if (v.phase != Phase::kSolid) last_ = static_cast<int>(i);
   }
