@@ -119,7 +119,8 @@ constexpr ColumnCondition kHasTangent = {
     wire::Code::kUnsupported,
     "is of steps whose stress is given by one balance; those of a scene with tolerance, time_integrator = \"sdirk2\", "
     "two "
-    "tangential components, layer.inertia, interface.plastic_layer, velocity_driven.taylor_quinney_factor or drive = "
+    "tangential components, layer.inertia, interface.plastic_layer, [melt_film], velocity_driven.taylor_quinney_factor "
+    "or drive = "
     "\"interface_slip\" are given by several, or by one that the derivative does not cover",
     "Leave it out, or compare two trial steps."};
 
@@ -153,6 +154,10 @@ constexpr std::array kConditions = {
                     "Leave it out; the stress at the end of the step is in shear_stress_pa."},
     kHasTangent<Field::kStressPerJump>,
     kHasTangent<Field::kStressPerPressure>,
+    ColumnCondition{Field::kFilmThickness, wire::Kind::kOutput,
+                    [](const physics::ModelOptions& options) { return options.melt_film.has_value(); },
+                    wire::Code::kUnsupported, "is of scenes with the table [melt_film], and in this one nothing melts",
+                    "Leave it out, or open the session with a scene that has the table."},
     ColumnCondition{Field::kErrorEstimate, wire::Kind::kOutput,
                     [](const physics::ModelOptions& options) { return options.tolerance.has_value(); },
                     wire::Code::kUnsupported,

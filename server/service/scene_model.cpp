@@ -178,6 +178,12 @@ SceneModel convert(v1::Scene& scene) {
     fill_junctions(*scene.mutable_junctions(), options.soft);
     options.junctions = junctions_of(scene.junctions(), options);
   }
+  if (scene.has_melt_film()) {
+    const v1::MeltFilm& film = scene.melt_film();
+    options.melt_film = physics::MeltFilmOptions{.latent_heat = film.latent_heat_j_per_kg(),
+                                                 .viscosity = film.viscosity_pa_s(),
+                                                 .activation_energy = film.activation_energy_j_per_mol()};
+  }
   if (scene.has_tolerance()) {
     options = physics::discretised(options, scene.tolerance());
     if (!scene.has_work_budget()) scene.set_work_budget(physics::kWorkBudget);

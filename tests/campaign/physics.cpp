@@ -104,6 +104,10 @@ std::vector<Physics> all_physics() {
     o.time_integrator = TimeIntegrator::kSdirk2;
     return o;
   };
+  const auto melting = [](ModelOptions o) {
+    o.melt_film = MeltFilmOptions{.latent_heat = 397e3, .viscosity = 1.25e-3, .activation_energy = 16.5e3};
+    return o;
+  };
   ModelOptions modes = force;
   modes.modes = {.accuracy = 1e-4, .shortest_step = 1e-12, .longest_time = 1e-3};
   ModelOptions slab_modes = modes;
@@ -139,6 +143,8 @@ std::vector<Physics> all_physics() {
                               {"force, junctions", junctions},
                               {"force, weakening", weakening},
                               {"force, two-sided", two_sided(force)},
+                              {"force, melt film", melting(two_sided(force))},
+                              {"force, melt film, T_melt(P)", melting(two_sided(under_pressure(force)))},
                               {"force, T_melt(P), plastic layer", under_pressure(plastic_layer)},
                               {"force, Johnson-Cook", johnson_cook(force)},
                               {"force, Johnson-Cook, plastic layer", johnson_cook(plastic_layer)},

@@ -26,6 +26,7 @@ ModelOptions linearised_options(Draw& draw, Strategy strategy) {
   options.time_integrator = TimeIntegrator::kBackwardEuler;
   options.taylor_quinney_factor.reset();
   options.plastic_layer = false;
+  options.melt_film.reset();
   EXPECT_TRUE(Model::can_linearise(options));
   return options;
 }

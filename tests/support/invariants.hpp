@@ -16,6 +16,7 @@
 #include "tests/support/invariants/heat_of_work.hpp"
 #include "tests/support/invariants/interface_law.hpp"
 #include "tests/support/invariants/layer_slip.hpp"
+#include "tests/support/invariants/melt_film.hpp"
 #include "tests/support/invariants/temperatures.hpp"
 
 namespace shearbus::testing {
@@ -49,6 +50,7 @@ inline void require_invariants(const Rig& rig, int lane, double dt, Figures& fig
   } else {
     require_interface_law(options, a, figures);
     if (options.plastic_layer) require_flowing_slip(rig, a, lane, figures);
+    if (options.melt_film) require_film(rig, a, lane, interface_limits(options, a, a.size()).lower, figures);
   }
   ++figures.node_steps;
   ++figures.in_regime[static_cast<std::size_t>(a.regime)];

@@ -155,6 +155,19 @@ class Rig {
     for (std::size_t i = 0; i < T.size(); ++i) {
       sum += heat_grid_.capacity(static_cast<int>(i), model.options().soft, model.options().hard) * (T[i] - reference);
     }
+    if (!model.options().melt_film) return sum;
+    return sum + model.options().soft.density * model.options().melt_film->latent_heat * film_thickness_of(tile, lane);
+  }
+
+  // Returns the fraction of the metal at a vertex of the soft body that is liquid, for a model with a melt film.
+  double liquid(int vertex, int lane = 0) const { return committed[place(model.layout().liquid_fraction, vertex, lane)]; }
+  // Returns the thickness of the melt  [m].
+  double film_thickness(int lane = 0) const { return film_thickness_of(committed, lane); }
+  double film_thickness_of(const std::vector<double>& tile, int lane) const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < model.layout().num_vertices; ++i)
+      sum += heat_grid_.weight[heat_grid_.interface + i] *
+             tile[place(model.layout().liquid_fraction, static_cast<int>(i), lane)];
     return sum;
   }
 
@@ -196,6 +209,8 @@ class Rig {
       for (int i = 0; i < model.grid().num_vertices(); ++i) state.heat_shape.push_back(heat_shape(i, lane));
     }
     const TileLayout& layout = model.layout();
+    for (std::size_t i = 0; i < layout.num_vertices && layout.liquid_fraction != TileLayout::kAbsent; ++i)
+      state.liquid_fraction.push_back(liquid(static_cast<int>(i), lane));
     for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
       state.layer_velocity.push_back(committed[layout.layer_velocity + i * kLanes + lane]);
     for (std::size_t i = 0; i < layout.num_stress_vertices && layout.num_velocity_cells > 0; ++i)

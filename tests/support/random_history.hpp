@@ -56,6 +56,14 @@ inline void random_state(Draw& draw, Rig& rig) {
       for (int i = 0; i < grid.num_vertices(); ++i) set(layout.heat_shape, i, 0.0);
       set(layout.heat_shape, draw.integer(0, grid.num_vertices() - 1), *options.taylor_quinney_factor);
     }
+    if (layout.liquid_fraction != TileLayout::kAbsent && draw.chance(0.6)) {
+      // A film from z = 0 on, or behind vertices that have frozen, whose outermost vertex melts.
+      const int last = draw.integer(0, std::max(0, static_cast<int>(layout.num_vertices) - 2));
+      for (int i = draw.chance(0.7) ? 0 : draw.integer(0, last); i <= last; ++i) {
+        set(layout.liquid_fraction, i, i < last ? 1.0 : draw.uniform(0.0, 1.0));
+        set(layout.temperature, i, i < last ? T_melt + draw.uniform(0.0, 300.0) : T_melt);
+      }
+    }
     set(layout.regime, 0, draw.integer(0, 4));
     if (layout.sticking != TileLayout::kAbsent) set(layout.sticking, 0, draw.chance(0.5) ? 1.0 : 0.0);
     if (layout.junction_strain != TileLayout::kAbsent) set(layout.junction_strain, 0, draw.log_uniform(1e-6, 1e3));

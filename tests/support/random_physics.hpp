@@ -226,16 +226,42 @@ inline ModelOptions random_two_component_options(Draw& draw, Strategy strategy, 
   return options;
 }
 
+// Draws options with a melt film, combined with options that are valid together with it.
+inline ModelOptions random_melting_options(Draw& draw, bool extreme) {
+  ModelOptions options;
+  do {
+    options = random_options(draw, Strategy::kForceDriven, extreme);
+    options.plastic_layer = false;
+    options.junctions.reset();
+    options.modes.reset();
+    options.time_integrator = TimeIntegrator::kBackwardEuler;
+    options.melt_film =
+        MeltFilmOptions{.latent_heat = draw.log_uniform(extreme ? 1.0 : 1e4, extreme ? 1e8 : 1e6),
+                        .viscosity = draw.log_uniform(extreme ? 1e-9 : 1e-4, extreme ? 1e6 : 1.0),
+                        .activation_energy = draw.chance(0.5) ? 0.0 : draw.uniform(0.0, extreme ? 1e6 : 1e5)};
+    if (!options.hard_grid) options = two_sided(options);
+    if (draw.chance(0.2)) options.grid.far_boundary = options.hard_grid->far_boundary = FarBoundary::kIsothermal;
+    if (draw.chance(0.2)) options.tangential_components = extreme ? 1 : 2;
+  } while (!refusals(options).empty());
+  return options;
+}
+
 // The solver for which random_options() draws the options of a model.
-enum class Solver { kVelocityDriven, kForceDriven, kInertia };
+enum class Solver { kVelocityDriven, kForceDriven, kInertia, kMeltFilm };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
   if (solver == Solver::kInertia) return random_inertia_options(draw, extreme);
+  if (solver == Solver::kMeltFilm) {
+    ModelOptions options = random_melting_options(draw, extreme);
+    options.tangential_components = 1;
+    return options;
+  }
   return random_options(draw, solver == Solver::kForceDriven ? Strategy::kForceDriven : Strategy::kVelocityDriven,
                         extreme);
 }
 
 inline std::string name_of(Solver solver) {
+  if (solver == Solver::kMeltFilm) return "MeltFilm";
   return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
 

@@ -68,6 +68,8 @@ inline void require_agreement(const Rig& rig, const std::vector<double>& ep_old,
   for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
     require_near(rig.T(static_cast<int>(i), l), twin_state.temperature[i], 1e-9, "T of the soft body");
   }
+  for (std::size_t i = 0; i < twin_state.liquid_fraction.size(); ++i)
+    require_near(rig.liquid(static_cast<int>(i), l), twin_state.liquid_fraction[i], 1e-9, "liquid fraction");
   // Tolerance of heat_shape values: each is a ratio of strain increments of the step and has their relative error,
   // which is largest at the hottest vertex.
   const double share_noise = 1e-6 + 100.0 * noise / std::abs(twin.sliding_velocity) +

@@ -336,6 +336,7 @@ NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const N
     if (sdirk2) return velocity_driven_sdirk2(options, dt, inputs, state);
     return velocity_driven(options, dt, inputs, state, heat_of_step(options, dt, state, profile_of(state)));
   }
+  if (options.melt_film) return melting_force_driven(options, dt, inputs, state);
   if (options.plastic_layer) return flowing_force_driven(options, dt, inputs, state);
   NodeOutputs out;
   if (sdirk2 && force_driven_sdirk2(options, dt, inputs, state, out)) return out;

@@ -23,6 +23,7 @@ struct NodeState {
   Regime regime = Regime::kOpen;
   bool sticking = false;         // with a plastic layer: the interface did not slip at the end of the last step
   double junction_strain = 0.0;  // plastic strain of the junctions, ep_a
+  std::vector<double> liquid_fraction;  // with a melt film: at the soft body's heat vertices
 };
 
 struct NodeInputs {
@@ -43,6 +44,7 @@ struct NodeOutputs {
   double interface_temperature = 0.0;
   double velocity_jump_new = 0.0;
   double friction_heat = 0.0;
+  double film_thickness = 0.0;  // [m]
   Regime regime = Regime::kOpen;
   double error_estimate = 0.0;  // with a tolerance: estimated error of T0, relative to T_melt less the initial T
   bool first_order = false;     // backward Euler solved a step meant for SDIRK2 (force-driven: unless it sticks)

@@ -10,15 +10,11 @@
 
 namespace shearbus::physics::reference {
 
-namespace {
-
 HeatGrid heat_grid_of(const ModelOptions& options) {
   const Grid layer(options.grid);
   if (!options.hard_grid) return HeatGrid(layer, options.grid.far_boundary);
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
-
-}  // namespace
 
 double conducted_share(const ModelOptions& options) {
   return options.hard_grid ? 1.0 : heat_partition(options.soft, options.hard);
@@ -148,6 +144,10 @@ NodeState initial_state(const ModelOptions& options) {
     state.temperature.assign(1, options.initial_temperature);
   }
   state.plastic_strain.assign(grid.num_vertices(), 0.0);
+  if (options.melt_film) {
+    const bool molten = options.initial_temperature > options.soft.melting_temperature;
+    state.liquid_fraction.assign(state.temperature.size(), molten ? 1.0 : 0.0);
+  }
   if (options.taylor_quinney_factor) {
     for (double weight : grid.weight) {
       state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);

@@ -4,6 +4,7 @@
 #include <functional>
 #include <vector>
 
+#include "server/physics/layer/conduction.hpp"
 #include "server/physics/reference/advance_one.hpp"
 
 namespace shearbus::physics::reference {
@@ -23,6 +24,7 @@ struct Profile {
 };
 
 Profile profile_of(const NodeState& state);
+HeatGrid heat_grid_of(const ModelOptions& options);
 
 // Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid, 1 if both
 // bodies are.
@@ -61,6 +63,9 @@ double friction_coefficient(const ModelOptions& options, double pressure, double
 
 // The force-driven step of a node whose layer may flow and harden (MODEL.md, "Plastic layer").
 NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
+
+// The force-driven step of an interface that may melt (MODEL.md, "Melt film").
+NodeOutputs melting_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
 // The velocity-driven step of a layer with inertia, by backward Euler or by SDIRK2.
 NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state, bool sdirk2);

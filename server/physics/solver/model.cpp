@@ -168,6 +168,10 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
   for (std::size_t i = 0; i < layout.num_hard_vertices + layout.num_vertices; ++i) {
     std::copy_n(temperature, kLanes, tile + layout.first_temperature() + i * kLanes);
   }
+  if (layout.liquid_fraction != TileLayout::kAbsent) {
+    for (std::size_t i = 0; i < layout.num_vertices * kLanes; ++i)
+      tile[layout.liquid_fraction + i] = temperature[i % kLanes] > impl_->options.soft.melting_temperature ? 1.0 : 0.0;
+  }
   if (layout.heat_shape == TileLayout::kAbsent) return;
   // heat_shape (share of the plastic work that heats each vertex) begins as in a layer that flows uniformly.
   for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {

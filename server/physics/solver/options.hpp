@@ -26,6 +26,13 @@ inline constexpr int kMaxSleepCells = 900;  // largest number of cells of both b
 // before it, down to a depth of 1000 layer thicknesses.
 static_assert(kMaxSleepCells + 2 * 125 <= kMaxBasisVertices);
 
+// A film of molten metal at the interface (MODEL.md, "Melt film").
+struct MeltFilmOptions {
+  double latent_heat = 0.0;        // latent heat of fusion L of the soft body  [J/kg]
+  double viscosity = 0.0;          // eta of the liquid at its melting temperature  [Pa s]
+  double activation_energy = 0.0;  // E of eta(T) = eta exp(E/R (1/T - 1/T_melt)); 0: constant viscosity  [J/mol]
+};
+
 struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;
   Material soft;
@@ -43,6 +50,9 @@ struct ModelOptions {
   InterfaceOptions interface;                  // force-driven: law of the interface
   bool plastic_layer = false;                  // force-driven: in addition to the slip, the layer flows and hardens
   std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: the bodies touch only at junctions
+  // The soft body melts at z = 0 and the melt carries the stress. Only force-driven with a conducting hard body. Absent:
+  // friction vanishes as the interface approaches T_melt, and nothing melts.
+  std::optional<MeltFilmOptions> melt_film;
 
   // Largest error of T0 relative to T_melt - initial_temperature. A step is divided into substeps until its estimated
   // error is smaller. Absent: steps are not divided for accuracy. discretised() chooses a grid and methods that fit.

@@ -43,6 +43,9 @@ void give_typical_melting(Material& metal) {
   metal.simon_exponent = 2.0;
 }
 
+// The melt of aluminium, roughly: latent heat and viscosity near its melting temperature.
+constexpr MeltFilmOptions kTypicalMelt{.latent_heat = 4e5, .viscosity = 1e-3, .activation_energy = 0.0};
+
 // Sets of properties, each used by several entries of kParts.
 constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
@@ -286,6 +289,16 @@ constexpr std::array kParts = {
          .equation = "Simon, Glatzel 1929",
          .adds = "the melting temperature follows a measured curve T0 (1 + P/a)^(1/c)",
          .when = "metals with a measured melting curve; T0 is then that of the curve, not that of the flow law"},
+    Part{.property = kMeltFilm,
+         .key = "melt_film",
+         .is_on = [](const ModelOptions& o) { return o.melt_film.has_value(); },
+         .set = [](ModelOptions& o,
+                   bool on) { o.melt_film = on ? std::optional<MeltFilmOptions>(kTypicalMelt) : std::nullopt; },
+         .goes_with = kUnderPressure | Properties{kForceDriven, kConductingHardBody, kTwoComponents, kIsothermalEnd,
+                                                  kSimonMelting},
+         .equation = "latent heat; s = [v] / integral(dz/eta)",
+         .adds = "the soft body melts at the interface, and the melt carries the stress",
+         .when = "fast slip that goes on after the interface has reached its melting temperature"},
 };
 static_assert(kParts.size() == kProperties);
 static_assert([] {
@@ -372,6 +385,33 @@ constexpr std::array kExclusions = {
     Exclusion{kIsothermalEnd, kTolerance,
               "the grid and the error estimate are those of bodies that keep their heat or lose it to infinity"},
     Exclusion{kSimonMelting, kMeltingCurve, "a body has one melting curve"},
+    // A melt film needs the profile of a body that can melt, the heat of each body on its own, and a contact that is
+    // solid up to melting.
+    Exclusion{kMeltFilm, kVelocityDriven,
+              "the stress of a velocity-driven layer is that of its flow, which carries nothing at melting"},
+    Exclusion{kMeltFilm, kFixedHeatShare,
+              "the fixed share of the hard body is that of heat conducted into two half-spaces, and the latent heat "
+              "stays in one of them: give the table [hard_layer]"},
+    Exclusion{kMeltFilm, kPlasticLayer,
+              "the flow stress of the layer vanishes before the interface melts, so that the layer takes the slip of "
+              "the film"},
+    Exclusion{kMeltFilm, kJunctions, "a film carries the stress on the whole area, junctions on a fraction of it"},
+    Exclusion{kMeltFilm, kSlipDependentFriction,
+              "friction that depends on slip is solved for before the film is known"},
+    Exclusion{kMeltFilm, kTemperatureDependentFriction,
+              "that friction vanishes at melting, so that the interface would not melt"},
+    Exclusion{kMeltFilm, kFirstOrderFlow,
+              "the strength of the solid contact up to melting is that of steinberg_cochran_guinan"},
+    Exclusion{kMeltFilm, kFlowWithoutWaveReturn,
+              "the strength of the solid contact up to melting is that of steinberg_cochran_guinan"},
+    Exclusion{kMeltFilm, kFlowWithoutPressureTerm,
+              "the strength of the solid contact up to melting is that of steinberg_cochran_guinan"},
+    Exclusion{kMeltFilm, kFrictionWithState, "no solver advances the state of a friction law yet"},
+    Exclusion{kMeltFilm, kSecondOrder, "a front that moves is followed to first order"},
+    Exclusion{kMeltFilm, kModes, "modes keep no temperature inside the body, where the front is"},
+    Exclusion{kMeltFilm, kSleep, "the modes of a sleeping node are those of a body that neither melts nor freezes"},
+    Exclusion{kMeltFilm, kTolerance,
+              "the error is estimated from the interface temperature, which does not change while the interface melts"},
 };
 
 // A check of one option alone: returns a refusal, or nothing if the value of the option is allowed.

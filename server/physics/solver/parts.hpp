@@ -45,8 +45,9 @@ enum class Property : std::uint8_t {
   kFrictionWithState,
   kIsothermalEnd,
   kSimonMelting,
+  kMeltFilm,
 };
-inline constexpr int kProperties = 25;
+inline constexpr int kProperties = 26;
 
 class Properties {
  public:

@@ -8,6 +8,7 @@
 #include "server/physics/solver/force_driven/flowing_step.hpp"
 #include "server/physics/solver/force_driven/stages.hpp"
 #include "server/physics/solver/force_driven/step.hpp"
+#include "server/physics/solver/melting/film_step.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/velocity_driven/at_rest.hpp"
 #include "server/physics/solver/velocity_driven/balance.hpp"
@@ -23,6 +24,7 @@ AdvanceTile solver_of(const ModelOptions& options) {
     if (options.inertia) return second_order ? advance_with_inertia_sdirk2 : advance_with_inertia;
     return second_order ? advance_velocity_driven_sdirk2 : advance_velocity_driven;
   }
+  if (options.melt_film) return advance_force_driven_melting;
   if (options.plastic_layer) return advance_force_driven_flowing;
   return second_order ? advance_force_driven_sdirk2 : advance_force_driven;
 }
@@ -118,6 +120,7 @@ void keep_lane(const Problem& problem, const TileInputs& inputs, const double* c
   outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
   outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);
   outputs.friction_heat[lane] = 0.0;
+  if (problem.options.melt_film) outputs.film_thickness[lane] = film_thickness(problem, committed, lane);
   outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
   outputs.outcome[lane] = kFailed;
 }
@@ -130,7 +133,9 @@ double interface_temperature(const Problem& problem, const double* tile, int lan
 StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered) {
   if (problem.basis) return stored_heat_with_sleep(problem, committed, trial, entered);
   const std::size_t first = problem.layout.first_temperature();
-  return stored_in_rows(problem, committed + first, trial + first, entered);
+  StoredHeat stored = stored_in_rows(problem, committed + first, trial + first, entered);
+  if (problem.options.melt_film) add_latent_heat(problem, committed, trial, stored.soft);
+  return stored;
 }
 
 }  // namespace shearbus::physics

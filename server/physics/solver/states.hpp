@@ -73,6 +73,8 @@ class TileLayout : public StateList {
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
   std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
+  // Fraction of the metal at each vertex of the soft body that is liquid (MODEL.md, "Melt film").
+  std::size_t liquid_fraction = add("liquid_fraction", "1", options_->melt_film ? num_vertices : 0);
   // Two values: the number of steps at rest, and the number of modes that have not decayed (0: the node is awake).
   std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);
   // For a sleeping node whose layer can flow: the temperature of the hottest vertex, and the plastic strain of the

@@ -60,6 +60,7 @@ struct TileOutputs {
   alignas(64) double time_to_melting[kLanes];      // time after the step to T0 = T_melt at the rate of the step  [s]
   alignas(64) double second_sliding_velocity[kLanes];   // second tangential component of sliding_velocity  [m/s]
   alignas(64) double second_velocity_jump_new[kLanes];  // second tangential component of velocity_jump_new  [m/s]
+  alignas(64) double film_thickness[kLanes];            // liquid at the end of the step; only with a melt film  [m]
   Regime regime[kLanes];
   std::uint8_t outcome[kLanes];
 };

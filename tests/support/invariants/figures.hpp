@@ -17,6 +17,7 @@ struct Figures {
   long several = 0;                 // number of node-steps whose equations have several solutions
   long flowing = 0;                 // number of node-steps in which a plastic layer carries a stress
   long flowing_resolved = 0;        // number of node-steps of `flowing` in which rounding errors do not hide the slip
+  long films = 0;                   // number of node-steps that ended with liquid in a closed contact
   double heat_residual = 0.0;       // largest residual of the heat balance, relative to the stored heat
   double nearest_melting = std::numeric_limits<double>::infinity();  // smallest |T_melt - T| of a vertex [K]
   double over_limit = 0.0;  // largest excess of a stress over its limit, relative to the limit
@@ -28,6 +29,7 @@ struct Figures {
     several += other.several;
     flowing += other.flowing;
     flowing_resolved += other.flowing_resolved;
+    films += other.films;
     heat_residual = std::max(heat_residual, other.heat_residual);
     nearest_melting = std::min(nearest_melting, other.nearest_melting);
     over_limit = std::max(over_limit, other.over_limit);

@@ -7,6 +7,7 @@
 
 #include "server/physics/reference/parts.hpp"
 #include "tests/support/invariants/answered.hpp"
+#include "tests/support/invariants/melt_film.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
@@ -36,7 +37,8 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
   }
   const auto limit = [&](double yield, double T) {
     const double mu = reference::friction_coefficient(options, a.pressure, T, std::abs(a.slip));
-    return std::min(mu * a.pressure, yield * softening(soft, a.pressure, T).g / kSqrt3);
+    const double g = options.melt_film ? solid_softening(soft, a.pressure, T) : softening(soft, a.pressure, T).g;
+    return std::min(mu * a.pressure, yield * g / kSqrt3);
   };
   return {limit(strength.lower, a.T0 * (1 + kDigits)) * (1 - 1e-10),
           limit(strength.upper, a.T0 * (1 - kDigits)) * (1 + 1e-10)};

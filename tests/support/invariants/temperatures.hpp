@@ -9,6 +9,7 @@
 
 #include "tests/support/invariants/answered.hpp"
 #include "tests/support/invariants/broken.hpp"
+#include "tests/support/invariants/melt_film.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
@@ -37,6 +38,8 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
   if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);
   const double hottest = *std::max_element(before.begin(), before.end());
   const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
+  // Metal that a fallen melting temperature has left above it melts, and cools to it.
+  if (options.melt_film) coldest = std::min(coldest, T_melt);
   for (std::size_t i = 0; i < after.size(); ++i) {
     const double T = after[i];
     const int vertex = static_cast<int>(i) - static_cast<int>(interface);
@@ -50,6 +53,8 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
       const double there_was = std::max(hottest, a.in_parts() || second_order ? std::max(T_melt, a.T0) : a.T0);
       require(T <= there_was * (second_order ? 1.1 : 1 + 1e-14) + grain,
               "vertex {} heats to {:.17g} K above all there was", vertex, T);
+    } else if (options.melt_film) {
+      require_phase(T, rig.liquid(vertex, lane), T_melt);
     } else {
       require_solid(T, T_melt, hottest + grain, figures);
     }

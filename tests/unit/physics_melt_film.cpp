@@ -1,0 +1,95 @@
+// The melt film of a force-driven interface (server/physics/MODEL.md, "Melt film").
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "server/physics/solver/parts.hpp"
+#include "tests/support/invariants.hpp"
+#include "tests/support/twin.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+constexpr double kPressure = 11.2e9;
+
+ModelOptions melting_options(int cells = 40, double grading = 1.12) {
+  ModelOptions options = graded(paper_options(Strategy::kForceDriven), cells, grading);
+  options.grid.far_boundary = FarBoundary::kHalfSpace;
+  options = two_sided(options);
+  options.melt_film = MeltFilmOptions{.latent_heat = 397e3, .viscosity = 1.25e-3, .activation_energy = 16.5e3};
+  return options;
+}
+
+// Steps an interface whose jump is imposed: the bodies are so heavy that no stress changes it.
+void impose(Rig& rig, double jump, double pressure = kPressure) {
+  rig.set_all(jump, pressure);
+  for (int l = 0; l < kLanes; ++l) rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = 1e12;
+}
+
+// The states of a pulse: the jump rises to 300 m/s, stays, falls to 0.
+double pulse(double t) {
+  constexpr double kRise = 50e-9, kEnd = 400e-9;
+  return 300.0 * std::clamp(std::min(t, kEnd - t) / kRise, 0.0, 1.0);
+}
+
+TEST(PhysicsMeltFilm, ScenesWithoutItHaveNoStateOfIt) {
+  ModelOptions options = melting_options();
+  const Rig with(options);
+  options.melt_film.reset();
+  const Rig without(options);
+  EXPECT_EQ(without.model.layout().liquid_fraction, TileLayout::kAbsent);
+  EXPECT_EQ(with.model.layout().doubles,
+            without.model.layout().doubles + with.model.layout().num_vertices * kLanes);
+}
+
+// Until the interface melts the step is that of a solid contact whose strength does not fall near T_melt.
+TEST(PhysicsMeltFilm, TheSolidContactKeepsItsStrengthUpToMelting) {
+  Rig rig(melting_options());
+  impose(rig, 100.0);
+  double last = 0.0;
+  for (int n = 0; n < 4000 && rig.film_thickness() == 0.0; ++n) {
+    rig.step(1e-9);
+    if (rig.film_thickness() > 0.0) break;
+    const double bracket = 1.0 + 6.52e-11 * kPressure - 6.16e-4 * (rig.T(0) - 300.0);
+    EXPECT_NEAR(rig.stress(), 200e6 / kSqrt3 * bracket, 1e-3);
+    last = rig.T(0);
+  }
+  EXPECT_GT(last, 1215.0);
+  EXPECT_GT(rig.film_thickness(), 0.0);
+}
+
+TEST(PhysicsMeltFilm, InvariantsAndTwinHoldThroughAPulse) {
+  for (const double dt : {0.25e-9, 1e-9, 4e-9}) {
+    Rig rig(melting_options(16, 1.3));
+    Figures figures;
+    Worst worst;
+    int compared = 0;
+    for (int n = 1; n * dt < 450e-9; ++n) {
+      impose(rig, pulse(n * dt));
+      const bool compares = n % 61 == 0;
+      reference::NodeState state = rig.node_state(0);
+      const std::vector<double> strain = state.plastic_strain;
+      const reference::NodeInputs inputs = rig.node_inputs(0);
+      rig.step(dt);
+      try {
+        require_invariants(rig, 0, dt, figures);
+        if (compares) {
+          const reference::NodeOutputs twin = reference::advance_one(rig.model.options(), dt, inputs, state);
+          require_agreement(rig, strain, twin, state, 0, dt, worst);
+          ++compared;
+        }
+      } catch (const Broken& broken) {
+        FAIL() << "dt " << dt << ", step " << n << ": " << broken.what();
+      }
+    }
+    std::printf("dt %g: films %ld of %ld, compared %d: worst s %.1e, T0 %.1e K, heat %.1e\n", dt, figures.films,
+                figures.node_steps, compared, worst.stress, worst.temperature, figures.heat_residual);
+    EXPECT_GT(figures.films, 50e-9 / dt);
+    EXPECT_EQ(rig.film_thickness(), 0.0);
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing
