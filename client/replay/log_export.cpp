@@ -262,7 +262,7 @@ class TableWriter {
   TableWriter& operator=(const TableWriter&) = delete;
   ~TableWriter() {
     if (file_ == nullptr) return;
-    std::fclose(file_);
+    static_cast<void>(std::fclose(file_));
     std::error_code ignored;
     std::filesystem::remove(partial_, ignored);
   }

@@ -163,6 +163,7 @@ class LogReplay {
     else
       peer_ = std::make_unique<ServerPeer>(options_.server, record);
     std::vector<std::unique_ptr<Replayed>> sessions;
+    sessions.reserve(files.size());
     for (const fs::path& file : files) sessions.push_back(std::make_unique<Replayed>(file));
     const auto start = Clock::now();
     wire::stop_at_next_step();

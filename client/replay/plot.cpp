@@ -30,6 +30,7 @@ fs::path script() {
 
 void run(std::vector<std::string> words) {
   std::vector<char*> arguments;
+  arguments.reserve(words.size() + 1);
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
   static_cast<void>(std::fflush(stdout));

@@ -122,8 +122,9 @@ MemoryTable resampled(Table& table, Rows rows, double dt_s) {
     const double parts = dt_s > 0 ? std::max(1.0, std::ceil(length / dt_s * (1 - 1e-9))) : 1.0;
     if (static_cast<double>(made.times.size()) + parts > 1e8)
       throw Error({.code = Code::kLimit, .text = fmt::format("--dt {} s makes more than 1e8 steps", dt_s)});
-    for (double part = 1; part <= parts; ++part) {
-      made.times.push_back(part == parts ? times[i] : begin + length * (part / parts));
+    const int count = static_cast<int>(parts);  // at most 1e8
+    for (int part = 1; part <= count; ++part) {
+      made.times.push_back(part == count ? times[i] : begin + length * (part / parts));
       made.dts.push_back(length / parts);
       row_of.push_back(i);
     }
@@ -132,10 +133,11 @@ MemoryTable resampled(Table& table, Rows rows, double dt_s) {
     const double parts = std::ceil((times.back() - made.start) / dt_s * (1 - 1e-9));
     if (parts > 1e8)
       throw Error({.code = Code::kLimit, .text = fmt::format("--dt {} s makes more than 1e8 steps", dt_s)});
-    for (double part = 1; part <= parts; ++part) {
+    const int count = static_cast<int>(parts);
+    for (int part = 1; part <= count; ++part) {
       const double before = made.times.empty() ? made.start : made.times.back();
-      made.times.push_back(part == parts ? times.back() : made.start + part * dt_s);
-      made.dts.push_back(part == parts ? made.times.back() - before : dt_s);
+      made.times.push_back(part == count ? times.back() : made.start + part * dt_s);
+      made.dts.push_back(part == count ? made.times.back() - before : dt_s);
     }
   }
   const std::size_t nodes = table.nodes();

@@ -204,7 +204,7 @@ void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
   } catch (const Error& refusal) {
     const Code code = refusal.status().code;
     // the first error explains the restart, or that another client has the session
-    if (code == Code::kUnknownSession || (superseded && code == Code::kSuperseded)) throw fault;
+    if (code == Code::kUnknownSession || (superseded && code == Code::kSuperseded)) throw Error(fault);
     throw;
   }
   const std::uint64_t stands_at = body_of<wire::SessionResumed>(where).last_sequence;
@@ -245,12 +245,13 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
 }
 
 const StepResult& Session::Impl::exchange_step(wire::Request request) {
-  // exchange() leaves the request as it was sent.
+  // exchange() leaves the request as it was sent. NOLINTBEGIN(bugprone-use-after-move)
   Received received = exchange(std::move(request), [](Received& reply) { body_of<wire::Upscale>(reply); });
   previous_committed = false;
   if (closure)
     closure->answered(request.batch, received.reply.batch, body_of<wire::Upscale>(received), step_options,
                       std::get<wire::Downscale>(request.body).mode);
+  // NOLINTEND(bugprone-use-after-move)
   result.payload_frame_ = std::move(received.payload_frame);
   result.reply_ = std::move(received.reply);
   result.round_trip_ = received.round_trip;

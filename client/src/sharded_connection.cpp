@@ -201,12 +201,12 @@ Received ShardedConnection::open(const wire::Request& request) {
       status.code = Code::kUnknownOutcome;  // the others have opened it: the same call goes on
       throw Error(std::move(status));
     }
-    throw *unsettled;
+    throw Error(*unsettled);
   }
   if (refusal != nullptr) {
     const Error fault = *refusal;
     undo_opening();
-    throw fault;
+    throw Error(fault);
   }
   std::vector<std::unique_ptr<Session::Impl>> sessions;
   Received joined;

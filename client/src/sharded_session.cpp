@@ -318,10 +318,10 @@ void ShardedSession::settle() {
   }
   if (!unsettled) return;
   const Code code = unsettled->status().code;
-  if (code != Code::kUnreachable && code != Code::kAuth) throw *unsettled;
+  if (code != Code::kUnreachable && code != Code::kAuth) throw Error(*unsettled);
   if (!may_have_run) {
     operation_.reset();
-    throw *unsettled;
+    throw Error(*unsettled);
   }
   wire::Status status = unsettled->status();
   status.code = Code::kUnknownOutcome;
@@ -373,7 +373,7 @@ Received ShardedSession::complete() {
   const Error refusal = *operation_->refusal;
   place(node_ids_);  // an undone change of the nodes may have changed their order on a shard
   operation_.reset();
-  throw refusal;
+  throw Error(refusal);
 }
 
 // Decides what follows the answers of all shards. Returns true if further requests were sent.
@@ -763,7 +763,7 @@ Received ShardedSession::close(const wire::Request& request) {
       }
     }
   }
-  if (fault) throw *fault;
+  if (fault) throw Error(*fault);
   wire::SessionClosed totals;
   for (Shard& shard : shards_) {
     const auto& one = body_of<wire::SessionClosed>(*shard.reply);

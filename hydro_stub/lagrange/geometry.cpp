@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 
 namespace shearbus::lagrange {
 namespace {
@@ -48,7 +49,7 @@ void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geom
     geometry.area[zone] = area_of(x);
     if (!axisymmetric) {
       for (int k = 0; k < 4; ++k) b[k] = 0.5 * right_of(x[(k + 1) % 4] - x[(k + 3) % 4]);
-      std::ranges::copy(b, geometry.gradient_weight.begin() + 4 * zone);
+      std::ranges::copy(b, geometry.gradient_weight.begin() + std::ptrdiff_t{4} * zone);
       geometry.volume[zone] = geometry.area[zone];
       continue;
     }
@@ -60,8 +61,8 @@ void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geom
       b[k] += (2.0 * x[k].x + x[next].x) * normal;
       b[next] += (x[k].x + 2.0 * x[next].x) * normal;
     }
-    std::ranges::copy(b, geometry.gradient_weight.begin() + 4 * zone);
-    std::ranges::copy(shape, geometry.hoop_weight.begin() + 4 * zone);
+    std::ranges::copy(b, geometry.gradient_weight.begin() + std::ptrdiff_t{4} * zone);
+    std::ranges::copy(shape, geometry.hoop_weight.begin() + std::ptrdiff_t{4} * zone);
     geometry.volume[zone] = volume_about_axis(x, shape);
   }
 }

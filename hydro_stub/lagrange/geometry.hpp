@@ -55,8 +55,8 @@ void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::v
 inline Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity,
                                   int zone) {
   const int* n = mesh.zone_nodes(zone);
-  const Vec2* b = geometry.gradient_weight.data() + 4 * zone;
-  const double* h = geometry.hoop_weight.data() + 4 * zone;
+  const Vec2* b = geometry.gradient_weight.data() + std::ptrdiff_t{4} * zone;
+  const double* h = geometry.hoop_weight.data() + std::ptrdiff_t{4} * zone;
   Gradient g{};
   for (int k = 0; k < 4; ++k) {
     const Vec2 v = velocity[n[k]];
