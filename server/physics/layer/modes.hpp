@@ -82,6 +82,7 @@ void conduct(const ModeOperator& heat, int num_rows, const double* before, doubl
 void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows);
 void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);
 void add_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows);
-void add_early_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows);
+// Adds the response to the flux q_early, in all lanes.
+void add_early_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);
 
 }  // namespace shearbus::physics
