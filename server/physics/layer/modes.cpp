@@ -228,7 +228,7 @@ ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : 
   }
 }
 
-void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after) {
+void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after, std::ptrdiff_t /*next*/) {
   double* T0 = after + (std::ptrdiff_t{num_rows} - 1) * kLanes;
   std::copy_n(before, kLanes, T0);
   std::copy_n(before, kLanes, after);

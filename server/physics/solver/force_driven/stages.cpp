@@ -136,7 +136,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   }
 
   // 1. First stage: conduction, then stress and flux.
-  conduct(first, n, T_old, T);
+  conduct(first, n, T_old, T, distance_to_next_tile(layout));
   const WideStage early{T0, *first.layer_response(), first.dt};
   StageAnswer early_answer{};
   StageLanes lanes{0, 0, inputs.active};

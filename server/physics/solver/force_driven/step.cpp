@@ -39,7 +39,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   const double* T0 = trial + layout.temperature;
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
-  conduct(heat_of(0), n, T_old, T);
+  conduct(heat_of(0), n, T_old, T, distance_to_next_tile(layout));
 
   // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by
   // lane.
