@@ -10,10 +10,14 @@ import sys
 
 LANES = 8
 STEPS = {"force_driven": (100, 600), "velocity_driven": (0, 1000)}  # of the two runs
-# Most instructions of a node-step of shearbus-bench-steps, by strategy and case. Counted with gcc 12: 556, 306 and
-# 8,656; 4,387 and 3,913.
+# Most instructions of a node-step of shearbus-bench-steps, by strategy and case. Counted with gcc 12: force-driven 572,
+# 322, 1565, 736, 701, 844, 612, 635, 742, 743, 1887, 8,656; velocity-driven 4,387 and 3,913.
 BOUNDS = {
-    "force_driven": {"profile": 600, "modes": 340, "plastic_layer": 9100},
+    "force_driven": {
+        "profile": 600, "modes": 340, "sdirk2": 1630, "sdirk2_modes": 765, "junctions": 730, "junctions_softening": 880,
+        "weakening": 640, "weakening_yields": 660, "softening": 770, "softening_yields": 770, "softening_sdirk2": 1960,
+        "plastic_layer": 9100,
+    },
     "velocity_driven": {"layer_shear": 4450, "interface_slip": 4000},
 }
 # Most instructions of a step of shearbus-bench-exchange beyond those of the shard, by number of nodes.

@@ -5,7 +5,10 @@
 // steps. BM_Operators measures the time to prepare a new step length; there grid:3 means decay modes and no grid.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <ctime>
 
 #include "tests/support/physics_rig.hpp"
 
@@ -200,6 +203,45 @@ void BM_Conduct(benchmark::State& state) {
       benchmark::Counter(kLanes, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 BENCHMARK(BM_Conduct)->ArgNames({"grid", "steps"})->ArgsProduct({{0, 1, 2}, {0, 1, 10, 100, 1000}});
+
+// A step of many nodes against a copy of their states, committed to trial, in turn, with the states where the server has
+// them: both buffers of a tile next to each other. Processor time, least of all rounds: the counters step_ns and copy_ns
+// are per node, and steps_per_copy is their ratio.
+void BM_StatesBeyondTheCache(benchmark::State& state) {
+  ModelOptions options = grid_options(Strategy::kForceDriven, 1);
+  if (state.range(1) != 0) options.time_integrator = TimeIntegrator::kSdirk2;
+  Rig rig(options);
+  for (int l = 0; l < kLanes; ++l) {
+    rig.inputs.mass_soft[l] = 2703 * 2.5e-6;
+    rig.inputs.mass_hard[l] = 7900 * 2.5e-6;
+    rig.inputs.pressure[l] = 11.2e9;
+    rig.inputs.velocity_jump[l] = 100.0 + l;
+  }
+  for (int n = 0; n < 200; ++n) rig.step(1e-9);
+  const std::size_t doubles = rig.committed.size(), tiles = static_cast<std::size_t>(state.range(0)) / kLanes;
+  std::vector<double> states;
+  for (std::size_t i = 0; i < 2 * tiles; ++i) states.insert(states.end(), rig.committed.begin(), rig.committed.end());
+  const auto processor_ns = [] { return 1e9 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; };
+  double step_ns = 1e30, copy_ns = 1e30;
+  const auto least_of = [&](double& least, const auto& pass_of_tile) {
+    const double begin = processor_ns();
+    for (double* tile = states.data(); tile != states.data() + states.size(); tile += 2 * doubles) pass_of_tile(tile);
+    benchmark::ClobberMemory();
+    least = std::min(least, (processor_ns() - begin) / static_cast<double>(tiles * kLanes));
+  };
+  for (auto _ : state) {
+    least_of(copy_ns, [&](double* tile) { std::memcpy(tile + doubles, tile, doubles * sizeof(double)); });
+    least_of(step_ns,
+             [&](double* tile) { rig.model.advance(*rig.operators, rig.inputs, tile, tile + doubles, rig.outputs); });
+  }
+  state.counters["step_ns"] = step_ns;
+  state.counters["copy_ns"] = copy_ns;
+  state.counters["steps_per_copy"] = step_ns / copy_ns;
+}
+BENCHMARK(BM_StatesBeyondTheCache)
+    ->ArgNames({"nodes", "sdirk2"})
+    ->ArgsProduct({{10000, 100000}, {0, 1}})
+    ->Unit(benchmark::kMillisecond);
 
 void BM_Operators(benchmark::State& state) {
   ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));

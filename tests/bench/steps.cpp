@@ -1,7 +1,8 @@
 // Steps of one tile under the paper's conditions, for tests/bench/instructions.py:
 //   shearbus-bench-steps CASE STEPS
-// Force-driven cases: profile, modes, and plastic_layer, which flows. Velocity-driven cases: layer_shear,
-// interface_slip, and the flow laws johnson_cook and preston_tonks_wallace.
+// Velocity-driven cases: layer_shear, interface_slip, and the flow laws johnson_cook and preston_tonks_wallace. All other
+// cases are force-driven: profile, modes, sdirk2, sdirk2_modes, plastic_layer, which flows, junctions, and the friction
+// laws "weakening" and "softening" with the options that follow in the name; "yields": under the paper's pressure.
 // Ends with 77 on a machine without registers of four doubles, for which the counts are not meant.
 #include <cstdlib>
 #include <string_view>
@@ -9,26 +10,63 @@
 #include "server/physics/layer/registers.hpp"
 #include "tests/support/physics_rig.hpp"
 
-int main(int argc, char** argv) {
-  using namespace shearbus::testing;
-  if (argc != 3) return 2;
-  if (!machine_has_registers_of_four()) return 77;
-  const std::string_view name = argv[1];
-  const bool forced = name == "profile" || name == "modes" || name == "plastic_layer";
-  ModelOptions options = graded(paper_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven));
+namespace shearbus::testing {
+namespace {
+
+// Pressure under which the friction of the laws below is less than the yield strength of the interface  [Pa].
+constexpr double kRubbing = 2e8;
+
+struct Case {
+  ModelOptions options;
+  double pressure = 11.2e9;
+};
+
+void set_modes(ModelOptions& options) {
+  options.grid.far_boundary = FarBoundary::kHalfSpace;
+  options.modes = {.accuracy = 1e-3, .shortest_step = 1e-9, .longest_time = 1e-6};
+}
+
+Case case_of(std::string_view name) {
+  const bool velocity_driven =
+      name == "layer_shear" || name == "interface_slip" || name == "johnson_cook" || name == "preston_tonks_wallace";
+  Case own{graded(paper_options(velocity_driven ? Strategy::kVelocityDriven : Strategy::kForceDriven))};
+  ModelOptions& options = own.options;
   if (name == "interface_slip") options.drive = Drive::kInterfaceSlip;
-  if (name == "modes") {
-    options.grid.far_boundary = FarBoundary::kHalfSpace;
-    options.modes = {.accuracy = 1e-3, .shortest_step = 1e-9, .longest_time = 1e-6};
-  }
+  if (name == "johnson_cook") options.soft = make_material("copper_ofhc_jc", {}).material;
+  if (name == "preston_tonks_wallace") options.soft = make_material("copper_ofhc_ptw", {}).material;
   if (name == "plastic_layer") {
     options.plastic_layer = true;
     options.interface.yield_strength = 400e6;
   }
-  if (name == "johnson_cook") options.soft = make_material("copper_ofhc_jc", {}).material;
-  if (name == "preston_tonks_wallace") options.soft = make_material("copper_ofhc_ptw", {}).material;
-  Rig rig(options);
-  rig.set_all(100.0, 11.2e9);
+  if (name == "modes" || name == "sdirk2_modes") set_modes(options);
+  if (name == "sdirk2" || name == "sdirk2_modes" || name == "softening_sdirk2")
+    options.time_integrator = TimeIntegrator::kSdirk2;
+  if (name == "junctions" || name == "junctions_softening") options.junctions = {0.5, 1e-7, options.soft};
+  if (name == "weakening" || name == "weakening_yields") {
+    options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+    options.interface.friction_coefficient_fast = 0.02;
+    options.interface.velocity_decay = 0.01;
+    if (name == "weakening") own.pressure = kRubbing;
+  }
+  if (name.find("softening") != std::string_view::npos) {
+    options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
+    options.interface.friction_reference_temperature = 300.0;
+    options.interface.friction_softening_exponent = 2.0;
+    if (name != "softening_yields") own.pressure = kRubbing;
+  }
+  return own;
+}
+
+}  // namespace
+}  // namespace shearbus::testing
+
+int main(int argc, char** argv) {
+  using namespace shearbus::testing;
+  if (argc != 3) return 2;
+  if (!machine_has_registers_of_four()) return 77;
+  const Case own = case_of(argv[1]);
+  Rig rig(own.options);
+  rig.set_all(100.0, own.pressure);
   for (int l = 0; l < kLanes; ++l) {
     rig.inputs.mass_soft[l] = 2703 * 2.5e-6;
     rig.inputs.mass_hard[l] = 7900 * 2.5e-6;

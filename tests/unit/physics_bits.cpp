@@ -43,31 +43,79 @@ TEST(PhysicsBits, AreTheSameOnEveryMachine) {
   EXPECT_EQ(fingerprint(graded(paper_options(Strategy::kForceDriven))), 18251289367800343332u);
 }
 
+// Steps random scenes in registers of four and of two doubles, and one lane of each tile without the other lanes, and
+// compares the bits. `next_scene` draws the options of a scene.
+template <class NextScene>
+void compare_widths(Draw& draw, int scenes, const NextScene& next_scene) {
+  int compared = 0;
+  for (int scene = 0; compared < scenes; ++scene) {
+    const bool extreme = scene % 2 == 1;
+    ModelOptions options = next_scene(scene, extreme);
+    options.tolerance.reset();
+    if (!refusals(options).empty()) continue;
+    ++compared;
+    const int lane = scene % kLanes;
+    Rig four(options), two(options), alone(options, 1u << lane);
+    for (int step = 0; step < 20; ++step) {
+      random_inputs(draw, four, extreme);
+      two.inputs = alone.inputs = four.inputs;
+      alone.inputs.active = 1u << lane;
+      const double dt = std::max(random_dt(draw, extreme), shortest_step(options));
+      four.step(dt);
+      alone.step(dt);
+      registers_of_four = false;
+      two.step(dt);
+      registers_of_four = machine_has_registers_of_four();
+      ASSERT_EQ(std::memcmp(four.committed.data(), two.committed.data(), four.committed.size() * sizeof(double)), 0)
+          << "scene " << scene << ", step " << step;
+      for (std::size_t i = static_cast<std::size_t>(lane); i < four.committed.size(); i += kLanes) {
+        ASSERT_EQ(std::bit_cast<std::uint64_t>(alone.committed[i]), std::bit_cast<std::uint64_t>(four.committed[i]))
+            << "scene " << scene << ", step " << step << ", row " << i / kLanes;
+      }
+    }
+  }
+}
+
 // Kernels with registers of two and of four doubles give the same bits, whatever the scene and its history.
 TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidth) {
   if (!machine_has_registers_of_four()) GTEST_SKIP() << "this machine has registers of two doubles only";
   Draw draw(97);
-  int compared = 0;
-  for (int scene = 0; compared < 40; ++scene) {
-    const bool extreme = scene % 2 == 1;
-    ModelOptions options =
-        random_options(draw, scene % 4 == 0 ? Strategy::kVelocityDriven : Strategy::kForceDriven, extreme);
-    options.tolerance.reset();
-    if (!refusals(options).empty()) continue;
-    ++compared;
-    Rig four(options), two(options);
-    for (int step = 0; step < 20; ++step) {
-      random_inputs(draw, four, extreme);
-      two.inputs = four.inputs;
-      const double dt = std::max(random_dt(draw, extreme), shortest_step(options));
-      four.step(dt);
-      registers_of_four = false;
-      two.step(dt);
-      registers_of_four = true;
-      ASSERT_EQ(std::memcmp(four.committed.data(), two.committed.data(), four.committed.size() * sizeof(double)), 0)
-          << "scene " << scene << ", step " << step;
+  compare_widths(draw, 40, [&](int scene, bool extreme) {
+    return random_options(draw, scene % 4 == 0 ? Strategy::kVelocityDriven : Strategy::kForceDriven, extreme);
+  });
+}
+
+// The same for each limit that the kernels of the force-driven step have: junctions, friction that falls with slip or
+// temperature, both orders in time.
+TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidthUnderEveryFriction) {
+  if (!machine_has_registers_of_four()) GTEST_SKIP() << "this machine has registers of two doubles only";
+  constexpr int kLimits = 7;
+  Draw draw(98);
+  compare_widths(draw, 10 * kLimits, [&](int scene, bool extreme) {
+    const int limit = scene % kLimits;
+    ModelOptions options = random_options(draw, Strategy::kForceDriven, extreme);
+    const double yield_strength = options.soft.yield_strength;
+    if (options.soft.flow_law != FlowLaws::place<SteinbergCochranGuinan>()) options.soft = paper_options().soft;
+    options.plastic_layer = false;
+    options.junctions.reset();
+    options.interface.friction_law = {};
+    options.time_integrator = limit >= 5 ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
+    if (limit == 1 || limit == 4) {
+      options.junctions = {draw.uniform(0.1, 1.0), draw.log_uniform(1e-9, 1e-6), paper_options().soft};
+      options.junctions->metal.yield_strength = yield_strength;
     }
-  }
+    if (limit == 2) {
+      options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+      options.interface.friction_coefficient_fast = options.interface.friction_coefficient * draw.uniform(0.0, 1.5);
+      options.interface.velocity_decay = draw.log_uniform(1e-3, 1.0);
+    }
+    if (limit == 3 || limit == 4 || limit == 6) {
+      options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
+      options.interface.friction_reference_temperature = draw.uniform(1.0, 1000.0);
+      options.interface.friction_softening_exponent = draw.uniform(1.0, 4.0);
+    }
+    return options;
+  });
 }
 
 }  // namespace

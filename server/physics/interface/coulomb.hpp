@@ -18,6 +18,9 @@ struct ConstantFriction {
   static FrictionValue at(const InterfaceOptions& options, const Material& /*soft*/, double /*T0*/, double /*slip*/) {
     return {options.friction_coefficient, 0.0, 0.0};
   }
+  static FrictionForm form(const InterfaceOptions& options) {
+    return ConstantCoefficient{options.friction_coefficient};
+  }
 };
 
 }  // namespace shearbus::physics

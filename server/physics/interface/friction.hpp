@@ -12,6 +12,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "server/physics/interface/friction_form.hpp"
 #include "server/physics/material/flow_law.hpp"
 #include "server/physics/material/material.hpp"
 
@@ -80,6 +81,12 @@ concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const Interface
   // of_step gets the options, the pressure P, the coefficients c and b of the slip c - b a, and the sticking stress
   // a_stick.
   { Law::of_step(options, value, value, value, value) } -> std::same_as<SlidingFriction>;
+};
+
+// A law may declare a form of its coefficient, equal to at() to rounding (friction_form.hpp).
+template <class Law>
+concept HasFrictionForm = requires(const InterfaceOptions& options) {
+  { Law::form(options) } -> std::same_as<FrictionForm>;
 };
 
 template <class Law>

@@ -23,6 +23,18 @@ inline FrictionLawProperties properties_of(FrictionLaw law) {
   return FrictionLaws::with(law, [](auto own) { return properties_of_law<typename decltype(own)::type>(); });
 }
 
+// The form of the friction coefficient under the law of the options.
+inline FrictionForm form_of(const InterfaceOptions& options) {
+  return FrictionLaws::with(options.friction_law, [&](auto own) -> FrictionForm {
+    using Law = typename decltype(own)::type;
+    if constexpr (HasFrictionForm<Law>) {
+      return Law::form(options);
+    } else {
+      return NoForm{};
+    }
+  });
+}
+
 // The states that a law declares as `static constexpr StateVariable kStates[]`; empty without that member.
 inline std::span<const StateVariable> states_of(FrictionLaw law) {
   return FrictionLaws::with(law, [](auto own) -> std::span<const StateVariable> {

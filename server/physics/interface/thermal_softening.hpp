@@ -56,8 +56,13 @@ struct ThermalSoftening {
            power(share, options.friction_softening_exponent - 1.0) / range;
   }
 
+  static FrictionForm form(const InterfaceOptions& options) {
+    return FallsWithTemperature{options.friction_coefficient, options.friction_reference_temperature,
+                                options.friction_softening_exponent};
+  }
+
  private:
-  static constexpr double kLeastShare = 1e-300;  // a smaller T* counts as 0: `power` takes normal numbers only
+  static constexpr double kLeastShare = FallsWithTemperature::kLeastShare;
 };
 
 }  // namespace shearbus::physics

@@ -33,6 +33,9 @@ struct VelocityWeakening {
   static InterfaceOptions typical(const InterfaceOptions& options, const Material& soft);
   static LawFault fault_of(const InterfaceOptions& /*options*/, const Material& /*soft*/) { return {}; }
   static FrictionValue at(const InterfaceOptions& options, const Material& soft, double T0, double slip);
+  static FrictionForm form(const InterfaceOptions& options) {
+    return FallsWithSlip{options.friction_coefficient, options.friction_coefficient_fast, options.velocity_decay};
+  }
   static SlidingFriction of_step(const InterfaceOptions& options, double pressure, double c, double b, double a_stick);
 };
 

@@ -201,12 +201,12 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
   SHEARBUS_CALL(add_spread, heat, std::ssize(spread.gain), flux, response, temperature);
 }
 
-void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
-  SHEARBUS_CALL(sweep, heat, num_vertices, before, after);
+void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after, std::ptrdiff_t next) {
+  SHEARBUS_CALL(sweep, heat, num_vertices, before, after, next);
 }
 
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature) {
-  one::sweep(heat, num_vertices, temperature + lane, temperature + lane);
+  one::sweep(heat, num_vertices, temperature + lane, temperature + lane, 0);
 }
 
 void conduct_rows(std::span<const double> decay, const double* before, double* after, double* sum) {

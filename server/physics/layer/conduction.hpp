@@ -95,8 +95,9 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
                 const double* response, double* temperature);
 
 // Conducts for one step without flux, in all lanes, from `before` to `after`, both [vertex][lane], which may be the
-// same array. Vertices as cold as the colder far end are skipped if the step does not change their bits.
-void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after);
+// same array. Vertices as cold as the colder far end are skipped if the step does not change their bits. `next`:
+// distance in doubles to the rows of the tile that is probably stepped next, which are asked for from memory; 0: none.
+void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after, std::ptrdiff_t next = 0);
 
 // Conducts for one step without flux, in one lane of a tile and in place.
 void conduct_lane(const HeatOperator& heat, int num_vertices, int lane, double* temperature);

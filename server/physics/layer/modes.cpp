@@ -228,7 +228,7 @@ ModeOperator::ModeOperator(const HeatModes& modes, double step, double early) : 
   }
 }
 
-void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after) {
+void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after, std::ptrdiff_t /*next*/) {
   double* T0 = after + (std::ptrdiff_t{num_rows} - 1) * kLanes;
   std::copy_n(before, kLanes, T0);
   std::copy_n(before, kLanes, after);
@@ -247,23 +247,16 @@ void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLane
   add_to_rows(heat.gain, flux, rows + kLanes);
   add_to_rows({&heat.response, 1}, flux, rows + (std::ptrdiff_t{num_rows} - 1) * kLanes);
 }
-
-namespace {
-
-void add_lane(const std::vector<double>& gain, double response, int num_rows, int lane, double flux, double* rows) {
-  for (std::ptrdiff_t i = 1; i < num_rows - 1; ++i) {
-    rows[i * kLanes + lane] += flux * gain[static_cast<std::size_t>(i - 1)];
-  }
-  rows[(num_rows - 1) * kLanes + lane] += flux * response;
+void add_early_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows) {
+  add_to_rows(heat.early_gain, flux, rows + kLanes);
+  add_to_rows({&heat.early_response, 1}, flux, rows + (std::ptrdiff_t{num_rows} - 1) * kLanes);
 }
-
-}  // namespace
 
 void add_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows) {
-  add_lane(heat.gain, heat.response, num_rows, lane, flux, rows);
-}
-void add_early_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows) {
-  add_lane(heat.early_gain, heat.early_response, num_rows, lane, flux, rows);
+  for (std::ptrdiff_t i = 1; i < num_rows - 1; ++i) {
+    rows[i * kLanes + lane] += flux * heat.gain[static_cast<std::size_t>(i - 1)];
+  }
+  rows[(std::ptrdiff_t{num_rows} - 1) * kLanes + lane] += flux * heat.response;
 }
 
 }  // namespace shearbus::physics

@@ -4,6 +4,7 @@
 // K is approximated by a sum of decaying exponentials, so a node stores one number per exponential.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "server/physics/layer/grid.hpp"
@@ -78,10 +79,11 @@ struct ModeOperator {
 
 // Conduction and heating of a step for nodes that keep modes: the namesakes of the functions for profiles in
 // conduction.hpp.
-void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after);
+void conduct(const ModeOperator& heat, int num_rows, const double* before, double* after, std::ptrdiff_t next = 0);
 void conduct_lane(const ModeOperator& heat, int num_rows, int lane, double* rows);
 void add_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);
 void add_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows);
-void add_early_flux_lane(const ModeOperator& heat, int num_rows, int lane, double flux, double* rows);
+// Adds the response to the flux q_early, in all lanes.
+void add_early_flux(const ModeOperator& heat, int num_rows, const double (&flux)[kLanes], double* rows);
 
 }  // namespace shearbus::physics

@@ -40,13 +40,21 @@ struct Row {
 
 // Substitutes outwards from z = 0, where the temperature above `far` is `t`. Beyond the heated vertices this value
 // decays; from the vertex on where it no longer changes the temperature of any lane the vertices stay at `far`.
-[[gnu::always_inline]] inline void substitute(const HeatOperator& heat, Arm arm, const Row& far, Row t, double* after) {
+// kAhead: the rows of the next tile, `next` doubles farther, are asked for on the way. A chain of dependent products
+// leaves the memory idle here; asked for all at once they would wait for each other.
+template <bool kAhead>
+[[gnu::always_inline]] inline void substitute(const HeatOperator& heat, Arm arm, const Row& far, Row t,
+                                              const double* before, double* after, std::ptrdiff_t next) {
   const double* outward = heat.outward.data();
   std::ptrdiff_t i = heat.interface;
 #pragma GCC unroll 4
   while (i != arm.heated) {
     i += arm.outwards;
     const Register inner = all(outward[i]);
+    if constexpr (kAhead) {
+      __builtin_prefetch(before + i * kLanes + next);
+      __builtin_prefetch(after + i * kLanes + next, 1);
+    }
     SHEARBUS_EACH_PART {
       double* T = after + i * kLanes + p * kWidth;
       t.part[p] = load(T) + inner * t.part[p];
@@ -69,8 +77,10 @@ struct Row {
 
 // The elimination and substitution of a step without heat flux, from `before` to `after`, which may be the same array.
 // They work on the temperature above `far`, the temperature of the colder end, so that a uniform layer stays uniform to
-// the last bit and rounding cools no vertex below the coldest one.
-inline void sweep(const HeatOperator& heat, int num_vertices, const double* before, double* after) {
+// the last bit and rounding cools no vertex below the coldest one. `next`: distance to the rows of the next tile in
+// memory; 0: unknown.
+inline void sweep(const HeatOperator& heat, int num_vertices, const double* before, double* after,
+                  std::ptrdiff_t next) {
   const std::ptrdiff_t interface = heat.interface;
   const std::ptrdiff_t last = num_vertices - 1;
   Row far;
@@ -102,8 +112,13 @@ inline void sweep(const HeatOperator& heat, int num_vertices, const double* befo
         (t.part[p] - far.part[p]) * inverse_pivot + inward * from_soft.part[p] + heat.inward_hard * from_hard.part[p];
     store(far.part[p] + t.part[p], after + interface * kLanes + p * kWidth);
   }
-  substitute(heat, soft, far, t, after);
-  substitute(heat, hard, far, t, after);
+  if (next != 0) {
+    substitute<true>(heat, soft, far, t, before, after, next);
+    substitute<true>(heat, hard, far, t, before, after, next);
+  } else {
+    substitute<false>(heat, soft, far, t, before, after, next);
+    substitute<false>(heat, hard, far, t, before, after, next);
+  }
 }
 
 #if SHEARBUS_WIDTH > 1

@@ -17,7 +17,7 @@ void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T
 void begin_second_stage(const ModeOperator& step, int num_rows, const double* old, const double (&early_flux)[kLanes],
                         double* rows) {
   conduct(step, num_rows, old, rows);
-  for (int l = 0; l < kLanes; ++l) add_early_flux_lane(step, num_rows, l, early_flux[l], rows);
+  add_early_flux(step, num_rows, early_flux, rows);
 }
 
 std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T) {

@@ -1,6 +1,9 @@
 #include "server/physics/solver/force_driven/stages.hpp"
 
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
@@ -20,8 +23,6 @@ using sdirk2::kDiagonal;
 using sdirk2::kFirstWeight;
 using sdirk2::lanes_out_of_range;
 
-constexpr double kMet = 1e-9;  // largest accepted |stress of a slipping interface - its limit|, relative to the stress
-
 // The lanes (nodes) of which every vertex stays below melting under the flux. The second stage starts from extrapolated
 // temperatures, so the hottest vertex may lie inside the layer.
 std::uint32_t lanes_that_stay_solid(const HeatOperator& stage, int /*num_rows*/, const double (&flux)[kLanes],
@@ -33,103 +34,86 @@ std::uint32_t lanes_that_stay_solid(const ModeOperator& step, int num_rows, cons
   return lanes_below({&step.response, 1}, flux, T_melt, rows + (std::ptrdiff_t{num_rows} - 1) * kLanes);
 }
 
-// One lane of a second-order force-driven step. Stresses and velocities are positive along `direction`.
+// One lane whose search the kernels leave. Stresses and velocities are positive along `direction`.
 struct StagedLane {
+  StagedLane(const Problem& problem, const TileInputs& inputs, const Material& soft, int l)
+      : limit(interface_strength(problem.interface, soft, inputs.pressure[l], inputs.effort)),
+        forcing(forcing_of(inputs, l)),
+        direction((inputs.velocity_jump[l] != 0.0 ? inputs.velocity_jump[l] : forcing.acceleration) < 0.0 ? -1.0 : 1.0),
+        jump_old(direction * inputs.velocity_jump[l]) {}
+  double free_jump(double dt) const { return jump_old + dt * direction * forcing.acceleration; }
+
   StressLimit limit;
   Forcing forcing;
   double direction;  // sign of the jump or, without a jump, sign of the acceleration
   double jump_old;   // jump before the step, along `direction`  [m/s]
-  bool at_rest = false;
-  double early_stress = 0.0;  // stress of the first stage  [Pa]
-  double stress = 0.0;        // mean stress of the step  [Pa]
-  double slip = 0.0;          // mean of the velocity jumps before and after the step  [m/s]
 };
 
-double free_jump(const StagedLane& lane, double dt) {
-  return lane.jump_old + dt * lane.direction * lane.forcing.acceleration;
-}
-
-// The searches for the stresses of a stage, and their answers: whether the interface sticks, and whether it has one
-// answer.
-struct StageSearches {
-  LaneSearch lane[kLanes];
-  std::uint32_t wanted = 0;  // lanes that have a search
-  std::uint32_t stick = 0, unique = 0;
-
-  void solve() {
-    const std::uint32_t found = wide_stress(lane, wanted);
-    for (const int l : lanes_of(wanted)) {
-      auto& [limit, heating, a_stick, guess, stress] = lane[l];
-      bool sticks = stress == a_stick, one_answer = true;
-      if (!contains(found, l)) {
-        sticks = spare_strength(limit, heating, a_stick) >= 0.0;
-        one_answer = sticks || slip_is_unique(limit, heating, a_stick);
-        stress = sticks || !one_answer ? a_stick : slip_stress(limit, heating, a_stick, guess);
-      }
-      if (sticks) stick |= 1u << l;
-      if (one_answer) unique |= 1u << l;
-    }
-  }
+// The stress of a lane in a stage. Nothing where the step may have several answers.
+struct StageStress {
+  double stress;
+  bool sticks;
 };
-
-// First stage: stress and heat flux at the time gamma dt, from the velocity jump at that time. Returns false if the
-// jump reverses or stops within the step: backward Euler then takes the step. Leaves the search to `searches`.
-bool begin_first_stage(const StagedLane& lane, double heat_partition, double B0, double T_ad, double dt, double dt_step,
-                       double guess, int l, StageSearches& searches) {
-  if (lane.limit.pressure <= 0.0) return true;
-  const double free = free_jump(lane, dt);
-  if (free < 0.0 || free_jump(lane, dt_step) < 0.0) return false;
-  const FrictionHeating heating{T_ad, heat_partition * B0, free, dt * lane.forcing.mobility};
-  searches.lane[l] = {lane.limit, heating, free / heating.b, guess, 0.0};
-  searches.wanted |= 1u << l;
-  return true;
+std::optional<StageStress> search(const StressLimit& limit, const FrictionHeating& heating, double a_stick,
+                                  double guess) {
+  if (spare_strength(limit, heating, a_stick) >= 0.0) return StageStress{a_stick, true};
+  if (!slip_is_unique(limit, heating, a_stick)) return {};
+  return StageStress{slip_stress(limit, heating, a_stick, guess), false};
 }
-// Returns false if the node stops within the step, or if the answer is not unique.
-bool end_first_stage(StagedLane& lane, double heat_partition, int l, const StageSearches& searches, double& flux) {
-  lane.early_stress = searches.lane[l].stress;
-  if (contains(searches.stick, l)) {
-    lane.at_rest = lane.jump_old == 0.0;
-    return lane.at_rest;
-  }
-  if (!contains(searches.unique, l)) return false;
-  flux = heat_partition * (lane.early_stress * searches.lane[l].heating.slip(lane.early_stress));
-  return true;
+
+// First stage: stress and heat flux at the time gamma dt, from the velocity jump at that time. A lane whose jump turns or
+// stops within the step, or whose answer is not unique, stays unsolved: backward Euler then takes the step.
+void first_stage_of(const StagedLane& lane, double heat_partition, const WideStage& stage, double dt, double guess,
+                    int l, StageAnswer& answer, StageLanes& lanes) {
+  const double free = lane.free_jump(stage.dt);
+  if (lane.limit.pressure <= 0.0) lanes.solved |= 1u << l;
+  if (lane.limit.pressure <= 0.0 || free < 0.0 || lane.free_jump(dt) < 0.0) return;
+  const FrictionHeating heating{stage.T_ad[l], heat_partition * stage.B0, free, stage.dt * lane.forcing.mobility};
+  const auto found = search(lane.limit, heating, free / heating.b, guess);
+  if (!found || (found->sticks && lane.jump_old != 0.0)) return;
+  lanes.solved |= 1u << l;
+  if (found->sticks) lanes.resting |= 1u << l;
+  answer.stress[l] = found->stress;
+  answer.flux[l] = found->sticks ? 0.0 : heat_partition * (found->stress * heating.slip(found->stress));
 }
 
 // Second stage: the mean stress a of the step, in which the first stage's stress has the weight 1 - gamma:
 //   a = (1 - gamma) s1 + gamma s_lim(T0),   (1 - gamma) q1 + gamma q = beta_T a [V]mid
-// so that the heat of the step is the friction work of the step, as in a backward Euler step. Returns false if a node
-// at rest does not stay so.
-bool begin_second_stage_of(StagedLane& lane, double heat_partition, double B0, double T_ad, double dt,
-                           double early_flux, int l, StageSearches& searches) {
-  const double free = free_jump(lane, dt);
+// so that the heat of the step is the friction work of the step, as in a backward Euler step.
+void second_stage_of(const StagedLane& lane, double heat_partition, const WideStage& stage, const StageAnswer& early,
+                     double dt, bool rests, int l, WideAnswer& answer, StageLanes& lanes) {
+  const double free = lane.free_jump(dt), per_stress = dt * lane.forcing.mobility;
   if (lane.limit.pressure <= 0.0) {
-    lane.slip = 0.5 * (lane.jump_old + free);
-    return true;
+    lanes.solved |= 1u << l;
+    answer.slip[l] = lane.direction * (0.5 * (lane.jump_old + free));
+    answer.jump_new[l] = lane.direction * free;
+    answer.regime[l] = static_cast<double>(Regime::kOpen);
+    return;
   }
-  if (lane.at_rest) {
-    lane.stress = lane.early_stress;
-    return lane.limit.at(T_ad).stress >= lane.stress;
+  if (rests) {
+    if (!(lane.limit.at(stage.T_ad[l]).stress >= early.stress[l])) return;
+    lanes.solved |= 1u << l;
+    answer.stress[l] = lane.direction * early.stress[l];
+    answer.regime[l] = static_cast<double>(Regime::kStick);
+    return;
   }
-  searches.lane[l] = {lane.limit.scaled(kDiagonal, kFirstWeight * lane.early_stress),
-                      {T_ad - B0 * (kFirstWeight / kDiagonal) * early_flux, heat_partition * B0 / kDiagonal,
-                       0.5 * (lane.jump_old + free), 0.5 * dt * lane.forcing.mobility},
-                      free / (dt * lane.forcing.mobility),
-                      lane.early_stress,
-                      0.0};
-  searches.wanted |= 1u << l;
-  return true;
-}
-bool end_second_stage(StagedLane& lane, double heat_partition, double B0, double T_ad, double early_flux, int l,
-                      const StageSearches& searches, double& flux) {
-  if (contains(searches.stick, l) || !contains(searches.unique, l)) return false;
-  const LaneSearch& search = searches.lane[l];
-  const double a = search.stress;
-  lane.stress = a;
-  lane.slip = search.heating.slip(a);
-  flux = (heat_partition * (a * lane.slip) - kFirstWeight * early_flux) / kDiagonal;
-  const double T0 = T_ad + B0 * flux;
-  return flux >= 0.0 && std::abs(search.limit.at(T0).stress - a) <= kMet * a;
+  const StressLimit limit = lane.limit.scaled(kDiagonal, kFirstWeight * early.stress[l]);
+  const FrictionHeating heating{stage.T_ad[l] - stage.B0 * (kFirstWeight / kDiagonal) * early.flux[l],
+                                heat_partition * stage.B0 / kDiagonal, 0.5 * (lane.jump_old + free),
+                                0.5 * dt * lane.forcing.mobility};
+  const auto found = search(limit, heating, free / per_stress, early.stress[l]);
+  if (!found || found->sticks) return;
+  const double a = found->stress, slip = heating.slip(a);
+  const double flux = (heat_partition * (a * slip) - kFirstWeight * early.flux[l]) / kDiagonal;
+  const double T0 = stage.T_ad[l] + stage.B0 * flux;
+  if (!(flux >= 0.0 && std::abs(limit.at(T0).stress - a) <= kMet * a)) return;
+  lanes.solved |= 1u << l;
+  answer.stress[l] = lane.direction * a;
+  answer.slip[l] = lane.direction * slip;
+  answer.jump_new[l] = lane.direction * (free - a * per_stress);
+  answer.flux[l] = flux;
+  answer.heat[l] = dt * (kFirstWeight * early.flux[l] + kDiagonal * flux);
+  answer.regime[l] = static_cast<double>(slip_regime(lane.limit, T0, slip));
 }
 
 template <class Heat>
@@ -137,59 +121,49 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
              const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const int n = problem.heat_rows;
-  const double dt = operators.dt();
+  const double dt = operators.dt(), partition = problem.heat_partition;
   const double* T_old = committed + layout.first_temperature();
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
-  std::uint32_t solved = inputs.active;
-  const auto drop = [&](int lane) { solved &= ~(1u << lane); };
-
-  // 1. First stage: conduction, then stress and flux lane by lane.
-  StagedLane lanes[kLanes];
   const LaneMaterials soft(problem.options.soft, inputs);
-  double early_flux[kLanes] = {};
-  StageSearches early;
-  conduct(first, n, T_old, T);
-  for (const int l : lanes_of(solved)) {
-    add_work(inputs, l, 2.0 * (n + kSearchWork));
-    const double jump = inputs.velocity_jump[l];
-    StagedLane& lane = lanes[l];
-    lane.limit = interface_strength(problem.interface, soft(l), inputs.pressure[l], inputs.effort);
-    lane.forcing = forcing_of(inputs, l);
-    lane.direction = (jump != 0.0 ? jump : lane.forcing.acceleration) < 0.0 ? -1.0 : 1.0;
-    lane.jump_old = lane.direction * jump;
-    if (!begin_first_stage(lane, problem.heat_partition, *first.layer_response(), T0[l], first.dt, dt,
-                           std::abs(stress_before(layout, inputs, committed, l)), l, early))
-      drop(l);
+  const WideStages stages{WideInterface(problem, inputs, soft, dt, committed), partition, dt};
+  const bool wide = stages.interface.has_forms();  // else each lane is searched on its own
+  const auto rare = [&](std::uint32_t left, const auto& stage_of) {
+    for (const int l : lanes_of(left)) stage_of(StagedLane(problem, inputs, soft(l), l), l);
+  };
+  if (inputs.work != nullptr) {
+    for (const int l : lanes_of(inputs.active)) add_work(inputs, l, 2.0 * (n + kSearchWork));
   }
-  early.solve();
-  for (const int l : lanes_of(early.wanted)) {
-    if (!end_first_stage(lanes[l], problem.heat_partition, l, early, early_flux[l])) drop(l);
-  }
-  add_flux(first, n, early_flux, T);
+
+  // 1. First stage: conduction, then stress and flux.
+  conduct(first, n, T_old, T, distance_to_next_tile(layout));
+  const WideStage early{T0, *first.layer_response(), first.dt};
+  StageAnswer early_answer{};
+  StageLanes lanes{0, 0, inputs.active};
+  if (wide) lanes = wide_first_stage(stages, early, early_answer);
+  rare(lanes.left, [&](const StagedLane& lane, int l) {
+    first_stage_of(lane, partition, early, dt, std::abs(stages.interface.stress_before[l]), l, early_answer, lanes);
+  });
+  add_flux(first, n, early_answer.flux, T);
 
   // 2. Second stage. It starts from temperatures extrapolated from the old ones and those of the first stage.
-  begin_second_stage(second, n, T_old, early_flux, T);
-  solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
-  double flux[kLanes] = {};
+  begin_second_stage(second, n, T_old, early_answer.flux, T);
+  lanes.solved &= ~lanes_out_of_range(problem, inputs, T_old, T);
+  const WideStage late{T0, *second.layer_response(), second.dt};
+  WideAnswer answer{};
+  StageLanes solved{0, 0, lanes.solved};
+  if (wide) solved = wide_second_stage(stages, late, early_answer, lanes, answer);
+  rare(solved.left, [&](const StagedLane& lane, int l) {
+    second_stage_of(lane, partition, late, early_answer, dt, contains(lanes.resting, l), l, answer, solved);
+  });
   double T_melt[kLanes];
   for (int l = 0; l < kLanes; ++l) T_melt[l] = soft(l).melting_temperature;
-  const double B0 = *second.layer_response();
-  StageSearches late;
-  for (const int l : lanes_of(solved)) {
-    if (!begin_second_stage_of(lanes[l], problem.heat_partition, B0, T0[l], dt, early_flux[l], l, late)) drop(l);
-  }
-  late.solve();
-  for (const int l : lanes_of(late.wanted)) {
-    if (!end_second_stage(lanes[l], problem.heat_partition, B0, T0[l], early_flux[l], l, late, flux[l])) drop(l);
-  }
-  solved &= lanes_that_stay_solid(second, n, flux, T_melt, T);
-  for (int l = 0; l < kLanes; ++l) flux[l] = contains(solved, l) ? flux[l] : 0.0;
-
-  add_flux(second, n, flux, T);
+  solved.solved &= lanes_that_stay_solid(second, n, answer.flux, T_melt, T);
+  for (int l = 0; l < kLanes; ++l) answer.flux[l] = contains(solved.solved, l) ? answer.flux[l] : 0.0;
+  add_flux(second, n, answer.flux, T);
 
   // 3. Backward Euler for the active lanes to which SDIRK2 does not apply.
-  if (const std::uint32_t fallen_back = inputs.active & ~solved; fallen_back != 0) {
+  if (const std::uint32_t fallen_back = inputs.active & ~solved.solved; fallen_back != 0) {
     TileInputs theirs = inputs;
     theirs.active = fallen_back;
     double* fallback = scratch_tile(Scratch::kStages, layout.doubles);
@@ -203,22 +177,8 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   }
 
   // 4. Write the answers of the solved lanes.
-  for (const int l : lanes_of(solved)) {
-    const StagedLane& lane = lanes[l];
-    const bool open = inputs.pressure[l] <= 0.0;
-    outputs.shear_stress[l] = lane.direction * lane.stress;
-    outputs.sliding_velocity[l] = lane.direction * lane.slip;
-    outputs.velocity_jump_new[l] =
-        lane.at_rest ? 0.0 : lane.direction * (free_jump(lane, dt) - lane.stress * (dt * lane.forcing.mobility));
-    outputs.friction_heat[l] = dt * (kFirstWeight * early_flux[l] + kDiagonal * flux[l]);
-    outputs.interface_temperature[l] = T0[l];
-    outputs.regime[l] = open           ? Regime::kOpen
-                        : lane.at_rest ? Regime::kStick
-                                       : slip_regime(lane.limit, T0[l], lane.slip);
-    outputs.outcome[l] = 0;
-    trial[layout.shear_stress + l] = outputs.shear_stress[l];
-    trial[layout.regime + l] = static_cast<double>(outputs.regime[l]);
-  }
+  write_answer(problem, answer, solved.solved, trial, outputs);
+  for (const int l : lanes_of(solved.solved)) outputs.interface_temperature[l] = T0[l];
 }
 
 }  // namespace

@@ -17,33 +17,11 @@ namespace {
 constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;
 
 // Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes.
-std::uint32_t slip_of_tile(const Problem& problem, double dt, double B0, const TileInputs& inputs,
-                           const LaneMaterials& soft_at, const double* committed, double* trial, TileOutputs& outputs,
+std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, double* trial, TileOutputs& outputs,
                            WideAnswer& answer) {
-  const TileLayout& layout = problem.layout;
-  const std::uint32_t found =
-      wide_slip({inputs, soft_at, inputs.stress_before ? inputs.stress_before : committed + layout.shear_stress,
-                 trial + layout.temperature, problem.interface.friction_coefficient,
-                 problem.interface.yield_strength / kSqrt3, problem.heat_partition, B0, dt},
-                answer);
-  // Whole rows where all lanes are found: a row written value by value would stall the registers that read it next.
-  const auto write = [&](const double* row, double* to) {
-    if (found == kAllLanes) {
-      std::copy_n(row, kLanes, to);
-    } else {
-      for (const int l : lanes_of(found)) to[l] = row[l];
-    }
-  };
-  write(answer.stress, outputs.shear_stress);
-  write(answer.stress, trial + layout.shear_stress);
-  write(answer.slip, outputs.sliding_velocity);
-  write(answer.jump_new, outputs.velocity_jump_new);
-  write(answer.heat, outputs.friction_heat);
-  write(answer.regime, trial + layout.regime);
-  for (const int l : lanes_of(found)) {
-    outputs.regime[l] = static_cast<Regime>(static_cast<int>(answer.regime[l]));
-    outputs.outcome[l] = 0;
-  }
+  const std::uint32_t found = wide_slip(slip, answer);
+  write_answer(problem, answer, found, trial, outputs);
+  const TileInputs& inputs = slip.interface.inputs;
   if (inputs.work != nullptr) {
     for (const int l : lanes_of(found)) add_work(inputs, l, problem.heat_rows + kSearchWork);
   }
@@ -61,7 +39,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   const double* T0 = trial + layout.temperature;
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
-  conduct(heat_of(0), n, T_old, T);
+  conduct(heat_of(0), n, T_old, T, distance_to_next_tile(layout));
 
   // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by
   // lane.
@@ -69,10 +47,9 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   double(&flux)[kLanes] = answer.flux;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   std::uint32_t found = 0;
-  if (has_wide_slip(problem)) {
-    found = slip_of_tile(problem, heat_of(0).dt, *heat_of(0).layer_response(), inputs, soft_at, committed, trial,
-                         outputs, answer);
-  }
+  const WideSlip slip{WideInterface(problem, inputs, soft_at, heat_of(0).dt, committed), T0, problem.heat_partition,
+                      *heat_of(0).layer_response(), heat_of(0).dt};
+  if (slip.interface.has_forms()) found = slip_of_tile(problem, slip, trial, outputs, answer);
   for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
     const double junction_strain_old = interface_step.junction_strain;

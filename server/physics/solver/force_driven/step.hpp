@@ -3,6 +3,7 @@
 // (MODEL.md, "Junctions").
 #pragma once
 
+#include <cstddef>
 #include <optional>
 
 #include "server/physics/solver/lane_step.hpp"
@@ -10,6 +11,12 @@
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
+
+// Distance in doubles to the rows of the next tile where tiles stand one behind the other, each with both its buffers,
+// as in the server's shard. Elsewhere memory is asked for in vain, which changes no answer.
+inline std::ptrdiff_t distance_to_next_tile(const TileLayout& layout) {
+  return 2 * static_cast<std::ptrdiff_t>(layout.doubles);
+}
 
 // Steps the active lanes by backward Euler, or, in a scene with heat = "modes", by the exact decay of the modes of heat
 // conduction. A step that may have several answers is divided into substeps. The function overwrites inactive lanes of

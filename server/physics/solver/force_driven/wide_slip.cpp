@@ -1,26 +1,14 @@
 #include "server/physics/solver/force_driven/wide_slip.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <variant>
 
 #include "server/physics/interface/friction_laws.hpp"
-
-namespace shearbus::physics {
-namespace {
-
-// The searches of wide_stress() with the names of StressLimit and FrictionHeating, and their answers.
-struct StressTile {
-  alignas(64) double T_ad[kLanes], rise[kLanes], c[kLanes], b[kLanes];
-  alignas(64) double coulomb[kLanes], offset[kLanes], T_melt[kLanes], bracket_at_0[kLanes];
-  alignas(64) double a_stick[kLanes], guess[kLanes], stress[kLanes];
-  double tresca, hT;
-  SearchEffort* effort;
-};
-
-}  // namespace
-}  // namespace shearbus::physics
+#include "server/physics/solver/sdirk2.hpp"
 
 #define SHEARBUS_KERNELS "server/physics/solver/force_driven/wide_slip_kernel.hpp"
 #include "server/physics/layer/each_register.hpp"
@@ -28,6 +16,8 @@ struct StressTile {
 namespace shearbus::physics {
 
 namespace {
+
+constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;
 
 bool has_wide_softening(FlowLaw flow_law) {
   return FlowLaws::with(flow_law, [](auto law) { return kHasWideSoftening<typename decltype(law)::type>; });
@@ -39,68 +29,90 @@ bool has_quick_form(const StressLimit& limit) {
          has_wide_softening(limit.soft->flow_law);
 }
 
-one::Lanes lane_of(const StressLimit& limit, const FrictionHeating& heating) {
-  const Material& soft = *limit.soft;
-  return {heating.T_ad,
-          heating.rise,
-          heating.c,
-          heating.b,
-          limit.coulomb,
-          limit.offset,
-          soft.melting_temperature,
-          1.0 + soft.pressure_coefficient * limit.pressure,
-          limit.tresca,
-          soft.temperature_coefficient,
-          limit.junctions.options ? &limit.junctions : nullptr};
-}
-
 }  // namespace
 
-bool has_wide_slip(const Problem& problem) {
-  const FrictionLawProperties friction = properties_of(problem.interface.friction_law);
-  return !friction.depends_on_slip && !friction.depends_on_temperature && !problem.options.junctions &&
-         std::isfinite(problem.interface.yield_strength) && has_wide_softening(problem.options.soft.flow_law);
+WideJunctions::WideJunctions(const JunctionOptions& options, double per_slip)
+    : fresh(options.contact_fraction * options.metal.yield_strength / kSqrt3),
+      most(options.contact_fraction * options.metal.yield_strength_max / kSqrt3),
+      hardening(options.metal.hardening_coefficient),
+      exponent(options.metal.hardening_exponent),
+      strain_per_slip(per_slip),
+      growth(exponent * hardening * strain_per_slip) {}
+
+WideInterface::WideInterface(const Problem& problem, const TileInputs& tile, const LaneMaterials& materials, double dt,
+                             const double* committed)
+    : inputs(tile),
+      soft_at(materials),
+      friction(form_of(problem.interface)),
+      tresca(problem.interface.yield_strength / kSqrt3),
+      yields_finitely(std::isfinite(tresca) && has_wide_softening(problem.options.soft.flow_law)),
+      junction_strain(problem.options.junctions ? committed + problem.layout.junction_strain : nullptr),
+      stress_before(tile.stress_before ? tile.stress_before : committed + problem.layout.shear_stress) {
+  if (problem.options.junctions) {
+    const JunctionOptions& own = *problem.options.junctions;
+    junctions.emplace(own, junctions_of(&own, 0.0, dt).strain_per_slip);
+  }
+}
+
+std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer) {
+  return SHEARBUS_CALL(slip_step, slip, answer);
+}
+
+StageLanes wide_first_stage(const WideStages& stages, const WideStage& stage, StageAnswer& answer) {
+  return SHEARBUS_CALL(first_stage, stages, stage, answer);
+}
+StageLanes wide_second_stage(const WideStages& stages, const WideStage& stage, const StageAnswer& early,
+                             const StageLanes& before, WideAnswer& answer) {
+  return SHEARBUS_CALL(second_stage, stages, stage, early, before, answer);
+}
+
+void write_answer(const Problem& problem, const WideAnswer& answer, std::uint32_t found, double* trial,
+                  TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  // Whole rows where all lanes are found: a row written value by value would stall the registers that read it next.
+  const auto write = [&](const double* row, double* to) {
+    if (found == kAllLanes) {
+      std::copy_n(row, kLanes, to);
+    } else {
+      for (const int l : lanes_of(found)) to[l] = row[l];
+    }
+  };
+  write(answer.stress, outputs.shear_stress);
+  write(answer.stress, trial + layout.shear_stress);
+  write(answer.slip, outputs.sliding_velocity);
+  write(answer.jump_new, outputs.velocity_jump_new);
+  write(answer.heat, outputs.friction_heat);
+  write(answer.regime, trial + layout.regime);
+  if (problem.options.junctions) write(answer.junction_strain, trial + layout.junction_strain);
+  for (const int l : lanes_of(found)) {
+    outputs.regime[l] = static_cast<Regime>(static_cast<int>(answer.regime[l]));
+    outputs.outcome[l] = 0;
+  }
 }
 
 std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
                                    double T_ad, double guess) {
   if (!has_quick_form(limit) || limit.offset != 0.0) return {};
-  return one::slip_of_lane(
-      lane_of(limit, trial.slipping(T_ad, heat_partition * B0)),
-      {trial.jump_free, trial.per_stress, trial.direction, trial.jump_old, trial.drive, trial.stress_stick},
-      heat_partition, B0, guess, limit.effort);
-}
-
-std::uint32_t wide_stress(LaneSearch (&searches)[kLanes], std::uint32_t wanted) {
-  std::uint32_t known = 0;
-  StressTile tile{};
-  for (const int l : lanes_of(wanted)) {
-    const LaneSearch& search = searches[l];
-    if (!has_quick_form(search.limit) || search.limit.junctions.options != nullptr) continue;
-    known |= 1u << l;
-    const Material& soft = *search.limit.soft;
-    tile.T_ad[l] = search.heating.T_ad;
-    tile.rise[l] = search.heating.rise;
-    tile.c[l] = search.heating.c;
-    tile.b[l] = search.heating.b;
-    tile.coulomb[l] = search.limit.coulomb;
-    tile.offset[l] = search.limit.offset;
-    tile.T_melt[l] = soft.melting_temperature;
-    tile.bracket_at_0[l] = 1.0 + soft.pressure_coefficient * search.limit.pressure;
-    tile.a_stick[l] = search.a_stick;
-    tile.guess[l] = search.guess;
-    tile.tresca = search.limit.tresca;
-    tile.hT = soft.temperature_coefficient;
-    tile.effort = search.limit.effort;
+  const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
+  const Material& soft = *limit.soft;
+  one::Lanes<false> lane{heating.T_ad,
+                         heating.rise,
+                         heating.c,
+                         heating.b,
+                         limit.coulomb,
+                         limit.offset,
+                         soft.melting_temperature,
+                         1.0 + soft.pressure_coefficient * limit.pressure,
+                         limit.tresca,
+                         soft.temperature_coefficient};
+  std::optional<WideJunctions> junctions;
+  if (limit.junctions.options != nullptr) {
+    lane.junctions = &junctions.emplace(*limit.junctions.options, limit.junctions.strain_per_slip);
+    lane.strain_old = limit.junctions.strain_old;
   }
-  if (known == 0) return 0;
-  const std::uint32_t found = SHEARBUS_CALL(stress_step, tile, known);
-  for (const int l : lanes_of(found)) searches[l].stress = tile.stress[l];
-  return found;
-}
-
-std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer) {
-  return SHEARBUS_CALL(slip_step, slip, answer);
+  return one::slip_of_lane(
+      lane, {trial.jump_free, trial.per_stress, trial.direction, trial.jump_old, trial.drive, trial.stress_stick},
+      heat_partition, B0, guess, limit.effort);
 }
 
 }  // namespace shearbus::physics

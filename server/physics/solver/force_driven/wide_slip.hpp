@@ -1,12 +1,13 @@
-// Stress and slip of all lanes of a tile at once (METHODS.md, "Arithmetic"), for models whose interface has constant
-// friction, no junctions, and a flow law whose softening has a form for registers. A lane with a rarer answer is left
-// to InterfaceStep.
+// Stress and slip of all lanes of a tile at once (METHODS.md, "Arithmetic"), for models whose friction law and whose
+// flow law's softening have a form for registers. A lane with a rarer answer is left to InterfaceStep.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <type_traits>
+#include <variant>
 
+#include "server/physics/interface/friction_form.hpp"
 #include "server/physics/material/steinberg_cochran_guinan.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -17,14 +18,40 @@ namespace shearbus::physics {
 template <class Law>
 inline constexpr bool kHasWideSoftening = std::is_same_v<Law, SteinbergCochranGuinan>;
 
-// What the steps of the lanes of a tile have in common, and where their inputs are.
-struct WideSlip {
+// Junctions in a step, as the kernels need them: f Y_a / sqrt(3) = min(most, fresh (1 + hardening ep_a)^exponent).
+struct WideJunctions {
+  WideJunctions(const JunctionOptions& options, double per_slip);
+
+  double fresh, most;  // strength without strain, and the largest strength, without the softening g  [Pa]
+  double hardening, exponent;
+  double strain_per_slip;  // strain per slip velocity  [s/m]
+  double growth;           // exponent * hardening * strain_per_slip  [s/m]
+};
+
+// The interfaces of the lanes of a tile.
+struct WideInterface {
+  WideInterface(const Problem& problem, const TileInputs& tile, const LaneMaterials& materials, double dt,
+                const double* committed);
+
+  // Whether the kernels have all forms of the model's interface.
+  bool has_forms() const { return yields_finitely && !std::holds_alternative<NoForm>(friction); }
+  // Whether there are no junctions and friction does not depend on temperature.
+  bool is_plain() const { return !junctions && !std::holds_alternative<FallsWithTemperature>(friction); }
+
   const TileInputs& inputs;
   const LaneMaterials& soft_at;
-  const double* stress_before;  // stress before the step  [Pa]
-  const double* T_ad;           // interface temperature without friction in this step  [K]
-  double friction_coefficient;
-  double tresca;  // shear strength of the interface, yield strength / sqrt(3)  [Pa]
+  FrictionForm friction;
+  double tresca;         // shear strength of an interface without junctions, yield strength / sqrt(3)  [Pa]
+  bool yields_finitely;  // the strength is finite, and its softening has a form
+  std::optional<WideJunctions> junctions;
+  const double* junction_strain;  // plastic strain of the junctions before the step; unused without junctions
+  const double* stress_before;    // stress before the step  [Pa]
+};
+
+// What the steps of the lanes of a tile have in common.
+struct WideSlip {
+  WideInterface interface;
+  const double* T_ad;  // interface temperature without friction in this step  [K]
   double heat_partition;
   double B0;  // rise of T0 per heat flux  [K m2/W]
   double dt;
@@ -38,31 +65,51 @@ struct WideAnswer {
   alignas(64) double flux[kLanes];
   alignas(64) double heat[kLanes];  // friction heat of the step  [J/m2]
   alignas(64) double regime[kLanes];
+  alignas(64) double junction_strain[kLanes];  // only with junctions
 };
-
-// Whether the kernel has the model's interface.
-bool has_wide_slip(const Problem& problem);
 
 // Solves the active lanes and returns those whose answer is unique and was found. The answer of a lane depends on this
 // lane alone.
 std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer);
+
+// Writes the answers of the lanes `found` to the tile, except the states and outputs that follow from the temperatures.
+void write_answer(const Problem& problem, const WideAnswer& answer, std::uint32_t found, double* trial,
+                  TileOutputs& outputs);
 
 // The same algorithm for one lane, with or without junctions. Returns nothing where the limit has another form, the
 // answer may not be unique, or the search fails: rigid_slip() then takes the general way.
 std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
                                    double T_ad, double guess);
 
-// A search for the smaller of `a_stick` and the stress that equals the limit of a lane. Limits have no junctions.
-struct LaneSearch {
-  StressLimit limit;
-  FrictionHeating heating;
-  double a_stick;  // [Pa]
-  double guess;    // starting stress of the search  [Pa]
-  double stress;   // the answer  [Pa]
+// What the steps of second order of the lanes of a tile have in common (stages.cpp).
+struct WideStages {
+  WideInterface interface;
+  double heat_partition;
+  double dt;  // length of the whole step
+};
+struct WideStage {
+  const double* T_ad;  // interface temperature without the heat flux of this stage  [K]
+  double B0;           // rise of T0 per heat flux of this stage  [K m2/W]
+  double dt;           // length of the stage
 };
 
-// Makes the searches of the lanes `wanted`, whose limits differ only in pressure, material at this pressure, and
-// offset. Returns the lanes whose answer is unique and was found.
-std::uint32_t wide_stress(LaneSearch (&searches)[kLanes], std::uint32_t wanted);
+// Largest accepted |stress of a sliding interface - its limit| of a second stage, relative to the stress.
+inline constexpr double kMet = 1e-9;
+
+// The lanes of which a stage has the answer: they are open, at rest, or slide. The other active lanes take backward
+// Euler, except those whose search the kernels leave.
+struct StageLanes {
+  std::uint32_t solved = 0;
+  std::uint32_t resting = 0;  // those of the solved lanes that are at rest throughout the step
+  std::uint32_t left = 0;
+};
+// Stress along the direction of the jump, and heat flux, of the first stage; 0 of lanes without an answer.
+struct StageAnswer {
+  alignas(64) double stress[kLanes];
+  alignas(64) double flux[kLanes];
+};
+StageLanes wide_first_stage(const WideStages& stages, const WideStage& stage, StageAnswer& answer);
+StageLanes wide_second_stage(const WideStages& stages, const WideStage& stage, const StageAnswer& early,
+                             const StageLanes& before, WideAnswer& answer);
 
 }  // namespace shearbus::physics

@@ -1,5 +1,5 @@
-// The kernel of wide_slip() and, in the namespace `one`, of quick_slip(); each_register.hpp includes this file once per
-// register width.
+// The kernels of wide_slip() and of the stages of second order, and, in the namespace `one`, of quick_slip();
+// each_register.hpp includes this file once per register width.
 
 // A lane that needs more rounds of Newton's method is left to slip_stress().
 inline constexpr int kRounds = 12;
@@ -14,76 +14,32 @@ inline constexpr double kLeastStress = 1e-200;
 // A root closer to the sticking stress than this fraction is left to rigid_slip(), which decides whether the node
 // sticks.
 inline constexpr double kClear = 1e-6;
+// Where friction and yield differ by less than this fraction, rigid_slip() decides which is the limit.
+inline constexpr double kApart = 1e-6;
 
-// The limit and the heating of the lanes of one register, with the names of StressLimit and FrictionHeating.
-struct Lanes {
-  Register T_ad, rise, c, b;
-  Register coulomb, offset, T_melt;
-  Register bracket_at_0;  // 1 + gP P
-  double tresca, hT;
-  const Junctions* junctions = nullptr;  // only in the namespace `one`
-
-  // The strength without the softening g at a slip velocity, and its derivative by the slip over the strength.
-  struct Strength {
-    Register value, growth;
-  };
-  [[gnu::always_inline]] Strength strength([[maybe_unused]] Register slip) const {
-#if SHEARBUS_WIDTH == 1
-    if (junctions != nullptr) {
-      const Junctions::Value hardened = junctions->at(slip);
-      return {hardened.strength, hardened.slope / hardened.strength};
-    }
-#endif
-    return {all(tresca), all(0.0)};
-  }
-  [[gnu::always_inline]] Register slip(Register a) const {
-    const Register v = c - b * a;
-    return where(v > 0.0, v, all(0.0));
-  }
-  [[gnu::always_inline]] Register bracket(Register T) const {
-    return bracket_at_0 - hT * (T - SteinbergCochranGuinan::kReference);
-  }
-};
-
-// Where slip_is_unique() holds, decided by bounds that need no exponential. `end`: an upper bound of the stress up to
-// which the answer must be unique.
-[[gnu::always_inline]] inline Mask heats_more_up_to(const Lanes& s, Register end) {
-  return (2.0 * s.b * end <= s.c) | (s.c <= 0.0);
-}
-[[gnu::always_inline]] inline Mask falls_steadily(const Lanes& s, Register end) {
-  constexpr double kAlmost = 0.999999;  // covers the rounding of these bounds
-  const Register melting_scale = SteinbergCochranGuinan::kMeltingFactor * s.T_melt;
-  const Register hottest = s.T_ad + s.rise * (0.25 * s.c * s.c / s.b);
-  const Register nearest = s.T_melt - hottest;
-  const Mask solid = nearest > 0.0;
-  const Register x = where(solid, nearest, melting_scale);
-  // 1. Friction is the limit at the hottest temperature, where exp(-y) >= 1 - y.
-  const Register hot_yield =
-      s.strength(all(0.0)).value * (s.bracket(hottest) * (1.0 - SteinbergCochranGuinan::kMeltingFactor * hottest / x));
-  // 2. The slope of the limit is too small: an upper bound of exp(-c/x) c/x^2 is c/x^2, and 0.5414/c at any x.
-  const Register scaled = melting_scale / x;
-  const Register steepest = where(solid & (scaled < 0.73), 1.0011 * scaled * scaled, all(0.543)) / melting_scale;
-  const Register slope = s.strength(s.slip(all(0.0))).value * (s.hT + s.bracket(s.T_ad) * steepest);
-  return (solid & (s.coulomb <= kAlmost * hot_yield)) | (s.rise * slope * (2.0 * s.b * end - s.c) < kAlmost);
-}
+#include "server/physics/solver/force_driven/wide_limit.hpp"
 
 // A register of the search for the root of log(s_lim / a): the limit less its offset over the stress less the offset.
 // Where melting makes the limit fall like exp(-1/x) this function is concave, so that steps from the hot side never
 // overshoot; and it needs no exponential.
 struct Search {
   Mask active, ended;  // lanes still searched; lanes whose limit exceeds the stress even at `end`
+  // Where friction falls with temperature: lanes whose limit is friction, and lanes where the lower of friction and
+  // yield is lower by more than the search decides.
+  Mask rubs, apart;
   Register a, low, high, end, answer;
 };
 
-[[gnu::always_inline]] inline void improve(const Lanes& s, Search& search) {
+template <bool kPlain>
+[[gnu::always_inline]] inline void improve(const Lanes<kPlain>& s, Search& search) {
   const Register a = search.a;
   const Register v = s.c - s.b * a;
   const Mask slips = v > 0.0;
   const Register slip = where(slips, v, all(0.0));
   const Register T = s.T_ad + s.rise * (a * slip);
-  const Lanes::Strength strength = s.strength(slip);
+  const typename Lanes<kPlain>::Strength strength = s.strength(slip);
   const Register to_melting = s.T_melt - T, bracket = s.bracket(T);
-  const Mask solid = (to_melting > 0.0) & (bracket > 0.0);
+  Mask solid = (to_melting > 0.0) & (bracket > 0.0);
   const Register x = where(solid, to_melting, all(1.0)), g = where(solid, bracket, all(1.0));
   const Register above = a - s.offset;
   const Register u = where(above > kLeastStress, above, all(kLeastStress));
@@ -91,13 +47,31 @@ struct Search {
   const Register inverse = 1.0 / (xg * u);  // one division for 1/x, 1/g and 1/u
   const Register inverse_xg = inverse * u;
   const Register inverse_x = g * inverse_xg;
-  const Register excess =
+  Register excess =
       log_of(strength.value * (g * (inverse * xg))) - SteinbergCochranGuinan::kMeltingFactor * T * inverse_x;
-  const Register fall = s.hT * (x * inverse_xg) +
-                        SteinbergCochranGuinan::kMeltingFactor * s.T_melt * (inverse_x * inverse_x);  // -d(log g)/dT
-  const Register heating = where(slips, s.rise * (s.c - 2.0 * (s.b * a)), all(0.0));                  // dT/da
+  Register fall = s.hT * (x * inverse_xg) +
+                  SteinbergCochranGuinan::kMeltingFactor * s.T_melt * (inverse_x * inverse_x);  // -d(log g)/dT
+  const Register heating = where(slips, s.rise * (s.c - 2.0 * (s.b * a)), all(0.0));            // dT/da
+  Register hardening = where(slips, s.b * strength.growth, all(0.0));                           // -d(log strength)/da
+  Mask rubs{};                                                                                  // friction is the limit
+  Register gap{}, change{};  // of the logarithms of yield and friction: their difference; bound of its derivative by T
+  if (s.is_softened()) {
+    const typename Lanes<kPlain>::Softened friction = s.softened(T);
+    const Register share = s.load * friction.kept * (inverse * xg);
+    solid &= share > kLeastStress;
+    // Below the reference temperature friction is `coulomb`, which the end of the bracket does not exceed.
+    const Register rubbing = where(T > s.softens->reference, log_of(where(share > kLeastStress, share, all(1.0))),
+                                   all(std::numeric_limits<double>::infinity()));
+    const Register friction_fall = friction.fall / friction.kept;
+    gap = magnitude(rubbing - excess);
+    change = fall + friction_fall;
+    rubs = rubbing < excess;
+    excess = where(rubs, rubbing, excess);
+    fall = where(rubs, friction_fall, fall);
+    hardening = where(rubs, all(0.0), hardening);
+  }
   Register slope = 1.0 + u * (heating * fall);
-  if (kWidth == 1) slope += u * where(slips, s.b * strength.growth, all(0.0));
+  if (s.has_junctions()) slope += u * hardening;
   const Register step = u * excess / slope;
   const Register next = a + step;
 
@@ -111,13 +85,18 @@ struct Search {
   const Mask done = search.active & (at_end | met);
   search.answer = where(done, where(at_end, a, kRoundedDown * within), search.answer);
   search.ended |= search.active & at_end;
+  if (s.is_softened()) {
+    search.rubs |= done & rubs;
+    search.apart |= done & (gap > kApart + 2.0 * magnitude(step * heating) * change);
+  }
   search.active &= without(done);
   const Mask inside = solid & (next > search.low) & (next < search.high);
   search.a = where(inside, smaller(next, search.end), 0.5 * (search.low + smaller(search.high, search.end)));
 }
 
 // Begins the search for the smallest of `a_stick` and the root of the spare strength. `wanted`: lanes to search.
-[[gnu::always_inline]] inline Search begin(const Lanes& s, Register a_stick, Register guess, Mask wanted) {
+template <bool kPlain>
+[[gnu::always_inline]] inline Search begin(const Lanes<kPlain>& s, Register a_stick, Register guess, Mask wanted) {
   Search search{};
   const Register unheated = s.offset + smaller(s.coulomb, s.strength(s.slip(all(0.0))).value * s.bracket(s.T_ad));
   const Register bound = smaller(a_stick, unheated);
@@ -137,6 +116,17 @@ struct Search {
   return search;
 }
 
+// Whether the search has found the answer: the root, or the end of the bracket if the node sticks or rubs there. A root
+// inside the bracket rules out that the node sticks. `a_stick`: stress at which it sticks.
+template <bool kPlain>
+[[gnu::always_inline]] inline Mask settled(const Lanes<kPlain>& s, const Search& search, Register a_stick) {
+  const Register a = search.answer;
+  const Mask at_end = search.ended & ((a == a_stick) | (a == s.offset + s.coulomb));
+  Mask root = without(search.ended) & (a < (1.0 - kClear) * a_stick);
+  if (s.is_softened()) root &= search.apart;
+  return without(search.active) & (at_end | root);
+}
+
 // The trial slip of the lanes of one register, with the names of TrialSlip.
 struct Trial {
   Register jump_free, per_stress, direction, jump_old, drive, stress_stick;
@@ -152,16 +142,17 @@ struct Found {
   return static_cast<double>(regime);
 }
 
-[[gnu::always_inline]] inline Found conclude(const Lanes& s, const Trial& trial, const Search& search,
+template <bool kPlain>
+[[gnu::always_inline]] inline Found conclude(const Lanes<kPlain>& s, const Trial& trial, const Search& search,
                                              double heat_partition, double B0) {
   const Register a = search.answer;
   const Mask sticks = search.ended & (a == trial.stress_stick);
-  const Mask rubs = search.ended & (a == s.offset + s.coulomb) & without(sticks);
+  Mask rubs = search.ended & (a == s.offset + s.coulomb) & without(sticks);
+  if (s.is_softened()) rubs |= without(search.ended) & search.rubs;
   const Register resting = 0.5 * (trial.jump_old + trial.drive);
   const Register slip = where(sticks, where(resting > 0.0, resting, all(0.0)), s.slip(a));
   const Register flux = heat_partition * (a * slip);
   const Register T0 = s.T_ad + flux * B0;
-  const Mask clear = sticks | rubs | (without(search.ended) & (a < (1.0 - kClear) * trial.stress_stick));
   const Mask solid = sticks | ((T0 < s.T_melt) & (s.T_ad + s.rise * (a * slip) < s.T_melt));
   const Register yields =
       where(T0 >= kMeltingShare * s.T_melt, all(number(Regime::kMelting)), all(number(Regime::kTresca)));
@@ -170,13 +161,14 @@ struct Found {
           where(sticks, 0.0 - trial.direction * trial.drive, trial.jump_free - trial.direction * a * trial.per_stress),
           flux,
           where(sticks, all(number(Regime::kStick)), where(rubs, all(number(Regime::kCoulomb)), yields)),
-          static_cast<Mask>(without(search.active) & clear & solid)};
+          static_cast<Mask>(settled(s, search, trial.stress_stick) & solid)};
 }
 
 #if SHEARBUS_WIDTH == 1
 
-inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, double heat_partition, double B0,
-                                            double guess, SearchEffort* effort) {
+template <bool kPlain>
+inline std::optional<LaneStep> slip_of_lane(const Lanes<kPlain>& s, const Trial& trial, double heat_partition,
+                                            double B0, double guess, SearchEffort* effort) {
   Search search = begin(s, trial.stress_stick, guess, true);
   if (!search.active) return {};
   for (int round = 0; search.active && round < kRounds; ++round) {
@@ -192,7 +184,8 @@ inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, 
 #else
 
 // Searches the lanes `active` of all registers together, until none is left. Returns the lanes that have ended.
-[[gnu::always_inline]] inline std::uint32_t search_all(const Lanes (&lanes)[kParts], Search (&search)[kParts],
+template <bool kPlain>
+[[gnu::always_inline]] inline std::uint32_t search_all(const Lanes<kPlain> (&lanes)[kParts], Search (&search)[kParts],
                                                        std::uint32_t active, SearchEffort* effort) {
   const std::uint32_t begun = active;
   int values = 0;
@@ -208,49 +201,72 @@ inline std::optional<LaneStep> slip_of_lane(const Lanes& s, const Trial& trial, 
   return begun & ~active;
 }
 
-inline std::uint32_t stress_step(StressTile& tile, std::uint32_t wanted) {
-  Lanes lanes[kParts];
-  Search search[kParts];
-  std::uint32_t active = 0;
-  SHEARBUS_EACH_PART {
-    const std::ptrdiff_t l = p * kWidth;
-    lanes[p] = {load(tile.T_ad + l),
-                load(tile.rise + l),
-                load(tile.c + l),
-                load(tile.b + l),
-                load(tile.coulomb + l),
-                load(tile.offset + l),
-                load(tile.T_melt + l),
-                load(tile.bracket_at_0 + l),
-                tile.tresca,
-                tile.hT};
-    search[p] = begin(lanes[p], load(tile.a_stick + l), load(tile.guess + l), mask_of(wanted >> l));
-    active |= lanes_where(search[p].active) << l;
+// The limits of the lanes of a tile.
+class Interface {
+ public:
+  [[gnu::always_inline]] explicit Interface(const WideInterface& in)
+      : in_(in),
+        constant_(std::get_if<ConstantCoefficient>(&in.friction)),
+        softens_(std::get_if<FallsWithTemperature>(&in.friction)),
+        uniform_(in.soft_at.uniform()),
+        soft_(in.soft_at(0)) {
+    for (int l = 0; !uniform_ && l < kLanes; ++l) {
+      T_melt_[l] = in.soft_at(l).melting_temperature;
+      pressure_coefficient_[l] = in.soft_at(l).pressure_coefficient;
+    }
   }
-  const std::uint32_t ended = search_all(lanes, search, active, tile.effort);
-  std::uint32_t sure = 0;
-  SHEARBUS_EACH_PART {
-    const std::ptrdiff_t l = p * kWidth;
-    const Lanes& s = lanes[p];
-    const Register a = search[p].answer, a_stick = load(tile.a_stick + l);
-    const Mask at_end = search[p].ended & ((a == a_stick) | (a == s.offset + s.coulomb));
-    const Mask clear = at_end | (without(search[p].ended) & (a < (1.0 - kClear) * a_stick));
-    sure |= lanes_where(clear & (s.T_ad + s.rise * (a * s.slip(a)) < s.T_melt)) << l;
-    store(a, tile.stress + l);
-  }
-  return ended & sure;
-}
 
-inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
-  const TileInputs& host = in.inputs;
-  const bool uniform = in.soft_at.uniform();
-  const Material& soft = in.soft_at(0);
-  alignas(64) double T_melt[kLanes], pressure_coefficient[kLanes];
-  for (int l = 0; !uniform && l < kLanes; ++l) {
-    T_melt[l] = in.soft_at(l).melting_temperature;
-    pressure_coefficient[l] = in.soft_at(l).pressure_coefficient;
+  // The limit of the lanes from l on, times `factor`, plus `offset` (StressLimit::scaled()).
+  template <bool kPlain>
+  [[gnu::always_inline]] Lanes<kPlain> lanes(std::ptrdiff_t l, Register T_ad, double rise, Register c, Register b,
+                                             double factor, Register offset) const {
+    const Register pressure = load(in_.inputs.pressure + l);
+    Lanes<kPlain> s{T_ad,
+                    all(rise),
+                    c,
+                    b,
+                    constant_ != nullptr ? (constant_->coefficient * pressure) * factor
+                                         : all(std::numeric_limits<double>::infinity()),
+                    offset,
+                    uniform_ ? all(soft_.melting_temperature) : load(T_melt_ + l),
+                    1.0 + (uniform_ ? all(soft_.pressure_coefficient) : load(pressure_coefficient_ + l)) * pressure,
+                    in_.tresca * factor,
+                    soft_.temperature_coefficient,
+                    in_.junctions ? &*in_.junctions : nullptr,
+                    softens_};
+    if (s.has_junctions()) s.strain_old = load(in_.junction_strain + l);
+    if (s.is_softened()) {
+      s.load = (softens_->cold * pressure) * factor;
+      s.coulomb = s.load * s.softened(T_ad).kept;
+    }
+    return s;
   }
-  Lanes lanes[kParts];
+
+ private:
+  const WideInterface& in_;
+  const ConstantCoefficient* constant_;
+  const FallsWithTemperature* softens_;
+  bool uniform_;
+  const Material& soft_;
+  alignas(64) double T_melt_[kLanes], pressure_coefficient_[kLanes];
+};
+
+// The forces of the host on the lanes from l on, with the names of Forcing.
+struct Forces {
+  [[gnu::always_inline]] Forces(const TileInputs& host, std::ptrdiff_t l) {
+    const Register mass_soft = load(host.mass_soft + l), mass_hard = load(host.mass_hard + l);
+    acceleration = load(host.stress_soft + l) / mass_soft + load(host.stress_hard + l) / mass_hard;
+    mobility = 1.0 / mass_soft + 1.0 / mass_hard;
+  }
+  Register acceleration, mobility;
+};
+
+template <bool kPlain>
+[[gnu::always_inline]] inline std::uint32_t slip_step_of(const WideSlip& in, WideAnswer& answer) {
+  const TileInputs& host = in.interface.inputs;
+  const Interface interface(in.interface);
+  [[maybe_unused]] const auto* by_slip = std::get_if<FallsWithSlip>(&in.interface.friction);
+  Lanes<kPlain> lanes[kParts];
   Trial trial[kParts];
   Search search[kParts];
 
@@ -258,27 +274,25 @@ inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
   std::uint32_t active = 0;
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
-    const Register mass_soft = load(host.mass_soft + l), mass_hard = load(host.mass_hard + l);
+    const Forces forces(host, l);
     const Register jump = load(host.velocity_jump + l), pressure = load(host.pressure + l);
-    const Register before = load(in.stress_before + l);
-    const Register acceleration = load(host.stress_soft + l) / mass_soft + load(host.stress_hard + l) / mass_hard;
-    const Register per_stress = in.dt * (1.0 / mass_soft + 1.0 / mass_hard);
-    const Register jump_free = jump + in.dt * acceleration;
+    const Register before = load(in.interface.stress_before + l);
+    const Register per_stress = in.dt * forces.mobility;
+    const Register jump_free = jump + in.dt * forces.acceleration;
     const Register leads = where(jump_free != 0.0, jump_free, before);
     const Register direction = where(leads < 0.0, all(-1.0), all(1.0));
     const Register jump_old = direction * jump;
     trial[p] = {jump_free, per_stress, direction, jump_old, all(0.0), magnitude(jump_free) / per_stress};
-    lanes[p] = {load(in.T_ad + l),
-                all(in.heat_partition * in.B0),
-                0.5 * (jump_old + direction * jump_free),
-                0.5 * per_stress,
-                in.friction_coefficient * pressure,
-                all(0.0),
-                uniform ? all(soft.melting_temperature) : load(T_melt + l),
-                1.0 + (uniform ? all(soft.pressure_coefficient) : load(pressure_coefficient + l)) * pressure,
-                in.tresca,
-                soft.temperature_coefficient};
-    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), mask_of(host.active >> l) & (pressure > 0.0));
+    lanes[p] =
+        interface.template lanes<kPlain>(l, load(in.T_ad + l), in.heat_partition * in.B0,
+                                         0.5 * (jump_old + direction * jump_free), 0.5 * per_stress, 1.0, all(0.0));
+    Mask wanted = mask_of(host.active >> l) & (pressure > 0.0);
+    if constexpr (kPlain) {
+      if (by_slip != nullptr)
+        wanted =
+            find_sliding(*by_slip, pressure, trial[p].stress_stick, magnitude(before), wanted, lanes[p], host.effort);
+    }
+    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), wanted);
     active |= lanes_where(search[p].active) << l;
   }
 
@@ -298,8 +312,17 @@ inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
     store(where(known, found.flux, all(0.0)), answer.flux + l);
     store(found.flux * in.dt, answer.heat + l);
     store(found.regime, answer.regime + l);
+    if (lanes[p].has_junctions()) {
+      store(lanes[p].strain_old + in.interface.junctions->strain_per_slip * magnitude(found.slip),
+            answer.junction_strain + l);
+    }
   }
   return sure;
 }
+inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
+  return in.interface.is_plain() ? slip_step_of<true>(in, answer) : slip_step_of<false>(in, answer);
+}
+
+#include "server/physics/solver/force_driven/wide_stages_kernel.hpp"
 
 #endif
