@@ -29,14 +29,17 @@ struct Found {
   double flux = 0.0;             // heat flux q into the layer: of a step its mean  [W/m2]
   double slip_along[2] = {};     // flow and slip at z = 0 along stresses above 0, and along stresses below 0  [m]
   bool interface_slips = false;  // at the end the friction limit holds the stress at z = 0
+  double stress[2] = {};         // stress at z = 0 and at z = h; of a step the means in its balance of momentum  [Pa]
 };
 
 // The step of two stages of SDIRK2. Slip takes the weight that extrapolates the first stage to the start of the second.
 Found step_of(const Found& first, const Found& second) {
   const auto slip = [&](int k) { return sdirk2::kExtrapolation * first.slip_along[k] + second.slip_along[k]; };
-  return {.flux = sdirk2::kFirstWeight * first.flux + sdirk2::kDiagonal * second.flux,
+  const auto mean = [](double one, double two) { return sdirk2::kFirstWeight * one + sdirk2::kDiagonal * two; };
+  return {.flux = mean(first.flux, second.flux),
           .slip_along = {slip(0), slip(1)},
-          .interface_slips = second.interface_slips};
+          .interface_slips = second.interface_slips,
+          .stress = {mean(first.stress[0], second.stress[0]), mean(first.stress[1], second.stress[1])}};
 }
 
 // An open contact: the layer moves with the soft body without stress, until the contact closes.
@@ -50,6 +53,7 @@ void open_lane(const Problem& problem, const TileInputs& inputs, const double* c
     trial[layout.plastic_strain + i * kLanes + l] = committed[layout.plastic_strain + i * kLanes + l];
   }
   outputs.shear_stress[l] = 0.0;
+  if (inputs.wants_mean_stress) outputs.mean_shear_stress[l] = outputs.mean_far_stress[l] = 0.0;
   outputs.sliding_velocity[l] = jump;
   outputs.friction_heat[l] = 0.0;
   outputs.regime[l] = Regime::kOpen;
@@ -101,7 +105,9 @@ bool solve_stage(const Problem& problem, const HeatOperator& heat, const TileInp
   if (!answer.found) return false;
 
   // A vertex flows in the direction of its stress. A stress that has fallen to 0 keeps its sign as +0 or -0.
-  found = {.flux = answer.flux, .interface_slips = answer.interface_slip != 0.0};
+  found = {.flux = answer.flux,
+           .interface_slips = answer.interface_slip != 0.0,
+           .stress = {fields.stress[0], fields.stress[n]}};
   found.slip_along[std::signbit(fields.stress[0])] = std::abs(answer.interface_slip) * step.dt;
   for (int i = 0; i <= n; ++i) {
     found.slip_along[std::signbit(fields.stress[i])] += kSqrt3 * grid.weight[i] * fields.strain_growth[i];
@@ -130,6 +136,10 @@ void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, co
   outputs.shear_stress[l] = !carries && slip * stress < 0.0 ? 0.0 : stress;
   outputs.sliding_velocity[l] = slip;
   outputs.friction_heat[l] = found.flux * dt;
+  if (inputs.wants_mean_stress) {
+    outputs.mean_shear_stress[l] = found.stress[0];
+    outputs.mean_far_stress[l] = found.stress[1];
+  }
   outputs.regime[l] = slip == 0.0             ? Regime::kStick
                       : found.interface_slips ? Regime::kCoulomb
                       : melts                 ? Regime::kMelting
