@@ -1,7 +1,7 @@
 // Steps of one tile under the paper's conditions, for tests/bench/instructions.py:
 //   shearbus-bench-steps CASE STEPS
 // Force-driven cases: profile, modes, and plastic_layer, which flows. Velocity-driven cases: layer_shear,
-// interface_slip, and the flow laws johnson_cook and preston_tonks_wallace.
+// interface_slip, inertia, and the flow laws johnson_cook and preston_tonks_wallace.
 // Ends with 77 on a machine without registers of four doubles, for which the counts are not meant.
 #include <cstdlib>
 #include <string_view>
@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   const bool forced = name == "profile" || name == "modes" || name == "plastic_layer";
   ModelOptions options = graded(paper_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven));
   if (name == "interface_slip") options.drive = Drive::kInterfaceSlip;
+  options.inertia = name == "inertia";
   if (name == "modes") {
     options.grid.far_boundary = FarBoundary::kHalfSpace;
     options.modes = {.accuracy = 1e-3, .shortest_step = 1e-9, .longest_time = 1e-6};
