@@ -148,10 +148,10 @@ constexpr std::array kConditions = {
                     wire::Code::kUnsupported,
                     "has no term for the heat that leaves through a face with far_boundary = \"isothermal\"",
                     "Leave out the columns of the energy ledger."},
-    ColumnCondition{Field::kMeanShearStress, wire::Kind::kOutput,
-                    [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
-                    "is of layers with one stress, and with layer.inertia waves change it within the step",
-                    "Leave it out; the stress at the end of the step is in shear_stress_pa."},
+    ColumnCondition{Field::kMeanFarStress, wire::Kind::kOutput,
+                    [](const physics::ModelOptions& options) { return options.inertia; }, wire::Code::kUnsupported,
+                    "is of layers with inertia: without layer.inertia the stress is the same at both faces",
+                    "Leave it out; the mean stress of the step is in mean_shear_stress_pa."},
     kHasTangent<Field::kStressPerJump>,
     kHasTangent<Field::kStressPerPressure>,
     ColumnCondition{Field::kFilmThickness, wire::Kind::kOutput,
@@ -215,7 +215,7 @@ shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, 
   ROW(enumerator, 0, quantity) SECOND_##direction(ROW, enumerator, quantity)
 #include "proto/wire/columns.inc"
 #undef ROW
-  columns.wants_mean_stress = reply.has(Field::kMeanShearStress);
+  columns.wants_mean_stress = reply.has(Field::kMeanShearStress) || reply.has(Field::kMeanFarStress);
   columns.wants_tangent = reply.has(Field::kStressPerJump) || reply.has(Field::kStressPerPressure);
   columns.wants_time_to_melting = reply.has(Field::kTimeToMelting);
   for (std::uint32_t component = 0; component < 2; ++component)

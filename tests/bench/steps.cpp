@@ -1,6 +1,6 @@
 // Steps of one tile under the paper's conditions, for tests/bench/instructions.py:
 //   shearbus-bench-steps CASE STEPS
-// Velocity-driven cases: layer_shear, interface_slip, and the flow laws johnson_cook and preston_tonks_wallace. All other
+// Velocity-driven cases: layer_shear, interface_slip, inertia, and the flow laws johnson_cook and preston_tonks_wallace. All other
 // cases are force-driven: profile, modes, sdirk2, sdirk2_modes, plastic_layer, which flows, junctions, and the friction
 // laws "weakening" and "softening" with the options that follow in the name; "yields": under the paper's pressure.
 // Ends with 77 on a machine without registers of four doubles, for which the counts are not meant.
@@ -27,13 +27,14 @@ void set_modes(ModelOptions& options) {
 }
 
 Case case_of(std::string_view name) {
-  const bool velocity_driven =
-      name == "layer_shear" || name == "interface_slip" || name == "johnson_cook" || name == "preston_tonks_wallace";
+  const bool velocity_driven = name == "layer_shear" || name == "interface_slip" || name == "inertia" ||
+                               name == "johnson_cook" || name == "preston_tonks_wallace";
   Case own{graded(paper_options(velocity_driven ? Strategy::kVelocityDriven : Strategy::kForceDriven))};
   ModelOptions& options = own.options;
   if (name == "interface_slip") options.drive = Drive::kInterfaceSlip;
   if (name == "johnson_cook") options.soft = make_material("copper_ofhc_jc", {}).material;
   if (name == "preston_tonks_wallace") options.soft = make_material("copper_ofhc_ptw", {}).material;
+  options.inertia = name == "inertia";
   if (name == "plastic_layer") {
     options.plastic_layer = true;
     options.interface.yield_strength = 400e6;

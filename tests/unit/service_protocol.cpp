@@ -316,11 +316,17 @@ TEST_P(ServiceOf, TheMeanStressIsToldOnRequest) {
   waves.mutable_layer()->set_inertia(true);
   ServiceHarness other;
   ASSERT_TRUE(other.ask(ServiceHarness::opening(waves, kNodes)).reply.status.ok());
-  std::get<wire::Downscale>(missing.body).wanted = {Field::kMeanShearStress};
+  std::get<wire::Downscale>(missing.body).wanted = {Field::kMeanShearStress, Field::kMeanFarStress};
   missing.sequence = 1;
-  const Answer refused = other.ask(missing);
+  const Answer both = other.ask(missing);
+  ASSERT_TRUE(both.reply.status.ok()) << describe(both.reply.status);
+  EXPECT_FALSE(
+      std::ranges::equal(both.reply.batch.f64(Field::kMeanShearStress), both.reply.batch.f64(Field::kMeanFarStress)));
+  missing.sequence = 5;
+  const Answer refused = harness.ask(missing);
   EXPECT_EQ(refused.code(), Code::kUnsupported);
-  EXPECT_NE(refused.reply.status.text.find("mean_shear_stress"), std::string::npos) << refused.reply.status.text;
+  EXPECT_NE(refused.reply.status.text.find("mean_far_stress"), std::string::npos) << refused.reply.status.text;
+  missing.sequence = 2;
   std::get<wire::Downscale>(missing.body).wanted = {Field::kStressPerPressure};
   EXPECT_EQ(other.ask(missing).code(), Code::kUnsupported);
   std::get<wire::Downscale>(missing.body).wanted = {Field::kTimeToMelting};

@@ -115,7 +115,11 @@ void keep_lane(const Problem& problem, const TileInputs& inputs, const double* c
   const TileLayout& layout = problem.layout;
   copy_lane(committed, trial, layout.doubles, lane);
   outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
-  if (inputs.wants_mean_stress) outputs.mean_shear_stress[lane] = outputs.shear_stress[lane];
+  if (inputs.wants_mean_stress) {
+    outputs.mean_shear_stress[lane] = outputs.shear_stress[lane];
+    const std::size_t far = (layout.num_stress_vertices - 1) * kLanes;  // 0 without inertia
+    outputs.mean_far_stress[lane] = committed[layout.shear_stress + far + lane];
+  }
   outputs.sliding_velocity[lane] = 0.0;
   outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
   outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);

@@ -23,13 +23,13 @@ inline constexpr std::uint8_t kFailed = 128;
 // The inputs of the host for one step of one tile. Lanes that are not active may hold any finite number: it affects no
 // answer. Members `second_` are second tangential components: they are read only if a model has two.
 struct TileInputs {
-  const double* stress_before = nullptr;          // stress before the step, [kLanes]; null: committed stress  [Pa]
-  SearchEffort* effort = nullptr;                 // counters of search effort, to which a step adds; null: no counts
-  double* work = nullptr;                         // work of each lane, [kLanes], to which a step adds; null: no counts
-  std::uint32_t active = 0;                       // bit i: lane i takes the step
-  bool wants_mean_stress = false;                 // whether TileOutputs::mean_shear_stress is wanted
-  alignas(64) double velocity_jump[kLanes] = {};  // jump [V]; force-driven: jump before the step, at n-1/2  [m/s]
-  alignas(64) double pressure[kLanes] = {};       // normal pressure P, compression positive  [Pa]
+  const double* stress_before = nullptr;  // stress before the step, [kLanes]; null: committed stress  [Pa]
+  SearchEffort* effort = nullptr;         // counters of search effort, to which a step adds; null: no counts
+  double* work = nullptr;                 // work of each lane, [kLanes], to which a step adds; null: no counts
+  std::uint32_t active = 0;               // bit i: lane i takes the step
+  bool wants_mean_stress = false;         // whether TileOutputs::mean_shear_stress and mean_far_stress are wanted
+  alignas(64) double velocity_jump[kLanes] = {};    // jump [V]; force-driven: jump before the step, at n-1/2  [m/s]
+  alignas(64) double pressure[kLanes] = {};         // normal pressure P, compression positive  [Pa]
   alignas(64) double soft_shear_rate[kLanes] = {};  // shear rate of the host's soft zone, for INTERFACE_SLIP  [1/s]
   alignas(64) double stress_soft[kLanes] = {};      // shear stress in the soft body, half a zone from z = 0  [Pa]
   alignas(64) double stress_hard[kLanes] = {};      // shear stress in the hard body, half a zone from z = 0  [Pa]
@@ -53,6 +53,7 @@ struct TileOutputs {
   alignas(64) double second_shear_stress[kLanes];  // second tangential component of shear_stress  [Pa]
   // Impulse of the shear stress over the step, divided by dt; only if TileInputs::wants_mean_stress  [Pa]
   alignas(64) double mean_shear_stress[kLanes];
+  alignas(64) double mean_far_stress[kLanes];           // with inertia: the same at z = h  [Pa]
   alignas(64) double second_mean_shear_stress[kLanes];  // second tangential component of mean_shear_stress  [Pa]
   // The linearised answer; only after Model::linearise() and Model::predict_melting().
   alignas(64) double stress_per_jump[kLanes];      // derivative of shear_stress by velocity_jump  [Pa s/m]
