@@ -11,14 +11,16 @@ import sys
 LANES = 8
 STEPS = {"force_driven": (100, 600), "velocity_driven": (0, 1000)}  # of the two runs
 # Most instructions of a node-step of shearbus-bench-steps, by strategy and case. Counted with gcc 12: force-driven 572,
-# 322, 1565, 736, 701, 844, 612, 635, 742, 743, 1887, 8,656; velocity-driven 4,387 and 3,913.
+# 322, 1565, 736, 701, 844, 612, 635, 742, 743, 1887, 8,656; velocity-driven 4,414, 3,938, 30,267 and 103,005.
 BOUNDS = {
     "force_driven": {
         "profile": 600, "modes": 340, "sdirk2": 1630, "sdirk2_modes": 765, "junctions": 730, "junctions_softening": 880,
         "weakening": 640, "weakening_yields": 660, "softening": 770, "softening_yields": 770, "softening_sdirk2": 1960,
         "plastic_layer": 9100,
     },
-    "velocity_driven": {"layer_shear": 4450, "interface_slip": 4000},
+    "velocity_driven": {
+        "layer_shear": 4500, "interface_slip": 4050, "johnson_cook": 32_000, "preston_tonks_wallace": 108_000,
+    },
 }
 # Most instructions of a step of shearbus-bench-exchange beyond those of the shard, by number of nodes.
 EXCHANGE_STEPS = (4, 12)  # of the two runs

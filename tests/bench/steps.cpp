@@ -1,8 +1,9 @@
 // Steps of one tile under the paper's conditions, for tests/bench/instructions.py:
 //   shearbus-bench-steps CASE STEPS
-// Velocity-driven cases: layer_shear, interface_slip, inertia, and the flow laws johnson_cook and preston_tonks_wallace. All other
-// cases are force-driven: profile, modes, sdirk2, sdirk2_modes, plastic_layer, which flows, junctions, and the friction
-// laws "weakening" and "softening" with the options that follow in the name; "yields": under the paper's pressure.
+// Velocity-driven cases: layer_shear, interface_slip, inertia, and the flow laws johnson_cook and
+// preston_tonks_wallace. All other cases are force-driven: profile, modes, sdirk2, sdirk2_modes, plastic_layer, which
+// flows, junctions, and the friction laws "weakening" and "softening" with the options that follow in the name;
+// "yields": under the paper's pressure.
 // Ends with 77 on a machine without registers of four doubles, for which the counts are not meant.
 #include <cstdlib>
 #include <string_view>

@@ -91,5 +91,64 @@ TEST(PhysicsPlasticHeatingConvergence, TheBandsStressIsReportedWithItsSpread) {
   }
 }
 
+// A layer of Preston, Tonks and Wallace's copper under a jump of 300 m/s at the time `t`. The velocity jump of each lane
+// is a few ulps larger than that of the previous lane.
+struct RateHardened {
+  double s[kLanes], T0[kLanes], T_hottest;
+  double width;  // of the flow in the last step, (integral of dep)^2 / integral of dep^2  [m]
+};
+RateHardened run_rate_hardened(int cells, double t) {
+  constexpr double kStep = 1e-9;
+  ModelOptions options = paper_options();
+  options.soft = make_material("copper_ofhc_ptw", {}).material;
+  options.grid.cells = cells;
+  options = two_sided(options);
+  options.taylor_quinney_factor = 1.0;
+  Rig rig(options);
+  rig.set_all(300.0, 11.2e9);
+  for (int l = 0; l < kLanes; ++l) rig.inputs.velocity_jump[l] *= 1.0 + l * 2e-15;
+  for (int n = static_cast<int>(std::lround(t / kStep)); n > 0; --n) rig.step(kStep);
+  RateHardened found{};
+  for (int l = 0; l < kLanes; ++l) {
+    found.s[l] = rig.stress(l);
+    found.T0[l] = rig.T(0, l);
+  }
+  double flow = 0.0, squares = 0.0;
+  for (int i = 0; i <= cells; ++i) {
+    const double dep = rig.ep(i) - rig.ep_of(rig.trial, i, 0), weight = rig.model.grid().weight[i];
+    found.T_hottest = std::max(found.T_hottest, rig.T(i));
+    flow += weight * dep;
+    squares += weight * dep * dep;
+  }
+  found.width = flow * flow / squares;
+  return found;
+}
+
+// With a strength that rises with the rate the flow cannot gather where a last bit decides: grids and lanes agree, before
+// the layer melts at its insulated face and after. The width of the flow is that of the layer until a vertex melts. From
+// then on the flow of a step gathers in this vertex, since near melting the rate hardens less than the heat softens.
+TEST(PhysicsPlasticHeatingConvergence, ARateThatHardensMakesGridsAndLastBitsAgree) {
+  std::printf("plastic-work heating, a law with rates, 300 m/s: time, cells, T0, hottest, s, width of the flow\n");
+  for (const double t : {360e-9, 450e-9}) {
+    std::vector<RateHardened> found;
+    for (const int cells : {125, 250, 500}) {
+      found.push_back(run_rate_hardened(cells, t));
+      const RateHardened& at = found.back();
+      std::printf("  %3.0f ns  %4d  %9.4f K  %7.1f K  %10.5f MPa  %6.2f um\n", t * 1e9, cells, at.T0[0], at.T_hottest,
+                  at.s[0] / 1e6, at.width * 1e6);
+      for (int l = 1; l < kLanes; ++l) {
+        EXPECT_NEAR(at.s[l] / at.s[0], 1.0, 1e-9) << l;
+        EXPECT_NEAR(at.T0[l], at.T0[0], 1e-8) << l;
+      }
+    }
+    const bool molten = t > 400e-9;
+    EXPECT_NEAR((found[1].T0[0] - found[0].T0[0]) / (found[2].T0[0] - found[1].T0[0]), 4.0, 0.5);  // second order
+    EXPECT_NEAR(found[1].s[0] / found[2].s[0], 1.0, molten ? 1e-3 : 1e-6);
+    EXPECT_NEAR(found[0].s[0] / found[2].s[0], 1.0, molten ? 1e-3 : 1e-5);
+    EXPECT_NEAR(found[0].width / found[2].width, molten ? 4.0 : 1.0, 1e-3);
+    EXPECT_EQ(found[2].T_hottest > 0.99 * 1356.0, molten);
+  }
+}
+
 }  // namespace
 }  // namespace shearbus::testing

@@ -43,6 +43,23 @@ TEST(PhysicsBits, AreTheSameOnEveryMachine) {
   EXPECT_EQ(fingerprint(graded(paper_options(Strategy::kForceDriven))), 18251289367800343332u);
 }
 
+// The kernels of flow: expanded, with a force-driven flux, and searched.
+TEST(PhysicsBits, OfFlowAreTheSameInRegistersOfAnyWidth) {
+  if (!machine_has_registers_of_four()) GTEST_SKIP() << "this machine has registers of two doubles only";
+  ModelOptions plastic = graded(paper_options(Strategy::kForceDriven));
+  plastic.plastic_layer = true;
+  plastic.interface.yield_strength = 400e6;
+  ModelOptions johnson_cook = graded(paper_options()), preston = johnson_cook, plastic_preston = plastic;
+  johnson_cook.soft = make_material("copper_ofhc_jc", {}).material;
+  preston.soft = plastic_preston.soft = make_material("copper_ofhc_ptw", {}).material;
+  for (const ModelOptions& options : {plastic, johnson_cook, preston, plastic_preston}) {
+    const std::uint64_t four = fingerprint(options);
+    registers_of_four = false;
+    EXPECT_EQ(fingerprint(options), four);
+    registers_of_four = true;
+  }
+}
+
 // Steps random scenes in registers of four and of two doubles, and one lane of each tile without the other lanes, and
 // compares the bits. `next_scene` draws the options of a scene.
 template <class NextScene>

@@ -94,21 +94,21 @@ inline double power(double x, double y) {
 // The error function of x >= 0 and its derivative, with absolute errors of 1e-15: erf = 1 - exp(-x^2) q(x) / (1 + 2 x),
 // where q(x) = (1 + 2 x) exp(x^2) erfc(x) varies little. q is a Chebyshev series of degree 18 in
 // u = (11 x / 6 - 5/2) / (x + 5/2), which maps [0, 6] to [-1, 1]; computed to 34 digits, written in powers of u.
+inline constexpr double kErrorIsOne = 6.0;  // from this x on erf(x) counts as 1: 1 - erf(6) = 2e-17
+inline constexpr double kTwoOverSqrtPi = 1.1283791670955126;
+inline constexpr double kErrorSeries[] = {
+    1.2874076321735601,      -0.0081369785904441237,  -0.14926996452895938,   0.10743648309461562,
+    -0.036236927366877725,   0.0040424796421399149,   0.0012083274473638687,  -0.00031171182763887751,
+    -6.6654265842322225e-05, 1.8154509766604585e-05,  5.7685132209709903e-06, -7.1770012423750375e-07,
+    -5.2793856041847109e-07, -2.7038440205867369e-08, 3.7998474511703217e-08, 9.4679192304587041e-09,
+    -1.264515299927642e-09,  -8.5429485427471322e-10, -6.4365131973788702e-11};
 struct ErrorFunction {
   double value;
   double slope;
 };
 inline ErrorFunction error_function(double x) {
-  constexpr double kOneFromHere = 6.0;  // from this x on erf(x) counts as 1: 1 - erf(6) = 2e-17
-  constexpr double kTwoOverSqrtPi = 1.1283791670955126;
-  constexpr double kSeries[] = {
-      1.2874076321735601,      -0.0081369785904441237,  -0.14926996452895938,   0.10743648309461562,
-      -0.036236927366877725,   0.0040424796421399149,   0.0012083274473638687,  -0.00031171182763887751,
-      -6.6654265842322225e-05, 1.8154509766604585e-05,  5.7685132209709903e-06, -7.1770012423750375e-07,
-      -5.2793856041847109e-07, -2.7038440205867369e-08, 3.7998474511703217e-08, 9.4679192304587041e-09,
-      -1.264515299927642e-09,  -8.5429485427471322e-10, -6.4365131973788702e-11};
-  const bool is_one = !(x < kOneFromHere);
-  const double within = is_one ? kOneFromHere : x;
+  const bool is_one = !(x < kErrorIsOne);
+  const double within = is_one ? kErrorIsOne : x;
   const double u = (11.0 / 6.0 * within - 2.5) / (within + 2.5);
   // The polynomial q(u), grouped by powers of u^4: products can overlap, and loops over lanes that call error_function
   // have no inner loop.
@@ -116,9 +116,10 @@ inline ErrorFunction error_function(double x) {
   const double u4 = u2 * u2;
   const double u8 = u4 * u4;
   const auto four = [&](int i) {
-    return (kSeries[i] + u * kSeries[i + 1]) + u2 * (kSeries[i + 2] + u * kSeries[i + 3]);
+    return (kErrorSeries[i] + u * kErrorSeries[i + 1]) + u2 * (kErrorSeries[i + 2] + u * kErrorSeries[i + 3]);
   };
-  const double high = (four(8) + u4 * four(12)) + u8 * ((kSeries[16] + u * kSeries[17]) + u2 * kSeries[18]);
+  const double high =
+      (four(8) + u4 * four(12)) + u8 * ((kErrorSeries[16] + u * kErrorSeries[17]) + u2 * kErrorSeries[18]);
   const double q = (four(0) + u4 * four(4)) + u8 * high;
   const double bell = exponential(-within * within);
   return {is_one ? 1.0 : 1.0 - bell * q / (1.0 + 2.0 * within), kTwoOverSqrtPi * bell};

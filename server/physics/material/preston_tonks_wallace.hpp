@@ -121,27 +121,38 @@ class PrestonTonksWallace {
   static double ceiling(const Material&) { return std::numeric_limits<double>::infinity(); }
   static bool hardens(const Material&) { return true; }
 
-  PrestonTonksWallace(const Material& m, double dt)
-      : inverse_unit_(1.0 / unit_of_load(m)),
-        theta_(m.work_hardening_rate),
-        p_(std::max(m.work_hardening_curvature, kLeastCurvature)),
-        inverse_p_(1.0 / p_),
-        s0_(m.saturation_cold),
-        log_s0_(logarithm(m.saturation_cold)),
-        s_range_(m.saturation_cold - m.saturation_hot),
-        y0_(m.yield_cold),
-        y_range_(m.yield_cold - m.yield_hot),
-        kappa_(m.activation),
-        y1_(m.medium_rate_yield),
-        y2_(m.medium_rate_exponent),
-        beta_(m.overdriven_exponent),
-        inverse_beta_(1.0 / m.overdriven_exponent),
-        alpha_(m.modulus_temperature),
-        log_attempts_in_step_(logarithm(attempts(m) * dt)),
-        slowest_strain_(kSlowestRate * dt),
-        log_slowest_(logarithm(kSlowestRate / attempts(m))) {}
+  static constexpr double kRateSensitivity = 1e-9;  // tau is multiplied by 1 + this * min(ln r, 0)
 
-  double load_of(double a) const { return kSqrt3 * a * inverse_unit_; }
+  // The constants of the law for one step length, in the form that its kernels need.
+  struct Constants {
+    double inverse_unit, theta, p, inverse_p, s0, log_s0, s_range, y0, y_range, kappa, y1, y2, beta, inverse_beta,
+        alpha;
+    double log_attempts_in_step, slowest_strain, log_slowest;
+  };
+  static Constants constants_of(const Material& m, double dt) {
+    const double p = std::max(m.work_hardening_curvature, kLeastCurvature), rate = attempts(m);
+    return {.inverse_unit = 1.0 / unit_of_load(m),
+            .theta = m.work_hardening_rate,
+            .p = p,
+            .inverse_p = 1.0 / p,
+            .s0 = m.saturation_cold,
+            .log_s0 = logarithm(m.saturation_cold),
+            .s_range = m.saturation_cold - m.saturation_hot,
+            .y0 = m.yield_cold,
+            .y_range = m.yield_cold - m.yield_hot,
+            .kappa = m.activation,
+            .y1 = m.medium_rate_yield,
+            .y2 = m.medium_rate_exponent,
+            .beta = m.overdriven_exponent,
+            .inverse_beta = 1.0 / m.overdriven_exponent,
+            .alpha = m.modulus_temperature,
+            .log_attempts_in_step = logarithm(rate * dt),
+            .slowest_strain = kSlowestRate * dt,
+            .log_slowest = logarithm(kSlowestRate / rate)};
+  }
+  PrestonTonksWallace(const Material& m, double dt) : c_(constants_of(m, dt)) {}
+
+  double load_of(double a) const { return kSqrt3 * a * c_.inverse_unit; }
   static double unit_of_load(const Material& m) { return 2.0 * m.shear_modulus; }
   static double bracket_at(const Material& m, double pressure) { return 1.0 + m.pressure_coefficient * pressure; }
 
@@ -170,16 +181,16 @@ class PrestonTonksWallace {
     for (int l = 0; l < N; ++l) {
       const double target = roots.target[l], above_rest = roots.above_rest[l];
       const double rest = target - above_rest;
-      const double share = above_rest / (s0_ > rest ? s0_ - rest : 1.0);
+      const double share = above_rest / (c_.s0 > rest ? c_.s0 - rest : 1.0);
       const double glides = roots.lo[l] * (1.0 - share);
-      const double overdriven = (logarithm(target) - log_s0_) * inverse_beta_;
+      const double overdriven = (logarithm(target) - c_.log_s0) * c_.inverse_beta;
       const double yields = excess[l] > 0.0 ? 1.0 : 0.0;
-      const double moves = target < s0_ ? yields : 0.0;
-      roots.y[l] = target < s0_ ? glides : overdriven;
-      roots.by_log_rate[l] = beta_ * target;  // d tau/d ln(r) at r >= 1, where no search is needed
+      const double moves = target < c_.s0 ? yields : 0.0;
+      roots.y[l] = target < c_.s0 ? glides : overdriven;
+      roots.by_log_rate[l] = c_.beta * target;  // d tau/d ln(r) at r >= 1, where no search is needed
       roots.by_strain[l] = roots.by_T_hat[l] = roots.crept[l] = 0.0;
       roots.moves[l] = moves;
-      roots.creeps[l] = above_rest <= theta_ * slowest_strain_ + kNearRest * target ? moves : 0.0;
+      roots.creeps[l] = above_rest <= c_.theta * c_.slowest_strain + kNearRest * target ? moves : 0.0;
       any_near_rest += roots.creeps[l];
     }
     if (any_near_rest > 0.0) creep(ep, roots);
@@ -212,7 +223,6 @@ class PrestonTonksWallace {
   static constexpr double kMostSoftening = 0.6;
   static constexpr double kMostCurvature = 100.0;   // largest p accepted, so that exp(p) is a moderate number
   static constexpr double kLeastCurvature = 1e-12;  // used for p = 0 (Voce's law): avoids 0/0, same tau
-  static constexpr double kRateSensitivity = 1e-9;  // tau is multiplied by 1 + this * min(ln r, 0)
   static constexpr double kLeastTarget = 1e-300;    // a smaller target of tau is raised to this: ln is finite
   static constexpr double kMostTarget = 1e100;      // a larger target of tau is lowered to this value
   static constexpr double kMostLogStrain = 230.0;   // largest ln(dep), far above the strains of any host
@@ -289,18 +299,18 @@ class PrestonTonksWallace {
     const double share = T / T_melt;
     const double T_hat = share < 1.0 ? share : 1.0;
     const double some_bracket = bracket > 0.0 ? bracket : 1.0;
-    const double modulus = some_bracket * (1.0 - alpha_ * T_hat);
+    const double modulus = some_bracket * (1.0 - c_.alpha * T_hat);
     const double exponent = kMeltingFactor * T / (to_melting > 0.0 ? to_melting : T_melt);
     const double melting = modulus * exponential(-exponent);
     const double solid = to_melting > (kMeltingFactor / kExponentialRange) * T ? melting : 0.0;
     const double half_log = 0.5 * logarithm(modulus);
-    return {bracket > 0.0 ? solid : 0.0, T_hat, log_attempts_in_step_ + half_log, log_slowest_ - half_log};
+    return {bracket > 0.0 ? solid : 0.0, T_hat, c_.log_attempts_in_step + half_log, c_.log_slowest - half_log};
   }
   [[gnu::always_inline]] Slopes slopes_at(double bracket, double T_melt, double T) const {
     const double to_melting = bracket > 0.0 ? T_melt - T : 0.0;
     const bool solid = to_melting > 0.0;
     const double inverse_x = 1.0 / (solid ? to_melting : T_melt);
-    const double log_modulus = solid ? -alpha_ / (T_melt - alpha_ * T) : 0.0;
+    const double log_modulus = solid ? -c_.alpha / (T_melt - c_.alpha * T) : 0.0;
     return {1.0 / T_melt, solid ? log_modulus - kMeltingFactor * T_melt * inverse_x * inverse_x : 0.0, log_modulus};
   }
 
@@ -317,22 +327,22 @@ class PrestonTonksWallace {
   };
   [[gnu::always_inline]] Branches branches(double y, double T_hat) const {
     const double slower = y < 0.0 ? -y : 0.0;  // logarithm of 1/r; 0 if r > 1
-    const double activated = kappa_ * T_hat;
+    const double activated = c_.kappa * T_hat;
     const ErrorFunction erf = error_function(activated * slower);
-    const double over = s0_ * exponential(beta_ * y);
-    const double medium = y1_ * exponential(y2_ * y);
-    const double glide_s = s0_ - s_range_ * erf.value;
-    const double glide_y = y0_ - y_range_ * erf.value;
-    const double over_rate = beta_ * over, medium_rate = y2_ * medium;
+    const double over = c_.s0 * exponential(c_.beta * y);
+    const double medium = c_.y1 * exponential(c_.y2 * y);
+    const double glide_s = c_.s0 - c_.s_range * erf.value;
+    const double glide_y = c_.y0 - c_.y_range * erf.value;
+    const double over_rate = c_.beta * over, medium_rate = c_.y2 * medium;
     const double fast_y = over < medium ? over : medium;
     const double fast_rate = over < medium ? over_rate : medium_rate;
     const double tau_s = over > glide_s ? over : glide_s;
     const double some_y = fast_y > glide_y ? fast_y : glide_y;
     const double tau_y = some_y < tau_s ? some_y : tau_s;
     const double erf_rate = y < 0.0 ? activated * erf.slope : 0.0;
-    const double erf_T = -kappa_ * slower * erf.slope;
-    const double s_glides = s_range_ * erf_rate, y_glides = y_range_ * erf_rate;
-    const double room = s0_ - tau_y;
+    const double erf_T = -c_.kappa * slower * erf.slope;
+    const double s_glides = c_.s_range * erf_rate, y_glides = c_.y_range * erf_rate;
+    const double room = c_.s0 - tau_y;
     const double rise = tau_s - tau_y;
     const double hardens = rise < room ? rise : room;
     const double d = hardens > 0.0 ? room : 1.0;
@@ -341,8 +351,8 @@ class PrestonTonksWallace {
             tau_y,
             over > glide_s ? over_rate : s_glides,
             fast_y > glide_y ? fast_rate : y_glides,
-            over > glide_s ? 0.0 : s_range_ * erf_T,
-            fast_y > glide_y ? 0.0 : y_range_ * erf_T,
+            over > glide_s ? 0.0 : c_.s_range * erf_T,
+            fast_y > glide_y ? 0.0 : c_.y_range * erf_T,
             branch_of(over - glide_s, over_rate + s_glides) + 3.0 * branch_of(fast_y - glide_y, fast_rate + y_glides) +
                 9.0 * branch_of(over - medium, over_rate + medium_rate),
             hardens,
@@ -362,8 +372,8 @@ class PrestonTonksWallace {
     const double slower = y < 0.0 ? -y : 0.0;
     const Branches at = branches(y, T_hat);
     const bool hardens = at.hardens > 0.0;
-    const double grown = exponential_minus_1(p_ * at.share);
-    const double strained = p_ * theta_ / (at.d * grown) * ep;
+    const double grown = exponential_minus_1(c_.p * at.share);
+    const double strained = c_.p * c_.theta / (at.d * grown) * ep;
     const double gone = -exponential_minus_1(-strained);
     const double left = 1.0 - gone;
     const double sum = grown * gone;
@@ -372,14 +382,14 @@ class PrestonTonksWallace {
     const double some_bend = gone - strained * left;
     const double bend = (1.0 + grown) * (some_bend > 0.0 ? some_bend : 0.0);
     const double by_s = hardens ? bend * inverse_sum : 1.0;
-    const double less = grown * strained * left * inverse_p_ - (1.0 - at.share) * bend;
-    const double by_y = hardens ? 1.0 - log_sum * inverse_p_ + less * inverse_sum : 0.0;
-    const double stress = hardens ? at.tau_y + at.d * (log_sum * inverse_p_) : at.tau_s;
+    const double less = grown * strained * left * c_.inverse_p - (1.0 - at.share) * bend;
+    const double by_y = hardens ? 1.0 - log_sum * c_.inverse_p + less * inverse_sum : 0.0;
+    const double stress = hardens ? at.tau_y + at.d * (log_sum * c_.inverse_p) : at.tau_s;
     const double by_rate = by_s * at.s_rate + by_y * at.y_rate;
     const double sensitive = 1.0 - kRateSensitivity * slower;
     return {stress * sensitive,
             (by_rate > 0.0 ? by_rate : 0.0) * sensitive + (y < 0.0 ? kRateSensitivity * stress : 0.0),
-            hardens ? theta_ * left * inverse_sum * sensitive : 0.0, (by_s * at.s_T + by_y * at.y_T) * sensitive,
+            hardens ? c_.theta * left * inverse_sum * sensitive : 0.0, (by_s * at.s_T + by_y * at.y_T) * sensitive,
             at.branch};
   }
 
@@ -389,18 +399,18 @@ class PrestonTonksWallace {
   [[gnu::always_inline]] void creep(const double* ep, Roots<N>& roots) const {
     for (int l = 0; l < N; ++l) {
       const double y = roots.lo[l], target = roots.target[l];
-      const Reduced slow = reduced(y, ep[l] + slowest_strain_, roots.T_hat[l]);
+      const Reduced slow = reduced(y, ep[l] + c_.slowest_strain, roots.T_hat[l]);
       const Branches at = branches(y, roots.T_hat[l]);
-      const double grown = exponential_minus_1(p_ * at.share);
+      const double grown = exponential_minus_1(c_.p * at.share);
       const double wanted = target / (1.0 + kRateSensitivity * y) - at.tau_y;
-      const double some_gone = exponential_minus_1(p_ * (wanted / at.d)) / grown;
+      const double some_gone = exponential_minus_1(c_.p * (wanted / at.d)) / grown;
       const double gone = some_gone < kMostGone ? some_gone : kMostGone;
       const double risen = gone > 0.0 ? gone : 0.0;
-      const double strain = logarithm_of_1_plus(risen / (1.0 - risen)) * (at.d * grown / (p_ * theta_));
+      const double strain = logarithm_of_1_plus(risen / (1.0 - risen)) * (at.d * grown / (c_.p * c_.theta));
       const double flows = strain > ep[l] ? strain - ep[l] : 0.0;
       const double more = at.hardens > 0.0 ? flows : 0.0;
       const double creeps = slow.stress >= target ? roots.creeps[l] : 0.0;
-      roots.crept[l] = more < slowest_strain_ ? more : slowest_strain_;
+      roots.crept[l] = more < c_.slowest_strain ? more : c_.slowest_strain;
       roots.y[l] = creeps > 0.0 ? y : roots.y[l];
       roots.by_log_rate[l] = creeps > 0.0 ? 0.0 : roots.by_log_rate[l];
       roots.by_strain[l] = creeps > 0.0 ? slow.by_strain : roots.by_strain[l];
@@ -470,8 +480,7 @@ class PrestonTonksWallace {
     }
   }
 
-  double inverse_unit_, theta_, p_, inverse_p_, s0_, log_s0_, s_range_, y0_, y_range_, kappa_, y1_, y2_, beta_,
-      inverse_beta_, alpha_, log_attempts_in_step_, slowest_strain_, log_slowest_;
+  Constants c_;
 };
 
 }  // namespace shearbus::physics

@@ -1,7 +1,6 @@
 #include "server/physics/solver/flow/expanded_flow.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 
 #include "server/physics/material/flow_laws.hpp"
@@ -48,34 +47,21 @@ void sum_flow(const FlowProblem& problem, StressLoad& load, double* strain_new, 
   SHEARBUS_CALL(sum_flow, problem, load, strain_new, flow);
 }
 
+FlowAccuracy accuracy_of(const ExpandedFlow& flow, int l) {
+  constexpr double kDigits = 2e-15;
+  return {flow.moment[0][l], flow.slope[l], kDigits};
+}
+
 NearbyFlow nearby_flow(const ExpandedFlow& flow, const StressLoad& load, int l) {
   NearbyFlow nearby{.base = load.base[l],
                     .base_flux = load.base_heating[l] * load.base[l],
                     .exponent = flow.exponent,
                     .moment = {flow.moment[0][l], flow.moment[1][l], flow.moment[2][l], flow.moment[3][l]},
-                    .constant = 0.0,
-                    .slope = flow.slope[l]};
+                    .accuracy = accuracy_of(flow, l)};
   const double w = flow.w[l];
   const double* m = nearby.moment;
   nearby.constant = flow.slip[l] - flow.y[l] * (m[0] + w * (m[1] + w * (m[2] + w * m[3])));
   return nearby;
-}
-
-NearbyFlow::Slip NearbyFlow::at(double stress, double flux) const {
-  const double w = base_flux > 0.0 ? flux / base_flux - 1.0 : 0.0;
-  const double hot = moment[0] + w * (moment[1] + w * (moment[2] + w * moment[3]));
-  const double hotter = moment[1] + w * (2.0 * moment[2] + w * (3.0 * moment[3]));
-  const double y = power(stress / base, exponent);
-  return {y * hot + constant, exponent * y * hot / stress, base_flux > 0.0 ? y * hotter / base_flux : 0.0};
-}
-
-bool is_balanced(double a, double left, double compliance, double slip, double hot, double slope) {
-  constexpr double kClosed = 1e-11;                    // largest accepted residual, relative to what the flow must be
-  constexpr double kRounded = 2e-15, kDigits = 2e-15;  // rounding errors of `hot` and of the stress
-  const double flow = compliance * slip;
-  double open = kClosed * left + kRounded * (compliance * hot);
-  if (flow <= 2.0 * left) open += kDigits * (compliance * slope + a);
-  return std::abs(flow - left) <= open;
 }
 
 void roots_of(const ExpandedFlow& flow, const StressLoad& load, double compliance, const double (&a_trial)[kLanes],

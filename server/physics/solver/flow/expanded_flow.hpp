@@ -35,7 +35,7 @@ struct StressLoad {
 // load it is, if the same vertices yield,
 //   (1 + u)^exponent (moment[0] + moment[1] w + moment[2] w^2 + moment[3] w^3) + a constant
 struct ExpandedFlow {
-  static constexpr int kTerms = 4;
+  static constexpr int kTerms = NearbyFlow::kTerms;
   alignas(64) double slip[kLanes];            // integral of the strain increment dep over the layer  [m]
   alignas(64) double slope[kLanes];           // derivative of `slip` by ln(a) at the same `heating`  [m]
   alignas(64) double moment[kTerms][kLanes];  // [m]
@@ -70,25 +70,9 @@ void start_flow(const FlowProblem& problem, double* rows, ExpandedFlow& flow);
 // lane depends on the stresses of that lane since start_flow() alone.
 void sum_flow(const FlowProblem& problem, StressLoad& load, double* strain_new, ExpandedFlow& flow);
 
-// The flow of one lane under loads near the one under which it was summed, by its expansion.
-struct NearbyFlow {
-  double base = 0.0;                    // stress of the expansion; 0: nothing is known of other loads  [Pa]
-  double base_flux;                     // its heat flux  [W/m2]
-  double exponent;                      // 1 / n
-  double moment[ExpandedFlow::kTerms];  // as in ExpandedFlow  [m]
-  double constant;                      // [m]
-  double slope;                         // derivative of the slip by ln(a) at the same flux per stress  [m]
-
-  struct Slip {
-    double value, by_stress, by_flux;  // integral(dep)  [m], its derivatives  [m/Pa], [m3/W]
-  };
-  Slip at(double stress, double flux) const;
-};
+FlowAccuracy accuracy_of(const ExpandedFlow& flow, int lane);
+// What the last sum tells of the flow of a lane under loads nearby.
 NearbyFlow nearby_flow(const ExpandedFlow& flow, const StressLoad& load, int lane);
-
-// Whether a stress at which the flow was summed meets the balance: the plastic slip integral(dep), times the compliance,
-// is what the stress leaves over. `hot`: the sum that the slip is a small difference of, moment[0].
-bool is_balanced(double a, double left, double compliance, double slip, double hot, double slope);
 
 // The stress of each lane at which the balance a + compliance slip = a_trial is met by the expansion with the flux per
 // stress of the base; -1 where the expansion is not good enough to tell.

@@ -106,8 +106,7 @@ double FlowingSlip::first_flux(double lo, double T_hi, const Predicate& holds) c
 
 // Whether the stress under which the flow was summed is the answer of the stuck balance.
 bool FlowingSlip::stick_is_met(double slip, const NearbyFlow& nearby) const {
-  return nearby.base > 0.0 &&
-         is_balanced(a_, trial_.stress_stick - a_, compliance_, slip, nearby.moment[0], nearby.slope);
+  return nearby.base > 0.0 && is_balanced(a_, trial_.stress_stick - a_, compliance_, slip, nearby.accuracy);
 }
 
 // The stress that meets the stuck balance with the flow nearby, by Newton's method; -1 where that is not known.

@@ -4,8 +4,8 @@
 // searches of all lanes (nodes stepped together) side by side, because it computes their flow in one pass.
 #pragma once
 
-#include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/heated.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/flow/root_search.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 

@@ -5,6 +5,7 @@
 
 #include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/flow/searched_flow.hpp"
 #include "server/physics/solver/force_driven/flowing_slip.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
@@ -80,60 +81,71 @@ struct Searches {
   double pressure(int l) const { return contains(inputs->active, l) ? std::max(0.0, inputs->pressure[l]) : 0.0; }
 };
 
-// Runs the searches of all lanes together. On return `slip` and `strain_new` hold the flow and the new strain under the
-// loads found; during the search strain_new holds the yield thresholds.
-void search_by_sums(const FlowProblem& flow, Searches& searches, double* strain_new, double (&slip)[kLanes]) {
-  const int n = flow.grid->num_vertices();
-  FlowLoad load;
-  FlowSum sum{};
-  const auto set = [&](int l) {
-    const FlowingSlip& lane = searches.lanes[l];
-    set_load((*searches.soft_at)(l), searches.pressure(l), lane.stress(), lane.flux(), l, load);
-  };
-  for (int l = 0; l < kLanes; ++l) set(l);
-  flow_thresholds(flow, load, strain_new);
-  while (!searches.all_done()) {
-    flow_under(flow, load, n, strain_new, sum);
-    searches.count_sum();
+// The sums of a step for a law with an expanded flow.
+class ExpandedSums {
+ public:
+  ExpandedSums(const FlowProblem& problem, const Searches& searches) : problem_(problem) {
     for (int l = 0; l < kLanes; ++l) {
-      if (searches.lanes[l].done()) continue;
-      ++searches.sums[l];
-      searches.lanes[l].update(sum.slip[l]);
-      set(l);
+      const FlowingSlip& lane = searches.lanes[l];
+      set_load((*searches.soft_at)(l), searches.pressure(l), lane.stress(), lane.flux_per_stress(), l, load_);
     }
+    start_flow(problem, scratch_tile(Scratch::kFlow, rows_of(*problem.grid)), flow);
   }
-  flow_to(flow, load, n, strain_new, sum);
-  std::copy_n(sum.slip, kLanes, slip);
-}
+  void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
+  NearbyFlow nearby(const FlowingSlip&, int l) { return nearby_flow(flow, load_, l); }
+  void set(const Searches& searches, int l) {
+    load_.stress[l] = searches.lanes[l].stress();
+    load_.heating[l] = searches.lanes[l].flux_per_stress();
+  }
 
-// The same for a law with an expanded flow. Each sum writes the strain, so that a search that ends under the load of
-// its last sum needs no other.
-void search_by_expansion(const FlowProblem& flow, Searches& searches, double* strain_new, double (&slip)[kLanes]) {
-  StressLoad load;
-  double flux[kLanes];
-  for (int l = 0; l < kLanes; ++l) {
-    const FlowingSlip& lane = searches.lanes[l];
-    flux[l] = lane.flux();
-    set_load((*searches.soft_at)(l), searches.pressure(l), lane.stress(), lane.flux_per_stress(), l, load);
+  ExpandedFlow flow;
+
+ private:
+  const FlowProblem& problem_;
+  StressLoad load_;
+};
+
+// The same for a law whose flow is searched for at each vertex.
+class SearchedSums {
+ public:
+  SearchedSums(const FlowProblem& problem, const Searches& searches) : problem_(problem) {
+    for (int l = 0; l < kLanes; ++l) set(searches, l);
+    start_search(scratch_tile(Scratch::kFlow, searched_rows(*problem.grid)), flow);
   }
-  ExpandedFlow sum;
-  start_flow(flow, scratch_tile(Scratch::kFlow, rows_of(*flow.grid)), sum);
+  void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
+  NearbyFlow nearby(const FlowingSlip& lane, int l) { return nearby_flow(flow, lane.stress(), l); }
+  void set(const Searches& searches, int l) {
+    const FlowingSlip& lane = searches.lanes[l];
+    set_load((*searches.soft_at)(l), searches.pressure(l), lane.stress(), lane.flux(), l, load_);
+  }
+
+  SearchedFlow flow;
+
+ private:
+  const FlowProblem& problem_;
+  FlowLoad load_;
+};
+
+// Runs the searches of all lanes together. On return `slip` and `strain_new` hold the flow and the new strain under the
+// loads found. Each sum writes the strain, so that a search that ends under the load of its last sum needs no other.
+template <class Sums>
+void search(const FlowProblem& flow, Searches& searches, double* strain_new, double (&slip)[kLanes]) {
+  Sums sums(flow, searches);
   for (bool moved = true; moved;) {
-    sum_flow(flow, load, strain_new, sum);
+    sums.sum(strain_new);
     searches.count_sum();
     moved = false;
     for (int l = 0; l < kLanes; ++l) {
       FlowingSlip& lane = searches.lanes[l];
       if (lane.done()) continue;
       ++searches.sums[l];
-      lane.update(sum.slip[l], nearby_flow(sum, load, l));
-      moved = moved || !lane.done() || lane.stress() != load.stress[l] || lane.flux() != flux[l];
-      load.stress[l] = lane.stress();
-      load.heating[l] = lane.flux_per_stress();
-      flux[l] = lane.flux();
+      const double stress = lane.stress(), flux = lane.flux();
+      lane.update(sums.flow.slip[l], sums.nearby(lane, l));
+      moved = moved || !lane.done() || lane.stress() != stress || lane.flux() != flux;
+      sums.set(searches, l);
     }
   }
-  std::copy_n(sum.slip, kLanes, slip);
+  std::copy_n(sums.flow.slip, kLanes, slip);
 }
 
 }  // namespace
@@ -149,7 +161,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   const double* strain = committed + layout.plastic_strain;
   double* T_all = trial + layout.first_temperature();
   double* T = trial + layout.temperature;
-  double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answers are known
+  double* strain_new = trial + layout.plastic_strain;
 
   // 1. Compute the temperatures T_ad, after conduction without friction heat: DLP (28-35).
   conduct(heat, n, T_old, T_all);
@@ -164,8 +176,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     before[l] = InterfaceStep::before(layout, inputs, committed, l);
     if (pressure > 0.0) {
       may_flow = hardens(soft);
-      searches.lanes[l] =
-          FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l], has_expanded_flow(soft)));
+      searches.lanes[l] = FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l], true));
     }
   }
 
@@ -173,9 +184,9 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   double slip[kLanes] = {};
   const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated(), heat.dt};
   if (may_flow && has_expanded_flow(soft)) {
-    search_by_expansion(flow, searches, strain_new, slip);
+    search<ExpandedSums>(flow, searches, strain_new, slip);
   } else if (may_flow) {
-    search_by_sums(flow, searches, strain_new, slip);
+    search<SearchedSums>(flow, searches, strain_new, slip);
   } else {
     for (FlowingSlip& lane : searches.lanes) {
       while (!lane.done()) lane.update(0.0);

@@ -9,6 +9,7 @@
 #include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/heated.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/flow/searched_flow.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -19,10 +20,7 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kConverged = 1e-10;  // a Newton step of at most this fraction of the stress is the last
-// Newton's last step may start from a residual F of at most this fraction of the trial stress: it squares the fraction.
-constexpr double kFlowConverged = 1e-3;
-constexpr double kBalanced = 1e-8;  // largest accepted residual F of an answer, relative to a_trial - a
+constexpr double kBeyond = 1e-10;  // relative margin added to an upper bound of the stress, against rounding
 // If the flow relieves more than this multiple of the trial stress, Newton works on the logarithm of the flow.
 constexpr double kFarAbove = 100.0;
 constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relative to the upper end of the bracket
@@ -48,8 +46,7 @@ struct Lane {
   bool loaded = false;            // the trial stress is not 0
   bool hi_seen = false;           // the balance F at `hi` has been evaluated and is not negative
   bool done = false;
-  bool check_balance = false;  // convergence needs a small residual, not only a small Newton step
-  bool at_bound = false;       // the answer is the bound `hi`, of the kind `bound`
+  bool at_bound = false;  // the answer is the bound `hi`, of the kind `bound`
 };
 
 // The stress from which the step starts. With INTERFACE_SLIP the jump is slip of the interface: the stress starts at
@@ -115,7 +112,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
       const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
                                                       most_strain / dt, pressure, T_hottest) *
                                     softening(soft, pressure, T_hottest).g / kSqrt3;
-      beyond = all_at_hottest * (1.0 + kConverged);
+      beyond = all_at_hottest * (1.0 + kBeyond);
     }
     for (int i = 0; i < heated.candidates && state.heating > 0.0; ++i) {
       beyond = std::min(beyond, (soft.melting_temperature - heated.T(i, 0.0)) / (state.heating * heated.response(i)));
@@ -179,117 +176,113 @@ void go_on_with(Lane& lane, double next, double flow, int iteration) {
   }
 }
 
-// One iteration of a lane after the flow under `lane.a` has been summed. Ends with `done`, or with the next `a` in the
-// bracket.
-void iterate(Lane& lane, double compliance, double slip, double slope, int iteration) {
-  const double flow = compliance * slip;
-  const double left = lane.a_trial - lane.a;  // trial stress that the flow must relieve
-  if (narrow(lane, flow, left)) return;
-  double next = -1.0;
-  if (flow > 0.0 && lane.a > 0.0) {
-    next = newton(lane, compliance, slip, slope, flow, left);
-    const double step = (flow - left) / (compliance * slope / lane.a + 1.0);
-    // Very near melting a small step in stress may be a large step in the flow, so the residual must be small, too.
-    const double open = lane.check_balance ? kBalanced * left : kFlowConverged * lane.a_trial;
-    if (std::abs(step) <= kConverged * lane.a && std::abs(flow - left) <= open) {
-      lane.a = std::clamp(next, lane.lo, lane.hi);
-      lane.done = true;
-      return;
-    }
-  }
-  go_on_with(lane, next, flow, iteration);
-}
-
-// Finds the roots of the balances of all lanes together. On return `sum` and `strain_new` hold flow and strain under
-// the answers; during the search strain_new holds the yield thresholds.
-void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
-                Lane (&lanes)[kLanes], FlowLoad& load, double* strain_new, FlowSum& sum) {
-  flow_thresholds(flow, load, strain_new);
-  int num_rows = flow.grid->num_vertices();
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    bool all_done = true;
-    for (const Lane& lane : lanes) all_done = all_done && lane.done;
-    if (all_done) break;
-    flow_under(flow, load, num_rows, strain_new, sum);
-    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
-    bool all_from_above = true;
+// The sums of a step for a law with an expanded flow.
+class ExpandedSums {
+ public:
+  ExpandedSums(const FlowProblem& problem, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
+               const Lane (&lanes)[kLanes])
+      : problem_(problem), compliance_(compliance) {
     for (int l = 0; l < kLanes; ++l) {
-      if (lanes[l].done) continue;
-      const double tried = lanes[l].a;
-      ++lanes[l].sums;
-      iterate(lanes[l], compliance, sum.slip[l], sum.slope[l], iteration);
-      set_load(soft_at(l), inputs.pressure[l], lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
-      all_from_above = all_from_above && lanes[l].hi_seen && lanes[l].hi == tried;
+      const double pressure = contains(inputs.active, l) ? inputs.pressure[l] : 0.0;
+      set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating, l, load_);
+      a_trial_[l] = lanes[l].a_trial;
     }
-    // All unfinished lanes were evaluated at stresses above their answers. A vertex at which no lane yielded does not
-    // yield at the answers either: such vertices are left out from now on.
-    if (all_from_above) num_rows = std::min(num_rows, sum.num_yielding);
+    start_flow(problem, scratch_tile(Scratch::kFlow, rows_of(*problem.grid)), flow);
   }
-  flow_to(flow, load, num_rows, strain_new, sum);
-}
+  void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
+  // Finds the stresses that meet the balances by the expansion, root().
+  void find_roots() { roots_of(flow, load_, compliance_, a_trial_, root_); }
+  double root(const Lane&, int l) const { return root_[l]; }
+  void set(const Lane& lane, int l) { load_.stress[l] = lane.a; }
 
-// The same for a law with an expanded flow. The answer of a lane is a stress at which the flow was summed: each sum
-// writes the strain, so that strain, temperature and stress belong together. A last step without a sum would not do:
-// near melting the flow stress changes by far more than the stress.
-void find_roots_by_expansion(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs,
-                             double compliance, Lane (&lanes)[kLanes], double* strain_new, double (&slip)[kLanes]) {
-  alignas(64) double a_trial[kLanes], root[kLanes];
-  StressLoad load;
-  for (int l = 0; l < kLanes; ++l) {
-    const double pressure = contains(inputs.active, l) ? inputs.pressure[l] : 0.0;
-    set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating, l, load);
-    a_trial[l] = lanes[l].a_trial;
+  ExpandedFlow flow;
+
+ private:
+  const FlowProblem& problem_;
+  double compliance_;
+  StressLoad load_;
+  alignas(64) double a_trial_[kLanes], root_[kLanes];
+};
+
+// The same for a law whose flow is searched for at each vertex.
+class SearchedSums {
+ public:
+  SearchedSums(const FlowProblem& problem, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
+               const Lane (&lanes)[kLanes])
+      : problem_(problem), soft_at_(soft_at), inputs_(inputs), compliance_(compliance) {
+    for (int l = 0; l < kLanes; ++l) set(lanes[l], l);
+    start_search(scratch_tile(Scratch::kFlow, searched_rows(*problem.grid)), flow);
   }
-  ExpandedFlow sum;
-  start_flow(flow, scratch_tile(Scratch::kFlow, rows_of(*flow.grid)), sum);
+  void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
+  void find_roots() {}
+  // The stress that meets the balance with the flow nearby, by Newton's method.
+  double root(const Lane& lane, int l) {
+    constexpr int kMostSteps = 20;
+    constexpr double kMet = 1e-13;
+    const NearbyFlow nearby = nearby_flow(flow, lane.a, l);
+    if (!(nearby.base > 0.0) || compliance_ * nearby.moment[0] > kFarAbove * lane.a_trial) return -1.0;
+    double a = lane.a;
+    for (int step = 0; step < kMostSteps; ++step) {
+      const NearbyFlow::Slip slip = nearby.at(a, 0.0);
+      const double change = -(a + compliance_ * slip.value - lane.a_trial) / (1.0 + compliance_ * slip.by_stress);
+      a += change;
+      if (!(a > 0.0)) return -1.0;
+      if (std::abs(change) <= kMet * a) break;
+    }
+    return a;
+  }
+  void set(const Lane& lane, int l) {
+    const double pressure = contains(inputs_.active, l) ? inputs_.pressure[l] : 0.0;
+    set_load(soft_at_(l), pressure, lane.a, lane.heating * lane.a, l, load_);
+  }
+
+  SearchedFlow flow;
+
+ private:
+  const FlowProblem& problem_;
+  const LaneMaterials& soft_at_;
+  const TileInputs& inputs_;
+  double compliance_;
+  FlowLoad load_;
+};
+
+// Finds the roots of the balances of all lanes together. The answer of a lane is a stress at which the flow was summed:
+// each sum writes the strain, so that strain, temperature and stress belong together. A last step without a sum would
+// not do: near melting the flow stress changes by far more than the stress.
+template <class Sums>
+void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
+                Lane (&lanes)[kLanes], double* strain_new, double (&slip)[kLanes]) {
+  Sums sums(flow, soft_at, inputs, compliance, lanes);
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    sum_flow(flow, load, strain_new, sum);
+    sums.sum(strain_new);
     if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+    bool asks[kLanes];  // lanes that need another stress
     bool all_done = true;
     for (int l = 0; l < kLanes; ++l) {
       Lane& lane = lanes[l];
+      asks[l] = false;
       if (lane.done) continue;
       ++lane.sums;
-      const double left = a_trial[l] - lane.a;
-      lane.done = narrow(lane, compliance * sum.slip[l], left)
-                      ? lane.done
-                      : is_balanced(lane.a, left, compliance, sum.slip[l], sum.moment[0][l], sum.slope[l]);
+      const double left = lane.a_trial - lane.a;
+      asks[l] = !narrow(lane, compliance * sums.flow.slip[l], left);
+      if (asks[l]) lane.done = is_balanced(lane.a, left, compliance, sums.flow.slip[l], accuracy_of(sums.flow, l));
       all_done = all_done && lane.done;
     }
     if (all_done) break;
-    roots_of(sum, load, compliance, a_trial, root);
+    sums.find_roots();
     for (int l = 0; l < kLanes; ++l) {
       Lane& lane = lanes[l];
-      if (lane.done) continue;
-      if (lane.a == load.stress[l]) {
-        const double layer_flow = compliance * sum.slip[l], left = a_trial[l] - lane.a;
-        double next = root[l];
+      if (!lane.done && asks[l]) {
+        const double layer_flow = compliance * sums.flow.slip[l], left = lane.a_trial - lane.a;
+        double next = sums.root(lane, l);
         if (!(next > 0.0) && layer_flow > 0.0 && lane.a > 0.0)
-          next = newton(lane, compliance, sum.slip[l], sum.slope[l], layer_flow, left);
+          next = newton(lane, compliance, sums.flow.slip[l], sums.flow.slope[l], layer_flow, left);
         go_on_with(lane, next, layer_flow, iteration);
       }
-      load.stress[l] = lane.a;
+      sums.set(lane, l);
     }
   }
-  std::copy_n(sum.slip, kLanes, slip);
-}
-
-// The search ends without evaluating the balance after Newton's last step. If a vertex begins to flow within that step,
-// the balance may be far from met, however small the step. Marks the lanes (nodes) with such a balance as not done, so
-// that their search goes on; returns whether there are any.
-bool resume_unbalanced(double compliance, const FlowSum& sum, Lane (&lanes)[kLanes]) {
-  bool any = false;
-  for (int l = 0; l < kLanes; ++l) {
-    Lane& lane = lanes[l];
-    if (!lane.loaded || lane.at_bound || !lane.done) continue;
-    const double flow = compliance * sum.slip[l];
-    const double left = lane.a_trial - lane.a;
-    if (std::abs(flow - left) <= kBalanced * std::max(flow, left)) continue;
-    lane.done = false;
-    lane.check_balance = true;
-    any = true;
-  }
-  return any;
+  std::copy_n(sums.flow.slip, kLanes, slip);
 }
 
 // Fraction of the work of the imposed jump that becomes heat: the sum of the heat shape phi over the vertices.
@@ -375,7 +368,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const bool expands = has_expanded_flow(soft);
   bool loaded = false;  // at least one lane has a trial stress other than 0; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
-  double* strain_new = trial + layout.plastic_strain;  // holds the yield thresholds until the answer is known
+  double* strain_new = trial + layout.plastic_strain;
   double* T = trial + layout.temperature;
   // If the hard body conducts, or the second stage of SDIRK2 extrapolates the temperatures, the hottest vertex may lie
   // inside the layer.
@@ -400,7 +393,6 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
 
   // 3. Trial stress and bracket of each lane: DLP (37), (56).
   Lane lanes[kLanes];
-  FlowLoad load;
   double s_start[kLanes] = {};
   const LaneMaterials soft_at(soft, inputs);
   for (int l = 0; l < kLanes; ++l) {
@@ -418,30 +410,28 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       lanes[l].at_bound = true;
       lanes[l].done = true;
     }
-    if (!expands) set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating * lanes[l].a, l, load);
   }
 
   // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
-  FlowSum sum{};
+  double slip[kLanes] = {};
   const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
   if (layer_hardens && loaded && expands) {
-    find_roots_by_expansion(flow, soft_at, inputs, compliance, lanes, strain_new, sum.slip);
+    find_roots<ExpandedSums>(flow, soft_at, inputs, compliance, lanes, strain_new, slip);
   } else if (layer_hardens && loaded) {
-    find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
-    if (resume_unbalanced(compliance, sum, lanes))
-      find_roots(flow, soft_at, inputs, compliance, lanes, load, strain_new, sum);
+    find_roots<SearchedSums>(flow, soft_at, inputs, compliance, lanes, strain_new, slip);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
   }
 
-  for (int l = 0; l < kLanes; ++l) load.flux[l] = lanes[l].heating * lanes[l].a;
+  double flux_of[kLanes];
+  for (int l = 0; l < kLanes; ++l) flux_of[l] = lanes[l].heating * lanes[l].a;
 
   // 5. Add the heat of this step to the temperatures: T = T_ad + q B, or T_ad + q B_phi if the layer releases the heat.
   if (spreads) {
-    add_spread(heat, operators.spread(), load.flux, B_spread, T_all);
+    add_spread(heat, operators.spread(), flux_of, B_spread, T_all);
     std::copy_n(shape, static_cast<std::size_t>(grid.num_vertices()) * kLanes, B_spread);
   } else {
-    add_flux(heat, problem.heat_grid.num_vertices(), load.flux, T_all);
+    add_flux(heat, problem.heat_grid.num_vertices(), flux_of, T_all);
   }
 
   // 6. The part of the slip that neither elastic shear nor plastic flow has taken: at the ceiling stress the hottest
@@ -449,7 +439,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double weight = flow_work(soft.flow_law);
   for (const int l : lanes_of(inputs.active)) {
     const Lane& lane = lanes[l];
-    double layer_slip = sum.slip[l];
+    double layer_slip = slip[l];
     double interface_slip = 0.0;  // slip of the interface in the step  [m]
     if (lane.at_bound && lane.bound != Bound::kElastic) {
       const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
@@ -476,7 +466,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
     outputs.velocity_jump_new[l] = jump;
-    double flux = load.flux[l];
+    double flux = flux_of[l];
     if (stage.early_flux != nullptr) flux = sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * flux;
     outputs.friction_heat[l] = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
     if (spreads)
