@@ -1,8 +1,12 @@
 // Steps of more rows than a message holds, over a real socket. The client divides them into parts.
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdlib>
+#include <fstream>
+#include <string>
 #include <vector>
 
 #include "tests/support/scenes.hpp"
@@ -19,6 +23,38 @@ std::size_t nodes_wanted() {
   const char* text = std::getenv("SHEARBUS_LARGE_NODES");
   return text != nullptr ? std::strtoull(text, nullptr, 10) : 203'000;
 }
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which have memory of their own
+// Resident memory of a process  [B].
+double resident(pid_t process) {
+  std::ifstream file("/proc/" + std::to_string(process) + "/statm");
+  double size = 0.0, pages = 0.0;
+  file >> size >> pages;
+  return pages * static_cast<double>(::sysconf(_SC_PAGESIZE));
+}
+
+// The memory that deploy/SCALE.md promises for a session beyond an empty server: the states, and of the rows of the
+// largest message the request, the kept reply and one earlier reply.
+double promised(std::size_t nodes, std::uint64_t bytes_per_node) {
+  constexpr double kReply = 42.0, kRequest = 56.0;
+  const double rows = static_cast<double>(std::min(nodes, wire::kMaxRowsPerMessage));
+  return static_cast<double>(nodes) * (static_cast<double>(bytes_per_node) - kReply) + rows * (2 * kReply + kRequest);
+}
+
+TEST(LargeSteps, TakeTheMemoryThatTheFormulaPromises) {
+  const support::ScratchDirectory scratch;
+  support::ServerProcess server({"--bind", scratch.ipc()});
+  ASSERT_TRUE(server.ready()) << server.log();
+  Client client({.endpoint = scratch.ipc(), .check_closure = CheckClosure::kOff});
+  client.server_status();
+  const double empty = resident(server.process().id());
+  const auto nodes = support::node_ids(std::max(nodes_wanted(), 2 * wire::kMaxRowsPerMessage));  // in full parts
+  Session session = client.open(support::text_of(support::force_scene(20)), "scene", nodes);
+  const Batch columns = support::step_columns(Strategy::kForceDriven, nodes, 0);
+  for (int step = 0; step < 3; ++step) session.advance(columns, {.dt_s = 1e-9});
+  EXPECT_NEAR((resident(server.process().id()) - empty) / promised(nodes.size(), session.bytes_per_node()), 1.0, 0.05);
+}
+#endif
 
 TEST(LargeSteps, AreDividedAndCommittedAsOne) {
   const support::ScratchDirectory scratch;
