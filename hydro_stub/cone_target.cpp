@@ -26,7 +26,7 @@ ConeTarget make_cone_target(const guest::HydroScene& scene) {
   const bool loses_heat = layer.far_boundary() == v1::FAR_BOUNDARY_ISOTHERMAL ||
                           scene.scene().hard_layer().far_boundary() == v1::FAR_BOUNDARY_ISOTHERMAL;
   if (scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID && !layer.inertia() && !loses_heat &&
-      physics::properties_of(problem.soft.strength.flow_law).vanishes_at_melting) {
+      !scene.scene().has_melt_film() && physics::properties_of(problem.soft.strength.flow_law).vanishes_at_melting) {
     problem.heat_bound = {.soft = problem.soft.strength,
                           .hard = problem.hard.strength,
                           .start_temperature = layer.initial_temperature_k()};

@@ -59,6 +59,7 @@ module shearbus
     ! Optional, asked for if the host allocates them: derivatives of stress by jump and pressure, time to T0 = T_melt.
     real(real64), allocatable :: stress_per_jump(:), stress_per_pressure(:) ! Pa s/m, 1
     real(real64), allocatable :: time_to_melting(:)                         ! s
+    real(real64), allocatable :: film_thickness(:)                          ! m, of the melt; scenes with [melt_film]
     integer, allocatable :: regime(:), outcome(:)
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
     real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
@@ -640,6 +641,7 @@ contains
     call fit(self%stress_per_jump, .false.)
     call fit(self%stress_per_pressure, .false.)
     call fit(self%time_to_melting, .false.)
+    call fit(self%film_thickness, .false.)
     if (allocated(self%regime)) deallocate (self%regime, self%outcome)
     allocate (self%regime(self%n), self%outcome(self%n), source=0)
   contains
@@ -725,6 +727,7 @@ contains
     call take(self%stress_per_jump, other%stress_per_jump)
     call take(self%stress_per_pressure, other%stress_per_pressure)
     call take(self%time_to_melting, other%time_to_melting)
+    call take(self%film_thickness, other%film_thickness)
     if (allocated(other%regime)) then
       self%regime = other%regime
       self%outcome = other%outcome
@@ -881,6 +884,7 @@ contains
     call want(self%stress_per_jump, 'stress_per_jump', 38, 0)
     call want(self%stress_per_pressure, 'stress_per_pressure', 39, 0)
     call want(self%time_to_melting, 'time_to_melting', 49, 0)
+    call want(self%film_thickness, 'film_thickness', 62, 0)
     outputs(n_out + 1) = c_column(34, 0, c_loc(self%bytes(1, 1)), 0)
     outputs(n_out + 2) = c_column(35, 0, c_loc(self%bytes(1, 2)), 0)
     request%inputs = c_loc(inputs)
@@ -1153,6 +1157,7 @@ contains
     call follow(self%stress_per_jump)
     call follow(self%stress_per_pressure)
     call follow(self%time_to_melting)
+    call follow(self%film_thickness)
     self%regime = codes(self%regime)
     self%outcome = codes(self%outcome)
   contains

@@ -44,7 +44,8 @@ class Judge {
     effort_ = {};
     // MoltenLayer bounds the heat that enters at the interface. With a Taylor-Quinney factor a part of the work heats
     // the inside of the layer instead, so the bound does not apply.
-    const bool bounded = !options.taylor_quinney_factor;
+    // A melt film takes up latent heat, too.
+    const bool bounded = !options.taylor_quinney_factor && !options.melt_film;
     if (bounded) molten_.step(rig_);
     for (int l = 0; l < kLanes; ++l) {
       lane_ = l;

@@ -160,7 +160,9 @@ class Rig {
   }
 
   // Returns the fraction of the metal at a vertex of the soft body that is liquid, for a model with a melt film.
-  double liquid(int vertex, int lane = 0) const { return committed[place(model.layout().liquid_fraction, vertex, lane)]; }
+  double liquid(int vertex, int lane = 0) const {
+    return committed[place(model.layout().liquid_fraction, vertex, lane)];
+  }
   // Returns the thickness of the melt  [m].
   double film_thickness(int lane = 0) const { return film_thickness_of(committed, lane); }
   double film_thickness_of(const std::vector<double>& tile, int lane) const {

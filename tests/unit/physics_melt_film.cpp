@@ -40,8 +40,7 @@ TEST(PhysicsMeltFilm, ScenesWithoutItHaveNoStateOfIt) {
   options.melt_film.reset();
   const Rig without(options);
   EXPECT_EQ(without.model.layout().liquid_fraction, TileLayout::kAbsent);
-  EXPECT_EQ(with.model.layout().doubles,
-            without.model.layout().doubles + with.model.layout().num_vertices * kLanes);
+  EXPECT_EQ(with.model.layout().doubles, without.model.layout().doubles + with.model.layout().num_vertices * kLanes);
 }
 
 // Until the interface melts the step is that of a solid contact whose strength does not fall near T_melt.

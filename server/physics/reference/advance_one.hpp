@@ -21,8 +21,8 @@ struct NodeState {
   std::vector<double> layer_velocity;  // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
   double shear_stress = 0.0;           // [Pa]
   Regime regime = Regime::kOpen;
-  bool sticking = false;         // with a plastic layer: the interface did not slip at the end of the last step
-  double junction_strain = 0.0;  // plastic strain of the junctions, ep_a
+  bool sticking = false;                // with a plastic layer: the interface did not slip at the end of the last step
+  double junction_strain = 0.0;         // plastic strain of the junctions, ep_a
   std::vector<double> liquid_fraction;  // with a melt film: at the soft body's heat vertices
 };
 

@@ -1,6 +1,6 @@
-// The force-driven step of an interface that may melt (MODEL.md, "Melt film"), slow and obvious: for each heat flux that
-// is tried, the whole system of temperatures and liquid fractions is assembled and solved directly for guessed phases,
-// from "nothing is liquid" on, until no vertex contradicts its phase.
+// The force-driven step of an interface that may melt (MODEL.md, "Melt film"), slow and obvious: for each heat flux
+// that is tried, the whole system of temperatures and liquid fractions is assembled and solved directly for guessed
+// phases, from "nothing is liquid" on, until no vertex contradicts its phase.
 #include <Eigen/SparseCore>
 #include <Eigen/SparseLU>
 #include <algorithm>
@@ -101,8 +101,7 @@ struct MeltingStep {
     std::vector<double> share(liquid_old.size(), 0.0);
     double sheared = 0.0;
     for (std::size_t v = 0; v < share.size(); ++v)
-      sheared += share[v] =
-          grid.weight[v + static_cast<std::size_t>(grid.interface)] * liquid_old[v] / eta[v];
+      sheared += share[v] = grid.weight[v + static_cast<std::size_t>(grid.interface)] * liquid_old[v] / eta[v];
     for (double& s : share) s = sheared > 0.0 ? s / sheared : 0.0;
     if (sheared <= 0.0) share[0] = 1.0;
     std::vector<Phase> phase(liquid_old.size(), Phase::kSolid);

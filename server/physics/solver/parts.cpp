@@ -294,8 +294,8 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.melt_film.has_value(); },
          .set = [](ModelOptions& o,
                    bool on) { o.melt_film = on ? std::optional<MeltFilmOptions>(kTypicalMelt) : std::nullopt; },
-         .goes_with = kUnderPressure | Properties{kForceDriven, kConductingHardBody, kTwoComponents, kIsothermalEnd,
-                                                  kSimonMelting},
+         .goes_with = kUnderPressure |
+                      Properties{kForceDriven, kConductingHardBody, kTwoComponents, kIsothermalEnd, kSimonMelting},
          .equation = "latent heat; s = [v] / integral(dz/eta)",
          .adds = "the soft body melts at the interface, and the melt carries the stress",
          .when = "fast slip that goes on after the interface has reached its melting temperature"},

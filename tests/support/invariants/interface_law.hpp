@@ -44,8 +44,8 @@ inline void require_interface_law(const ModelOptions& options, const Answered& a
     return;
   }
   // A film may carry less than the solid contact: require_film() holds it to its own law.
-  require(mean || options.melt_film || carried >= limit.lower, "slips under s {:.17g} below its limit {:.17g} at T0 {:.17g}", a.stress,
-          limit.lower, a.T0);
+  require(mean || options.melt_film || carried >= limit.lower,
+          "slips under s {:.17g} below its limit {:.17g} at T0 {:.17g}", a.stress, limit.lower, a.T0);
   if (options.plastic_layer) return;
   require(a.stress * a.jump_new >= -1e-12 * carried * a.size(), "friction pulls past rest: s {}, [V] {}", a.stress,
           a.jump_new);

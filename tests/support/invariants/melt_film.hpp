@@ -26,7 +26,8 @@ inline void require_phase(double T, double liquid, double T_melt) {
 }
 
 // Requires the law of the film, s integral(dz/eta) <= [V]new, with equality where the contact carries more than s. The
-// viscosity is that at the temperatures before the step. `contact`: lower bound of what the solid contact carries  [Pa].
+// viscosity is that at the temperatures before the step. `contact`: lower bound of what the solid contact carries
+// [Pa].
 inline void require_film(const Rig& rig, const Answered& a, int lane, double contact, Figures& figures) {
   require_near(rig.outputs.film_thickness[lane], rig.film_thickness(lane), 1e-13 * rig.film_thickness(lane),
                "thickness of the film");
@@ -45,7 +46,8 @@ inline void require_film(const Rig& rig, const Answered& a, int lane, double con
     compliance += weight * rig.liquid(vertex, lane) / eta;
     // The last digits of a temperature melt or freeze some metal, the more the less latent heat it has and the more of
     // it is conducted in the step.
-    const double conducts = diffused / (weight * rig.heat_grid().width[std::min(interface + i, rig.heat_grid().width.size() - 1)]);
+    const double conducts =
+        diffused / (weight * rig.heat_grid().width[std::min(interface + i, rig.heat_grid().width.size() - 1)]);
     if (rig.liquid(vertex, lane) > 0.0) grain += weight / eta * kDigits * T / latent * (1.0 + conducts);
   }
   grain += kDigits * a.heat / (soft.density * film.latent_heat * film.viscosity);

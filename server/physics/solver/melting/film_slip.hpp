@@ -86,7 +86,8 @@ struct FilmSlip {
 
   // Finds the zero of a function that is positive at `lo` and negative at `hi`.
   struct RootBetween {
-    RootBetween(double lo, double at_lo, double hi, double at_hi) : search(lo, -at_lo, hi, -at_hi, hi, 0.5 * (lo + hi)) {}
+    RootBetween(double lo, double at_lo, double hi, double at_hi)
+        : search(lo, -at_lo, hi, -at_hi, hi, 0.5 * (lo + hi)) {}
     template <class Spare>
     double find(const Spare& spare) {
       while (!search.update(-spare(search.at()))) {

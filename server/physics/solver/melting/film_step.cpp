@@ -22,7 +22,8 @@ struct Carried {
   bool several;  // other answers satisfied the equations of the step too
 };
 
-// Whether the interface holds the stress at which it sticks, and has no film then. `respond(q)`: the response to a flux.
+// Whether the interface holds the stress at which it sticks, and has no film then. `respond(q)`: the response to a
+// flux.
 template <class Respond>
 bool can_stick(const FilmSlip& slip, const Respond& respond) {
   const PhaseChange::Response at = respond(slip.flux(slip.stick));
@@ -104,8 +105,8 @@ void advance_force_driven_melting(const Problem& problem, const StepOperators& o
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
 
-  // 1. Conduction without friction of all lanes, as if nothing melted or froze: DLP (28-35). Which lanes hold liquid, or
-  // solid above a melting temperature that has fallen, and the coldest temperature of each.
+  // 1. Conduction without friction of all lanes, as if nothing melted or froze: DLP (28-35). Which lanes hold liquid,
+  // or solid above a melting temperature that has fallen, and the coldest temperature of each.
   conduct(heat, n, T_old, T);
   std::copy_n(committed + layout.liquid_fraction, layout.num_vertices * kLanes, trial + layout.liquid_fraction);
   double least[kLanes], most[kLanes], coldest[kLanes], soft_coldest[kLanes], hottest[kLanes];

@@ -58,7 +58,8 @@ void PhaseChange::read(const Problem& problem, const HeatOperator& heat, const M
   }
 }
 
-// Where the work becomes heat: in the liquid as it was sheared by the stress before the step, or without liquid at z = 0.
+// Where the work becomes heat: in the liquid as it was sheared by the stress before the step, or without liquid at
+// z = 0.
 void PhaseChange::release(const Problem& problem, const HeatOperator& heat, const double* liquid) {
   const Material& soft = problem.options.soft;
   const Material& hard = problem.options.hard;

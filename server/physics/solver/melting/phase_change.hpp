@@ -1,5 +1,5 @@
-// Heat conduction with melting and freezing, for one step of one node, in enthalpy form (METHODS.md, "Melt film").
-// With t = T - T_far, the liquid fraction f of each vertex of the soft body and the latent heat as a rise of temperature,
+// Heat conduction with melting and freezing, for one step of one node, in enthalpy form (METHODS.md, "Melt film"). With
+// t = T - T_far, the liquid fraction f of each vertex of the soft body and the latent heat as a rise of temperature,
 //
 //   (1 + a + c) t_i - a t_(i-1) - c t_(i+1) + latent_i f_i = t_old_i + latent_i f_old_i + q source_i,
 //   f_i = 0 where t_i < t_melt,   0 <= f_i <= 1 where t_i = t_melt,   f_i = 1 where t_i > t_melt,
@@ -22,8 +22,8 @@ class PhaseChange {
   // lane's pressure.
   void begin(const Problem& problem, const HeatOperator& heat, const Material& soft, const double* committed, int lane);
 
-  // What the interface feels of the heat flux q: its temperature, and the compliance of the film, the integral of dz/eta
-  // over the liquid, which is the slip velocity per stress.
+  // What the interface feels of the heat flux q: its temperature, and the compliance of the film, the integral of
+  // dz/eta over the liquid, which is the slip velocity per stress.
   struct Response {
     double T0;          // [K]
     double compliance;  // [m/(Pa s)]
@@ -44,11 +44,11 @@ class PhaseChange {
  private:
   enum class Phase : std::uint8_t { kSolid, kMelting, kLiquid };
   struct Vertex {
-    double before, behind;  // coefficients a and c
-    double heat;            // t_old + latent f_old  [K]
-    double source;          // rise of t by the part of q = 1 W/m2 that is released at this vertex  [K m2/W]
-    double latent;          // [K]
-    double fluidity;        // weight/eta: the compliance of a vertex that is all liquid  [m/(Pa s)]
+    double before, behind;        // coefficients a and c
+    double heat;                  // t_old + latent f_old  [K]
+    double source;                // rise of t by the part of q = 1 W/m2 that is released at this vertex  [K m2/W]
+    double latent;                // [K]
+    double fluidity;              // weight/eta: the compliance of a vertex that is all liquid  [m/(Pa s)]
     double solid, carried, kept;  // all solid from here on: t = solid + carried t_(i-1), kept = 1 - carried
     double t, t_per_flux;         // t = t + q t_per_flux  [K]
     double f, f_per_flux;         // f = f + q f_per_flux
