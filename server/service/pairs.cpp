@@ -149,6 +149,10 @@ shard::PairsOfNodes SessionPairs::with_models(std::span<const std::vector<double
     const auto [at, fresh] = places.emplace(values[i], static_cast<std::uint32_t>(made.pairs.size()));
     made.of_node.push_back(at->second);
     if (!fresh) continue;
+    if (places.size() > wire::kMaxParameterSets && !node_ids.empty())  // each is a model, made while others wait
+      refuse(Code::kLimit, wire::name(Field::kParameter),
+             fmt::format("more than {} different sets of parameters in one request", wire::kMaxParameterSets),
+             "Register the nodes in several requests.");
     if (const auto place = known.find(values[i])) {
       made.pairs.push_back(known[*place]);
       continue;
@@ -181,7 +185,8 @@ shard::PairsOfNodes SessionPairs::of_new_nodes(const wire::Batch& batch, std::sp
     const auto found = std::ranges::find(scenes_->names, name);
     if (found == scenes_->names.end())
       refuse(Code::kInvalidValue, "pairs",
-             fmt::format("the scene has no pair \"{}\"; it has {}", wire::as_utf8(name, wire::kMaxNameBytes), fmt::join(names(), ", ")),
+             fmt::format("the scene has no pair \"{}\"; it has {}", wire::as_utf8(name, wire::kMaxNameBytes),
+                         fmt::join(names(), ", ")),
              "Name a [pair.NAME] of the scene, or \"\" for the tables outside.");
     numbers.push_back(static_cast<std::size_t>(found - scenes_->names.begin()));
   }

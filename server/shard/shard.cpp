@@ -20,6 +20,11 @@ namespace {
 // step, and one block is copied quickly.
 constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
+// Memory of a model without its operators [bytes], and numbers of the operators of a step length for each number of a
+// node's state, measured.
+constexpr std::uint64_t kBytesPerModel = std::uint64_t{12} << 10;
+constexpr std::uint64_t kOperatorsPerState = 12;
+
 constexpr double kNodeWork = 32.0;  // work of a node-step that solves nothing, measured roughly  [evaluations]
 
 // Makes these lanes open contacts without forces: all inputs stay 0 except the masses, by which the step divides. No
@@ -78,7 +83,15 @@ std::uint64_t Shard::bytes_with(std::size_t nodes, const PairsOfNodes* of_nodes)
   for (const std::uint32_t place : of_nodes->of_node) of_node.push_back(places[place]);
   TileMap map = map_;
   map.add(of_node, pairs.size());
-  return bytes_of_tiles(layout_, map.tiles());
+  return bytes_of_tiles(layout_, map.tiles()) + bytes_of_pairs(map, pairs.size());
+}
+
+std::uint64_t Shard::bytes_of_pairs(const TileMap& map, std::size_t pairs) const {
+  if (!pairs_.several()) return 0;
+  const std::vector<std::size_t> nodes = map.nodes_of_pairs(pairs);
+  const auto in_use = static_cast<std::uint64_t>(std::ranges::count_if(nodes, [](std::size_t n) { return n > 0; }));
+  return in_use *
+         (kBytesPerModel + kOperatorsKeptOfPairs * kOperatorsPerState * sizeof(double) * layout_.doubles / kLanes);
 }
 
 Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
@@ -137,7 +150,7 @@ std::shared_ptr<const Operators> Shard::operators(double dt) {
   auto found = std::find_if(operators_.begin(), operators_.end(), [&](const auto& kept) { return kept.first == dt; });
   if (found == operators_.end()) {
     auto made = std::make_shared<const Operators>(pairs_, map_.nodes_of_pairs(pairs_.size()), dt);
-    if (operators_.size() == kOperatorsKept) operators_.pop_back();
+    if (operators_.size() == (pairs_.several() ? kOperatorsKeptOfPairs : kOperatorsKept)) operators_.pop_back();
     found = operators_.emplace(operators_.end(), dt, std::move(made));
   }
   std::rotate(operators_.begin(), found, found + 1);

@@ -83,11 +83,13 @@ class Shard {
   bool check_closure() const { return layout_.check_closure(); }
   // One more than the highest slot that may hold a node.
   std::size_t slots() const { return map_.tiles() * physics::kLanes; }
-  std::uint64_t state_bytes() const { return bytes_of_tiles(layout_, map_.tiles()); }
+  std::uint64_t state_bytes() const {
+    return bytes_of_tiles(layout_, map_.tiles()) + bytes_of_pairs(map_, pairs_.size());
+  }
   std::uint64_t state_version() const { return state_version_; }  // number of commits that led to the committed states
 
   // The operators of a step length [s]. They are factorised at the first use of the length, and the shard keeps the
-  // operators of the kOperatorsKept lengths that were used last.
+  // operators of the kOperatorsKept lengths that were used last, with several pairs of fewer.
   std::shared_ptr<const Operators> operators(double dt);
 
   // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier
@@ -159,6 +161,7 @@ class Shard {
   void restore(const States& committed_states, const States* trial, std::uint64_t state_version);
 
   static constexpr std::size_t kOperatorsKept = 8;
+  static constexpr std::size_t kOperatorsKeptOfPairs = 2;  // in a shard of several pairs
 
  private:
   struct Release {
@@ -174,6 +177,8 @@ class Shard {
     return tiles * (physics::kLanes * bytes_per_node(layout));
   }
   static std::uint64_t bytes_for(const TileStates& layout, std::size_t nodes);
+  // Memory of the models and operators of the pairs that have nodes; 0 with one pair, whose share is small.
+  std::uint64_t bytes_of_pairs(const TileMap& map, std::size_t pairs) const;
   std::size_t tile_doubles() const { return 2 * layout_.doubles; }
   static Block make_states(std::size_t doubles);
   Block make_block(std::size_t tiles) const { return make_states(tiles * tile_doubles()); }
