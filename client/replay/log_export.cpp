@@ -90,7 +90,14 @@ class Planner {
     } else if (const auto* back = std::get_if<wire::Rollback>(&request.body)) {
       standing_.reset();
       if (const auto to = marks_.find(back->to_mark); to != marks_.end()) plan_.rows = to->second;
-    } else if (std::holds_alternative<wire::OpenSession>(request.body)) {
+    } else if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) {
+      if (!open->pairs.empty() || !open->parameters.empty())
+        throw Error(
+            {.code = Code::kUnsupported,
+             .text = fmt::format("{} is of a session whose nodes have pairs or parameters of their own, which a "
+                                 "history does not hold",
+                                 log_.name()),
+             .remedy = "Replay the log itself, which has them."});
       const auto given = request.batch.f64(Field::kInitialTemperature);
       plan_.initial_temperature.assign(given.begin(), given.end());
       const auto ids = request.batch.u64(Field::kNodeId);

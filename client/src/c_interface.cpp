@@ -284,6 +284,22 @@ std::span<const T> values_of(const T* values, std::size_t n, const char* name) {
   return {values, n};
 }
 
+// The properties of new nodes. Names of pairs, keys and arrays of parameters must be there where their number says so.
+NodeOptions properties_of(const shearbus_nodes& nodes) {
+  NodeOptions properties;
+  if (nodes.initial_temperature_k != nullptr) properties.initial_temperature_k = {nodes.initial_temperature_k, nodes.n};
+  for (const char* const name : values_of(nodes.pairs, nodes.n_pairs, "pairs"))
+    properties.pairs.emplace_back(text_or(name));
+  if (nodes.n_pairs > 0) properties.pair = values_of(nodes.pair, nodes.n, "pair");
+  const auto keys = values_of(nodes.parameters, nodes.n_parameters, "parameters");
+  const auto values = values_of(nodes.values, nodes.n_parameters, "values");
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    std::string key(text_or(keys[i]));
+    properties.parameters.push_back({key, values_of(values[i], nodes.n, key.c_str())});
+  }
+  return properties;
+}
+
 }  // namespace
 
 // The members are destroyed in reverse order: the session before its client, the client before its server.
@@ -605,16 +621,29 @@ uint32_t shearbus_field_number(const char* name) {
 
 int shearbus_open(shearbus_session** session, const shearbus_options* options, size_t n, const uint64_t* node_ids,
                   const double* initial_temperature_k, shearbus_status* status) {
+  shearbus_nodes nodes = SHEARBUS_NODES_INIT;
+  nodes.n = n;
+  nodes.node_ids = node_ids;
+  nodes.initial_temperature_k = initial_temperature_k;
+  return shearbus_open_nodes(session, options, &nodes, status);
+}
+
+int shearbus_open_nodes(shearbus_session** session, const shearbus_options* options, const shearbus_nodes* nodes,
+                        shearbus_status* status) {
   const int code = guarded(status, [&] {
     const shearbus_options given = known(options, "shearbus_options");
+    const shearbus_nodes of = known(nodes, "shearbus_nodes");
     const Scene scene = scene_of(given);
-    const auto ids = values_of(node_ids, n, "node_ids");
-    const std::span<const double> temperatures(initial_temperature_k, initial_temperature_k == nullptr ? 0 : n);
+    const auto ids = values_of(of.node_ids, of.n, "node_ids");
+    NodeOptions properties = properties_of(of);
     shearbus_session& handle = handle_for(session, given);
     handle.opened(handle.client->open(scene.text, scene.name, ids,
-                                      {.initial_temperature_k = temperatures,
+                                      {.initial_temperature_k = properties.initial_temperature_k,
                                        .domain = std::string(text_or(given.domain)),
-                                       .idle_limit_s = given.idle_limit_s}));
+                                       .idle_limit_s = given.idle_limit_s,
+                                       .pairs = std::move(properties.pairs),
+                                       .pair = properties.pair,
+                                       .parameters = std::move(properties.parameters)}));
   });
   if (code != SHEARBUS_OK && !is_in_doubt(code)) drop_unopened(session);
   return code;
@@ -759,6 +788,13 @@ int shearbus_register(shearbus_session* session, size_t n, const uint64_t* node_
   return guarded(status, [&] {
     session_of(session).register_nodes(values_of(node_ids, n, "node_ids"),
                                        {initial_temperature_k, initial_temperature_k == nullptr ? 0 : n});
+  });
+}
+
+int shearbus_register_nodes(shearbus_session* session, const shearbus_nodes* nodes, shearbus_status* status) {
+  return guarded(status, [&] {
+    const shearbus_nodes of = known(nodes, "shearbus_nodes");
+    session_of(session).register_nodes(values_of(of.node_ids, of.n, "node_ids"), properties_of(of));
   });
 }
 

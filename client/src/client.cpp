@@ -55,8 +55,15 @@ const wire::Welcome& Client::welcome() const {
 Session Client::open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
                      const OpenOptions& options) {
   wire::Request request;
-  request.batch = named_nodes(node_ids, options.initial_temperature_k);
   auto& opening = request.body.emplace<wire::OpenSession>();
+  for (const NodeOptions::Parameter& parameter : options.parameters) opening.parameters.push_back(parameter.key);
+  request.batch = new_nodes(node_ids,
+                            {.initial_temperature_k = options.initial_temperature_k,
+                             .pairs = options.pairs,
+                             .pair = options.pair,
+                             .parameters = options.parameters},
+                            opening.parameters);
+  opening.pairs = options.pairs;
   opening.scene = std::move(scene);
   opening.scene_file = std::move(scene_file);
   opening.domain = options.domain;

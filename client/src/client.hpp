@@ -78,12 +78,33 @@ struct KeyPair {
 };
 KeyPair make_key_pair();
 
+// Properties of new nodes by which they differ from the scene. All lists have one value per node or are empty.
+struct NodeOptions {
+  std::span<const double> initial_temperature_k;  // empty: the value of the scene
+  // The material pair of each node: `pair` holds places in `pairs`, names of tables [pair.NAME] of the scene; the name ""
+  // stands for the tables outside of them. Empty: all nodes have the constants of these.
+  std::vector<std::string> pairs;
+  std::span<const std::uint64_t> pair;
+  // Numbers of the scene that have another value for each node, by their keys, as "interface.friction_coefficient". The
+  // opening of a session chooses the keys; later nodes give values for all of them, or for none: then they have those of
+  // their pairs.
+  struct Parameter {
+    std::string key;
+    std::span<const double> values;  // in the key's unit
+  };
+  std::vector<Parameter> parameters;
+};
+
 struct OpenOptions {
   std::span<const double> initial_temperature_k;  // one value per node; empty: the value of the scene
   // Node ids are unique among the sessions of a domain, such as the ranks of one run, and nodes can move between these
   // sessions. Empty: the session is in no domain, and must be opened with at least one node.
   std::string domain;
   std::uint64_t idle_limit_s = 0;  // the server closes the session after this time without a request; 0: never
+  // As in NodeOptions.
+  std::vector<std::string> pairs = {};
+  std::span<const std::uint64_t> pair = {};
+  std::vector<NodeOptions::Parameter> parameters = {};
 };
 
 struct StepOptions {
@@ -184,7 +205,8 @@ class Session {
   // trial. New nodes are added after the present nodes, which keep their order.
   void register_nodes(std::span<const std::uint64_t> node_ids,
                       std::span<const double> initial_temperature_k = {});  // one per node; empty: scene's value
-  void retire_nodes(std::span<const std::uint64_t> node_ids);               // removes the nodes with their states
+  void register_nodes(std::span<const std::uint64_t> node_ids, const NodeOptions& options);
+  void retire_nodes(std::span<const std::uint64_t> node_ids);  // removes the nodes with their states
   // Moves nodes with their states to another session of the domain: that session passes the returned id to
   // accept_nodes(). Between the two calls the server keeps the nodes. The offering session may accept its own offer.
   TransferId offer_nodes(std::span<const std::uint64_t> node_ids);

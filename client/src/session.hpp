@@ -53,8 +53,11 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
 Received repeat_claim(Connection& connection, const wire::SessionId& id, const wire::ResumeToken& token,
                       ClaimInDoubt& in_doubt);
 
-// The payload of a request about some nodes: their ids and temperatures; empty without nodes.
-wire::Batch named_nodes(std::span<const std::uint64_t> node_ids, std::span<const double> temperatures = {});
+// The payload of a request about some nodes: their ids; empty without nodes.
+wire::Batch named_nodes(std::span<const std::uint64_t> node_ids);
+// The payload of a request with new nodes, with the columns of their properties. `keys`: parameters of the session.
+wire::Batch new_nodes(std::span<const std::uint64_t> node_ids, const NodeOptions& options,
+                      std::span<const std::string> keys);
 
 struct Session::Impl {
   std::shared_ptr<Connection> connection;

@@ -30,6 +30,7 @@ using wire::as_utf8;
 using wire::nearest;
 
 constexpr std::size_t kMaxFaultsListed = 50;
+constexpr std::size_t kMaxTableName = 64;
 
 Place place_of(const toml::key& key, const toml::node& node) {
   const toml::source_position& at =
@@ -77,7 +78,8 @@ struct Slot {
 
 Slot find_slot(Message& message, const std::string& key) {
   const Descriptor& table = *message.GetDescriptor();
-  if (const FieldDescriptor* field = table.FindFieldByName(key); field && !rule_of(*field).merged())
+  if (const FieldDescriptor* field = table.FindFieldByName(key);
+      field && !rule_of(*field).merged() && !rule_of(*field).table_name())
     return {&message, field};
   for (int i = 0; i < table.field_count(); ++i) {
     if (!rule_of(*table.field(i)).merged()) continue;
@@ -104,7 +106,9 @@ class Reader {
       }
       const std::string name = path_of(path, *field);
       places_[name] = place;
-      if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
+      if (has_named_tables(*field)) {
+        named_tables(node, *message, *field, name);
+      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
         if (const toml::table* inner = node.as_table())
           table(*inner, *message->GetReflection()->MutableMessage(message, field), name);
         else
@@ -116,6 +120,33 @@ class Reader {
   }
 
  private:
+  // The tables [pair.NAME], in the order of their names.
+  void named_tables(const toml::node& node, Message& to, const FieldDescriptor& field, const std::string& path) {
+    if (!node.is_table())
+      return fault(path, fmt::format("{0} holds tables with names: expected [{0}.NAME], {1}", path, found(node)));
+    for (const auto& [key, inner] : *node.as_table()) {
+      const std::string_view name = key.str();
+      const Place place = place_of(key, inner);
+      if (name.empty() || name.size() > kMaxTableName ||
+          name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") != name.npos) {
+        fault(path,
+              fmt::format("{}.{} has no proper name, expected 1 to {} letters, digits, _ or -", path,
+                          as_utf8(name, kMaxTableName), kMaxTableName),
+              place);
+        continue;
+      }
+      const std::string table_path = fmt::format("{}.{}", path, name);
+      places_[table_path] = place;
+      if (!inner.is_table()) {
+        fault(table_path, fmt::format("{0} is a table: expected [{0}] and its keys, {1}", table_path, found(inner)));
+        continue;
+      }
+      Message& made = *to.GetReflection()->AddMessage(&to, &field);
+      made.GetReflection()->SetString(&made, &name_field(*made.GetDescriptor()), std::string(name));
+      table(*inner.as_table(), made, table_path);
+    }
+  }
+
   void fault(std::string path, std::string text, std::optional<Place> place = {}) {
     faults_.push_back({std::move(path), std::move(text), place});
   }
@@ -142,7 +173,8 @@ class Reader {
     for (const FieldDescriptor* field : keys_of(table))
       if (field->name() == key) add(path.empty() ? "the scene itself, before the first [table]" : "[" + path + "]");
     for (const FieldDescriptor* field : keys_of(table))
-      if (const Descriptor* inner = field->message_type()) add(tables_with(key, *inner, path_of(path, *field)));
+      if (const Descriptor* inner = field->message_type(); inner && !has_named_tables(*field))
+        add(tables_with(key, *inner, path_of(path, *field)));
     return names;
   }
 
@@ -384,8 +416,7 @@ std::optional<Place> Document::place_of_path(std::string_view path) const {
 void Document::refuse(const std::vector<Fault>& faults, std::string remedy) const {
   std::vector<std::pair<Place, const Fault*>> sorted;
   for (const Fault& fault : faults) {
-    const auto place = places.find(fault.path);
-    sorted.emplace_back(fault.place ? *fault.place : place == places.end() ? Place{} : place->second, &fault);
+    sorted.emplace_back(fault.place ? *fault.place : place_of_path(fault.path).value_or(Place{}), &fault);
   }
   std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<std::string> lines;

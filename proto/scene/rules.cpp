@@ -104,7 +104,8 @@ class Checker {
     for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
       const FieldDescriptor& field = *message.GetDescriptor()->field(i);
       const std::string name = path_of(path, field);
-      if (unused(where, field, path, name)) continue;
+      // Named tables are completed by the tables outside of them: a rule between keys checks them (scene.cpp).
+      if (has_named_tables(field) || unused(where, field, path, name)) continue;
       if (field.is_repeated()) {
         list(where, field, path, name);
       } else if (rule_of(field).merged()) {
@@ -287,9 +288,20 @@ std::string path_of(const std::string& path, const FieldDescriptor& field) {
   return path.empty() ? field.name() : path + "." + field.name();
 }
 
+bool has_named_tables(const FieldDescriptor& field) {
+  return field.is_repeated() && is_table(field);
+}
+
+const FieldDescriptor& name_field(const google::protobuf::Descriptor& named) {
+  int i = 0;
+  while (!rule_of(*named.field(i)).table_name()) ++i;
+  return *named.field(i);
+}
+
 std::vector<const FieldDescriptor*> keys_of(const google::protobuf::Descriptor& table) {
   std::vector<const FieldDescriptor*> keys;
   for (int i = 0; i < table.field_count(); ++i) {
+    if (rule_of(*table.field(i)).table_name()) continue;
     if (!rule_of(*table.field(i)).merged()) {
       keys.push_back(table.field(i));
       continue;

@@ -58,7 +58,14 @@ const v1::Rule& rule_of(const google::protobuf::FieldDescriptor& field);
 // Returns the path of a field of the table `path`: "path.field", or `path` for a field that is marked `merged`.
 std::string path_of(const std::string& path, const google::protobuf::FieldDescriptor& field);
 
-// Returns the keys of a table: its fields and, in place of a message that is marked `merged`, the message's own fields.
+// Whether the tables of a field have names, as [pair.NAME]: the field is a repeated message.
+bool has_named_tables(const google::protobuf::FieldDescriptor& field);
+
+// The field of such a message that holds the name of its table.
+const google::protobuf::FieldDescriptor& name_field(const google::protobuf::Descriptor& named);
+
+// Returns the keys of a table: its fields and, in place of a message that is marked `merged`, the message's own fields;
+// not a field that holds the table's name.
 std::vector<const google::protobuf::FieldDescriptor*> keys_of(const google::protobuf::Descriptor& table);
 
 // Returns the bounds of a field as text: "above 0 and at most 1 m", "at least 1"; empty if the field has no bounds.

@@ -7,10 +7,11 @@
 #include <stdexcept>
 
 namespace shearbus::scene {
-namespace {
 
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
+
+namespace {
 
 // Smallest accepted width of the first cell, the distance of neighbouring atoms in iron (0.248 nm; aluminium 0.286 nm):
 // below it a metal has neither a temperature nor a flow stress. A thinner cell is a mistake in the keys cells or grading.
@@ -51,7 +52,124 @@ void check_grids(const v1::Scene& scene, Findings& findings) {
                    hard.has_grading(), findings);
 }
 
+// Calls use(field of the pair, field of the scene) for each table that a pair may have.
+template <typename Use>
+void for_tables_of_pair(const Use& use) {
+  const google::protobuf::Descriptor& scene = *v1::Scene::descriptor();
+  for (const FieldDescriptor* field : keys_of(*v1::Pair::descriptor()))
+    use(*field, *scene.FindFieldByName(field->name()));
+}
+
+bool begins_with_table_of(const v1::Pair& pair, std::string_view path) {
+  const FieldDescriptor* field = v1::Pair::descriptor()->FindFieldByName(std::string(path.substr(0, path.find('.'))));
+  return field && field->message_type() && pair.GetReflection()->HasField(pair, field);
+}
+
+// Checks a pair as the scene that it makes with the tables outside, and adds the faults that the scene without it does
+// not have.
+void check_pair(const v1::Scene& scene, const v1::Pair& pair, Findings& findings) {
+  const std::string table = "pair." + pair.name();
+  std::vector<Fault> known;  // faults found before, by their keys in the scene of the pair
+  for (const Fault& fault : findings.faults()) {
+    if (fault.path.starts_with(table + "."))
+      known.push_back({fault.path.substr(table.size() + 1), fault.text, {}});
+    else if (!begins_with_table_of(pair, fault.path))
+      known.push_back(fault);
+  }
+  Findings of_pair(known);
+  v1::Scene whole = scene_of_pair(scene, pair);
+  check_fields(whole, of_pair);
+  fill_defaults(whole);
+  check_scene(whole, of_pair);
+  for (std::size_t i = known.size(); i < of_pair.faults().size(); ++i) {
+    const Fault& fault = of_pair.faults()[i];
+    const bool outside = !begins_with_table_of(pair, fault.path);
+    if (outside && !findings.sound(fault.path)) continue;
+    findings.add(outside ? table : table + "." + fault.path, fmt::format("[{}]: {}", table, fault.text));
+  }
+}
+
 }  // namespace
+
+v1::Scene scene_of_pair(const v1::Scene& scene, const v1::Pair& pair) {
+  v1::Scene whole = scene;
+  whole.clear_pair();
+  for_tables_of_pair([&](const FieldDescriptor& from, const FieldDescriptor& to) {
+    if (pair.GetReflection()->HasField(pair, &from))
+      whole.GetReflection()->MutableMessage(&whole, &to)->CopyFrom(pair.GetReflection()->GetMessage(pair, &from));
+  });
+  return whole;
+}
+
+void set_pair(const v1::Scene& scene, const v1::Scene& whole, v1::Pair& pair) {
+  for_tables_of_pair([&](const FieldDescriptor& to, const FieldDescriptor& from) {
+    pair.GetReflection()->ClearField(&pair, &to);
+    if (!whole.GetReflection()->HasField(whole, &from)) return;
+    const Message& table = whole.GetReflection()->GetMessage(whole, &from);
+    if (table.SerializeAsString() != scene.GetReflection()->GetMessage(scene, &from).SerializeAsString())
+      pair.GetReflection()->MutableMessage(&pair, &to)->CopyFrom(table);
+  });
+}
+
+namespace {
+
+std::string difference_of(const Message& a, const Message& b, const std::string& path, MayDiffer may_differ) {
+  for (const FieldDescriptor* field : keys_of(*a.GetDescriptor())) {
+    if (field->is_repeated()) continue;
+    const std::string key = path_of(path, *field);
+    const bool given = a.GetReflection()->HasField(a, field);
+    if (given != b.GetReflection()->HasField(b, field)) {
+      if (!may_differ(key, field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE)) return key;
+    } else if (given && field->message_type()) {
+      std::string inner = difference_of(a.GetReflection()->GetMessage(a, field),
+                                        b.GetReflection()->GetMessage(b, field), key, may_differ);
+      if (!inner.empty()) return inner;
+    } else if (given && !may_differ(key, field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE)) {
+      std::unique_ptr<Message> one(a.New()), other(b.New());
+      one->CopyFrom(a);
+      other->CopyFrom(b);
+      one->GetReflection()->SwapFields(one.get(), other.get(), {field});
+      if (one->SerializeAsString() != a.SerializeAsString()) return key;
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string first_difference(const v1::Scene& a, const v1::Scene& b, MayDiffer may_differ) {
+  return difference_of(a, b, "", may_differ);
+}
+
+namespace {
+
+// The field of the scene that holds the table of "table.key".
+const FieldDescriptor* table_of(std::string_view path) {
+  const FieldDescriptor* table = v1::Scene::descriptor()->FindFieldByName(std::string(path.substr(0, path.find('.'))));
+  return table && table->message_type() && !table->is_repeated() && path.find('.') != path.npos ? table : nullptr;
+}
+
+}  // namespace
+
+const FieldDescriptor* find_number(std::string_view path) {
+  const FieldDescriptor* table = table_of(path);
+  if (!table) return nullptr;
+  const FieldDescriptor* key = table->message_type()->FindFieldByName(std::string(path.substr(path.find('.') + 1)));
+  return key && key->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && !key->is_repeated() ? key : nullptr;
+}
+
+std::optional<double> value_of(const v1::Scene& scene, std::string_view path) {
+  const FieldDescriptor* key = find_number(path);
+  if (!key || !scene.GetReflection()->HasField(scene, table_of(path))) return std::nullopt;
+  const Message& table = scene.GetReflection()->GetMessage(scene, table_of(path));
+  if (!table.GetReflection()->HasField(table, key)) return std::nullopt;
+  return table.GetReflection()->GetDouble(table, key);
+}
+
+void set_value(v1::Scene& scene, std::string_view path, double value) {
+  Message& table = *scene.GetReflection()->MutableMessage(&scene, table_of(path));
+  table.GetReflection()->SetDouble(&table, find_number(path), value);
+}
 
 void check_scene(const v1::Scene& scene, Findings& findings) {
   if (scene.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene.has_interface() && findings.sound("interface"))
@@ -67,6 +185,7 @@ void check_scene(const v1::Scene& scene, Findings& findings) {
                 scene.hard().melting_curve() == v1::MELTING_CURVE_SIMON,
             "melting_curve");
   soft_only(scene.hard().pressure_term() == v1::PRESSURE_TERM_COMPRESSED, "pressure_term");
+  for (const v1::Pair& pair : scene.pair()) check_pair(scene, pair, findings);
 }
 
 std::vector<Fault> faults_of(v1::Scene& scene) {

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -31,6 +32,24 @@ Document read(std::string_view text, std::string file, v1::Scene& scene);
 // skipped if a value that it needs is at fault. Which options exclude each other is not checked here but in the physics
 // (server/physics/solver/parts.hpp).
 void check_scene(const v1::Scene& scene, Findings& findings);
+
+// Returns the scene of one pair alone: the tables of the pair in place of the scene's, and no pairs.
+v1::Scene scene_of_pair(const v1::Scene& scene, const v1::Pair& pair);
+
+// Makes `pair` the pair whose scene is `whole`: those tables that differ from the scene's.
+void set_pair(const v1::Scene& scene, const v1::Scene& whole, v1::Pair& pair);
+
+// A key whose value or presence differs in two scenes without pairs, as "layer.cells"; empty: there is none. Keys for
+// which may_differ(path, is_number) is true are left out.
+using MayDiffer = bool (*)(std::string_view path, bool is_number);
+std::string first_difference(const v1::Scene& a, const v1::Scene& b, MayDiffer may_differ);
+
+// The number of the number-valued key `path`, as "interface.friction_coefficient"; null: no table of the scene has such
+// a key.
+const google::protobuf::FieldDescriptor* find_number(std::string_view path);
+// Reads or sets it. value_of() has no value if the key or its table is absent.
+std::optional<double> value_of(const v1::Scene& scene, std::string_view path);
+void set_value(v1::Scene& scene, std::string_view path, double value);
 
 // Returns all faults of a scene that does not come from a text. Fills in the defaults of the scene.
 std::vector<Fault> faults_of(v1::Scene& scene);

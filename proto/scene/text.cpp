@@ -71,29 +71,49 @@ std::string comment_of(const FieldDescriptor& field) {
 
 // Writes the keys of a message but not its tables: they come after all keys, because a key after a [table] would belong
 // to that table. The keys of a message that is marked `merged` stand among those of the enclosing table.
-void write_keys(const Message& message, std::string& out) {
+void write_keys(const Message& message, bool comments, std::string& out) {
   std::vector<const FieldDescriptor*> present;
   message.GetReflection()->ListFields(message, &present);
   for (const FieldDescriptor* field : present) {
     if (rule_of(*field).merged())
-      write_keys(message.GetReflection()->GetMessage(message, field), out);
+      write_keys(message.GetReflection()->GetMessage(message, field), comments, out);
     else if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
-      out += fmt::format("{} = {}{}\n", field->name(), value_text(message, *field), comment_of(*field));
+      out += fmt::format("{} = {}{}\n", field->name(), value_text(message, *field), comments ? comment_of(*field) : "");
   }
 }
 
-void write_tables(const Message& message, const std::string& path, std::string& out) {
+void write_tables(const Message& message, const std::string& path, bool comments, std::string& out);
+
+// Writes the tables [path.NAME] of a repeated message, without comments: those of the tables outside say it. Such a
+// table has only tables, no keys.
+void write_named_tables(const Message& message, const FieldDescriptor& field, const std::string& path,
+                        std::string& out) {
+  const auto& reflection = *message.GetReflection();
+  for (int i = 0; i < reflection.FieldSize(message, &field); ++i) {
+    const Message& inner = reflection.GetRepeatedMessage(message, &field, i);
+    const std::string name =
+        fmt::format("{}.{}", path, inner.GetReflection()->GetString(inner, &name_field(*inner.GetDescriptor())));
+    out += fmt::format("\n[{}]\n", name);
+    write_tables(inner, name, false, out);
+  }
+}
+
+void write_tables(const Message& message, const std::string& path, bool comments, std::string& out) {
   std::vector<const FieldDescriptor*> present;
   message.GetReflection()->ListFields(message, &present);
   for (const FieldDescriptor* field : present) {
     if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
+    if (has_named_tables(*field)) {
+      write_named_tables(message, *field, path_of(path, *field), out);
+      continue;
+    }
     const Message& inner = message.GetReflection()->GetMessage(message, field);
     const std::string name = path_of(path, *field);
     if (!rule_of(*field).merged()) {
-      out += fmt::format("\n[{}]{}\n", name, comment_of(*field));
-      write_keys(inner, out);
+      out += fmt::format("\n[{}]{}\n", name, comments ? comment_of(*field) : "");
+      write_keys(inner, comments, out);
     }
-    write_tables(inner, name, out);
+    write_tables(inner, name, comments, out);
   }
 }
 
@@ -140,6 +160,16 @@ void describe_table(const Descriptor& table, const std::string& path, const std:
   std::vector<const Descriptor*> described;
   for (const FieldDescriptor* first : keys) {
     const Descriptor* inner = first->message_type();
+    if (inner && has_named_tables(*first)) {
+      std::vector<std::string> tables;
+      for (const FieldDescriptor* field : keys_of(*inner))
+        tables.push_back(fmt::format("`[{}.NAME.{}]`", path_of(path, *first), field->name()));
+      out += fmt::format(
+          "\n## [{}.NAME]: {}\n\nIts tables are {}: their keys are those of the tables outside, each of which they "
+          "replace as a whole.\n",
+          path_of(path, *first), rule_of(*first).meaning(), fmt::join(tables, ", "));
+      continue;
+    }
     if (!inner || std::find(described.begin(), described.end(), inner) != described.end()) continue;
     described.push_back(inner);
     std::vector<std::string> names;
@@ -158,8 +188,8 @@ void describe_table(const Descriptor& table, const std::string& path, const std:
 
 std::string to_toml(const Message& root) {
   std::string out;
-  write_keys(root, out);
-  write_tables(root, "", out);
+  write_keys(root, true, out);
+  write_tables(root, "", true, out);
   return out;
 }
 

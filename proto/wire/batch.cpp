@@ -25,6 +25,10 @@ std::size_t padded(std::size_t bytes) {
                .field = name(column.field)});
 }
 
+bool has_components(Field field) {
+  return is_tangential(field) || field == Field::kParameter;
+}
+
 }  // namespace
 
 // Writes columns_ and size_.
@@ -34,7 +38,7 @@ void Batch::lay_out(std::span<const Field> fields, std::size_t count, std::uint3
   size_ = 0;
   for (Field field : fields) {
     const Element element = element_of(field);
-    for (std::uint32_t component = 0; component < (is_tangential(field) ? components : 1); ++component) {
+    for (std::uint32_t component = 0; component < (has_components(field) ? components : 1); ++component) {
       columns_.push_back({field, component, element, size_, count});
       size_ += padded(count * size_of(element));
     }
@@ -84,7 +88,8 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
     const ColumnRow* known = find_column(column.field);
     if (!known) refuse(column, "is not a field of this protocol");
     if (column.element != known->element) refuse(column, "has the wrong element type");
-    if (column.component > 1) refuse(column, "has a component above 1");
+    if (const std::uint32_t last = column.field == Field::kParameter ? kMaxParameters - 1 : 1; column.component > last)
+      refuse(column, fmt::format("has a component above {}", last));
     if (column.offset_bytes % 8 != 0)
       refuse(column, fmt::format("starts at byte {}, not a multiple of 8", column.offset_bytes));
     const std::size_t size = size_of(column.element);

@@ -33,8 +33,8 @@ class Batch {
  public:
   Batch() = default;
 
-  // Allocates zeroed columns of `count` values: one for each field, but two for each tangential field if `components`
-  // is 2. The non-const spans of the batch write the values.
+  // Allocates zeroed columns of `count` values: one for each field, but `components` for each tangential field and for
+  // kParameter. The non-const spans of the batch write the values.
   static Batch of(std::span<const Field> fields, std::size_t count, std::uint32_t components = 1);
   // Like of(), but uses the memory that this batch owns if it suffices and is not much larger, and the values of the
   // columns are undefined: the caller writes all of them. The bytes between the columns are zero.

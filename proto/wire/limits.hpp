@@ -16,7 +16,10 @@ inline constexpr std::size_t kMaxFrames = 2;  // frames of one message: header a
 inline constexpr std::size_t kMaxColumns = 32;
 inline constexpr std::size_t kMaxBytesPerNode = std::size_t{18} * 8;    // bytes of the widest row of a request or reply
 inline constexpr std::size_t kMaxBytesPerNewNode = std::size_t{2} * 8;  // node_id and initial_temperature_k
-inline constexpr std::size_t kMaxRowsPerMessage = 200'000;              // rows of a step or of one of its parts
+inline constexpr std::size_t kMaxPairs = 256;                           // pairs that a scene names
+inline constexpr std::size_t kMaxParameters = 24;           // keys of a scene that have a value for each node
+inline constexpr std::size_t kMaxParameterSets = 4'096;     // different sets of parameters in one request
+inline constexpr std::size_t kMaxRowsPerMessage = 200'000;  // rows of a step or of one of its parts
 inline constexpr std::size_t kMaxNodesPerSession = 2'000'000;
 inline constexpr std::size_t kMaxSessions = 1'024;
 // largest number of marks of a session; a mark holds a copy of the session's states

@@ -58,6 +58,8 @@ struct OpenSession {
   std::string domain;  // empty: the session is in no domain
   bool check_closure = false;
   std::uint64_t idle_limit_s = 0;  // 0: no limit
+  std::vector<std::string> pairs;       // names of pairs: the values of the column pair are places in this list
+  std::vector<std::string> parameters;  // keys of the scene that have values per node: columns parameter
 
   static void fields(auto&& v, auto& m) {
     v(1, "scene", scene_text(m.scene));
@@ -67,6 +69,8 @@ struct OpenSession {
     v(5, "scene_file", m.scene_file);
     v(6, "check_closure", m.check_closure);
     v(7, "idle_limit_s", m.idle_limit_s);
+    v(8, "pairs", at_most(kMaxPairs + 1, m.pairs));
+    v(9, "parameters", at_most(kMaxParameters, m.parameters));
   }
 };
 struct Downscale {
@@ -115,7 +119,9 @@ struct Mark {
 };
 struct RegisterNodes {
   static constexpr BodyRow kBody = {25, "register_nodes", true};
-  static void fields(auto&&, auto&) {}
+  std::vector<std::string> pairs;  // as in OpenSession
+
+  static void fields(auto&& v, auto& m) { v(1, "pairs", at_most(kMaxPairs + 1, m.pairs)); }
 };
 struct RetireNodes {
   static constexpr BodyRow kBody = {26, "retire_nodes", true};
@@ -262,6 +268,8 @@ struct SessionOpened {
   std::vector<Field> reply_columns;       // columns of the reply to a step whose `wanted` is empty
   std::vector<Field> columns_on_request;  // columns that the reply has only if the step's `wanted` names them
   std::string scene_name;
+  std::vector<std::string> pairs;       // names of the pairs of the scene
+  std::vector<std::string> parameters;  // keys of the scene that have values per node
 
   static void fields(auto&& v, auto& m) {
     v(1, "effective_scene", scene_text(m.effective_scene));
@@ -274,6 +282,8 @@ struct SessionOpened {
     v(8, "reply_columns", known_only(m.reply_columns));
     v(9, "columns_on_request", known_only(m.columns_on_request));
     v(10, "scene_name", m.scene_name);
+    v(11, "pairs", m.pairs);
+    v(12, "parameters", m.parameters);
   }
 };
 struct SessionResumed {

@@ -23,6 +23,13 @@ std::vector<store::CapsuleValue> values_of(const wire::Batch& batch, std::size_t
   return values;
 }
 
+// The state of one node, without the columns that tell its pair: the scene of the capsule is that of the pair alone.
+shard::States state_of(const shard::Shard& shard, std::uint32_t slot, bool of_trial) {
+  shard::States state = shard.states_of(std::span(&slot, 1), of_trial);
+  state.columns.resize(state.columns.size() - shard.pairs().columns().size());
+  return state;
+}
+
 }  // namespace
 
 // Writes a capsule for each node without an answer. Errors are logged only: the step is answered without a capsule.
@@ -38,18 +45,19 @@ void Service::leave_capsules(const Member& member, const RunningStep& running, c
     const std::uint32_t slot = rows.all ? shard.nodes().slot_of(row) : rows.slots[row];
     const auto named = running.request.batch.u64(wire::Field::kNodeId);
     const std::uint64_t node = rows.all ? shard.nodes().ids()[row] : named[row];
-    const std::string file = store_->leave_capsule({.server_version = options_.server_version,
-                                                    .session = member.id,
-                                                    .sequence = running.request.sequence,
-                                                    .scene = member.scene,
-                                                    .node_id = node,
-                                                    .dt_s = step.dt_s,
-                                                    .time_s = step.time_s,
-                                                    .step = step.step,
-                                                    .attempt = step.attempt,
-                                                    .state = shard.states_of(std::span(&slot, 1), failed.from_trial),
-                                                    .inputs = values_of(running.request.batch, row),
-                                                    .answer = values_of(failed.answer, row)});
+    const std::string file = store_->leave_capsule(
+        {.server_version = options_.server_version,
+         .session = member.id,
+         .sequence = running.request.sequence,
+         .scene = member.pairs.several() ? member.pairs.scene_of(shard.pairs()[shard.pair_of(slot)]) : member.scene,
+         .node_id = node,
+         .dt_s = step.dt_s,
+         .time_s = step.time_s,
+         .step = step.step,
+         .attempt = step.attempt,
+         .state = state_of(shard, slot, failed.from_trial),
+         .inputs = values_of(running.request.batch, row),
+         .answer = values_of(failed.answer, row)});
     log(fmt::format("node {} of session {} has no answer to step {}: {}", node, short_name(member.id), step.step,
                     file));
     --room;

@@ -44,12 +44,12 @@ std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
   return {held, &held->reply};
 }
 
-Parts parts_from(const store::SessionImage& image, const shard::NodeTable& nodes) {
+Parts parts_from(const store::SessionImage& image, const shard::Shard& shard) {
   const std::span<const std::byte> frame = image.part_header;
   wire::Request request;
   wire::decode(std::span(&frame, 1), request);
-  Parts parts{.last = std::get<wire::Downscale>(request.body), .stepped = std::vector<bool>(nodes.size())};
-  for (const std::uint32_t row : image.part_rows) parts.stepped.at(nodes.slot_of(row)) = true;
+  Parts parts{.last = std::get<wire::Downscale>(request.body), .stepped = std::vector<bool>(shard.slots())};
+  for (const std::uint32_t row : image.part_rows) parts.stepped.at(shard.nodes().slot_of(row)) = true;
   parts.nodes = image.part_rows.size();
   return parts;
 }
@@ -187,13 +187,13 @@ void Service::restore(const store::Snapshot& snapshot) {
       closed_[image.identity].push_back(image.id);
     } else {
       SceneModel made = scene_model(image.scene, "the checkpoint's scene");
-      physics::Model model(made.options);
+      member->pairs = SessionPairs(made, SessionPairs::parameters_in(image.committed));
       member->scene_name = std::move(made.name);
       member->scene = std::move(made.effective);
       member->idle_limit_s = image.idle_limit_s;
-      member->shard = make_shard(std::move(model), image.node_ids, shard::checks_closure(image.committed));
+      member->shard = restored_shard(member->pairs, member->pairs.table(made.options), image.node_ids, image.committed);
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
-      if (!image.part_header.empty()) member->parts = parts_from(image, member->shard->nodes());
+      if (!image.part_header.empty()) member->parts = parts_from(image, *member->shard);
       member->marks = image.marks;
       member->domain = image.domain;
       ++metrics_.sessions;

@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "server/service/pairs.hpp"
 #include "server/service/parts.hpp"
 #include "server/service/service.hpp"
 
@@ -31,7 +32,7 @@ struct Service::RunningStep {
   std::uint64_t started_ns = 0;
   ReplyPtr reply;
   shard::Rows rows;
-  std::shared_ptr<const physics::StepOperators> operators;
+  std::shared_ptr<const shard::Operators> operators;
   shard::StepColumns columns;
   std::vector<std::uint8_t> unasked;  // the outcomes, if the reply has no column for them
   std::shared_ptr<shard::Shard::StepRun> run;
@@ -59,6 +60,7 @@ struct Service::Member {
   std::uint64_t owner_epoch = 0;
   std::vector<std::uint64_t> superseded;
   session::Session conversation;
+  SessionPairs pairs;
   std::unique_ptr<shard::Shard> shard;   // null after the session has been closed
   std::unique_ptr<RunningStep> running;  // null if no step is being computed
   std::string domain;                    // name of the session's domain; empty: none

@@ -172,11 +172,11 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   check_no_trial(shard);
   const auto ids = check_new_nodes(batch, shard.nodes());
   check_owners(member.domain_it_is_in(), &member, kNoneWithdrawn, ids);
-  const physics::Model& model = shard.model();
-  const auto temperatures = check_initial_temperatures(batch, model.options());
+  const auto& named = std::get<wire::RegisterNodes>(arrival.request.body).pairs;
+  const NewNodes nodes = new_nodes(batch, named, member.pairs, shard.pairs());
   const std::size_t after = shard.nodes().size() + ids.size();
-  check_memory(shard.bytes_for(after) - shard.state_bytes(), after, arrival.caller, member.identity);
-  auto change = shard.adding(ids, temperatures);
+  check_memory(shard.bytes_with(ids.size(), nodes.of()) - shard.state_bytes(), after, arrival.caller, member.identity);
+  auto change = shard.adding(ids, nodes.temperatures, nullptr, nodes.of());
   keep(arrival, member.id, &member);
   apply(member, std::move(change), reply);
   metrics_.nodes += ids.size();
@@ -252,14 +252,21 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
                                      short_name(transfer.giver), shard.check_closure() ? "does not check" : "checks",
                                      shard.check_closure() ? "" : "not"),
                  .remedy = "Open all sessions of the domain with the same open_session.check_closure."});
-  const physics::Model& model = shard.model();
+  if (!SessionPairs::same_columns(transfer.states, shard.pairs()))
+    throw Error({.code = Code::kOtherScene,
+                 .text = fmt::format("session {}, which offered the nodes, has other parameters than this session",
+                                     short_name(transfer.giver)),
+                 .remedy = "Open all sessions of the domain with the same open_session.parameters."});
+  const auto pairs =
+      member.pairs.several() ? std::optional(member.pairs.of_states(transfer.states, shard.pairs())) : std::nullopt;
+  const shard::PairsOfNodes* of_nodes = pairs ? &*pairs : nullptr;
   const std::size_t after = shard.nodes().size() + transfer.node_ids.size();
   check_session_size(after);
-  const std::uint64_t grown = shard.bytes_for(after) - shard.state_bytes();
+  const std::uint64_t grown = shard.bytes_with(transfer.node_ids.size(), of_nodes) - shard.state_bytes();
   const std::uint64_t freed = kept_bytes(transfer.states);
   check_memory(grown > freed ? grown - freed : 0, after, arrival.caller, member.identity);
-  const std::vector<double> initial(transfer.node_ids.size(), model.options().initial_temperature);
-  auto change = shard.adding(transfer.node_ids, initial, &transfer.states);
+  const std::vector<double> initial(transfer.node_ids.size(), shard.model().options().initial_temperature);
+  auto change = shard.adding(transfer.node_ids, initial, &transfer.states, of_nodes);
   reply.batch = node_column(transfer.node_ids);
   keep(arrival, member.id, &member);
   apply(member, std::move(change), reply);
@@ -343,12 +350,16 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
 void Service::rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival) {
   const shard::Shard& before = *member.shard;
   std::unique_ptr<shard::Shard> other_nodes;
-  if (mark.node_ids != before.nodes().ids()) {
+  if (mark.node_ids != before.nodes().ids() ||
+      (member.pairs.several() && !SessionPairs::same_pairs(mark.states, before.committed_states()))) {
     check_owners(member.domain_it_is_in(), &member, mark.sequence, mark.node_ids);
-    const std::uint64_t wanted = before.bytes_for(mark.node_ids.size());
-    check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size(),
-                 arrival.caller, member.identity);
-    other_nodes = make_shard(physics::Model(before.model().options()), mark.node_ids, before.check_closure());
+    const auto check_room = [&](std::uint64_t wanted) {
+      check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size(),
+                   arrival.caller, member.identity);
+    };
+    check_room(before.bytes_for(mark.node_ids.size()));
+    other_nodes = restored_shard(member.pairs, before.pairs(), mark.node_ids, mark.states);
+    check_room(other_nodes->state_bytes());  // more where nodes of few pairs share a tile
     other_nodes->restore(mark.states, nullptr, mark.state_version);
   }
   keep(arrival, member.id, &member);

@@ -49,7 +49,8 @@ Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr&
                            "tolerance.",
                  .field = "layer.heat"});
   const shard::Rows rows = check_profile_nodes(request.batch, shard.nodes());
-  const physics::ProfileGrid grid = model.profile_grid();
+  physics::ProfileGrid grid = model.profile_grid();
+  const physics::Model* of_grid = &model;
   const std::size_t vertices = grid.position.size();
   if (const std::size_t most = wire::kMaxRowsPerMessage / vertices; rows.slots.size() > most)
     throw Error({.code = Code::kLimit,
@@ -69,15 +70,18 @@ Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr&
       return column.empty() ? nullptr : column.data() + first;
     };
     std::fill_n(id_of_row.begin() + static_cast<std::ptrdiff_t>(first), vertices, ids[node]);
+    const physics::Model& of_node = shard.model_of(rows.slots[node]);
+    if (&of_node != of_grid) grid = of_node.profile_grid();
+    of_grid = &of_node;
     std::ranges::copy(grid.position, rows_of(Field::kPosition));
     std::ranges::copy(grid.width, rows_of(Field::kWidth));
-    model.profile(shard.committed_tile(rows.slots[node]).data(), static_cast<int>(rows.slots[node] % physics::kLanes),
-                  pressures.empty() ? 0.0 : pressures[node],
-                  {.temperature = rows_of(Field::kLayerTemperature),
-                   .plastic_strain = rows_of(Field::kLayerPlasticStrain),
-                   .flow_stress = rows_of(Field::kLayerFlowStress),
-                   .shear_stress = rows_of(Field::kLayerShearStress),
-                   .second_shear_stress = rows_of(Field::kLayerShearStress, 1)});
+    of_node.profile(shard.committed_tile(rows.slots[node]).data(), static_cast<int>(rows.slots[node] % physics::kLanes),
+                    pressures.empty() ? 0.0 : pressures[node],
+                    {.temperature = rows_of(Field::kLayerTemperature),
+                     .plastic_strain = rows_of(Field::kLayerPlasticStrain),
+                     .flow_stress = rows_of(Field::kLayerFlowStress),
+                     .shear_stress = rows_of(Field::kLayerShearStress),
+                     .second_shear_stress = rows_of(Field::kLayerShearStress, 1)});
   }
   reply->batch = std::move(batch);
   reply->body =

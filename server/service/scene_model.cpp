@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -11,6 +12,7 @@
 
 #include "proto/scene/scene.hpp"
 #include "proto/scene/with_message.hpp"
+#include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
 #include "server/physics/interface/friction_laws.hpp"
@@ -150,9 +152,9 @@ void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
   if (!refused.faults.empty()) throw Refused(std::move(refused));
 }
 
-// Converts a checked scene whose defaults have been filled in. Also fills in the constants that the scene leaves to the
-// server.
-SceneModel convert(v1::Scene& scene) {
+// Converts a checked scene without its pairs, whose defaults have been filled in. Also fills in the constants that the
+// scene leaves to the server.
+SceneModel convert_tables(v1::Scene& scene) {
   if (wire::has_control_character(scene.name()))
     refuse("name", "name has a control character, expected printable text of one line", "Choose another name.");
   SceneModel made{.options = {}, .name = scene.name(), .effective = {}};
@@ -196,7 +198,88 @@ SceneModel convert(v1::Scene& scene) {
   refuse_what_excludes_each_other(options);
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
+  return made;
+}
+
+// Whether pairs of one scene may differ in a key: in constants and in the laws of a material and of the interface, not
+// in what adds states or columns or divides the step.
+bool may_differ(std::string_view path, bool is_number) {
+  constexpr std::string_view kWords[] = {"material", "flow_law", "melting_curve", "pressure_term", "friction_law"};
+  constexpr std::string_view kNumbers[] = {"layer.thickness_m", "layer.initial_temperature_k", "hard_layer.thickness_m",
+                                           "velocity_driven.friction_coefficient",
+                                           "velocity_driven.taylor_quinney_factor"};
+  const std::string_view table = path.substr(0, path.find('.'));
+  const bool of_law = table == "soft" || table == "hard" || table == "interface" || table == "junctions";
+  if (of_law && is_number) return true;
+  return (of_law && std::ranges::count(kWords, path.substr(path.find('.') + 1)) != 0) ||
+         std::ranges::count(kNumbers, path) != 0;
+}
+
+// Refuses a pair whose layer has other options or other states than the scene's.
+void check_shape(const v1::Scene& scene, const physics::ModelOptions& options, const v1::Scene& whole,
+                 const physics::ModelOptions& of_pair, const std::string& table) {
+  const std::string remedy = "Open a session of its own for nodes with other options.";
+  std::string key = scene::first_difference(scene, whole, may_differ);
+  if (options.friction_coefficient.has_value() != of_pair.friction_coefficient.has_value())
+    key = "velocity_driven.friction_coefficient";
+  if (options.taylor_quinney_factor.has_value() != of_pair.taylor_quinney_factor.has_value())
+    key = "velocity_driven.taylor_quinney_factor";
+  if (!key.empty())
+    refuse(table + "." + key,
+           fmt::format("{0}.{1} differs from the scene's {1}: pairs of one session differ in constants, not in options",
+                       table, key),
+           remedy);
+  if (!shard::same_states(physics::Model(options), physics::Model(of_pair)))
+    refuse(table,
+           fmt::format("the layer of [{}] has other states than the scene's: {}", table,
+                       options.tolerance ? "the tolerance chooses its cells by its constants"
+                       : options.modes   ? "the number of heat modes follows from its constants"
+                                         : "its vertices follow from its constants"),
+           options.tolerance || options.modes
+               ? "Give cells and grading in place of a tolerance, and a profile in place "
+                 "of modes; or open a session of its own for the pair."
+               : remedy);
+}
+
+// Adds the table of a pair to the keys that are at fault in the scene that the pair makes.
+Refused of_pair(const Refused& refused, const v1::Pair& pair) {
+  const std::string name = "pair." + pair.name();
+  Refused found{{}, refused.remedy};
+  for (const scene::Fault& fault : refused.faults)
+    found.faults.push_back({name + "." + fault.path, fmt::format("[{}]: {}", name, fault.text), {}});
+  return found;
+}
+
+SceneModel convert(v1::Scene& scene) {
+  if (scene.pair().empty()) {
+    SceneModel made = convert_tables(scene);
+    made.effective = scene::to_toml(scene);
+    return made;
+  }
+  if (static_cast<std::size_t>(scene.pair_size()) > wire::kMaxPairs)
+    refuse("pair", fmt::format("{} tables [pair.NAME], at most {} are allowed", scene.pair_size(), wire::kMaxPairs),
+           "Give nodes parameters, or divide the pairs over several sessions.");
+  const v1::Scene given = scene;
+  SceneModel made = convert_tables(scene);
+  for (int i = 0; i < given.pair_size(); ++i) {
+    v1::Scene whole = scene::scene_of_pair(given, given.pair(i));
+    scene::fill_defaults(whole);
+    try {
+      const SceneModel model = convert_tables(whole);
+      check_shape(scene, made.options, whole, model.options, "pair." + given.pair(i).name());
+      made.pairs.push_back({given.pair(i).name(), model.options});
+    } catch (const Refused& refused) {
+      if (refused.faults.front().path.starts_with("pair.")) throw;
+      throw of_pair(refused, given.pair(i));
+    }
+    scene::set_pair(scene, whole, *scene.mutable_pair(i));
+  }
   made.effective = scene::to_toml(scene);
+  if (made.effective.size() > wire::kMaxSceneBytes)
+    refuse("pair",
+           fmt::format("the scene with all constants of its pairs has {} bytes, at most {} are allowed",
+                       made.effective.size(), wire::kMaxSceneBytes),
+           "Divide the pairs over several sessions.");
   return made;
 }
 

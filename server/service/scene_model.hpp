@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "server/shard/shard.hpp"
 
@@ -12,10 +13,17 @@ class Scene;
 
 namespace shearbus::service {
 
+// A pair [pair.NAME] of a scene.
+struct PairModel {
+  std::string name;
+  physics::ModelOptions options;
+};
+
 struct SceneModel {
   physics::ModelOptions options;
-  std::string name;       // name of the scene
-  std::string effective;  // canonical TOML text with every default and material constant filled in
+  std::string name;              // name of the scene
+  std::string effective;         // canonical TOML text with every default and material constant filled in
+  std::vector<PairModel> pairs;  // in the order of the effective text
 };
 
 // Reads, checks and converts a scene's text. Throws wire::Error{kInvalidScene} with a line "file:line:column: ..." for

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <iterator>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -239,9 +240,9 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   if (store_ != nullptr) welcome.limits.max_replay_work = static_cast<std::uint64_t>(store_->checkpoint_work());
   welcome.limits.max_work_budget = static_cast<std::uint64_t>(options_.max_work_budget);
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial",        "resume",      "mark",
-                          "domains",         "stick_form",   "absent_nodes", "closure",     "idle_limit",
-                          "parts",           "profiles",     "regimes",      "mean_stress", "linearised"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial",      "resume",     "mark",      "domains",
+                          "stick_form",      "absent_nodes", "closure",    "idle_limit", "parts",     "profiles",
+                          "regimes",         "mean_stress",  "linearised", "pairs",      "parameters"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
@@ -287,9 +288,11 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
   SceneModel made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
   check_work_budget(made.options);
-  const std::vector<double> temperatures = check_initial_temperatures(request.batch, made.options);
-  physics::Model model(made.options);
-  check_memory(shard::Shard::bytes_for(model, node_ids.size(), open.check_closure), node_ids.size(), arrival.caller,
+  SessionPairs pairs(made, open.parameters);
+  shard::PairTable table = pairs.table(made.options);
+  const NewNodes nodes = new_nodes(request.batch, open.pairs, pairs, table);
+  auto shard_made = make_shard(std::move(table), open.check_closure);
+  check_memory(shard_made->bytes_with(node_ids.size(), nodes.of()), node_ids.size(), arrival.caller,
                arrival.caller.identity);
 
   auto member = std::make_unique<Member>();
@@ -302,9 +305,9 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   member->scene_name = std::move(made.name);
   member->scene = std::move(made.effective);
   member->idle_limit_s = open.idle_limit_s;
-  member->shard = std::make_unique<shard::Shard>(
-      std::move(model), node_ids, temperatures, pool_,
-      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task, .check_closure = open.check_closure});
+  member->shard = std::move(shard_made);
+  member->shard->apply(member->shard->adding(node_ids, nodes.temperatures, nullptr, nodes.of()));
+  member->pairs = std::move(pairs);
   reply->body = opened(*member);
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
@@ -324,30 +327,56 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   return reply;
 }
 
-std::unique_ptr<shard::Shard> Service::make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
-                                                  bool check_closure) const {
-  const std::vector<double> temperatures(node_ids.size(), model.options().initial_temperature);
+// A shard without nodes.
+std::unique_ptr<shard::Shard> Service::make_shard(shard::PairTable pairs, bool check_closure) const {
   return std::make_unique<shard::Shard>(
-      std::move(model), node_ids, temperatures, pool_,
-      shard::ShardOptions{.nodes_per_task = options_.nodes_per_task, .check_closure = check_closure});
+      std::move(pairs), std::span<const std::uint64_t>(), std::span<const std::uint32_t>(), std::span<const double>(),
+      pool_, shard::ShardOptions{.nodes_per_task = options_.nodes_per_task, .check_closure = check_closure});
+}
+
+std::unique_ptr<shard::Shard> Service::restored_shard(const SessionPairs& pairs, shard::PairTable table,
+                                                      const std::vector<std::uint64_t>& node_ids,
+                                                      const shard::States& states) const {
+  auto shard = make_shard(std::move(table), shard::checks_closure(states));
+  const auto of_nodes = pairs.several() ? std::optional(pairs.of_states(states, shard->pairs())) : std::nullopt;
+  const std::vector<double> temperatures(node_ids.size(), shard->model().options().initial_temperature);
+  shard->apply(shard->adding(node_ids, temperatures, nullptr, of_nodes ? &*of_nodes : nullptr));
+  return shard;
+}
+
+Service::NewNodes Service::new_nodes(const wire::Batch& batch, std::span<const std::string> named,
+                                     const SessionPairs& pairs, const shard::PairTable& known) {
+  NewNodes nodes;
+  if (pairs.several()) {
+    nodes.pairs = pairs.of_new_nodes(batch, named, known);
+    nodes.temperatures = check_initial_temperatures(batch, *nodes.pairs);
+  } else {
+    refuse_pair_columns(batch, named.size());
+    nodes.temperatures = check_initial_temperatures(batch, known.model(0).options());
+  }
+  return nodes;
 }
 
 wire::SessionOpened Service::opened(const Member& member) const {
   const physics::Model& model = member.shard->model();
   ModelColumns columns = columns_of(model.options());
   if (!member.shard->check_closure()) std::erase(columns.on_request, Field::kClosure);
+  std::vector<std::string> warnings = model.warnings();
+  std::ranges::copy(member.pairs.warnings(), std::back_inserter(warnings));
   std::uint64_t reply_row = 0;
   for (const Field field : columns.reply) reply_row += wire::size_of(wire::element_of(field));
   return {.effective_scene = member.scene,
           .bytes_per_node = member.shard->bytes_per_node() + reply_row,
-          .warnings = model.warnings(),
+          .warnings = std::move(warnings),
           .strategy = strategy_of(model.options()),
           .tangential_components = static_cast<std::uint32_t>(model.options().tangential_components),
           .required_columns = std::move(columns.required),
           .optional_columns = std::move(columns.optional),
           .reply_columns = std::move(columns.reply),
           .columns_on_request = std::move(columns.on_request),
-          .scene_name = member.scene_name};
+          .scene_name = member.scene_name,
+          .pairs = member.pairs.names(),
+          .parameters = member.pairs.parameters()};
 }
 
 // What was granted once is in the journal and is granted again by every server that replays it.

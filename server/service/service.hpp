@@ -25,6 +25,8 @@
 
 namespace shearbus::service {
 
+class SessionPairs;
+
 using Frames = std::span<const std::span<const std::byte>>;
 
 // The frames of a reply. The payload is not copied: `owner` keeps it alive while a socket needs it.
@@ -176,9 +178,20 @@ class Service : private store::Recovery {
   void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
                       const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) const noexcept;
   wire::SessionOpened opened(const Member& member) const;
-  // Makes a shard whose nodes have the model's initial temperature.
-  std::unique_ptr<shard::Shard> make_shard(physics::Model model, const std::vector<std::uint64_t>& node_ids,
-                                           bool check_closure) const;
+  std::unique_ptr<shard::Shard> make_shard(shard::PairTable pairs, bool check_closure) const;
+  // A shard with the nodes of saved states, at the temperature of the start. Throws std::invalid_argument for states of
+  // another kind of session.
+  std::unique_ptr<shard::Shard> restored_shard(const SessionPairs& pairs, shard::PairTable table,
+                                               const std::vector<std::uint64_t>& node_ids,
+                                               const shard::States& states) const;
+  // What a request says of new nodes.
+  struct NewNodes {
+    std::optional<shard::PairsOfNodes> pairs;  // of a session of several pairs
+    std::vector<double> temperatures;          // [K]
+    const shard::PairsOfNodes* of() const { return pairs ? &*pairs : nullptr; }
+  };
+  static NewNodes new_nodes(const wire::Batch& batch, std::span<const std::string> named, const SessionPairs& pairs,
+                            const shard::PairTable& known);
 
   // Defined in users.cpp: quotas and counters of users.
   struct Usage {

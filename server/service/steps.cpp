@@ -147,7 +147,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
         shard::AnswerColumn<std::uint8_t, std::uint8_t>{&physics::TileOutputs::outcome, std::span(running->unasked)});
   }
   if (step.part == 1 && step.parts > 1)
-    running->parts.emplace(Parts{.last = step, .stepped = std::vector<bool>(shard.nodes().size())});
+    running->parts.emplace(Parts{.last = step, .stepped = std::vector<bool>(shard.slots())});
   if (running->further) {
     running->run = shard.prepare_extension(rows, *running->operators, columns, member.parts->stepped);
   } else if (step.policy == wire::Policy::kAllOrNothing) {

@@ -98,10 +98,15 @@ bool contains(std::span<const Field> list, Field field) {
   return std::find(list.begin(), list.end(), field) != list.end();
 }
 
+bool is_pair_column(Field field) {
+  return field == Field::kPair || field == Field::kParameter;
+}
+
 // Refuses a second component unless the scene has two components and the column is tangential.
 void check_components(const wire::Batch& batch, std::uint32_t components) {
   for (const wire::Column& column : batch.columns())
-    if (column.component != 0 && (components == 1 || !wire::is_tangential(column.field)))
+    if (column.component != 0 && column.field != Field::kParameter &&
+        (components == 1 || !wire::is_tangential(column.field)))
       refuse(Code::kUnsupported, wire::name(column.field),
              fmt::format("column {} has component {}; {}", wire::name(column.field), column.component,
                          components == 1 ? "this scene's slip has one tangential component" : "it has no direction"),
@@ -239,13 +244,14 @@ void check_inputs(const wire::Batch& batch, const shard::Rows& rows, const shard
 
 // The node_id column of an opening or of a change of nodes. The column may be empty only if `needed` is null; else
 // `needed` names, for the message, the request that needs nodes.
-std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const char* needed) {
+std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const char* needed, bool new_nodes) {
   check_components(batch, 1);
   for (const wire::Column& column : batch.columns())
-    if (column.field != Field::kNodeId && column.field != Field::kInitialTemperature)
+    if (column.field != Field::kNodeId && column.field != Field::kInitialTemperature &&
+        !(new_nodes && is_pair_column(column.field)))
       refuse(Code::kShape, wire::name(column.field),
              fmt::format("column {} does not belong to nodes that are named", wire::name(column.field)),
-             "Send node_id and, where new nodes differ from the scene's, initial_temperature_k.");
+             "Send node_id and, where new nodes differ from the scene's, initial_temperature_k, pair and parameter.");
   const auto ids = batch.u64(Field::kNodeId);
   if (ids.empty() && needed != nullptr)
     refuse(Code::kShape, wire::name(Field::kNodeId), fmt::format("{} needs at least one node; none was given", needed),
@@ -255,6 +261,57 @@ std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const
            fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.",
            repeated);
   return ids;
+}
+
+void check_count(const wire::Batch& batch, Field field, std::uint32_t component, std::size_t nodes) {
+  for (const wire::Column& column : batch.columns())
+    if (column.field == field && column.component == component && column.count != nodes)
+      refuse(
+          Code::kShape, wire::name(field),
+          fmt::format("column {} has {} values; expected {} (one per node_id)", wire::name(field), column.count, nodes),
+          "Give every column one value per row.");
+}
+
+// Refuses a start temperature of the scene at which the soft body is not solid.
+void check_scene_temperature(const physics::ModelOptions& options) {
+  const double value = options.initial_temperature;
+  if (value > 0.0 && value < options.soft.melting_temperature) return;
+  refuse(Code::kInvalidScene, "layer.initial_temperature_k",
+         fmt::format("layer.initial_temperature_k is {}; expected above 0 and below {} K, where the soft body melts",
+                     value, options.soft.melting_temperature),
+         "The layer starts solid.");
+}
+
+// The column of the request, or without it the temperatures of the nodes' models; options_of(row): those of a node.
+template <typename OptionsOf>
+std::vector<double> initial_temperatures(const wire::Batch& batch, const OptionsOf& options_of) {
+  const auto ids = batch.u64(Field::kNodeId);
+  std::vector<double> temperatures(ids.size());
+  if (!batch.has(Field::kInitialTemperature)) {
+    for (std::size_t row = 0; row < ids.size(); ++row) temperatures[row] = options_of(row).initial_temperature;
+    return temperatures;
+  }
+  check_count(batch, Field::kInitialTemperature, 0, ids.size());
+  const auto given = batch.f64(Field::kInitialTemperature);
+  const auto melts_at = [&](std::size_t row) { return options_of(row).soft.melting_temperature; };
+  std::vector<std::uint64_t> nodes;
+  std::size_t first = 0;
+  for (std::size_t row = 0; row < ids.size(); ++row) {
+    if (given[row] > 0.0 && given[row] < melts_at(row)) continue;
+    if (nodes.empty()) first = row;
+    nodes.push_back(ids[row]);
+  }
+  if (!nodes.empty()) {
+    const std::size_t faults = nodes.size();
+    refuse(Code::kInvalidValue, wire::name(Field::kInitialTemperature),
+           fmt::format("{} of node {} is {}; expected above 0 and below {} K, where the soft body melts ({} of {} rows "
+                       "at fault)",
+                       wire::name(Field::kInitialTemperature), ids[first], given[first], melts_at(first), faults,
+                       ids.size()),
+           "Nothing was changed; correct the values and send the step again.", std::move(nodes));
+  }
+  temperatures.assign(given.begin(), given.end());
+  return temperatures;
 }
 
 }  // namespace
@@ -268,13 +325,13 @@ void check_session_size(std::size_t nodes) {
 
 std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch, const std::string& domain) {
   if (!domain.empty()) check_name(domain, "open_session.domain");
-  const auto ids = check_node_column(batch, domain.empty() ? "a session without a domain" : nullptr);
+  const auto ids = check_node_column(batch, domain.empty() ? "a session without a domain" : nullptr, true);
   check_session_size(ids.size());
   return ids;
 }
 
 std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
-  const auto ids = check_node_column(batch, "the request");
+  const auto ids = check_node_column(batch, "the request", true);
   check_session_size(nodes.size() + ids.size());
   std::vector<std::uint64_t> sorted(ids.begin(), ids.end());
   std::sort(sorted.begin(), sorted.end());
@@ -287,7 +344,7 @@ std::span<const std::uint64_t> check_new_nodes(const wire::Batch& batch, const s
 }
 
 shard::Rows check_leaving_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
-  check_node_column(batch, "the request");
+  check_node_column(batch, "the request", false);
   if (batch.has(Field::kInitialTemperature))
     refuse(Code::kShape, wire::name(Field::kInitialTemperature), "nodes that leave have no initial temperature",
            "Send node_id and nothing else.");
@@ -336,30 +393,76 @@ void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
 }
 
 std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options) {
-  const double melting_temperature = options.soft.melting_temperature;
-  const auto solid = [&](double value) { return value > 0.0 && value < melting_temperature; };
+  check_scene_temperature(options);
+  return initial_temperatures(batch, [&](std::size_t) -> const physics::ModelOptions& { return options; });
+}
+
+std::vector<double> check_initial_temperatures(const wire::Batch& batch, const shard::PairsOfNodes& nodes) {
+  if (!batch.has(Field::kInitialTemperature))
+    for (const shard::Pair& pair : nodes.pairs) check_scene_temperature(pair.model->options());
+  return initial_temperatures(batch, [&](std::size_t row) -> const physics::ModelOptions& {
+    return nodes.pairs[nodes.of_node[row]].model->options();
+  });
+}
+
+std::span<const std::uint64_t> check_pairs(const wire::Batch& batch, std::size_t names) {
   const auto ids = batch.u64(Field::kNodeId);
-  if (!batch.has(Field::kInitialTemperature)) {
-    const double value = options.initial_temperature;
-    if (!solid(value))
-      refuse(
-          Code::kInvalidScene, "layer.initial_temperature_k",
-          fmt::format("layer.initial_temperature_k is {}; expected above 0 and below {} K, where the soft body melts",
-                      value, melting_temperature),
-          "The layer starts solid.");
-    return std::vector<double>(ids.size(), value);
+  const auto places = batch.u64(Field::kPair);
+  if (ids.empty() && !batch.has(Field::kPair)) return {};  // of several servers one may have no node of an opening
+  if (batch.has(Field::kPair) != (names > 0))
+    refuse(Code::kShape, wire::name(Field::kPair),
+           names > 0 ? "the request names pairs and has no column pair" : "column pair without a list `pairs` of names",
+           "Send both: the names of the pairs, and for each node a place in this list.");
+  check_count(batch, Field::kPair, 0, ids.size());
+  std::vector<std::uint64_t> nodes;
+  for (std::size_t row = 0; row < places.size(); ++row)
+    if (places[row] >= names) nodes.push_back(ids[row]);
+  if (!nodes.empty()) {
+    const std::size_t faults = nodes.size();
+    const std::uint64_t first = nodes.front();
+    const auto at = static_cast<std::size_t>(std::ranges::find(ids, first) - ids.begin());
+    refuse(
+        Code::kInvalidValue, wire::name(Field::kPair),
+        fmt::format("pair of node {} is {}; expected a place from 0 to {} in the list `pairs` ({} of {} rows at fault)",
+                    first, places[at], names - 1, faults, ids.size()),
+        "Nothing was changed; correct the column.", std::move(nodes));
   }
-  const auto given = batch.f64(Field::kInitialTemperature);
-  if (given.size() != ids.size())
-    refuse(Code::kShape, wire::name(Field::kInitialTemperature),
-           fmt::format("column initial_temperature_k has {} values; expected {} (one per node_id)", given.size(),
-                       ids.size()),
-           "Give every column one value per row.");
-  check_values(
-      Field::kInitialTemperature, given,
-      [&] { return fmt::format("above 0 and below {} K, where the soft body melts", melting_temperature); }, solid,
-      [&](std::size_t row) { return ids[row]; });
-  return {given.begin(), given.end()};
+  return places;
+}
+
+void check_parameters(const wire::Batch& batch, std::span<const std::string> keys) {
+  const auto ids = batch.u64(Field::kNodeId);
+  for (const wire::Column& column : batch.columns()) {
+    if (column.field != Field::kParameter) continue;
+    if (column.component >= keys.size())
+      refuse(Code::kShape, wire::name(Field::kParameter),
+             fmt::format("column parameter has component {}; the session has {} parameters", column.component,
+                         keys.size()),
+             "Name the keys in open_session.parameters.");
+    check_count(batch, Field::kParameter, column.component, ids.size());
+    std::vector<std::uint64_t> nodes;
+    const auto values = batch.f64(Field::kParameter, column.component);
+    for (std::size_t row = 0; row < ids.size(); ++row)
+      if (!std::isfinite(values[row])) nodes.push_back(ids[row]);
+    if (nodes.empty()) continue;
+    const std::uint64_t first = nodes.front();
+    refuse(Code::kInvalidValue, keys[column.component],
+           fmt::format("{} of node {} is not a finite number ({} of {} rows at fault)", keys[column.component], first,
+                       nodes.size(), ids.size()),
+           "Nothing was changed; give each node a value, or leave the column out.", std::move(nodes));
+  }
+}
+
+void refuse_pair_columns(const wire::Batch& batch, std::size_t names) {
+  for (const Field field : {Field::kPair, Field::kParameter})
+    for (const wire::Column& column : batch.columns())
+      if (column.field == field)
+        refuse(Code::kShape, wire::name(field),
+               fmt::format("column {} in a session of one pair without parameters", wire::name(field)),
+               "Open the session with a scene of several pairs, or with open_session.parameters.");
+  if (names > 0)
+    refuse(Code::kInvalidValue, "pairs", "the request names pairs, and the scene has no [pair.NAME]",
+           "Leave the list out, or give the scene pairs.");
 }
 
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,

@@ -40,6 +40,14 @@ void check_printable(const std::string& text, const std::string& field);  // ref
 
 // The initial temperature of each node [K], above 0 and below melting: from the payload's column, else from the model.
 std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options);
+std::vector<double> check_initial_temperatures(const wire::Batch& batch, const shard::PairsOfNodes& nodes);
+
+// The column pair of new nodes, empty without one; `names`: length of the request's list of names.
+std::span<const std::uint64_t> check_pairs(const wire::Batch& batch, std::size_t names);
+// The columns parameter of new nodes; `keys`: the parameters of the session.
+void check_parameters(const wire::Batch& batch, std::span<const std::string> keys);
+// Refuses what only sessions of several pairs have.
+void refuse_pair_columns(const wire::Batch& batch, std::size_t names);
 
 // Checks options and columns of a step; returns for each row of the request the slot of its node in the node table.
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,

@@ -59,7 +59,7 @@ std::vector<std::uint64_t> NodeTable::common(std::span<const std::uint64_t> sort
   return common;
 }
 
-NodeTable NodeTable::with(std::span<const std::uint64_t> node_ids) const {
+NodeTable NodeTable::with(std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> slots) const {
   NodeTable table;
   const std::size_t before = size();
   const std::size_t after = before + node_ids.size();
@@ -73,37 +73,26 @@ NodeTable NodeTable::with(std::span<const std::uint64_t> node_ids) const {
   const auto first_new = table.by_id_.begin() + static_cast<std::ptrdiff_t>(before);
   std::sort(first_new, table.by_id_.end());
   std::inplace_merge(table.by_id_.begin(), first_new, table.by_id_.end());
-  if (slots_are_rows()) return table;
+  bool slots_are_rows = this->slots_are_rows();
+  for (std::size_t i = 0; i < slots.size(); ++i) slots_are_rows = slots_are_rows && slots[i] == before + i;
+  if (slots_are_rows) return table;
   table.slots_.reserve(after);
-  table.slots_ = slots_;
-  for (std::size_t slot = before; slot < after; ++slot) table.slots_.push_back(static_cast<std::uint32_t>(slot));
+  for (std::size_t row = 0; row < before; ++row) table.slots_.push_back(slot_of(row));
+  table.slots_.insert(table.slots_.end(), slots.begin(), slots.end());
   return table;
 }
 
-std::pair<NodeTable, std::vector<Relocation>> NodeTable::without(std::span<const std::uint32_t> slots) const {
-  constexpr std::uint32_t kGone = 0xffffffff;
-  const auto left = static_cast<std::uint32_t>(size() - slots.size());
-  // 1. Find the slot of each state after the change: states in slots from `left` on move to the slots that become free.
-  std::vector<std::uint32_t> slot_now(size());
-  for (std::uint32_t slot = 0; slot < slot_now.size(); ++slot) slot_now[slot] = slot;
-  for (const std::uint32_t slot : slots) slot_now[slot] = kGone;
-  std::vector<Relocation> moves;
-  std::uint32_t hole = 0;
-  for (std::uint32_t from = left; from < slot_now.size(); ++from) {
-    if (slot_now[from] == kGone) continue;
-    while (slot_now[hole] != kGone) ++hole;
-    moves.push_back({from, hole});
-    slot_now[from] = hole++;
-  }
-  // 2. Copy the remaining rows of the table, in their order.
+NodeTable NodeTable::moved(std::span<const std::uint32_t> slot_now) const {
   NodeTable table;
+  std::size_t left = 0;
+  for (std::size_t row = 0; row < size(); ++row) left += slot_now[slot_of(row)] != TileMap::kGone ? 1 : 0;
   table.ids_.reserve(left);
   table.slots_.reserve(left);
-  std::vector<std::uint32_t> row_now(size(), kGone);
+  std::vector<std::uint32_t> row_now(size(), TileMap::kGone);
   bool slots_are_rows = true;
   for (std::size_t row = 0; row < size(); ++row) {
     const std::uint32_t slot = slot_now[slot_of(row)];
-    if (slot == kGone) continue;
+    if (slot == TileMap::kGone) continue;
     row_now[row] = static_cast<std::uint32_t>(table.ids_.size());
     slots_are_rows = slots_are_rows && slot == row_now[row];
     table.ids_.push_back(ids_[row]);
@@ -112,8 +101,8 @@ std::pair<NodeTable, std::vector<Relocation>> NodeTable::without(std::span<const
   if (slots_are_rows) table.slots_ = {};
   table.by_id_.reserve(left);
   for (const auto& [id, row] : by_id_)
-    if (row_now[row] != kGone) table.by_id_.emplace_back(id, row_now[row]);
-  return {std::move(table), std::move(moves)};
+    if (row_now[row] != TileMap::kGone) table.by_id_.emplace_back(id, row_now[row]);
+  return table;
 }
 
 }  // namespace shearbus::shard

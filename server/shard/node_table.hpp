@@ -1,7 +1,7 @@
 // The nodes of a shard in the order of their registration (one row per node), and the slot that holds a node's state.
 //
-// Slots are dense: n nodes occupy the slots 0 to n - 1. New nodes get the next slots. When nodes leave, the states in
-// the last slots move into the free slots; the order of the rows does not change.
+// Which slots are free, and where nodes move when others leave, is the matter of tile_map.hpp; the order of the rows
+// never changes.
 #pragma once
 
 #include <cstddef>
@@ -9,6 +9,8 @@
 #include <span>
 #include <utility>
 #include <vector>
+
+#include "server/shard/tile_map.hpp"
 
 namespace shearbus::shard {
 
@@ -20,12 +22,6 @@ struct Rows {
   std::vector<std::uint64_t> unknown;    // ids that the table does not have, in the order of the request
   std::vector<std::uint64_t> duplicate;  // ids that the request has more than once
   bool ok() const { return unknown.empty() && duplicate.empty(); }
-};
-
-// The move of a state to another slot.
-struct Relocation {
-  std::uint32_t from;
-  std::uint32_t to;
 };
 
 class NodeTable {
@@ -47,11 +43,11 @@ class NodeTable {
     return slots_.empty() ? static_cast<std::uint32_t>(row) : slots_[row];
   }
 
-  // Returns this table with more nodes. Their ids must differ from each other and from those in the table.
-  NodeTable with(std::span<const std::uint64_t> node_ids) const;
-  // Returns this table without the nodes in the given slots, and the moves of states by which the caller closes the
-  // gaps: states of the last slots go to the slots that became free.
-  std::pair<NodeTable, std::vector<Relocation>> without(std::span<const std::uint32_t> slots) const;
+  // Returns this table with more nodes in the given slots. Their ids must differ from each other and from those in the
+  // table.
+  NodeTable with(std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> slots) const;
+  // Returns this table after its nodes have moved: without those that left (TileMap::Change::slot_now).
+  NodeTable moved(std::span<const std::uint32_t> slot_now) const;
 
   // Memory in bytes of one node in the table, including its entry in slots_.
   static constexpr std::uint64_t kBytesPerNode =

@@ -20,6 +20,11 @@ namespace {
 // step, and one block is copied quickly.
 constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
+// Memory of a model without its operators [bytes], and numbers of the operators of a step length for each number of a
+// node's state, measured.
+constexpr std::uint64_t kBytesPerModel = std::uint64_t{12} << 10;
+constexpr std::uint64_t kOperatorsPerState = 12;
+
 constexpr double kNodeWork = 32.0;  // work of a node-step that solves nothing, measured roughly  [evaluations]
 
 // Makes these lanes open contacts without forces: all inputs stay 0 except the masses, by which the step divides. No
@@ -67,17 +72,43 @@ std::uint64_t Shard::bytes_per_node(const TileStates& layout) {
 }
 
 std::uint64_t Shard::bytes_for(const TileStates& layout, std::size_t nodes) {
-  return tiles_for(nodes) * (kLanes * bytes_per_node(layout));
+  return bytes_of_tiles(layout, tiles_for(nodes));
+}
+
+std::uint64_t Shard::bytes_with(std::size_t nodes, const PairsOfNodes* of_nodes) const {
+  if (!pairs_.several() || of_nodes == nullptr) return bytes_for(map_.nodes() + nodes);
+  PairTable pairs = pairs_;
+  const std::vector<std::uint32_t> places = pairs.add(of_nodes->pairs, map_.nodes_of_pairs(pairs_.size()));
+  std::vector<std::uint32_t> of_node;
+  for (const std::uint32_t place : of_nodes->of_node) of_node.push_back(places[place]);
+  TileMap map = map_;
+  map.add(of_node, pairs.size());
+  return bytes_of_tiles(layout_, map.tiles()) + bytes_of_pairs(map, pairs.size());
+}
+
+std::uint64_t Shard::bytes_of_pairs(const TileMap& map, std::size_t pairs) const {
+  if (!pairs_.several()) return 0;
+  const std::vector<std::size_t> nodes = map.nodes_of_pairs(pairs);
+  const auto in_use = static_cast<std::uint64_t>(std::ranges::count_if(nodes, [](std::size_t n) { return n > 0; }));
+  return in_use *
+         (kBytesPerModel + kOperatorsKeptOfPairs * kOperatorsPerState * sizeof(double) * layout_.doubles / kLanes);
 }
 
 Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
              TaskPool& pool, const ShardOptions& options)
-    : model_(std::move(model)),
-      layout_(model_, options.check_closure),
+    : Shard(PairTable(std::move(model)), node_ids, {}, initial_temperature, pool, options) {}
+
+Shard::Shard(PairTable pairs, std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> of_node,
+             std::span<const double> initial_temperature, TaskPool& pool, const ShardOptions& options)
+    : pairs_(std::move(pairs)),
+      layout_(pairs_.model(0), options.check_closure),
+      map_(pairs_.several()),
       pool_(pool),
       options_(options),
       tiles_per_block_(std::max<std::size_t>(1, kBlockBytes / (sizeof(double) * tile_doubles()))) {
-  apply(adding(node_ids, initial_temperature));
+  PairsOfNodes of_nodes{.pairs = {}, .of_node = {of_node.begin(), of_node.end()}};
+  for (std::size_t pair = 0; pair < pairs_.size(); ++pair) of_nodes.pairs.push_back(pairs_[pair]);
+  apply(adding(node_ids, initial_temperature, nullptr, pairs_.several() ? &of_nodes : nullptr));
 }
 
 double* Shard::buffer(std::size_t tile, unsigned which) const {
@@ -85,20 +116,19 @@ double* Shard::buffer(std::size_t tile, unsigned which) const {
 }
 
 NodeGlance Shard::glance(std::size_t slot) const {
-  const physics::TileLayout& layout = model_.layout();
+  const physics::TileLayout& layout = model().layout();
   const double* lane = committed_tile(slot).data() + slot % kLanes;
   return {.interface_temperature =
-              model_.interface_temperature(committed_tile(slot).data(), static_cast<int>(slot % kLanes)),
+              model_of(slot).interface_temperature(committed_tile(slot).data(), static_cast<int>(slot % kLanes)),
           .shear_stress = lane[layout.shear_stress],
           .regime = static_cast<std::uint8_t>(lane[layout.regime])};
 }
 
 void Shard::count_regimes(std::span<std::uint64_t> counts) const {
-  const std::size_t regime = model_.layout().regime;
-  for (std::size_t first = 0; first < nodes_.size(); first += kLanes) {
-    const double* lanes = committed(first / kLanes) + regime;
-    const std::size_t used = std::min<std::size_t>(kLanes, nodes_.size() - first);
-    for (std::size_t lane = 0; lane < used; ++lane)
+  const std::size_t regime = model().layout().regime;
+  for (std::size_t tile = 0; tile < num_tiles(); ++tile) {
+    const double* lanes = committed(tile) + regime;
+    for (std::size_t lane = 0; lane < map_.used(tile); ++lane)
       // A state from a file may hold any number.
       if (lanes[lane] >= 0.0 && lanes[lane] < static_cast<double>(counts.size()))
         ++counts[static_cast<std::size_t>(lanes[lane])];
@@ -116,11 +146,11 @@ std::span<const double> Shard::committed_tile(std::size_t slot) const {
   return {committed(slot / kLanes), layout_.doubles};
 }
 
-std::shared_ptr<const physics::StepOperators> Shard::operators(double dt) {
+std::shared_ptr<const Operators> Shard::operators(double dt) {
   auto found = std::find_if(operators_.begin(), operators_.end(), [&](const auto& kept) { return kept.first == dt; });
   if (found == operators_.end()) {
-    auto made = model_.operators(dt);
-    if (operators_.size() == kOperatorsKept) operators_.pop_back();
+    auto made = std::make_shared<const Operators>(pairs_, map_.nodes_of_pairs(pairs_.size()), dt);
+    if (operators_.size() == (pairs_.several() ? kOperatorsKeptOfPairs : kOperatorsKept)) operators_.pop_back();
     found = operators_.emplace(operators_.end(), dt, std::move(made));
   }
   std::rotate(operators_.begin(), found, found + 1);
@@ -141,7 +171,7 @@ struct Shard::StepOf {
   std::size_t num_nodes;
   bool rows_are_slots;
   bool others_are_open;
-  const physics::StepOperators& operators;
+  const Operators& operators;
   const StepColumns& columns;
   bool has_ledger;
   const std::vector<bool>* stepped = nullptr;  // nodes that others_are_open does not mean; null: none
@@ -162,10 +192,9 @@ class Shard::StepRun {
  public:
   // A tile whose step is divided into substeps, and may be interrupted between them. One for each thread.
   struct Divided {
-    explicit Divided(const physics::Model& model) : step(model) {}
     TileStep tile;
-    physics::DividedStep step;
-    double spent = 0.0;  // work of the interrupted tile so far
+    std::vector<physics::DividedStep> steps;  // for each pair
+    double spent = 0.0;                       // work of the interrupted tile so far
     bool interrupted = false;
   };
 
@@ -208,7 +237,7 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   tiles.erase(std::unique(tiles.begin(), tiles.end()), tiles.end());
 }
 
-std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const physics::StepOperators& operators,
+std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const Operators& operators,
                                                 const StepColumns& columns, std::shared_ptr<StepRun> run) {
   const StepOf step{stepped_nodes(rows), rows.all && nodes_.slots_are_rows(), rows.others_are_open, operators, columns,
                     columns.has_ledger()};
@@ -220,18 +249,21 @@ std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const physics:
   }
   const std::size_t tasks = run->step.num_nodes / std::max<std::size_t>(options_.nodes_per_task, 1);
   run->threads = static_cast<unsigned>(std::clamp<std::size_t>(tasks, 1, pool_.threads()));
-  if (!model_.options().tolerance) return run;
-  for (unsigned seat = 0; seat < run->threads; ++seat)
-    run->divided.push_back(std::make_unique<StepRun::Divided>(model_));
+  if (!model().options().tolerance) return run;
+  for (unsigned seat = 0; seat < run->threads; ++seat) {
+    run->divided.push_back(std::make_unique<StepRun::Divided>());
+    for (std::size_t pair = 0; pair < pairs_.size(); ++pair)
+      run->divided.back()->steps.emplace_back(pairs_.model(pair));
+  }
   return run;
 }
 
-std::shared_ptr<Shard::StepRun> Shard::prepare(const Rows& rows, const physics::StepOperators& operators,
-                                               const StepColumns& columns, std::shared_ptr<StepRun> memory) {
+std::shared_ptr<Shard::StepRun> Shard::prepare(const Rows& rows, const Operators& operators, const StepColumns& columns,
+                                               std::shared_ptr<StepRun> memory) {
   return prepared(rows, operators, columns, std::move(memory));
 }
 
-std::shared_ptr<Shard::StepRun> Shard::prepare_attempt(const Rows& rows, const physics::StepOperators& operators,
+std::shared_ptr<Shard::StepRun> Shard::prepare_attempt(const Rows& rows, const Operators& operators,
                                                        const StepColumns& columns, bool from_trial) {
   auto run = prepared(rows, operators, columns);
   Attempt& attempt = run->attempt.emplace();
@@ -244,7 +276,7 @@ std::shared_ptr<Shard::StepRun> Shard::prepare_attempt(const Rows& rows, const p
 }
 
 // A tile of the trial starts from its trial states: there the lanes of other nodes have their committed states.
-std::shared_ptr<Shard::StepRun> Shard::prepare_extension(const Rows& rows, const physics::StepOperators& operators,
+std::shared_ptr<Shard::StepRun> Shard::prepare_extension(const Rows& rows, const Operators& operators,
                                                          const StepColumns& columns, const std::vector<bool>& stepped) {
   auto run = prepare_attempt(rows, operators, columns, true);
   run->step.stepped = &stepped;
@@ -310,12 +342,15 @@ void Shard::run_seat(StepRun& run, std::size_t seat, double work) {
       }
     }
     double spent_before = 0.0;
+    const std::uint32_t pair = map_.pair_of(tile.tile);
+    const physics::StepOperators& operators = run.step.operators.of(pair);
     if (divided == nullptr) {
-      model_.advance(run.step.operators, tile.in, tile.from, tile.to, tile.out);
+      pairs_.model(pair).advance(operators, tile.in, tile.from, tile.to, tile.out);
     } else {
+      physics::DividedStep& step = divided->steps[pair];
       spent_before = resumes ? divided->spent : 0.0;
-      if (!resumes) divided->step.begin(run.step.operators, tile.in, tile.from, tile.to, tile.out);
-      divided->interrupted = !divided->step.run(left);
+      if (!resumes) step.begin(operators, tile.in, tile.from, tile.to, tile.out);
+      divided->interrupted = !step.run(left);
       divided->spent = spent_before + left;
       if (divided->interrupted) break;
     }
@@ -350,7 +385,7 @@ void Shard::finish(StepRun& run) {
   }
 }
 
-StepCount Shard::step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns) {
+StepCount Shard::step(const Rows& rows, const Operators& operators, const StepColumns& columns) {
   const auto run = prepare(rows, operators, columns);
   begin(*run);
   while (!work(*run, std::numeric_limits<double>::infinity())) {
@@ -373,10 +408,11 @@ void Shard::adopt(const Attempt& attempt) {
 void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
   LaneRows& lanes = tile.lanes = {};
   int in_order = 0;  // number of named lanes whose row follows that of the first lane as it should
-  for (int lane = 0; lane < kLanes; ++lane) {
+  const auto used = static_cast<int>(map_.used(tile.tile));
+  for (int lane = 0; lane < used; ++lane) {
     const std::size_t slot = tile.tile * kLanes + lane;
-    const bool has_row = step.rows_are_slots ? slot < nodes_.size() : row_of_slot_[slot] != kNoRow;
-    if (!has_row && step.others_are_open && slot < nodes_.size() && (step.stepped == nullptr || !(*step.stepped)[slot]))
+    const bool has_row = step.rows_are_slots || row_of_slot_[slot] != kNoRow;
+    if (!has_row && step.others_are_open && (step.stepped == nullptr || !(*step.stepped)[slot]))
       lanes.open |= 1U << lane;
     if (!has_row) continue;
     lanes.row[lane] = step.rows_are_slots ? static_cast<std::uint32_t>(slot) : row_of_slot_[slot];
@@ -396,9 +432,11 @@ void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
 StepCount Shard::end_tile(const StepOf& step, TileStep& tile) const {
   const physics::TileOutputs& out = tile.out;
   physics::TileLedger ledger;
-  if (step.columns.wants_tangent) model_.linearise(step.operators, tile.in, tile.from, tile.to, tile.out);
-  if (step.columns.wants_time_to_melting) model_.predict_melting(step.operators, tile.in, tile.from, tile.out);
-  if (step.has_ledger) model_.record_energy(step.operators, tile.in, out, tile.from, tile.to, ledger);
+  const physics::Model& model = pairs_.model(map_.pair_of(tile.tile));
+  const physics::StepOperators& operators = step.operators.of(map_.pair_of(tile.tile));
+  if (step.columns.wants_tangent) model.linearise(operators, tile.in, tile.from, tile.to, tile.out);
+  if (step.columns.wants_time_to_melting) model.predict_melting(operators, tile.in, tile.from, tile.out);
+  if (step.has_ledger) model.record_energy(operators, tile.in, out, tile.from, tile.to, ledger);
   for (const OutputColumn& column : step.columns.outputs)
     std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), tile.lanes, answer.values); }, column);
   StepCount count;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -13,9 +14,11 @@
 #include "server/physics/solver/tile.hpp"
 #include "server/shard/closure.hpp"
 #include "server/shard/node_table.hpp"
+#include "server/shard/pairs.hpp"
 #include "server/shard/states.hpp"
 #include "server/shard/step_columns.hpp"
 #include "server/shard/task_pool.hpp"
+#include "server/shard/tile_map.hpp"
 
 namespace shearbus::shard {
 
@@ -49,6 +52,10 @@ class Shard {
   // `initial_temperature` has one value per node [K]. Node ids are unique.
   Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
         TaskPool& pool, const ShardOptions& options = {});
+  // A shard of several pairs; of_node: for each node the place of its pair in the table. A node has the bits that it has
+  // in a shard of its pair alone.
+  Shard(PairTable pairs, std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> of_node,
+        std::span<const double> initial_temperature, TaskPool& pool, const ShardOptions& options = {});
 
   // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
   // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
@@ -59,23 +66,35 @@ class Shard {
   static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure = false) {
     return bytes_for(TileStates(model, check_closure), nodes);
   }
-  std::uint64_t bytes_of_state() const { return sizeof(double) * layout_.doubles / physics::kLanes; }
+  std::uint64_t bytes_of_state() const {
+    return sizeof(double) * (layout_.doubles / physics::kLanes + pairs_.columns().size());
+  }
   std::uint64_t bytes_per_node() const { return bytes_per_node(layout_); }
   std::uint64_t bytes_for(std::size_t nodes) const { return bytes_for(layout_, nodes); }
+  // Memory of the shard after these nodes have been added, as by adding().
+  std::uint64_t bytes_with(std::size_t nodes, const PairsOfNodes* of_nodes) const;
 
-  const physics::Model& model() const { return model_; }
+  // The model of the first pair. In all that the columns of a step depend on, the others are equal.
+  const physics::Model& model() const { return pairs_.model(0); }
+  const physics::Model& model_of(std::size_t slot) const { return pairs_.model(map_.pair_of(slot / physics::kLanes)); }
+  const PairTable& pairs() const { return pairs_; }
+  std::uint32_t pair_of(std::size_t slot) const { return map_.pair_of(slot / physics::kLanes); }
   const NodeTable& nodes() const { return nodes_; }
   bool check_closure() const { return layout_.check_closure(); }
-  std::uint64_t state_bytes() const { return bytes_for(nodes_.size()); }
+  // One more than the highest slot that may hold a node.
+  std::size_t slots() const { return map_.tiles() * physics::kLanes; }
+  std::uint64_t state_bytes() const {
+    return bytes_of_tiles(layout_, map_.tiles()) + bytes_of_pairs(map_, pairs_.size());
+  }
   std::uint64_t state_version() const { return state_version_; }  // number of commits that led to the committed states
 
   // The operators of a step length [s]. They are factorised at the first use of the length, and the shard keeps the
-  // operators of the kOperatorsKept lengths that were used last.
-  std::shared_ptr<const physics::StepOperators> operators(double dt);
+  // operators of the kOperatorsKept lengths that were used last, with several pairs of fewer.
+  std::shared_ptr<const Operators> operators(double dt);
 
   // Steps the nodes of `rows` from their committed states. The new states are the trial, which replaces any earlier
   // trial. Nodes outside of the step and nodes without an answer keep their states. Throws nothing.
-  StepCount step(const Rows& rows, const physics::StepOperators& operators, const StepColumns& columns);
+  StepCount step(const Rows& rows, const Operators& operators, const StepColumns& columns);
 
   // step() in slices, so that the caller can do other things in between. prepare() allocates all that the step needs
   // and changes nothing. After begin(), work() is called until it returns true: each thread of the step computes until
@@ -83,18 +102,18 @@ class Shard {
   // prepare() must live. A run that is abandoned has changed no committed state.
   // `memory`: an earlier run that nobody needs any more, whose memory is used; may be null.
   class StepRun;
-  std::shared_ptr<StepRun> prepare(const Rows& rows, const physics::StepOperators& operators,
-                                   const StepColumns& columns, std::shared_ptr<StepRun> memory = nullptr);
+  std::shared_ptr<StepRun> prepare(const Rows& rows, const Operators& operators, const StepColumns& columns,
+                                   std::shared_ptr<StepRun> memory = nullptr);
   // Prepares a step that changes no state of the shard before finish(). It starts from the trial states if
   // `from_trial`, else from the committed states. finish() then cannot fail; if the step started from a trial, that
   // trial must be committed before.
-  std::shared_ptr<StepRun> prepare_attempt(const Rows& rows, const physics::StepOperators& operators,
-                                           const StepColumns& columns, bool from_trial);
+  std::shared_ptr<StepRun> prepare_attempt(const Rows& rows, const Operators& operators, const StepColumns& columns,
+                                           bool from_trial);
   // Prepares the step of further nodes for the standing trial, from their committed states; finish() then adds them to
   // it. stepped[slot]: nodes that the trial has stepped. None of them is a row, and rows.others_are_open does not mean
   // them.
-  std::shared_ptr<StepRun> prepare_extension(const Rows& rows, const physics::StepOperators& operators,
-                                             const StepColumns& columns, const std::vector<bool>& stepped);
+  std::shared_ptr<StepRun> prepare_extension(const Rows& rows, const Operators& operators, const StepColumns& columns,
+                                             const std::vector<bool>& stepped);
   void begin(StepRun& run);
   bool work(StepRun& run, double work);
   static StepCount count_of(const StepRun& run);  // of the tiles that are done
@@ -124,11 +143,12 @@ class Shard {
   // adding() and removing() prepare a change of the set of nodes without changing the shard; apply() makes the change
   // and cannot fail. The shard must not have a trial. New nodes are added after the present nodes. Each new node starts
   // from a layer of uniform temperature, given in `temperature` [K], or from its row in `states` of another shard, in
-  // which row i belongs to node_ids[i]. The new ids must be unique, and the shard must have none of them. adding()
-  // throws std::invalid_argument if the states are not of this model.
+  // which row i belongs to node_ids[i]. The new ids must be unique, and the shard must have none of them. `pairs`: of a
+  // shard of several pairs, those of the nodes; null: the first pair. adding() throws std::invalid_argument if the states
+  // are not of this model.
   class NodeChange;
   NodeChange adding(std::span<const std::uint64_t> node_ids, std::span<const double> temperature,
-                    const States* states = nullptr) const;
+                    const States* states = nullptr, const PairsOfNodes* pairs = nullptr) const;
   NodeChange removing(std::span<const std::uint32_t> slots) const;
   void apply(NodeChange&& change);
 
@@ -141,6 +161,7 @@ class Shard {
   void restore(const States& committed_states, const States* trial, std::uint64_t state_version);
 
   static constexpr std::size_t kOperatorsKept = 8;
+  static constexpr std::size_t kOperatorsKeptOfPairs = 2;  // in a shard of several pairs
 
  private:
   struct Release {
@@ -150,9 +171,14 @@ class Shard {
   using Block = std::unique_ptr<double[], Release>;  // two states per tile: [tile][2][TileStates::doubles]
 
   static std::size_t tiles_for(std::size_t nodes) { return (nodes + physics::kLanes - 1) / physics::kLanes; }
-  std::size_t num_tiles() const { return tiles_for(nodes_.size()); }
+  std::size_t num_tiles() const { return map_.tiles(); }
   static std::uint64_t bytes_per_node(const TileStates& layout);
+  static std::uint64_t bytes_of_tiles(const TileStates& layout, std::size_t tiles) {
+    return tiles * (physics::kLanes * bytes_per_node(layout));
+  }
   static std::uint64_t bytes_for(const TileStates& layout, std::size_t nodes);
+  // Memory of the models and operators of the pairs that have nodes; 0 with one pair, whose share is small.
+  std::uint64_t bytes_of_pairs(const TileMap& map, std::size_t pairs) const;
   std::size_t tile_doubles() const { return 2 * layout_.doubles; }
   static Block make_states(std::size_t doubles);
   Block make_block(std::size_t tiles) const { return make_states(tiles * tile_doubles()); }
@@ -160,7 +186,9 @@ class Shard {
   double* buffer(std::size_t tile, unsigned which) const;
   double* committed(std::size_t tile) const { return buffer(tile, committed_[tile]); }
   static std::uint32_t tile_of(std::uint32_t slot);
-  void size_lists(std::size_t nodes, NodeChange& change) const;
+  void size_lists(NodeChange& change) const;
+  std::vector<std::uint32_t> place(std::span<const std::uint64_t> node_ids, const PairsOfNodes* pairs,
+                                   NodeChange& change) const;
   States states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const;
   void check_states(const States& states, std::size_t nodes) const;
   void put_states(const States& states, bool of_trial);
@@ -168,8 +196,8 @@ class Shard {
   struct StepOf;
   struct TileStep;
   struct LaneRows;
-  std::shared_ptr<StepRun> prepared(const Rows& rows, const physics::StepOperators& operators,
-                                    const StepColumns& columns, std::shared_ptr<StepRun> run = nullptr);
+  std::shared_ptr<StepRun> prepared(const Rows& rows, const Operators& operators, const StepColumns& columns,
+                                    std::shared_ptr<StepRun> run = nullptr);
   void find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles);
   void adopt(const Attempt& attempt);
   void run_seat(StepRun& run, std::size_t seat, double work);
@@ -178,9 +206,10 @@ class Shard {
 
   static constexpr std::uint32_t kNoRow = 0xffffffff;
 
-  physics::Model model_;
+  PairTable pairs_;
   TileStates layout_;
   NodeTable nodes_;
+  TileMap map_;
   TaskPool& pool_;
   ShardOptions options_;
   // The tiles are stored in blocks, so that a change of the set of nodes moves few states. The last block has only the
@@ -194,7 +223,7 @@ class Shard {
   std::uint64_t state_version_ = 0;
 
   // (step length [s], operators), last used first
-  std::vector<std::pair<double, std::shared_ptr<const physics::StepOperators>>> operators_;
+  std::vector<std::pair<double, std::shared_ptr<const Operators>>> operators_;
 };
 
 struct Shard::Attempt {
@@ -207,8 +236,10 @@ class Shard::NodeChange {
  private:
   friend class Shard;
   NodeTable nodes_;
-  std::vector<Relocation> moves_;  // moves of states, made before the blocks change
-  std::size_t first_block_ = 0;    // index of the first block that `blocks_` replaces
+  TileMap map_;
+  std::optional<PairTable> pairs_;  // absent: the pairs stay
+  std::vector<Relocation> moves_;   // moves of states, made before the blocks change
+  std::size_t first_block_ = 0;     // index of the first block that `blocks_` replaces
   std::vector<Block> blocks_;
   // number of leading tiles of the first new block; they are copied from the old block after the moves
   std::size_t copied_tiles_ = 0;

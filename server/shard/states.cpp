@@ -29,6 +29,13 @@ States Shard::states_in(std::vector<std::uint32_t> rows, std::span<const std::ui
     }
     states.columns.push_back(std::move(column));
   }
+  for (std::size_t i = 0; i < pairs_.columns().size(); ++i) {
+    const PairColumn& of_pair = pairs_.columns()[i];
+    StateColumn column{.name = of_pair.name, .units = of_pair.units, .width = 1, .values = {}};
+    column.values.reserve(slots.size());
+    for (const std::uint32_t slot : slots) column.values.push_back(pairs_[pair_of(slot)].values[i]);
+    states.columns.push_back(std::move(column));
+  }
   return states;
 }
 
@@ -58,9 +65,14 @@ States Shard::trial_states() const {
 
 void Shard::check_states(const States& states, std::size_t nodes) const {
   const std::span<const physics::State> known = layout_.states();
-  if (states.columns.size() != known.size())
+  const std::vector<PairColumn>& of_pair = pairs_.columns();
+  if (states.columns.size() != known.size() + of_pair.size())
     throw std::invalid_argument("states of " + std::to_string(states.columns.size()) + " columns; the model has " +
-                                std::to_string(known.size()));
+                                std::to_string(known.size() + of_pair.size()));
+  for (std::size_t i = 0; i < of_pair.size(); ++i)
+    if (const StateColumn& column = states.columns[known.size() + i];
+        column.name != of_pair[i].name || column.width != 1 || column.values.size() != states.rows.size())
+      throw std::invalid_argument("state column " + column.name + " is not the column of pairs " + of_pair[i].name);
   for (std::size_t i = 0; i < known.size(); ++i) {
     const physics::State& state = known[i];
     const StateColumn& column = states.columns[i];

@@ -25,7 +25,8 @@ struct States {
   std::vector<StateColumn> columns;
 };
 
-// Writes the values of `states` into tiles. `states` must have one column for each entry of `known`, in the same order;
+// Writes the values of `states` into tiles. `states` must begin with one column for each entry of `known`, in the same
+// order; columns that tell the pairs of the nodes may follow, of which no tile has a copy;
 // `state_of(i)` points at the place in a tile where the state of node states.rows[i] begins.
 template <typename StateOf>
 void write_states(const States& states, std::span<const physics::State> known, const StateOf& state_of) {

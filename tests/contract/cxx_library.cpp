@@ -248,6 +248,41 @@ void moves() {
   taker.close();
 }
 
+// Nodes with parameters of their own have the bits of sessions whose scene has these values.
+void parameters() {
+  const std::string key = "interface.friction_coefficient";
+  Host host;
+  shearbus::Nodes nodes;
+  nodes.ids = host.ids;
+  nodes.parameters = {{key, {}}};
+  for (std::size_t i = 0; i < kNodes; ++i) nodes.parameters[0].second.push_back(i % 2 == 0 ? 0.1 : 0.2);
+  shearbus::Session both = shearbus::Session::open_nodes(options_of(), nodes);
+  both.step(host.step());
+  const Column together = host.stress;
+  nodes.parameters[0].second.assign(kNodes, 0.2);
+  shearbus::Session one = shearbus::Session::open_nodes(options_of(), nodes);
+  one.step(host.step());
+  bool differ = false;
+  for (std::size_t i = 0; i < kNodes; ++i) {
+    CHECK(i % 2 == 0 || host.stress[i] == together[i]);
+    differ = differ || host.stress[i] != together[i];
+  }
+  CHECK(differ);
+  nodes.ids = {1};
+  nodes.parameters[0].second = {11.0};
+  REFUSED(one.add_nodes(nodes), SHEARBUS_INVALID_VALUE, "parameters of node 1: interface.friction_coefficient = 11");
+  nodes.parameters[0].second = {0.2};
+  nodes.pair = {"copper"};
+  REFUSED(one.add_nodes(nodes), SHEARBUS_INVALID_VALUE, "the scene has no pair \"copper\"");
+  nodes.pair = {""};
+  one.add_nodes(nodes);
+  CHECK(one.node_ids().back() == 1);
+  nodes.parameters[0].first = "soft.density_kg_per_m3";
+  REFUSED(one.add_nodes(nodes), SHEARBUS_SHAPE, "whose parameters are: interface.friction_coefficient");
+  one.close();
+  both.close();
+}
+
 // A host that does not apply the answer is warned once, or refused.
 void closure() {
   int warnings = 0;
@@ -309,6 +344,7 @@ int main(int argc, char** argv) try {
   errors();
   steps();
   moves();
+  parameters();
   closure();
   kills();
   if (faults == 0) std::printf("the C++ interface keeps its contract\n");

@@ -366,6 +366,25 @@ class Decisions(Live):
         self.assertEqual(len(bus.history), 2)
         self.assert_refused(shearbus.SessionError, "UNKNOWN_MARK", lambda: bus.rollback_to("gone"))
 
+    def test_nodes_of_several_pairs_have_the_bits_of_each_pair_alone(self):
+        body = '[pair.weak.soft]\nmaterial = "aluminium_dlp"\nyield_strength_pa = 2e7\n'
+        key, step = "soft.yield_strength_pa", drive(50, 60, 70)
+        bus = self.open(VELOCITY_DRIVEN + body, pair=["weak", "", "weak"], parameters={key: [2e7, 4e7, 3e7]})
+        self.assertEqual((bus.pairs, bus.parameters), (("weak",), (key,)))
+        mixed = bus.step(1e-9, **step)
+        for row, value in enumerate((2e7, 4e7, 3e7)):
+            alone = self.open(VELOCITY_DRIVEN, parameters={key: value}).step(1e-9, **step)
+            self.assertEqual(alone.stress[row], mixed.stress[row])
+        self.assertGreater(len(set(mixed.stress)), 2)
+        bus.register([9], pair="weak")
+        self.assertEqual(len(bus.step(1e-9, **drive(1, 2, 3, 4)).stress), 4)
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: bus.register([10], pair=["tin"]), "pairs")
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: bus.register([10], parameters={key: -1.0}),
+                            key, [10])
+        self.assert_refused(shearbus.MessageError, "SHAPE",
+                            lambda: bus.register([10], parameters={"soft.density_kg_per_m3": 1.0}), "parameters")
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: bus.register([10, 11], pair=["weak"]), "pair")
+
     def test_nodes_move_between_two_sessions_with_their_states(self):
         domain = os.urandom(8).hex()
         giver, taker, plain = self.open(domain=domain), self.open(nodes=(), domain=domain), self.open()

@@ -23,14 +23,44 @@ wire::Batch named(const Ids& ids) {
   return batch;
 }
 
+constexpr const char* kYield = "soft.yield_strength_pa";
+constexpr const char* kPairs =
+    "[pair.weak.soft]\nmaterial = \"aluminium_dlp\"\nyield_strength_pa = 20e6\n"
+    "[pair.thick.layer]\nthickness_m = 35e-6\ncells = 24\ngrading = 1.15\n";
+
+// Nodes of three pairs and two yield strengths, which follow from their ids.
+wire::Batch of_pairs(const Ids& ids) {
+  constexpr std::array kColumns = {Field::kNodeId, Field::kPair, Field::kParameter};
+  wire::Batch batch = wire::Batch::of(kColumns, ids.size());
+  std::ranges::copy(ids, batch.u64(Field::kNodeId).begin());
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    batch.u64(Field::kPair)[i] = ids[i] % 3;
+    batch.f64(Field::kParameter)[i] = ids[i] % 2 == 0 ? 30e6 : 40e6;
+  }
+  return batch;
+}
+
+struct Case {
+  Strategy strategy;
+  bool pairs;  // the scene has several pairs, and the nodes a parameter
+};
+
 // Returns the requests of two sessions of a domain. The first session offers nodes, retires nodes, registers nodes and
 // rolls back to a mark. The second session accepts the offered nodes.
-std::vector<wire::Request> conversation(Strategy strategy) {
+std::vector<wire::Request> conversation(const Case& of) {
+  const Strategy strategy = of.strategy;
+  const std::string scene = support::text_of(support::scene_of(strategy)) + (of.pairs ? kPairs : "");
+  const std::vector<std::string> names = {"thick", "", "weak"};
   std::vector<wire::Request> all;
   std::map<std::uint8_t, std::uint64_t> last;
   const auto open = [&](std::uint8_t session, const Ids& ids) {
-    all.push_back(ServiceHarness::opening(support::scene_of(strategy), ids, session));
+    all.push_back(ServiceHarness::opening(scene, ids, session));
     auto& body = std::get<wire::OpenSession>(all.back().body);
+    if (of.pairs) {
+      body.parameters = {kYield};
+      if (!ids.empty()) body.pairs = names;
+      all.back().batch = of_pairs(ids);
+    }
     body.domain = "run";
     body.resume_token.fill(9);
     if (ids.empty()) all.back().batch = {};
@@ -54,7 +84,10 @@ std::vector<wire::Request> conversation(Strategy strategy) {
   step(1, {1, 3, 4, 5, 6, 7, 9});
   ask(2, wire::AcceptNodes{first});
   step(2, {8, 2});
-  ask(2, wire::RegisterNodes{}, named({20, 21}));
+  if (of.pairs)
+    ask(2, wire::RegisterNodes{.pairs = names}, of_pairs({20, 21}));
+  else
+    ask(2, wire::RegisterNodes{}, named({20, 21}));
   step(2, {8, 2, 20, 21});
   ask(1, wire::RetireNodes{}, named({1, 9}));
   step(1, {5, 3}, true);
@@ -70,10 +103,14 @@ std::vector<wire::Request> conversation(Strategy strategy) {
   return all;
 }
 
-class NodesOver : public testing::TestWithParam<Strategy> {};
-INSTANTIATE_TEST_SUITE_P(Strategies, NodesOver, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
+class NodesOver : public testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(Strategies, NodesOver,
+                         testing::Values(Case{Strategy::kVelocityDriven, false}, Case{Strategy::kForceDriven, false},
+                                         Case{Strategy::kVelocityDriven, true}, Case{Strategy::kForceDriven, true}),
+                         [](const auto& of) {
+                           return std::string(of.param.strategy == Strategy::kVelocityDriven ? "VelocityDriven"
+                                                                                             : "ForceDriven") +
+                                  (of.param.pairs ? "WithPairs" : "");
                          });
 
 TEST_P(NodesOver, AServerThatDiesAfterEveryRequestLosesNoneAndHasNoneTwice) {
@@ -104,10 +141,10 @@ TEST_P(NodesOver, AServerThatDiesAfterEveryRequestLosesNoneAndHasNoneTwice) {
 // A payload frame of no bytes must remain a frame, in the journal and in the last reply that a checkpoint contains.
 TEST_P(NodesOver, AStepOfNoNodesIsReplayed) {
   MemoryStorage disk;
-  const wire::Request nobody = ServiceHarness::step(1, support::step_columns(GetParam(), {}, 0, true));
+  const wire::Request nobody = ServiceHarness::step(1, support::step_columns(GetParam().strategy, {}, 0, true));
   {
     DurableServer server(disk);
-    server.ask(ServiceHarness::opening(support::scene_of(GetParam()), Ids{1, 2}));
+    server.ask(ServiceHarness::opening(support::scene_of(GetParam().strategy), Ids{1, 2}));
     const auto answer = server.ask(nobody);
     ASSERT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
     EXPECT_TRUE(answer.frames.has_payload);
@@ -119,6 +156,25 @@ TEST_P(NodesOver, AStepOfNoNodesIsReplayed) {
       EXPECT_TRUE(server.service.checkpoint());
     }
   }
+}
+
+// Nodes go to a session of the same scene with the same parameters only.
+TEST(PairsOver, NodesDoNotMoveToASessionOfOtherParameters) {
+  MemoryStorage disk;
+  DurableServer server(disk);
+  const auto requests = conversation({Strategy::kForceDriven, true});
+  for (const wire::Request& request : requests) {
+    if (std::holds_alternative<wire::AcceptNodes>(request.body)) break;
+    ASSERT_EQ(server.ask(request).code(), Code::kOk);
+  }
+  wire::Request other =
+      ServiceHarness::opening(support::text_of(support::scene_of(Strategy::kForceDriven)) + kPairs, Ids{}, 3);
+  std::get<wire::OpenSession>(other.body).domain = "run";
+  other.batch = {};
+  ASSERT_EQ(server.ask(other).code(), Code::kOk);
+  wire::TransferId first{};
+  first.fill(1);
+  EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::AcceptNodes{first}, 1, 3)).code(), Code::kOtherScene);
 }
 
 TEST_P(NodesOver, ASuccessorOfTheGiverLearnsOfItsOffers) {

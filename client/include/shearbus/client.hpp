@@ -163,6 +163,50 @@ class Step {
 };
 
 using Ids = std::vector<std::uint64_t>;
+
+// Nodes of several material pairs, or with parameters of their own. Each list has one value per node or is empty.
+struct Nodes {
+  Ids ids;
+  std::vector<double> initial_temperature_k;  // empty: the scene's value
+  std::vector<std::string> pair;              // a table [pair.NAME] of the scene, or "": the tables outside of them
+  // Keys of the scene, as "interface.friction_coefficient", each with its values; shearbus.h says more.
+  std::vector<std::pair<std::string, std::vector<double>>> parameters;
+
+  // Calls use(nodes) with the nodes as a struct of the C interface.
+  template <typename Use>
+  void as_c(const Use& use) const {
+    const auto check = [&](std::size_t size, const std::string& what) {
+      if (size != 0 && size != ids.size()) throw std::invalid_argument(what + ": give one value per node, or none");
+    };
+    check(initial_temperature_k.size(), "initial_temperature_k");
+    check(pair.size(), "pair");
+    std::vector<const char*> names, keys;
+    std::vector<std::uint64_t> places;
+    std::vector<const double*> values;
+    for (const std::string& name : pair) {
+      std::size_t place = 0;
+      while (place < names.size() && name != names[place]) ++place;
+      if (place == names.size()) names.push_back(name.c_str());
+      places.push_back(place);
+    }
+    for (const auto& parameter : parameters) {
+      check(parameter.second.empty() ? ids.size() + 1 : parameter.second.size(), parameter.first);
+      keys.push_back(parameter.first.c_str());
+      values.push_back(parameter.second.data());
+    }
+    shearbus_nodes nodes = SHEARBUS_NODES_INIT;
+    nodes.n = ids.size();
+    nodes.node_ids = ids.data();
+    nodes.initial_temperature_k = initial_temperature_k.empty() ? nullptr : initial_temperature_k.data();
+    nodes.n_pairs = names.size();
+    nodes.pairs = names.data();
+    nodes.pair = places.data();
+    nodes.n_parameters = keys.size();
+    nodes.parameters = keys.data();
+    nodes.values = values.data();
+    use(static_cast<const shearbus_nodes*>(&nodes));
+  }
+};
 using TransferId = std::array<std::uint8_t, SHEARBUS_TRANSFER_BYTES>;
 
 // Profiles of nodes across the layer. Each column has the shape [nodes][vertices], with the vertices in ascending z.
@@ -210,6 +254,16 @@ class Session {
   static Session open_by(const Options& options, const Opening& opening) {
     Session session(make_log(options));
     session.open(opening, options);
+    return session;
+  }
+  // A session of nodes of several material pairs, or with parameters of their own.
+  static Session open_nodes(const Options& options, const Nodes& nodes) {
+    Session session(make_log(options));
+    nodes.as_c([&](const shearbus_nodes* of) {
+      session.open([&](shearbus_session** handle, const shearbus_options* given,
+                       shearbus_status* status) { return shearbus_open_nodes(handle, given, of, status); },
+                   options);
+    });
     return session;
   }
   static Session resume(const Options& options, const std::string& ticket) {
@@ -268,6 +322,9 @@ class Session {
       throw std::invalid_argument("initial_temperature_k: give one value per node, or none");
     call(shearbus_register, handle_, ids.size(), ids.data(),
          initial_temperature_k.empty() ? nullptr : initial_temperature_k.data());
+  }
+  void add_nodes(const Nodes& nodes) {  // register_nodes() for such nodes
+    nodes.as_c([&](const shearbus_nodes* of) { call(shearbus_register_nodes, handle_, of); });
   }
   void retire_nodes(const Ids& ids) { call(shearbus_retire, handle_, ids.size(), ids.data()); }
   TransferId offer_nodes(const Ids& ids) {

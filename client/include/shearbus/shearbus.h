@@ -203,6 +203,31 @@ typedef struct shearbus_options {
 SHEARBUS_API int shearbus_open(shearbus_session** session, const shearbus_options* options, size_t n,
                                const uint64_t* node_ids, const double* initial_temperature_k, shearbus_status* status);
 
+/* Nodes that differ from the scene's tables outside of [pair.NAME], with one value per node in every array.
+ * pairs: names of tables [pair.NAME] of the scene, or "" for the tables outside of them; pair: the place of each node's
+ * pair in this list; NULL: all nodes have the constants of the tables outside. parameters: number-valued keys of the
+ * scene, such as "interface.friction_coefficient", that have another value for each node: values[i] is the array of the
+ * i-th key, in its unit. The opening of a session chooses the keys; nodes that are registered later give all of them,
+ * or none: then they have the values of their pairs. */
+typedef struct shearbus_nodes {
+  size_t size;
+  size_t n;
+  const uint64_t* node_ids;
+  const double* initial_temperature_k; /* NULL: the scene's value */
+  size_t n_pairs;
+  const char* const* pairs;
+  const uint64_t* pair;
+  size_t n_parameters;
+  const char* const* parameters;
+  const double* const* values;
+} shearbus_nodes;
+#define SHEARBUS_NODES_INIT \
+  { sizeof(shearbus_nodes), 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+
+/* shearbus_open() for nodes of several material pairs or with parameters of their own. */
+SHEARBUS_API int shearbus_open_nodes(shearbus_session** session, const shearbus_options* options,
+                                     const shearbus_nodes* nodes, shearbus_status* status);
+
 /* Ends the session on the server and waits for its confirmation. *session is NULL afterwards, whatever the code is. */
 SHEARBUS_API int shearbus_close(shearbus_session** session, shearbus_status* status);
 
@@ -295,6 +320,8 @@ SHEARBUS_API int shearbus_profiles(shearbus_session* session, size_t n, const ui
 /* New nodes are added after the present ones, which keep their order; retired nodes are removed with their states. */
 SHEARBUS_API int shearbus_register(shearbus_session* session, size_t n, const uint64_t* node_ids,
                                    const double* initial_temperature_k, shearbus_status* status);
+SHEARBUS_API int shearbus_register_nodes(shearbus_session* session, const shearbus_nodes* nodes,
+                                         shearbus_status* status);
 SHEARBUS_API int shearbus_retire(shearbus_session* session, size_t n, const uint64_t* node_ids,
                                  shearbus_status* status);
 

@@ -23,7 +23,7 @@ from .history import History
 from .recorder import Recorder
 from .scene import Scene, toml_of
 from .server import Server
-from .session import Answer, Outcome, Profiles, Regime, Session, Trial, named_nodes, node_ids
+from .session import Answer, Outcome, Profiles, Regime, Session, Trial, in_order, named_nodes, node_ids, pairs_of
 from .shards import ShardedSession, endpoints_in
 
 __version__ = "0.1.0"
@@ -36,15 +36,18 @@ __all__ = [
 _doubted = {}  # an opening whose outcome is unknown: its contents -> request id, session id, token
 
 
-def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="", want=(), record=False,
-         closure="warn", idle_limit=0, **connection):
+def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None, parameters=None, domain="", want=(),
+         record=False, closure="warn", idle_limit=0, **connection):
     """Opens a session: one shear layer for each node. Returns a Session, which is a context manager.
 
     scene: path of a TOML file, TOML text (anything with a line break), or a dict. nodes: distinct whole numbers from 0
     on; none only in a domain. endpoint: tcp://host:port, ipc://path, or file://path of a server's endpoint file; several
     with commas between them, or file://path of a directory of endpoint files, divide the nodes over several servers
     (proto/WIRE.md, "Several servers"); None starts a server, which ends with the session. initial_temperature (K): a
-    number or an array (N,); None: the scene's. domain: sessions of a domain share their node ids, and nodes move
+    number or an array (N,); None: the scene's. pair: name of a table [pair.NAME] of the scene for all nodes, or a list of
+    one name per node, "" for the tables outside; None: these for all nodes. parameters: a dict of number-valued keys of
+    the scene, as "interface.friction_coefficient", with a number or an array (N,) each, by which the nodes differ: an
+    ensemble is one session. domain: sessions of a domain share their node ids, and nodes move
     between them. want: names of columns that every reply shall have in addition
     ("ledger": the energy ledger). record: keeps a history. closure: what a
     force-driven host meets whose jump is not the jump that its last step answered, "warn", "error" or "off"
@@ -59,17 +62,24 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, domain="",
     Error."""
     text, file = _scene(os.environ.get("SHEARBUS_SCENE") or scene)
     ids = node_ids(nodes)
-    payload = named_nodes(ids, initial_temperature)
+    names, places = pairs_of(pair, len(ids))
+    keys = list(parameters or {})
+    payload = named_nodes(ids, initial_temperature, places, in_order(parameters, keys))
     with _session(endpoint, want, record, closure, connection) as session:
-        contents = (session._endpoint, text, file, domain, payload[1].tobytes() if len(ids) else b"")
+        contents = (session._endpoint, text, file, domain, tuple(names), tuple(keys),
+                    payload[1].tobytes() if len(ids) else b"")
         opening = _doubted.pop(contents, None) or (session._connection.next_request_id(), os.urandom(16),
                                                    os.urandom(16))
         request_id, session._id, session._token = opening
         if idle_limit:
             session._require("idle_limit", "idle_limit")
+        for capability, given in (("pairs", names), ("parameters", keys)):
+            if given:
+                session._require(capability, capability)
         body = {"scene": text, "scene_file": file, "session_id": session._id, "resume_token": session._token,
                 "domain": domain, "idle_limit_s": int(idle_limit),
-                "check_closure": closure != "off" and "closure" in session.welcome.capabilities}
+                "check_closure": closure != "off" and "closure" in session.welcome.capabilities,
+                "pairs": names, "parameters": keys}
         try:
             session._open(request_id, body, ids, *payload)
         except Error as fault:

@@ -51,4 +51,4 @@ PROFILE = range(50, 56)  # numbers of the columns of a profile
 
 BY_NUMBER = {column.number: column for column in COLUMNS}
 BY_NAME = {column.name: column for column in COLUMNS}
-NODE_ID, INITIAL_TEMPERATURE = BY_NUMBER[1], BY_NUMBER[2]
+NODE_ID, INITIAL_TEMPERATURE, PAIR, PARAMETER = (BY_NUMBER[number] for number in (1, 2, 3, 4))

@@ -216,7 +216,7 @@ LIMITS = Message("Limits", ("max_header_bytes", 1, "uint"), ("max_payload_bytes"
 HELLO = Message("Hello", ("oldest_major", 1, "uint"), ("newest_major", 2, "uint"), ("client_name", 3, "string"))
 OPEN_SESSION = Message("OpenSession", ("scene", 1, "string"), ("session_id", 2, "bytes"), ("resume_token", 3, "bytes"),
                        ("scene_file", 5, "string"), ("domain", 4, "string"), ("check_closure", 6, "bool"),
-                       ("idle_limit_s", 7, "uint"))
+                       ("idle_limit_s", 7, "uint"), ("pairs", 8, "string", True), ("parameters", 9, "string", True))
 DOWNSCALE = Message("Downscale", ("dt_s", 1, "double"), ("time_s", 2, "double"), ("step", 3, "uint"),
                     ("attempt", 4, "uint"), ("mode", 5, "uint"), ("commit_previous", 6, "bool"),
                     ("wanted", 7, "numbers"), ("policy", 8, "uint"), ("part", 9, "uint"), ("parts", 10, "uint"),
@@ -227,7 +227,8 @@ CLOSE_SESSION = Message("CloseSession", ("reason", 1, "string"))
 RESUME_SESSION = Message("ResumeSession", ("resume_token", 1, "bytes"), ("claim", 2, "uint"),
                          ("claimant", 3, "fixed64"))
 MARK = Message("Mark", ("name", 1, "string"))
-REGISTER_NODES, RETIRE_NODES = Message("RegisterNodes"), Message("RetireNodes")
+REGISTER_NODES = Message("RegisterNodes", ("pairs", 1, "string", True))
+RETIRE_NODES = Message("RetireNodes")
 OFFER_NODES = Message("OfferNodes", ("transfer_id", 1, "bytes"))
 ACCEPT_NODES = Message("AcceptNodes", ("transfer_id", 1, "bytes"))
 READ_PROFILES = Message("ReadProfiles")
@@ -239,7 +240,8 @@ SESSION_OPENED = Message("SessionOpened", ("effective_scene", 1, "string"), ("by
                          ("warnings", 3, "string", True), ("strategy", 4, "uint"), ("tangential_components", 5, "uint"),
                          ("required_columns", 6, "numbers"), ("optional_columns", 7, "numbers"),
                          ("reply_columns", 8, "numbers"), ("columns_on_request", 9, "numbers"),
-                         ("scene_name", 10, "string"))
+                         ("scene_name", 10, "string"), ("pairs", 11, "string", True),
+                         ("parameters", 12, "string", True))
 UPSCALE = Message("Upscale", ("nodes", 1, "uint"), ("state_version", 2, "uint"), ("solver_ns", 3, "uint"),
                   ("service_ns", 4, "uint"), ("flagged_nodes", 5, "uint"), ("largest_closure_m_per_s", 6, "double"),
                   ("closure_node", 7, "uint"), ("layer_time_s", 8, "double"), ("warnings", 9, "string", True))

@@ -139,17 +139,53 @@ def payload_of(columns, frame):
     return header.PAYLOAD.encode({"size_bytes": frame.nbytes, "xxh3": xxh3(data)}) + layout, data
 
 
-def named_nodes(nodes, temperature=None):
-    """Returns (columns, frame) of nodes to be opened, registered, retired or offered; (None, None) without nodes."""
+def named_nodes(nodes, temperature=None, places=None, parameters=()):
+    """Returns (columns, frame) of nodes to be opened, registered, retired or offered; (None, None) without nodes.
+    places: of the nodes' pairs in the request's list; parameters: (key, values) in the order of the session's keys."""
     if not len(nodes):
         return None, None
-    columns = ((NODE_ID.number, 0),) if temperature is None else ((NODE_ID.number, 0), (INITIAL_TEMPERATURE.number, 0))
+    columns = [(NODE_ID.number, 0)]
+    if temperature is not None:
+        columns.append((INITIAL_TEMPERATURE.number, 0))
+    if places is not None:
+        columns.append((PAIR.number, 0))
+    columns += [(PARAMETER.number, component) for component in range(len(parameters))]
     frame = numpy.empty((len(columns), len(nodes)))
     frame[0].view(numpy.uint64)[:] = nodes
+    row = 1
     if temperature is not None:
-        fill(frame[1:], INITIAL_TEMPERATURE.name, temperature)
-        check_finite(frame[1:], INITIAL_TEMPERATURE.name, nodes)
-    return columns, frame
+        fill(frame[row:row + 1], INITIAL_TEMPERATURE.name, temperature)
+        check_finite(frame[row:row + 1], INITIAL_TEMPERATURE.name, nodes)
+        row += 1
+    if places is not None:
+        frame[row].view(numpy.uint64)[:] = places
+        row += 1
+    for row, (key, values) in enumerate(parameters, row):
+        fill(frame[row:row + 1], key, values)
+        check_finite(frame[row:row + 1], key, nodes)
+    return tuple(columns), frame
+
+
+def pairs_of(pair, count):
+    """Returns (names, places) of the pairs of `count` nodes: a name for all, or a list of one name per node; ([], None)
+    for None."""
+    if pair is None or not count:
+        return [], None
+    each = [pair] * count if isinstance(pair, str) else [str(name) for name in pair]
+    if len(each) != count:
+        raise MessageError(Code.SHAPE, f"pair has {len(each)} names, expected {count}", "Give one name per node.", "pair")
+    names = list(dict.fromkeys(each))
+    place = {name: i for i, name in enumerate(names)}
+    return names, [place[name] for name in each]
+
+
+def in_order(parameters, keys):
+    """Returns (key, values) of a dict of parameters in the order of the session's keys: all of them, or none."""
+    given = dict(parameters or {})
+    if given and set(given) != set(keys):
+        raise MessageError(Code.SHAPE, f"parameters are {', '.join(given)}; those of the session: {', '.join(keys) or 'none'}",
+                           "Give values for each of them, or for none; the opening chooses the keys.", "parameters")
+    return [(key, given[key]) for key in keys if key in given]
 
 
 # -- answers --
@@ -493,6 +529,7 @@ class Session:
             opened.warnings), opened.bytes_per_node
         self.name, self.strategy = opened.scene_name, STRATEGY.get(opened.strategy, opened.strategy)
         self.components = opened.tangential_components
+        self.pairs, self.parameters = tuple(opened.pairs), tuple(opened.parameters)
         self.columns, self.optional_columns = names(opened.required_columns), names(opened.optional_columns)
         self.reply_columns, self.columns_on_request = names(opened.reply_columns), names(opened.columns_on_request)
         self._wanted = self._numbers(self._want)
@@ -727,10 +764,13 @@ class Session:
 
     # -- the set of nodes --
 
-    def register(self, nodes, initial_temperature=None):
-        """Adds nodes behind the present ones. initial_temperature (K): a number or an array (N,); None: the scene's."""
+    def register(self, nodes, initial_temperature=None, pair=None, parameters=None):
+        """Adds nodes behind the present ones. initial_temperature (K): a number or an array (N,); None: the scene's. pair
+        and parameters: as in open(); parameters of all keys of the opening, or None: the values of the pairs."""
         new = node_ids(nodes)
-        self._exchange("register_nodes", {}, "nodes_changed", *named_nodes(new, initial_temperature))
+        names, places = pairs_of(pair, len(new))
+        self._exchange("register_nodes", {"pairs": names}, "nodes_changed",
+                       *named_nodes(new, initial_temperature, places, in_order(parameters, self.parameters)))
         self._have(numpy.concatenate([self.nodes, new]))
 
     def retire(self, nodes):
