@@ -85,7 +85,7 @@ TEST_P(DeliveredVelocityDriven, ErrorIsBelowTheOneRequestedAndFollowsIt) {
                   delivered, found.estimate);
       EXPECT_LT(delivered, request);
       EXPECT_LE(found.estimate, kStepShare * request);
-      EXPECT_LT(delivered, std::max(last, 0.1 * request));
+      EXPECT_LT(delivered, std::max(last, 0.5 * request));
       last = delivered;
     }
   }
@@ -150,22 +150,29 @@ struct Layer {
   }
   void step(double dt, int times, const TileInputs& inputs) {
     const auto operators = model.operators(dt);
-    for (int i = 0; i < times; ++i, std::swap(state, next))
+    for (int i = 0; i < times; ++i, std::swap(state, next)) {
       model.advance(*operators, inputs, state.data(), next.data(), outputs);
+      for (int l = 0; l < kLanes; ++l) impulse[l] += outputs.mean_shear_stress[l] * dt;
+    }
   }
   Model model;
   std::vector<double> state, next;
   TileOutputs outputs{};
+  double impulse[kLanes] = {};  // of the mean stress since the start  [Pa s]
 };
 
 // The reference begins each step of the host with a very short substep: the pressure of the step holds from its start,
 // and a stress above the new yield stress relaxes at once. A step in which a stress turns or falls has more substeps.
+// The impulse of the mean stress is compared, too, as a fraction of that of the larger of stress and yield stress.
 TEST(DeliveredTolerance, HistoriesThatTurnWhileThePressureChangesAreKept) {
   constexpr int kSteps = 60, kSubsteps = 256, kSubstepsOfTurn = 4096;
   constexpr double kShortest = 0x1p-24;
-  const double requests[] = {1e-2, 1e-3, 1e-4, 1e-5};
+  const double requests[] = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5};
   ModelOptions options = discretised(half_space(Strategy::kVelocityDriven), 1e-3);
-  double worst[std::size(requests)] = {};
+  const double yield_stress = options.soft.yield_strength / kSqrt3;
+  double worst[std::size(requests)] = {}, worst_impulse[std::size(requests)] = {};
+  double impulse_scale[kLanes];
+  std::vector<double> largest[std::size(requests)];  // error of T0 of each history, over the request
   for (unsigned seed = 1; seed <= 3; ++seed) {
     TurningHistory history(seed);
     options.tolerance.reset();
@@ -174,13 +181,16 @@ TEST(DeliveredTolerance, HistoriesThatTurnWhileThePressureChangesAreKept) {
     for (const double request : requests) {
       options.tolerance = request;
       asked.emplace_back(options);
+      largest[asked.size() - 1].resize(seed * kLanes);
     }
     double time = 0.0;
+    std::fill_n(impulse_scale, kLanes, 0.0);
     for (int n = 0; n < kSteps; ++n) {
       const double dt = 1e-8 * std::exp2(std::floor(history.between(-1.0, 2.0)));
       time += dt;
       TileInputs inputs;
       history.load(time, inputs);
+      inputs.wants_mean_stress = true;
       double before[kLanes];
       std::copy_n(asked.back().outputs.shear_stress, kLanes, before);
       for (Layer& layer : asked) layer.step(dt, 1, inputs);
@@ -189,16 +199,28 @@ TEST(DeliveredTolerance, HistoriesThatTurnWhileThePressureChangesAreKept) {
       const int substeps = turns ? kSubstepsOfTurn : kSubsteps;
       fine.step(dt * kShortest, 1, inputs);
       fine.step(dt / substeps, substeps, inputs);
+      for (int l = 0; l < kLanes; ++l)
+        impulse_scale[l] += dt * std::max(yield_stress, std::abs(fine.outputs.shear_stress[l]));
       for (std::size_t i = 0; i < std::size(requests); ++i)
-        for (int l = 0; l < kLanes; ++l)
-          worst[i] = std::max(
-              worst[i],
-              std::abs(asked[i].outputs.interface_temperature[l] - fine.outputs.interface_temperature[l]) / kToMelting);
+        for (int l = 0; l < kLanes; ++l) {
+          const double off =
+              std::abs(asked[i].outputs.interface_temperature[l] - fine.outputs.interface_temperature[l]) / kToMelting;
+          worst[i] = std::max(worst[i], off);
+          double& of_history = largest[i][(seed - 1) * kLanes + static_cast<unsigned>(l)];
+          of_history = std::max(of_history, off / requests[i]);
+          worst_impulse[i] =
+              std::max(worst_impulse[i], std::abs(asked[i].impulse[l] - fine.impulse[l]) / impulse_scale[l]);
+        }
     }
   }
   for (std::size_t i = 0; i < std::size(requests); ++i) {
-    std::printf("requested %.0e, delivered %.2e: %.2f of it\n", requests[i], worst[i], worst[i] / requests[i]);
+    std::ranges::sort(largest[i]);
+    const double median = largest[i][largest[i].size() / 2];
+    std::printf("requested %.0e, delivered %.2e: %.2f of it, median %.2f; impulse %.2f of it\n", requests[i], worst[i],
+                worst[i] / requests[i], median, worst_impulse[i] / requests[i]);
     EXPECT_LE(worst[i], requests[i]);
+    EXPECT_LE(worst_impulse[i], requests[i]);
+    EXPECT_GE(median, 0.02);  // loose requests are not answered with many times the accuracy
   }
 }
 

@@ -1,7 +1,10 @@
 // The step of the reference twin (advance_one.hpp) under a tolerance: substeps, each checked against its two halves.
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
+#include "server/physics/layer/conduction.hpp"
+#include "server/physics/material/strength.hpp"
 #include "server/physics/reference/parts.hpp"
 
 namespace shearbus::physics::reference {
@@ -20,31 +23,100 @@ double turning_error(const NodeInputs& in, double dt, double before, double afte
   return std::abs(before) * (1.0 - after_turning / (after_turning + 2.0 * mobility * std::abs(s)));
 }
 
-// Error of the heat of the halves of a velocity-driven substep, each of length dt, in which the stress rises
-// elastically for a part of the time  [J/m2]; the reason is in solver/around/tolerance.cpp.
+bool is_sheared(const ModelOptions& options) {
+  return options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
+}
+
+// Error of the heat of the parts of a velocity-driven substep, each of length dt, in which the stress rises elastically
+// for a part of the time  [J/m2]; the reason is in solver/around/substep_error.cpp.
 double elastic_path_error(const ModelOptions& options, const NodeInputs& in, double dt, double s_old,
-                          const NodeOutputs (&half)[2]) {
+                          const std::vector<NodeOutputs>& part) {
   const double V = in.velocity_jump;
-  if (options.strategy == Strategy::kForceDriven || options.drive != Drive::kLayerShear || V == 0.0) return 0.0;
+  if (!is_sheared(options) || V == 0.0) return 0.0;
   const double rate = options.soft.shear_modulus * std::abs(V) / options.grid.thickness;
   const double heating = conducted_share(options) * std::abs(V);
-  const double size[] = {std::abs(half[0].shear_stress), std::abs(half[1].shear_stress)};
-  const bool flows[] = {half[0].regime != Regime::kStick, half[1].regime != Regime::kStick};
   double error = 0.0;
-  for (int i : {0, 1}) {
-    const double before = i == 0 ? s_old : half[0].shear_stress;
-    if (half[i].shear_stress * V <= 0.0) continue;
-    if (before * half[i].shear_stress < 0.0) {
+  for (std::size_t i = 0; i < part.size(); ++i) {
+    const double before = i == 0 ? s_old : part[0].shear_stress;
+    const double size = std::abs(part[i].shear_stress);
+    if (part[i].shear_stress * V <= 0.0) continue;
+    if (before * part[i].shear_stress < 0.0) {
       const double after_turning = std::max(0.0, dt - std::abs(before) / rate);
-      const double impulse = size[i] * after_turning - 0.5 * size[i] * size[i] / rate;
-      error += std::abs(half[i].friction_heat - heating * impulse);
-    } else if (flows[i] && (i == 0 || !flows[0])) {
-      const double hardening = i == 0 ? std::max(0.0, size[1] - size[0]) : 0.0;
-      const double rise = std::max(0.0, size[i] - std::abs(before) - hardening);
+      const double impulse = size * after_turning - 0.5 * size * size / rate;
+      error += std::abs(part[i].friction_heat - heating * impulse);
+    } else if (part[i].regime != Regime::kStick && (i == 0 || part[0].regime == Regime::kStick)) {
+      const bool hardens = i == 0 && part.size() > 1;
+      const double hardening = hardens ? std::max(0.0, std::abs(part[1].shear_stress) - size) : 0.0;
+      const double rise = std::max(0.0, size - std::abs(before) - hardening);
       error += heating * 0.5 * rise * rise / rate;
     }
   }
   return error;
+}
+
+// Flux that leaves z = 0 into the bodies  [W/m2].
+double flux_at_interface(const ModelOptions& options, const NodeState& state) {
+  const double T0 = state.temperature[0];
+  const HeatGrid soft(Grid(options.grid), options.grid.far_boundary);
+  double flux = options.soft.conductivity * (T0 - state.temperature[1]) / soft.width[0];
+  if (options.hard_grid) {
+    const HeatGrid hard(Grid(*options.hard_grid), options.hard_grid->far_boundary);
+    flux += options.hard.conductivity * (T0 - state.hard_temperature.back()) / hard.width[0];
+  }
+  return flux;
+}
+
+// Scales of the errors of a step of length dt; the largest error of a substep as a fraction of its scale.
+struct Scales {
+  Scales(const ModelOptions& options, const NodeInputs& in, double step, double B0) : dt(step), response(B0) {
+    const double T_melt = options.soft.melting_temperature;
+    range = std::max(T_melt - options.initial_temperature, 0.01 * T_melt);
+    if (options.strategy == Strategy::kForceDriven) return;
+    const double pressure = std::max(in.pressure, 0.0);
+    strength = flow_stress(at_pressure(options.soft, pressure), 0.0, pressure, options.initial_temperature) / kSqrt3;
+    heating = conducted_share(options) * std::abs(in.velocity_jump);
+  }
+  double largest(double T0, double heat, double mean, double s_old, double s) const {
+    double error = std::max(T0, response / dt * heat) / range;
+    if (strength < 0.0) return error;
+    const double most = std::max({strength, std::abs(s_old), std::abs(s)});
+    if (most > 0.0) error = std::max(error, mean / most);
+    if (most > 0.0) error = std::max(error, heat / std::max(heating * most * dt, 0.03 * range * dt / response));
+    return error;
+  }
+  double dt, response, range = 0.0;
+  double strength = -1.0;  // shear strength of the cold, unstrained layer; force-driven: none  [Pa]
+  double heating = 0.0;    // friction heat per impulse  [m/s]
+};
+
+// The stress before a step, which an open interface loses at once.
+double start_of(double s_old, const NodeOutputs& out) {
+  return out.regime == Regime::kOpen ? 0.0 : s_old;
+}
+
+// Error of a whole step by backward Euler, `early` its flux before the step; and of the same step of second order.
+double first_order_error(const ModelOptions& options, const NodeInputs& in, const Scales& scales, double early,
+                         const NodeState& before, const NodeOutputs& out) {
+  const double off = 0.5 * std::abs(out.shear_stress - start_of(before.shear_stress, out));
+  const double sudden = scales.response / scales.dt * std::abs(out.friction_heat - early * scales.dt);
+  const double moved = std::abs(out.interface_temperature - before.temperature[0]);
+  return scales.largest(
+      0.15 * std::max(moved, sudden),
+      scales.heating * off * scales.dt + elastic_path_error(options, in, scales.dt, before.shear_stress, {out}), off,
+      before.shear_stress, out.shear_stress);
+}
+double second_order_error(const ModelOptions& options, const NodeInputs& in, const Scales& scales,
+                          const NodeState& before, const NodeOutputs& out, const NodeOutputs& first_order) {
+  const double straight =
+      0.5 * scales.heating * scales.dt * std::abs(out.shear_stress + start_of(before.shear_stress, out));
+  const double heat =
+      std::abs(out.friction_heat - straight) + elastic_path_error(options, in, scales.dt, before.shear_stress, {out});
+  const double apart = out.interface_temperature - first_order.interface_temperature;
+  const double with_heat = apart - scales.response / scales.dt * (out.friction_heat - first_order.friction_heat);
+  const double mean = scales.heating > 0.0 ? heat / (scales.heating * scales.dt)
+                                           : std::abs(out.shear_stress - start_of(before.shear_stress, out));
+  return scales.largest(1.25 * std::max(std::abs(apart), std::abs(with_heat)), heat, mean, before.shear_stress,
+                        out.shear_stress);
 }
 
 // The relaxation of a velocity-driven node at the start of a step in which its stress falls: the shortest substep, if
@@ -68,13 +140,13 @@ bool relax(const ModelOptions& options, double shortest_dt, const NodeInputs& in
 
 }  // namespace
 
-// Times are fractions of the step. A substep is accepted if its two halves give nearly the same T0, heat and jump as
-// the substep in one piece, else it is halved. If the difference is very small the next substep is twice as long.
+// Times are fractions of the step. The whole step is tried by backward Euler, then in one piece of second order. Then a
+// substep is accepted if its two halves give nearly the same T0, heat and jump as the substep in one piece, else it is
+// halved. If the difference is very small the next substep is twice as long.
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool forced = options.strategy == Strategy::kForceDriven;
-  const double T_melt = options.soft.melting_temperature;
-  const double range = std::max(T_melt - options.initial_temperature, 0.01 * T_melt);
   const double response = heat_of_step(options, dt, state, profile_of(state)).B[0];
+  const Scales scales(options, inputs, dt, response);
   const double shortest = std::exp2(-std::clamp(std::floor(std::log2(dt / (1e-12 / 64.0))), 1.0, 22.0));
   NodeInputs in = inputs;
   NodeOutputs sum;
@@ -82,16 +154,42 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
   double length = 1.0;
   bool refined = false;
   int attempts = 0;
+
+  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
+  bool both_orders = is_sheared(options) && second_order && !options.sleep;
+  ModelOptions simple = options;
+  if (both_orders) simple.time_integrator = TimeIntegrator::kBackwardEuler;
   NodeState once = state;
-  const double s_whole = advance_uncontrolled(options, dt, in, once).shear_stress;
-  if (NodeOutputs out; relax(options, shortest * dt, in, s_whole, state, out)) {
-    sum.sliding_velocity = shortest * out.sliding_velocity;
+  NodeOutputs first_order = advance_uncontrolled(simple, dt, in, once);
+  const auto accepted = [&](double change) {
+    state = once;
+    first_order.error_estimate = change;
+    if (first_order.shear_stress * first_order.sliding_velocity < 0.0) first_order.sliding_velocity = 0.0;
+    return first_order;
+  };
+  const double early = both_orders ? flux_at_interface(options, state) : 0.0;
+  if (both_orders) {
+    const double change = first_order_error(options, in, scales, early, state, first_order);
+    if (change <= left) return accepted(change);
   }
+  if (NodeOutputs out; relax(options, shortest * dt, in, first_order.shear_stress, state, out)) {
+    sum.sliding_velocity = shortest * out.sliding_velocity;
+    both_orders = false;
+  }
+  if (both_orders) {
+    once = state;
+    const NodeOutputs piece = advance_uncontrolled(options, dt, in, once);
+    const double change = piece.first_order ? first_order_error(options, in, scales, early, state, piece)
+                                            : second_order_error(options, in, scales, state, piece, first_order);
+    first_order = piece;
+    if (change <= left) return accepted(change);
+  }
+
   for (double begin = 0.0; begin < 1.0;) {
     NodeState coarse = state, fine = state;
     const double s_before = state.shear_stress;
     const NodeOutputs whole = advance_uncontrolled(options, length * dt, in, coarse);
-    NodeOutputs half[2];
+    std::vector<NodeOutputs> half(2);
     NodeInputs then = in;
     double turning = 0.0, s = s_before;
     for (NodeOutputs& out : half) {
@@ -104,14 +202,24 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
     }
     const double path = elastic_path_error(options, in, 0.5 * length * dt, s_before, half);
     const double rest = 1.0 - begin;
-    const double T0 =
-        std::abs(half[1].interface_temperature - whole.interface_temperature) * std::pow(length / rest, 1.5);
-    const double heat =
-        response / dt * (std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat) + path);
-    const double jump = std::sqrt(std::max(1.0, 1e-6 / dt)) * conducted_share(options) * response *
-                        std::max(std::abs(half[1].shear_stress), std::abs(whole.shear_stress)) *
-                        (std::abs(half[1].velocity_jump_new - whole.velocity_jump_new) + turning);
-    const double change = std::max({T0, heat, jump}) / range;
+    const bool plain = second_order && !whole.first_order && !half[0].first_order && !half[1].first_order;
+    const double share = is_sheared(options) && plain ? 0.5 : 1.0;
+    double T0 = std::abs(half[1].interface_temperature - whole.interface_temperature) * std::pow(length / rest, 1.5);
+    const double heat = share * std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat) + path;
+    double mean = 0.0;
+    if (forced) {
+      const double off = std::abs(half[1].velocity_jump_new - whole.velocity_jump_new) + turning;
+      T0 = std::max(T0, std::sqrt(std::max(1.0, 1e-6 / dt)) * conducted_share(options) * response *
+                            std::max(std::abs(half[1].shear_stress), std::abs(whole.shear_stress)) * off);
+    } else {
+      T0 = std::max(T0, response / dt * path / std::sqrt(rest));
+      const double start = start_of(s_before, half[0]);
+      const double bend =
+          is_sheared(options) ? std::abs(start - 2.0 * half[0].shear_stress + half[1].shear_stress) : 0.0;
+      mean = share * length * 0.5 * std::abs(half[1].shear_stress - whole.shear_stress) +
+             (path > 0.0 ? path / (scales.heating * dt) : share * length * 0.25 * bend);
+    }
+    const double change = scales.largest(T0, heat, mean, s_before, half[1].shear_stress);
     const double by_length = left * std::max(length / rest, 0.05 * length / (begin + length));
     const double allowed = refined ? std::max(by_length, 0.25 * left) : by_length;
     const bool hurries = ++attempts > 1024;

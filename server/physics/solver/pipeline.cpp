@@ -34,6 +34,14 @@ RestRules rest_of(const ModelOptions& options) {
   return {force_driven_step_at_rest, nullptr};
 }
 
+// Backward Euler in place of a second-order step of the same layer, or null.
+AdvanceTile first_order_of(const Problem& problem) {
+  const ModelOptions& options = problem.options;
+  const bool sheared = options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
+  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
+  return sheared && second_order && !problem.basis ? advance_velocity_driven : nullptr;
+}
+
 // Writes 0 for each lane whose outputs are finite, else NaN. A plain loop, which vectorises.
 void find_not_finite(const TileOutputs& outputs, double (&lost)[kLanes]) {
   const auto none = [](double x) { return x - x; };
@@ -81,8 +89,8 @@ DividedTile::DividedTile(const Problem& problem, const StepOperators& operators,
                          const double* committed, double* trial, TileOutputs& outputs, double* accepted)
     : problem_(problem), inputs_(inputs), committed_(committed), trial_(trial), outputs_(outputs) {
   if (problem.options.tangential_components == 2) scalar_.emplace(problem, operators, inputs, committed);
-  step_.emplace(problem, operators, advance_once, scalar_ ? scalar_->inputs() : inputs, committed, trial, outputs,
-                accepted);
+  step_.emplace(problem, operators, advance_once, first_order_of(problem), scalar_ ? scalar_->inputs() : inputs,
+                committed, trial, outputs, accepted);
 }
 
 bool DividedTile::run(double work) {

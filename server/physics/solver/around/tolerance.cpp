@@ -23,80 +23,30 @@ constexpr double kRefinedShare = 0.25;  // smallest share of the budget for a su
 // The next substep may be twice as long if the error was below this fraction of the error budget of the substep.
 constexpr double kSmallError = 1.0 / 6.0;
 
-constexpr double kJumpTime = 1e-6;    // time for which friction is taken to act with a wrong velocity jump  [s]
-constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
-constexpr int kMostHalvings = 22;     // largest number of times that a step is halved
+constexpr int kMostHalvings = 22;  // largest number of times that a step is halved
 // Largest number of substeps tried in one step of a lane; the rest is then accepted whatever its estimated error.
 constexpr int kMostAttempts = 1024;
 constexpr int kHurriedPieces = 64;  // approximate number of substeps that follow after kMostAttempts
 
 constexpr double kLeastRelaxation = 1e-9;  // smallest fall of the stress, relative, that counts as a relaxation
 
-// Error of the velocity jump at the end of a substep in which the jump reverses or stops; `before` and `after` are the
-// jump at the two ends of the substep. One stress s acts over the whole substep, although friction really has the other
-// sign until the reversal. Both halves of the substep can have this error, so comparing them does not show it. Let the
-// jump change by A in the substep, to which s contributes b s. The true rate of change is A + 2 b s per substep until
-// the reversal, and A afterwards: the returned error is the difference. If the jump stops although the far stresses
-// are larger than the friction before the substep, the stop is doubtful and the error is bounded by the old jump.
-double turning_error(const Forcing& forcing, double dt, double before, double after, double stress_before,
-                     double stress) {
-  if (before == 0.0 || before * after > 0.0) return 0.0;
-  if (after == 0.0) {
-    const bool holds = std::abs(forcing.acceleration) <= forcing.mobility * std::abs(stress_before);
-    return holds ? 0.0 : std::abs(before);
-  }
-  const double rise = std::abs(before) + std::abs(after);
-  const double turned = 2.0 * dt * forcing.mobility * std::abs(stress);
-  return std::abs(before) / (1.0 + rise / turned);
-}
-
-// What a half of a velocity-driven substep did, for elastic_path_error().
-struct ElasticPath {
-  double stress, heat;
-  bool along_jump, flows;
-};
-
-// Error of the heat of the two halves of a velocity-driven substep, each of length dt. The elastic part of the path of
-// the stress, along which the stress changes by G0 |w| / h per time, is only a part of a half if the stress passes zero
-// or reaches the flow stress there. Both halves may miss that part, so comparing them does not show its error.
-// `s_old`: stress before the first half. A rise that goes on at the same rate in the second half is hardening.
-double elastic_path_error(double heating, double rate, double dt, double s_old, const ElasticPath (&halves)[2]) {
-  double error = 0.0, s = s_old;
-  for (int i = 0; i < 2; ++i) {
-    const ElasticPath& half = halves[i];
-    const bool turns = s * half.stress < 0.0;
-    double rise = std::abs(half.stress) - (turns ? 0.0 : std::abs(s));
-    if (i == 0 && !turns) rise -= std::max(0.0, std::abs(halves[1].stress) - std::abs(half.stress));
-    const bool meets_flow = half.flows && (i == 0 || !halves[0].flows);
-    s = half.stress;
-    if (!half.along_jump || !(rise > 0.0) || !(turns || meets_flow)) continue;
-    const double while_rising = 0.5 * rise * rise / rate;  // of the time integral of the stress  [Pa s]
-    if (!turns) {
-      error += heating * while_rising;
-      continue;
-    }
-    const double before = i == 0 ? s_old : halves[0].stress;
-    const double after_turning = std::max(0.0, dt - std::abs(before) / rate);
-    error += std::abs(half.heat - heating * (std::abs(half.stress) * after_turning - while_rising));
-  }
-  return error;
-}
-
 }  // namespace
 
 ControlledStep::ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
-                               const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs,
-                               double* accepted)
+                               AdvanceTile first_order, const TileInputs& inputs, const double* committed,
+                               double* trial, TileOutputs& outputs, double* accepted)
     : now_(inputs),
       problem_(problem),
       operators_(operators),
       advance_(advance),
+      first_order_(first_order),
       inputs_(inputs),
       committed_(committed),
       trial_(trial),
       outputs_(outputs),
       end_(std::int64_t{1} << operators.most_times_halved()),
-      response_(problem.modes ? operators.modes().response : operators.heat().layer_response()[0]),
+      errors_(problem, inputs, operators.dt(),
+              problem.modes ? operators.modes().response : operators.heat().layer_response()[0]),
       accepted_(accepted),
       deepest_(operators.most_times_halved()),
       open_(inputs.active),
@@ -117,8 +67,8 @@ bool ControlledStep::run(double work) {
     for (const int l : lanes_of(open_)) {
       if (lanes_[l].level == level) together |= 1u << l;
     }
-    solve(level, together);
-    for (const int l : lanes_of(together)) accept_or_refine(l);
+    const std::uint32_t divided = solve(level, together);
+    for (const int l : lanes_of(divided)) accept_or_refine(l);
     for (const int l : lanes_of(together & open_)) {
       if (work_[l] > problem_.options.work_budget) give_up(l, kFailed | kOverBudget);
     }
@@ -141,7 +91,7 @@ void ControlledStep::give_up(int l, std::uint8_t outcome) {
   outputs_.error_estimate[l] = 0.0;
 }
 
-ControlledStep::Answer ControlledStep::answer_of(const TileOutputs& out, int l) {
+SubstepAnswer ControlledStep::answer_of(const TileOutputs& out, int l) {
   return {out.shear_stress[l],
           out.sliding_velocity[l],
           out.interface_temperature[l],
@@ -154,7 +104,7 @@ ControlledStep::Answer ControlledStep::answer_of(const TileOutputs& out, int l) 
 // Adds a substep, whose length is the fraction `share` of the step, to the answer of the substeps before it. The
 // force-driven answer is the mean stress, with which the host exchanges momentum; the velocity-driven answer is the
 // stress at the end.
-void ControlledStep::add(const Answer& next, double share, bool forced, Answer& sum) {
+void ControlledStep::add(const SubstepAnswer& next, double share, bool forced, SubstepAnswer& sum) {
   sum.stress = forced ? sum.stress + share * next.stress : next.stress;
   sum.slip += share * next.slip;
   sum.T0 = next.T0;
@@ -164,32 +114,37 @@ void ControlledStep::add(const Answer& next, double share, bool forced, Answer& 
   sum.outcome |= next.outcome;
 }
 
-// Solves the whole step of all active lanes in one piece.
+// Solves the whole step of all active lanes in one piece, by backward Euler if the model has both orders.
 void ControlledStep::begin() {
   const std::size_t stress = problem_.layout.shear_stress;
   begun_ = true;
-  advance_(problem_, operators_, now_, committed_, trial_, outputs_);
-  now_.stress_before = nullptr;  // null: a substep takes its initial stress from the accepted state
   std::copy_n(committed_, problem_.layout.doubles, accepted_);
+  TileOutputs piece{};
+  (first_order_ != nullptr ? first_order_ : advance_)(problem_, operators_, now_, committed_, half_, piece);
+  now_.stress_before = nullptr;  // null: a substep takes its initial stress from the accepted state
   for (const int l : lanes_of(open_)) {
-    lanes_[l].coarse = answer_of(outputs_, l);
     lanes_[l].left = kStepShare * *problem_.options.tolerance;
     if (inputs_.stress_before) accepted_[stress + static_cast<std::size_t>(l)] = inputs_.stress_before[l];
+    if (first_order_ != nullptr) {
+      take_first_order(l, piece);
+    } else {
+      lanes_[l].coarse = answer_of(piece, l);
+      lanes_[l].coarse_known = true;
+    }
   }
-  relax();
+  relax(piece);
 }
 
 // The pressure of the host's step holds from its start. If it has fallen, a stress at the yield stress of the step
 // before lies above that of this step, and relaxes to it at once. A layer that is unloaded in addition passes the new
 // yield stress within picoseconds: no substep of the usual length would flow, and none would show the error. The
-// shortest substep, without a jump, does the relaxation.
-void ControlledStep::relax() {
+// shortest substep, without a jump, does the relaxation. `piece`: the step in one piece.
+void ControlledStep::relax(const TileOutputs& piece) {
   if (forced_) return;
   now_.active = 0;
   const double* stress = accepted_ + problem_.layout.shear_stress;
   for (const int l : lanes_of(open_)) {
-    const bool falls =
-        std::abs(lanes_[l].coarse.stress) < std::abs(stress[l]) || lanes_[l].coarse.stress * stress[l] < 0.0;
+    const bool falls = std::abs(piece.shear_stress[l]) < std::abs(stress[l]) || piece.shear_stress[l] * stress[l] < 0.0;
     if (falls) now_.active |= 1u << l;
   }
   if (now_.active == 0) return;
@@ -209,11 +164,64 @@ void ControlledStep::relax() {
     copy_lane(half_, accepted_, problem_.layout.doubles, l);
     lanes_[l].sum.slip = std::ldexp(relaxed.sliding_velocity[l], -deepest_);
     lanes_[l].coarse_known = false;
+    lanes_[l].first_order_known = false;
   }
 }
 
-// Solves the next substep of the lanes `together` in one piece, unless that answer is known, and in two halves.
-void ControlledStep::solve(int level, std::uint32_t together) {
+// The heat flux that leaves z = 0 into the bodies, from the temperatures on either side of it  [W/m2].
+double ControlledStep::flux_of(int l) const {
+  const HeatGrid& grid = problem_.heat_grid;
+  const auto at = static_cast<std::size_t>(grid.interface);
+  const double* T = accepted_ + problem_.layout.first_temperature() + l;
+  const double T0 = T[at * kLanes];
+  double flux = problem_.options.soft.conductivity * (T0 - T[(at + 1) * kLanes]) / grid.width[at];
+  if (at > 0) flux += problem_.options.hard.conductivity * (T0 - T[(at - 1) * kLanes]) / grid.width[at - 1];
+  return flux;
+}
+
+// The next substep of a lane, for the estimates of its error.
+Substep ControlledStep::substep_of(int l) const {
+  const auto lane = static_cast<std::size_t>(l);
+  const std::int64_t length = end_ >> lanes_[l].level;
+  return {.lane = l,
+          .length = std::ldexp(1.0, -lanes_[l].level),
+          .of_rest = static_cast<double>(length) / static_cast<double>(end_ - lanes_[l].at),
+          .velocity_jump = now_.velocity_jump[l],
+          .stress_before = accepted_[problem_.layout.shear_stress + lane],
+          .T0_before = interface_temperature(problem_, accepted_, l),
+          .flux_before = first_order_ != nullptr ? flux_of(l) : 0.0};
+}
+
+// Share of the error budget that the next substep of a lane may use because of its length.
+double ControlledStep::share_of(int l) const {
+  const std::int64_t length = end_ >> lanes_[l].level;
+  const double of_rest = static_cast<double>(length) / static_cast<double>(end_ - lanes_[l].at);
+  const double of_past = static_cast<double>(length) / static_cast<double>(lanes_[l].at + length);
+  return lanes_[l].left * std::max(of_rest, kEarlyShare * of_past);
+}
+
+// The next substep of a lane by backward Euler is in half_: accepts it, or keeps the answer for the estimate of the
+// error of second order. A step is tried that way once, at its start.
+void ControlledStep::take_first_order(int l, const TileOutputs& piece) {
+  Progress& lane = lanes_[l];
+  lane.first_order = answer_of(piece, l);
+  lane.first_order_known = true;
+  const double error = errors_.of_first_order(substep_of(l), lane.first_order);
+  if (error <= share_of(l)) accept_piece(l, piece, error);
+}
+
+// The next substep of a lane, solved in one piece, is in half_ and accurate enough.
+void ControlledStep::accept_piece(int l, const TileOutputs& piece, double error) {
+  const double length = std::ldexp(1.0, -lanes_[l].level);
+  copy_lane(half_, accepted_, problem_.layout.doubles, l);
+  add(answer_of(piece, l), length, forced_, lanes_[l].sum);
+  if (inputs_.wants_mean_stress) lanes_[l].mean_stress += length * piece.mean_shear_stress[l];
+  move_on(l, error);
+}
+
+// Solves the next substep of the lanes `together` in one piece, unless that answer is known or second order already
+// failed, and in two halves, unless one piece is accurate enough. Returns the lanes solved in two halves.
+std::uint32_t ControlledStep::solve(int level, std::uint32_t together) {
   now_.active = 0;
   for (const int l : lanes_of(together)) {
     if (!lanes_[l].coarse_known) now_.active |= 1u << l;
@@ -221,41 +229,58 @@ void ControlledStep::solve(int level, std::uint32_t together) {
   if (now_.active != 0) {
     TileOutputs piece{};
     advance_(problem_, operators_.halved(level), now_, accepted_, half_, piece);
-    for (const int l : lanes_of(now_.active)) lanes_[l].coarse = answer_of(piece, l);
+    for (const int l : lanes_of(now_.active)) {
+      Progress& lane = lanes_[l];
+      lane.coarse = answer_of(piece, l);
+      if (!lane.first_order_known || (lane.coarse.outcome & kFailed) != 0) continue;
+      lane.first_order_known = false;
+      const double error = errors_.of_piece(substep_of(l), lane.coarse, lane.first_order);
+      if (!(error <= share_of(l))) continue;
+      together &= ~(1u << l);
+      accept_piece(l, piece, error);
+    }
   }
+  if (together == 0) return 0;
   const StepOperators& halves = operators_.halved(level + 1);
   now_.active = together;
   advance_(problem_, halves, now_, accepted_, half_, first_);
   TileInputs then = now_;
   if (forced_) std::copy_n(first_.velocity_jump_new, kLanes, then.velocity_jump);
   advance_(problem_, halves, then, half_, fine_, second_);
+  return together;
 }
 
 void ControlledStep::accept_or_refine(int l) {
   Progress& lane = lanes_[l];
-  const Answer one = answer_of(first_, l), two = answer_of(second_, l);
-  if (((one.outcome | two.outcome) & kFailed) != 0) return give_up(l, kFailed);
-  const std::int64_t length = end_ >> lane.level;
-  const double of_rest = static_cast<double>(length) / static_cast<double>(end_ - lane.at);
-  const double of_past = static_cast<double>(length) / static_cast<double>(lane.at + length);
-  const double error = error_of(l, one, two, of_rest);
-  const double share = lane.left * std::max(of_rest, kEarlyShare * of_past);
+  const SubstepAnswer halves[] = {answer_of(first_, l), answer_of(second_, l)};
+  if (((halves[0].outcome | halves[1].outcome) & kFailed) != 0) return give_up(l, kFailed);
+  const double error = errors_.of_halves(substep_of(l), lane.coarse, halves);
+  const double share = share_of(l);
   const double allowed = lane.refined ? std::max(share, kRefinedShare * lane.left) : share;
   const bool hurries = ++lane.attempts > kMostAttempts;
   if (error > allowed && lane.level + 1 < deepest_ && !hurries) {
     ++lane.level;
-    lane.coarse = one;
+    lane.coarse = halves[0];
     lane.coarse_known = true;
     lane.refined = true;
     return;
   }
   copy_lane(fine_, accepted_, problem_.layout.doubles, l);
-  if (forced_) now_.velocity_jump[l] = two.jump_new;
+  if (forced_) now_.velocity_jump[l] = halves[1].jump_new;
   const double half = std::ldexp(0.5, -lane.level);
-  add(one, half, forced_, lane.sum);
-  add(two, half, forced_, lane.sum);
+  for (const SubstepAnswer& answer : halves) add(answer, half, forced_, lane.sum);
   if (inputs_.wants_mean_stress && !forced_)
     lane.mean_stress += half * (first_.mean_shear_stress[l] + second_.mean_shear_stress[l]);
+  move_on(l, error);
+}
+
+// Goes on behind an accepted substep of a lane.
+void ControlledStep::move_on(int l, double error) {
+  Progress& lane = lanes_[l];
+  const std::int64_t length = end_ >> lane.level;
+  const double share = share_of(l);
+  const double allowed = lane.refined ? std::max(share, kRefinedShare * lane.left) : share;
+  const bool hurries = lane.attempts > kMostAttempts;
   lane.estimate += error;
   // A substep may be accepted with an error above the allowed one. The remaining budget is then raised to this error,
   // so that the later substeps are not made much more accurate than this one.
@@ -268,45 +293,9 @@ void ControlledStep::accept_or_refine(int l) {
   if (lane.at == end_) finish(l);
 }
 
-// Estimates the error that a substep causes in T0 at the end of the step, relative to T_melt less the initial
-// temperature. Its answers in one piece and in two halves differ in T0, the heat released and the velocity jump.
-// Each difference is converted to a change of T0: diffusion damps that of T0, and a wrong jump keeps heating wrongly.
-// The largest is the estimate. `of_rest`: length of the substep relative to the rest of the step.
-double ControlledStep::error_of(int l, const Answer& one, const Answer& two, double of_rest) const {
-  const Answer& coarse = lanes_[l].coarse;
-  const double dt = operators_.dt();
-  const double T0 = std::abs(two.T0 - coarse.T0) * (of_rest * std::sqrt(of_rest));
-  double heat = response_ / dt * std::abs(one.heat + two.heat - coarse.heat);
-  double jump = 0.0;
-  if (!forced_ && problem_.options.drive == Drive::kLayerShear) {
-    const double V = inputs_.velocity_jump[l];
-    const double rate = problem_.options.soft.shear_modulus * std::abs(V) / problem_.options.grid.thickness;  // [Pa/s]
-    const auto path = [&](const Answer& half) {
-      return ElasticPath{half.stress, half.heat, half.stress * V > 0.0, half.regime != Regime::kStick};
-    };
-    heat += response_ / dt *
-            elastic_path_error(problem_.heat_partition * std::abs(V), rate, std::ldexp(0.5 * dt, -lanes_[l].level),
-                               accepted_[problem_.layout.shear_stress + static_cast<std::size_t>(l)],
-                               {path(one), path(two)});
-  }
-  if (forced_) {
-    const Forcing forcing = forcing_of(inputs_, l);
-    const double half = std::ldexp(0.5 * dt, -lanes_[l].level);
-    const double stress_before = accepted_[problem_.layout.shear_stress + static_cast<std::size_t>(l)];
-    const double off = std::abs(two.jump_new - coarse.jump_new) +
-                       turning_error(forcing, half, now_.velocity_jump[l], one.jump_new, stress_before, one.stress) +
-                       turning_error(forcing, half, one.jump_new, two.jump_new, one.stress, two.stress);
-    const double stress = std::max(std::abs(two.stress), std::abs(coarse.stress));
-    jump = std::sqrt(std::max(1.0, kJumpTime / dt)) * problem_.heat_partition * response_ * stress * off;
-  }
-  const double T_melt = problem_.options.soft.melting_temperature;
-  const double range = std::max(T_melt - problem_.options.initial_temperature, kLeastRange * T_melt);
-  return std::max({T0, heat, jump}) / range;
-}
-
 // The sum of the substeps becomes the answer of the host's step.
 void ControlledStep::finish(int l) {
-  const Answer& sum = lanes_[l].sum;
+  const SubstepAnswer& sum = lanes_[l].sum;
   open_ &= ~(1u << l);
   copy_lane(accepted_, trial_, problem_.layout.doubles, l);
   trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;

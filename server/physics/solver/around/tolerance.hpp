@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "server/physics/solver/around/substep_error.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -18,9 +19,11 @@ namespace shearbus::physics {
 // The step may be interrupted between two substeps. All arguments of the constructor must live until the step is done.
 class ControlledStep {
  public:
-  // `advance` solves one substep. `accepted`: memory of one tile.
-  ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance, const TileInputs& inputs,
-                 const double* committed, double* trial, TileOutputs& outputs, double* accepted);
+  // `advance` solves one substep, `first_order` the same by backward Euler if `advance` is of second order, else it is
+  // null. `accepted`: memory of one tile.
+  ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance, AdvanceTile first_order,
+                 const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs,
+                 double* accepted);
   ControlledStep(const ControlledStep&) = delete;  // now_ points to work_
   ControlledStep& operator=(const ControlledStep&) = delete;
 
@@ -30,19 +33,14 @@ class ControlledStep {
   bool run(double work);
 
  private:
-  // The answer of one substep of a lane: the members of TileOutputs that the sum over substeps needs.
-  struct Answer {
-    double stress = 0.0, slip = 0.0, T0 = 0.0, jump_new = 0.0, heat = 0.0;
-    Regime regime = Regime::kOpen;
-    std::uint8_t outcome = 0;
-  };
   // Progress of one lane through its step.
   struct Progress {
-    int level = 0;        // the next substep is dt / 2^level long
-    std::int64_t at = 0;  // begin of the next substep, in units of the shortest substep
-    Answer sum;           // answer of the accepted substeps together
-    Answer coarse;        // answer of the next substep solved in one piece, if coarse_known
-    bool coarse_known = true;
+    int level = 0;              // the next substep is dt / 2^level long
+    std::int64_t at = 0;        // begin of the next substep, in units of the shortest substep
+    SubstepAnswer sum;          // answer of the accepted substeps together
+    SubstepAnswer coarse;       // answer of the next substep solved in one piece, if coarse_known
+    SubstepAnswer first_order;  // the same by backward Euler, if first_order_known
+    bool coarse_known = false, first_order_known = false;
     bool refined = false;  // the next substep was shortened because of its error
     int attempts = 0;
     double left = 0.0;         // remaining error budget of T0, relative to T_melt less the initial temperature
@@ -50,14 +48,19 @@ class ControlledStep {
     double estimate = 0.0;  // estimated error of T0 after the accepted substeps, relative to the same range as `left`
   };
 
-  static Answer answer_of(const TileOutputs& out, int l);
-  static void add(const Answer& next, double share, bool forced, Answer& sum);
+  static SubstepAnswer answer_of(const TileOutputs& out, int l);
+  static void add(const SubstepAnswer& next, double share, bool forced, SubstepAnswer& sum);
   void begin();
-  void relax();
+  void relax(const TileOutputs& piece);
   double work_done() const;
-  void solve(int level, std::uint32_t together);
+  double flux_of(int l) const;
+  Substep substep_of(int l) const;
+  double share_of(int l) const;
+  void take_first_order(int l, const TileOutputs& piece);
+  void accept_piece(int l, const TileOutputs& piece, double error);
+  std::uint32_t solve(int level, std::uint32_t together);
   void accept_or_refine(int l);
-  double error_of(int l, const Answer& one, const Answer& two, double of_rest) const;
+  void move_on(int l, double error);
   void finish(int l);
   void give_up(int l, std::uint8_t outcome);
 
@@ -66,13 +69,14 @@ class ControlledStep {
   TileOutputs first_{}, second_{};  // answers of the two halves of the next substep
   const Problem& problem_;
   const StepOperators& operators_;
-  const AdvanceTile advance_;  // solves one substep
+  const AdvanceTile advance_;      // solves one substep
+  const AdvanceTile first_order_;  // solves one substep by backward Euler, or null
   const TileInputs& inputs_;
   const double* committed_;
   double* trial_;
   TileOutputs& outputs_;
   const std::int64_t end_;  // end of the step, in units of its shortest substep
-  const double response_;   // response B0 of T0 to a unit flux over the whole step  [K m2/W]
+  const SubstepErrors errors_;
   double* const accepted_;  // state after the substeps accepted so far
   double* half_ = nullptr;  // state after the first half of the next substep; scratch memory of the thread in run()
   double* fine_ = nullptr;  // state after both halves of the next substep, likewise

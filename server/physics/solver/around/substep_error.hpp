@@ -1,0 +1,69 @@
+// Estimates what a substep of a step under a tolerance adds to the errors of the step (METHODS.md, "Error of a
+// substep").
+#pragma once
+
+#include <cstdint>
+
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/tile.hpp"
+
+namespace shearbus::physics {
+
+// The answer of one lane of a substep: the members of TileOutputs that the sum over substeps needs.
+struct SubstepAnswer {
+  double stress = 0.0, slip = 0.0, T0 = 0.0, jump_new = 0.0, heat = 0.0;
+  Regime regime = Regime::kOpen;
+  std::uint8_t outcome = 0;
+};
+
+// A substep of one lane.
+struct Substep {
+  int lane;
+  double length;         // fraction of the host's step
+  double of_rest;        // its length relative to the rest of the host's step
+  double velocity_jump;  // jump before the substep  [m/s]
+  double stress_before;  // stress before the substep  [Pa]
+  double T0_before;      // interface temperature before the substep  [K]
+  double flux_before;    // heat flux that leaves z = 0 before the substep; of a step of both orders  [W/m2]
+};
+
+// The errors of the substeps of one tile. Each estimate is the largest of three errors, each as a fraction of its
+// scale: of T0 at the end of the host's step, in T_melt - T_start; and of the heat and of the impulse of a
+// velocity-driven step, in those that the largest stress would make of the step: the stress at either end of the
+// substep, at least the strength of the cold, unstrained layer under the pressure of the step. The heat counts for no
+// less than what would warm z = 0 by 0.03 (T_melt - T_start).
+class SubstepErrors {
+ public:
+  // `response`: T0 per unit flux over the whole step  [K m2/W].
+  SubstepErrors(const Problem& problem, const TileInputs& inputs, double dt, double response);
+
+  // Of a velocity-driven substep of backward Euler alone: what the change of stress and T0 allows.
+  double of_first_order(const Substep& substep, const SubstepAnswer& answer) const;
+
+  // Of a velocity-driven substep of second order in one piece, from the same substep by backward Euler.
+  double of_piece(const Substep& substep, const SubstepAnswer& answer, const SubstepAnswer& first_order) const;
+
+  // Of the two halves of a substep, from the substep in one piece.
+  double of_halves(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
+
+ private:
+  struct Errors {
+    double T0 = 0.0;    // [K]
+    double heat = 0.0;  // [J/m2]
+    double mean = 0.0;  // of the mean stress of the host's step  [Pa]
+  };
+  double largest(const Substep& substep, double stress, const Errors& errors) const;
+  double heating(const Substep& substep) const;
+  double elastic_path(const Substep& substep, const SubstepAnswer* parts, int num_parts) const;
+  double jump_as_temperature(const Substep& substep, const SubstepAnswer& piece,
+                             const SubstepAnswer (&halves)[2]) const;
+
+  const Problem& problem_;
+  const TileInputs& inputs_;
+  const double dt_, response_;
+  double range_;                  // T_melt - T_start  [K]
+  double strength_[kLanes] = {};  // shear strength of the cold, unstrained layer  [Pa]
+  bool forced_, sheared_;
+};
+
+}  // namespace shearbus::physics
