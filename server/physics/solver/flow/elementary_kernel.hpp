@@ -68,7 +68,7 @@ struct SplitLogarithm {
   return log.value(log.f / (2.0 + log.f));
 }
 
-[[gnu::always_inline]] inline Register exp_of(Register x) {
+[[gnu::always_inline]] inline Register short_exp_of(Register x) {
   return exp2_of(kLog2E * x);
 }
 [[gnu::always_inline]] inline Register exp_minus_1_of(Register x) {

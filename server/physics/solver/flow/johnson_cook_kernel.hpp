@@ -5,7 +5,7 @@ class JohnsonCookSearch {
  public:
   [[gnu::always_inline]] JohnsonCookSearch(const Material& m, double dt, const FlowLoad& at, int lane)
       : load_(load(at.load + lane)),
-        stress_(exp_of(smaller(load_, all(kMostLoad)))),
+        stress_(short_exp_of(smaller(load_, all(kMostLoad)))),
         loads_(load_ > kNoLoad),
         T_ref_(m.reference_temperature),
         inverse_range_(1.0 / (load(at.T_melt + lane) - m.reference_temperature)),
@@ -27,7 +27,7 @@ class JohnsonCookSearch {
   [[gnu::always_inline]] VertexFlow flow(const LoadedVertex& at, bool rest_is_known) const {
     const Register share = (at.T - T_ref_) * inverse_range_;
     const Register within = larger(smaller(share, all(1.0)), all(kLeastShare));
-    const Register lost = exp_of(m_ * short_log_of(within));
+    const Register lost = short_exp_of(m_ * short_log_of(within));
     const Mask softens = share > kLeastShare;
     const Register left = where(softens, 1.0 - lost, all(1.0));
     const Mask solid = (share < 1.0) & (left > 0.0);
@@ -67,7 +67,7 @@ class JohnsonCookSearch {
 
   [[gnu::always_inline]] Register power_of_strain(Register ep) const {
     const Mask strained = ep > kLeastStrain;
-    return where(strained, exp_of(n_ * short_log_of(where(strained, ep, all(1.0)))), all(0.0));
+    return where(strained, short_exp_of(n_ * short_log_of(where(strained, ep, all(1.0)))), all(0.0));
   }
 
   // A start above the root: the smaller of the ln(dep) without rate hardening and that without strain hardening.
@@ -83,9 +83,9 @@ class JohnsonCookSearch {
   [[gnu::always_inline]] void search(Register ep, Register target, Register rest, Mask moves, Mask guessed,
                                      Root& root) const {
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
-      const Register x = root.x, dep = exp_of(x), strain = ep + dep;
+      const Register x = root.x, dep = short_exp_of(x), strain = ep + dep;
       const Register share = dep / strain;
-      const Register p = B_ * exp_of(n_ * short_log_of(strain));
+      const Register p = B_ * short_exp_of(n_ * short_log_of(strain));
       const Register u = 1.0 + p, w = 1.0 + C_ * (x - log_slow_);
       const Register u_1 = n_ * p * share, u_2 = u_1 * (1.0 + (n_ - 1.0) * share);
       const Register f = u * w - target, f_1 = u_1 * w + C_ * u;
@@ -117,10 +117,10 @@ class JohnsonCookSearch {
     const Register ratio = larger(rise / before, all(0.0));
     const Register grown = exp_minus_1_of(inverse_n_ * log_of_1_plus(smaller(ratio, all(kMostTarget))));
     const Register fresh =
-        exp_of(inverse_n_ * short_log_of(smaller(larger(rise, all(kLeastStrain)), all(kMostTarget))));
+        short_exp_of(inverse_n_ * short_log_of(smaller(larger(rise, all(kLeastStrain)), all(kMostTarget))));
     const Register flows = smaller(larger(where(strained, ep * grown, fresh), all(kLeastStrain)), all(kMostStrain));
     const Register strain = ep + flows;
-    const Register p = B_ * exp_of(n_ * short_log_of(strain));
+    const Register p = B_ * short_exp_of(n_ * short_log_of(strain));
     root.dep = where(creeps, flows, root.dep);
     root.log_slope = where(creeps, n_ * p / (strain * (1.0 + p)), root.log_slope);
   }

@@ -88,7 +88,7 @@ class PrestonTonksWallaceSearch {
     const Register modulus = bracket_ * (1.0 - c_.alpha * v.T_hat);
     v.exponent = kMeltingFactor * at.T / where(to_melting > 0.0, to_melting, T_melt_);
     v.solid = pressed_ & (to_melting > (kMeltingFactor / kExponentialRange) * at.T);
-    const Register g = modulus * exp_of(-v.exponent);
+    const Register g = modulus * short_exp_of(-v.exponent);
     v.inverse_g = 1.0 / where(v.solid, g, all(1.0));
     const Register carried = load_ * v.inverse_g + where(v.solid, all(0.0), all(kMostTarget));
     v.target = smaller(larger(carried, all(kLeastTarget)), all(kMostTarget));
@@ -113,7 +113,7 @@ class PrestonTonksWallaceSearch {
     const Register four_12 = (q[12] + u * q[13]) + u2 * (q[14] + u * q[15]);
     const Register last = (q[16] + u * q[17]) + u2 * q[18];
     const Register series = (four_0 + u4 * four_4) + u8 * ((four_8 + u4 * four_12) + u8 * last);
-    const Register bell = exp_of(-within * within);
+    const Register bell = short_exp_of(-within * within);
     return {where(x < kErrorIsOne, 1.0 - bell * series / (1.0 + 2.0 * within), all(1.0)), kTwoOverSqrtPi * bell};
   }
 
@@ -128,7 +128,7 @@ class PrestonTonksWallaceSearch {
     const Register slower = larger(-y, all(0.0));
     const Register activated = c_.kappa * T_hat;
     const ErrorFunctions erf = error_functions(activated * slower);
-    const Register over = c_.s0 * exp_of(c_.beta * y), medium = c_.y1 * exp_of(c_.y2 * y);
+    const Register over = c_.s0 * short_exp_of(c_.beta * y), medium = c_.y1 * short_exp_of(c_.y2 * y);
     const Register glide_s = c_.s0 - c_.s_range * erf.value, glide_y = c_.y0 - c_.y_range * erf.value;
     const Register over_rate = c_.beta * over, medium_rate = c_.y2 * medium;
     const Mask is_over = over < medium;
@@ -222,7 +222,7 @@ class PrestonTonksWallaceSearch {
       if (lanes_where(root.moves) == 0) break;
       const bool bisects = iteration >= kNewtonIterations && iteration % 2 == 0;
       const Mask moves = root.moves;
-      const Register y = root.y, dep = exp_of(y + v.log_scale);
+      const Register y = root.y, dep = short_exp_of(y + v.log_scale);
       const Reduced tau = reduced(y, ep + dep, v.T_hat);
       const Register missing = tau.stress - v.target;
       const Mask below = missing < 0.0;
@@ -264,7 +264,7 @@ class PrestonTonksWallaceSearch {
     const Register inverse_x = 1.0 / to_melting;
     const Register log_modulus = where(v.solid, -c_.alpha / (T_melt_ - c_.alpha * at.T), all(0.0));
     const Register log_g = where(v.solid, log_modulus - kMeltingFactor * T_melt_ * inverse_x * inverse_x, all(0.0));
-    const Register searched = exp_of(smaller(root.y + v.log_scale, all(kMostLogStrain)));
+    const Register searched = short_exp_of(smaller(root.y + v.log_scale, all(kMostLogStrain)));
     const Register dep = where(root.creeps, root.crept, searched);
     // The differential of tau = sqrt(3) a / (2 G0 g) is tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) +
     // by_strain ddep + by_T_hat dT^, with dT = rise dlna.
