@@ -22,8 +22,8 @@ constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
 // Memory of a model without its operators [bytes], and numbers of the operators of a step length for each number of a
 // node's state, measured.
-constexpr std::uint64_t kBytesPerModel = std::uint64_t{12} << 10;
-constexpr std::uint64_t kOperatorsPerState = 12;
+constexpr std::uint64_t kBytesPerModel = std::uint64_t{4} << 10;
+constexpr std::uint64_t kOperatorsPerState = 34;
 
 constexpr double kNodeWork = 32.0;  // work of a node-step that solves nothing, measured roughly  [evaluations]
 
