@@ -18,7 +18,7 @@ constexpr double kGas = 8.31446261815324;  // [J/(mol K)]
 
 enum class Phase { kSolid, kMelting, kLiquid };
 
-struct Layer {
+struct MeltingLayer {
   std::vector<double> T;       // of all rows, the hard body's first  [K]
   std::vector<double> liquid;  // of the soft body's vertices, z = 0 first
   double compliance = 0.0;     // integral of dz/eta over the liquid  [m/(Pa s)]
@@ -41,7 +41,7 @@ struct MeltingStep {
   }
 
   // Temperatures and liquid fractions after the step for given phases, under the flux q.
-  Layer solve(double q, const std::vector<Phase>& phase, const std::vector<double>& share) const {
+  MeltingLayer solve(double q, const std::vector<Phase>& phase, const std::vector<double>& share) const {
     const int n = grid.num_vertices();
     std::vector<Eigen::Triplet<double>> entries;
     Eigen::VectorXd rhs(n);
@@ -83,7 +83,7 @@ struct MeltingStep {
     matrix.setFromTriplets(entries.begin(), entries.end());
     Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
     const Eigen::VectorXd x = lu.solve(rhs);
-    Layer layer{{x.data(), x.data() + n}, std::vector<double>(phase.size(), 0.0)};
+    MeltingLayer layer{{x.data(), x.data() + n}, std::vector<double>(phase.size(), 0.0)};
     for (std::size_t v = 0; v < phase.size(); ++v) {
       const std::size_t row = v + static_cast<std::size_t>(grid.interface);
       if (phase[v] == Phase::kLiquid) layer.liquid[v] = 1.0;
@@ -97,7 +97,7 @@ struct MeltingStep {
     return layer;
   }
 
-  Layer under(double q) const {
+  MeltingLayer under(double q) const {
     std::vector<double> share(liquid_old.size(), 0.0);
     double sheared = 0.0;
     for (std::size_t v = 0; v < share.size(); ++v)
@@ -109,7 +109,7 @@ struct MeltingStep {
     for (bool grown = true; grown;) {
       grown = false;
       for (bool changed = true; changed;) {
-        const Layer layer = solve(q, phase, share);
+        const MeltingLayer layer = solve(q, phase, share);
         changed = false;
         for (std::size_t v = 0; v < phase.size(); ++v) {
           const double T = layer.T[v + static_cast<std::size_t>(grid.interface)];
@@ -119,7 +119,7 @@ struct MeltingStep {
           changed = changed || phase[v] != old;
         }
       }
-      const Layer layer = solve(q, phase, share);
+      const MeltingLayer layer = solve(q, phase, share);
       for (std::size_t v = 0; v < phase.size(); ++v) {
         if (phase[v] != Phase::kMelting || layer.liquid[v] <= 1.0 + 1e-12) continue;
         phase[v] = Phase::kLiquid;
@@ -153,7 +153,7 @@ NodeOutputs melting_force_driven(const ModelOptions& options, double dt, const N
     return std::max(0.0, 0.5 * (direction * V + direction * free - dt * a * mobility));
   };
   const auto layer_under = [&](double a) { return step.under(beta_T * a * slip(a)); };
-  const auto solid = [&](const Layer& layer) {
+  const auto solid = [&](const MeltingLayer& layer) {
     const double T = std::min(layer.T[old.interface], step.T_melt);
     const double bracket = 1.0 + soft.pressure_coefficient * in.pressure - soft.temperature_coefficient * (T - 300.0);
     return std::min(options.interface.friction_coefficient * in.pressure,
@@ -162,7 +162,7 @@ NodeOutputs melting_force_driven(const ModelOptions& options, double dt, const N
   const double stick = std::abs(free) / (dt * mobility);
   // The excess of what contact and film carry over the stress a: the film's stress is [V]new / compliance.
   const auto spare = [&](double a) {
-    const Layer layer = layer_under(a);
+    const MeltingLayer layer = layer_under(a);
     const double film = std::abs(free) / (dt * mobility + layer.compliance);
     return std::min({solid(layer), film, stick}) - a;
   };
@@ -171,7 +171,7 @@ NodeOutputs melting_force_driven(const ModelOptions& options, double dt, const N
   double a = 0.0;
   bool sticks = false;
   if (in.pressure > 0.0) {
-    const Layer at_stick = layer_under(stick);
+    const MeltingLayer at_stick = layer_under(stick);
     const bool holds = at_stick.compliance <= 0.0 && solid(at_stick) >= stick;
     // Up to the stress of most heat there is one root at most, beyond it there may be several: scan, of which the
     // smallest counts. A stuck interface sticks if it can.
@@ -196,7 +196,7 @@ NodeOutputs melting_force_driven(const ModelOptions& options, double dt, const N
     }
   }
   const double flux = in.pressure > 0.0 ? beta_T * a * slip(a) : 0.0;
-  const Layer layer = step.under(flux);
+  const MeltingLayer layer = step.under(flux);
   const auto at_interface = layer.T.begin() + static_cast<std::ptrdiff_t>(old.interface);
   state.hard_temperature.assign(layer.T.begin(), at_interface);
   state.temperature.assign(at_interface, layer.T.end());
