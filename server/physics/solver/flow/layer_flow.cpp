@@ -5,8 +5,10 @@
 #include <limits>
 
 #include "server/physics/material/flow_laws.hpp"
+#include "server/physics/solver/flow/vertex_flow.hpp"
 
 namespace shearbus::physics {
+
 NearbyFlow::Slip NearbyFlow::at(double stress, double flux) const {
   const double w = base_flux > 0.0 ? flux / base_flux - 1.0 : 0.0;
   const double hot = moment[0] + w * (moment[1] + w * (moment[2] + w * moment[3]));
@@ -45,37 +47,15 @@ void set_load(const Material& soft, double pressure, double a, double flux, int 
   load.T_melt[lane] = soft.melting_temperature;
 }
 
-namespace {
-
-// Returns the plastic strain increment dep of one vertex at the temperature T. Its derivative is not computed.
-template <class Law>
-double flow_of_vertex(const Law& law, const FlowLoad& load, int lane, double T, double strain) {
-  double dep = 0.0;
-  const auto take = [&](int, double flows, double /*slope*/) { dep = flows; };
-  if constexpr (Law::kSeparable) {
-    const double excess[] = {(load.load[lane] + law.softening_excess(load.bracket[lane], load.T_melt[lane], T).value) -
-                             law.log_strength(strain)};
-    const double growth[] = {0.0};
-    if (excess[0] > 0.0) law.flow(excess, growth, &strain, take);
-  } else {
-    const double excess[] = {load.load[lane] - law.strength_at_rest(load.bracket[lane], load.T_melt[lane], T, strain)};
-    const LoadedVertices<1> vertex{load.load + lane, load.bracket + lane, load.T_melt + lane, {T}, {0.0}};
-    if (excess[0] > 0.0) law.flow(vertex, excess, &strain, take);
-  }
-  return dep;
-}
-
-}  // namespace
-
 double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new) {
   return FlowLaws::with(problem.soft->flow_law, [&](auto own) {
     const typename decltype(own)::type law(*problem.soft, problem.dt);
     double slip = 0.0;
     for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
       const std::ptrdiff_t at = i * kLanes + lane;
-      const double T = problem.T_ad[at] + load.flux[lane] * problem.response[i];
+      const double rise = load.flux[lane] * problem.response[i];
       const double old = problem.strain[at];
-      const double dep = flow_of_vertex(law, load, lane, T, old);
+      const double dep = flow_of_vertex(law, load, lane, problem.T_ad[at] + rise, rise, old).dep;
       slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep;
       if (strain_new != nullptr) strain_new[at] = old + dep;
     }

@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "server/physics/material/flow_laws.hpp"
+#include "server/physics/solver/flow/vertex_flow.hpp"
 
 #define SHEARBUS_KERNELS "server/physics/solver/flow/searched_flow_kernel.hpp"
 #include "server/physics/layer/each_register.hpp"
@@ -23,7 +24,29 @@ void start_search(double* rows, SearchedFlow& flow) {
 
 namespace {
 
-// One overload for each law that has no expanded flow: a law without a kernel does not compile.
+// Sums the flow lane by lane, for laws without a kernel.
+template <class Law>
+void sum_by(LawType<Law>, const FlowProblem& problem, const FlowLoad& load, double* strain_new, SearchedFlow& flow) {
+  const Law law(*problem.soft, problem.dt);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double slip = 0.0, slope = 0.0;
+    for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
+      const std::ptrdiff_t at = i * kLanes + lane;
+      const double response = problem.spread_response != nullptr ? problem.spread_response[at] : problem.response[i];
+      const double rise = i < problem.num_heated ? load.flux[lane] * response : 0.0;
+      const double ep = problem.strain[at];
+      const FlowOfVertex found = flow_of_vertex(law, load, lane, problem.T_ad[at] + rise, rise, ep);
+      const double weight = problem.grid->weight[static_cast<std::size_t>(i)];
+      slip += weight * found.dep;
+      slope += weight * found.slope;
+      strain_new[at] = ep + found.dep;
+    }
+    flow.slip[lane] = slip;
+    flow.slope[lane] = slope;
+  }
+}
+
+// Laws with a kernel. That of Steinberg, Cochran and Guinan has an expanded flow and is not searched.
 void sum_by(LawType<JohnsonCook>, const FlowProblem& problem, const FlowLoad& load, double* strain_new,
             SearchedFlow& flow) {
   SHEARBUS_CALL(sum_johnson_cook, problem, load, strain_new, flow);
