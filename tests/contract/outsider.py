@@ -353,7 +353,7 @@ class Outsider(unittest.TestCase):
             opened = session.opened.header.session_opened
             return (opened.strategy, opened.tangential_components, list(opened.required_columns), list(opened.optional_columns),
                     list(opened.reply_columns), list(opened.columns_on_request))
-        on_request = [37, *range(40, 49)]
+        on_request = [37, 38, 39, 49, *range(40, 49)]
         velocity = facts(self.open(paper_scene(), [1]))
         self.assertEqual(velocity, (1, 1, [JUMP, PRESSURE], [], [STRESS, SLIDING, TEMPERATURE, HEAT, REGIME, OUTCOME], on_request))
         force = facts(self.open(force_scene() + "plastic_layer = true\n", [1]))

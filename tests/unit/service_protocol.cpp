@@ -454,7 +454,7 @@ TEST(Service, SessionAndMemoryLimitsAreHeld) {
   EXPECT_TRUE(few.ask(ServiceHarness::opening(support::velocity_scene(), nodes, 2)).reply.status.ok());
 
   ServiceHarness small(1, {.max_state_bytes = 1 << 20});
-  EXPECT_TRUE(small.ask(ServiceHarness::opening(support::velocity_scene(100), nodes, 1)).reply.status.ok());
+  EXPECT_TRUE(small.ask(ServiceHarness::opening(support::velocity_scene(60), nodes, 1)).reply.status.ok());
   auto fine = support::velocity_scene(1000);
   fine.mutable_layer()->set_grading(1.0);
   const Answer refused = small.ask(ServiceHarness::opening(fine, nodes, 2));

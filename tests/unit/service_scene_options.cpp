@@ -223,8 +223,8 @@ TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.tolerance, 1e-3);
   EXPECT_EQ(made.options.time_integrator, physics::TimeIntegrator::kSdirk2);
-  EXPECT_GT(made.options.grid.cells, 20);
-  EXPECT_LT(made.options.grid.cells, 200);
+  EXPECT_GT(made.options.grid.cells, 12);
+  EXPECT_LT(made.options.grid.cells, 100);
   scene.set_tolerance(1e-2);
   EXPECT_LT(scene_model(scene).options.grid.cells, made.options.grid.cells);
   EXPECT_THAT(physics::Model(made.options).warnings(), ::testing::Contains(HasSubstr("tolerance 0.001: ")));

@@ -54,13 +54,14 @@ TEST(Columns, HaveOneNameFromWireToFile) {
 TEST(Columns, UnitsInFilesAreUdunitsText) {
   std::set<std::string> units;
   for (const ColumnRow& row : column_rows()) units.insert(units_in_files(row));
-  EXPECT_THAT(units, ElementsAre("1", "J m-2", "K", "Pa", "Pa s m-1", "kg m-2", "m", "m s-1", "s-1"));
+  EXPECT_THAT(units, ElementsAre("1", "J m-2", "K", "Pa", "Pa s m-1", "kg m-2", "m", "m s-1", "s", "s-1"));
 }
 
 // The name of a column ends in the unit of its quantity, if the quantity has a unit.
 TEST(Columns, NamesEndInTheirUnit) {
   const auto suffix = [](const std::string& unit) -> std::string {
     if (unit == "1/s") return "_per_s";
+    if (unit == "s") return "_s";
     if (unit == "m") return "_m";
     if (unit == "m/s") return "_m_per_s";
     if (unit == "kg/m2") return "_kg_per_m2";

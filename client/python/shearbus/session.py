@@ -12,8 +12,8 @@ import numpy
 from . import header
 from .checksum import xxh3
 from .closure import ClosureCheck
-from .columns import (BY_NAME, BY_NUMBER, DTYPE, FAR_FIELD_FORM, INITIAL_TEMPERATURE, LEDGER, NODE_ID, PROFILE,
-                      STICK_FORM, UINT64)
+from .columns import (BY_NAME, BY_NUMBER, DTYPE, FAR_FIELD_FORM, INITIAL_TEMPERATURE, LEDGER, NODE_ID, PAIR,
+                      PARAMETER, PROFILE, STICK_FORM, UINT64)
 from .connection import SMALL_BYTES, Connection
 from .errors import Code, ContentError, Error, MessageError, SessionError, UnexpectedReply, UnknownOutcome, Unreachable
 from .history import History
