@@ -34,20 +34,27 @@ RestRules rest_of(const ModelOptions& options) {
   return {force_driven_step_at_rest, nullptr};
 }
 
-// Backward Euler in place of a second-order step of the same layer, or null.
-AdvanceTile first_order_of(const Problem& problem) {
-  const ModelOptions& options = problem.options;
-  const bool sheared = options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
-  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
-  return sheared && second_order && !problem.basis ? advance_velocity_driven : nullptr;
-}
-
 // Writes 0 for each lane whose outputs are finite, else NaN. A plain loop, which vectorises.
 void find_not_finite(const TileOutputs& outputs, double (&lost)[kLanes]) {
   const auto none = [](double x) { return x - x; };
   for (int l = 0; l < kLanes; ++l) {
     lost[l] = none(outputs.shear_stress[l]) + none(outputs.interface_temperature[l]) +
               none(outputs.sliding_velocity[l]) + none(outputs.velocity_jump_new[l]) + none(outputs.friction_heat[l]);
+  }
+}
+
+// Gives the lanes without an answer their old state: no root was found, the arithmetic left the range of a double, or the
+// old state was not finite. Copies the state of the lanes that are not active.
+void keep_lost(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial,
+               TileOutputs& outputs) {
+  double lost[kLanes];
+  find_not_finite(outputs, lost);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (!contains(inputs.active, lane)) {
+      copy_lane(committed, trial, problem.layout.doubles, lane);
+    } else if (lost[lane] != 0.0) {
+      keep_lane(problem, inputs, committed, trial, lane, outputs);
+    }
   }
 }
 
@@ -61,17 +68,21 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   } else {
     solve(problem, operators, inputs, committed, trial, outputs);
   }
-  double lost[kLanes];
-  find_not_finite(outputs, lost);
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (!contains(inputs.active, lane)) {
-      copy_lane(committed, trial, problem.layout.doubles, lane);
-    } else if (lost[lane] != 0.0) {
-      // The lane has no answer: no root was found, the arithmetic left the range of a double, or the old state was not
-      // finite.
-      keep_lane(problem, inputs, committed, trial, lane, outputs);
-    }
-  }
+  keep_lost(problem, inputs, committed, trial, outputs);
+}
+
+void advance_first_order(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                         const double* committed, double* trial, TileOutputs& outputs) {
+  advance_velocity_driven(problem, operators, inputs, committed, trial, outputs);
+  keep_lost(problem, inputs, committed, trial, outputs);
+}
+
+// Backward Euler in place of a second-order step of the same layer, or null.
+AdvanceTile first_order_of(const Problem& problem) {
+  const ModelOptions& options = problem.options;
+  const bool sheared = options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
+  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
+  return sheared && second_order && !problem.basis ? advance_first_order : nullptr;
 }
 
 // The stress that a force-driven step answers is its mean already: the momentum balance (61) takes it as constant over

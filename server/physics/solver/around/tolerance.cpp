@@ -207,7 +207,7 @@ void ControlledStep::take_first_order(int l, const TileOutputs& piece) {
   lane.first_order = answer_of(piece, l);
   lane.first_order_known = true;
   const double error = errors_.of_first_order(substep_of(l), lane.first_order);
-  if (error <= share_of(l)) accept_piece(l, piece, error);
+  if (error <= share_of(l) && (lane.first_order.outcome & kFailed) == 0) accept_piece(l, piece, error);
 }
 
 // The next substep of a lane, solved in one piece, is in half_ and accurate enough.

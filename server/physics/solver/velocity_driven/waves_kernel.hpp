@@ -145,7 +145,7 @@ class WaveLanes {
       const Register ratio = where(positive, now.stress / a, all(1.0));
       const Register step = log_of(ratio) * a / (1.0 - a * now.log_slope);
       const Register next = a + step;
-      const Mask found = todo & positive & (magnitude(step) <= kConverged * a);
+      const Mask found = todo & positive & (magnitude(step) <= kReturned * a);
       const bool bisects = iteration >= kInterfaceNewton && iteration % 2 == 0;
       const Mask inside = positive & (next > lo) & (next < hi) & (all(bisects ? 1.0 : 0.0) < 0.5);
       const Register best = smaller(larger(next, lo), hi);

@@ -14,7 +14,10 @@ namespace shearbus::physics {
 namespace {
 
 constexpr double kMelting = SteinbergCochranGuinan::kMeltingFactor;
-constexpr double kConverged = 1e-11;        // Newton's method ends with a step below this fraction of the scale
+// Newton's method ends with a step below this fraction of the scale; what the last step adds to the stresses is linear,
+// and must leave each vertex within 1e-10 of its flow stress.
+constexpr double kConverged = 1e-13;
+constexpr double kReturned = 1e-11;         // the same of the return at z = 0, relative to its stress
 constexpr double kLocallyConverged = 1e-6;  // the same of the hardening term x, relative to 1 + x
 constexpr double kNothing = 1e-14;          // a change of velocity so small has no effect  [m/s]
 constexpr double kFarthestStep = 1e12;      // a longer step of the velocities is no step  [m/s]
