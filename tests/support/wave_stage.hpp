@@ -72,19 +72,6 @@ class WaveStage {
     return worst;
   }
 
-  // Scales of the heat, and of stress and plastic strain of vertex i: rounding a velocity by 1e-6 of its size times 1e-8
-  // changes no more.
-  double stress_size(int i) const {
-    const double per_velocity = soft_.shear_modulus * step_.dt / step_.grid->weight[i];
-    return largest_stress() + kLeastStress + 1e-6 * per_velocity * largest_velocity();
-  }
-  double strain_size(int i) const {
-    return before_.strain[i] + 1e-6 +
-           (stress_size(i) + std::abs(step_.dt * velocity(i) / step_.grid->weight[i] * soft_.shear_modulus)) /
-               (kSqrt3 * soft_.shear_modulus);
-  }
-  double heat_size() const { return stress_size(0) * std::abs(step_.jump) * step_.dt; }
-
   double mass(int cell) const { return soft_.density * step_.grid->width[cell]; }
 
   // Scale of the momentum balance of cell c: momentum of the cell plus impulse of the stresses on the cell. Rounding a

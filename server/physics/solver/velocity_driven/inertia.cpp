@@ -5,14 +5,12 @@
 #include <cstddef>
 
 #include "server/physics/interface/stress_limit.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
-#include "server/physics/solver/velocity_driven/waves_wide.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -74,15 +72,9 @@ void copy_start(const Problem& problem, const TileInputs& inputs, const double* 
     trial[layout.layer_velocity + i * kLanes + l] = inputs.velocity_jump[l];
 }
 
-double friction_limit(const Problem& problem, const Material& soft, const TileInputs& inputs, const double* trial,
-                      int l) {
-  const double T_ad = trial[problem.layout.temperature + l];
-  return interface_strength(problem.interface, soft, inputs.pressure[l], nullptr).friction(T_ad).stress;
-}
-
-// Backward Euler of one lane over the length of `heat`, from the state in `trial`, whose temperatures have been
-// conducted already. Returns false if no answer was found.
-bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double* trial, int l,
+// Backward Euler over the length of `heat`, from the state in `trial`, whose temperatures have been conducted already.
+// Returns false if no answer was found.
+bool solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double* trial, int l,
                  Found& found) {
   const TileLayout& layout = problem.layout;
   const Grid& grid = problem.grid;
@@ -95,7 +87,9 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
                       .pressure = inputs.pressure[l],
                       .jump = inputs.velocity_jump[l],
                       .heat_share = problem.heat_partition,
-                      .coulomb = friction_limit(problem, soft, inputs, trial, l)};
+                      .coulomb = interface_strength(problem.interface, soft, inputs.pressure[l], nullptr)
+                                     .friction(trial[layout.temperature + l])
+                                     .stress};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
   gather(trial + layout.plastic_strain + l, n + 1, fields.strain);
@@ -124,56 +118,6 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
   scatter(fields.velocity, n, trial + layout.layer_velocity + l);
   add_flux_lane(heat, problem.heat_grid.num_vertices(), l, answer.flux, trial + layout.first_temperature());
   return true;
-}
-
-// The same of several lanes: by Newton's method in all of them at once, and by search_lane() where that has not found an
-// answer. Returns the lanes that have none.
-std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                          std::uint32_t lanes, double* trial, Found (&found)[kLanes]) {
-  if (lanes == 0) return 0;
-  const TileLayout& layout = problem.layout;
-  const int n = problem.grid.num_cells();
-  const Material& any = problem.options.soft;
-  WideWaveStep step{.soft = &any,
-                    .grid = &problem.grid,
-                    .response = heat.layer_response(),
-                    .dt = heat.dt,
-                    .heat_share = problem.heat_partition,
-                    .T_melt = {},
-                    .bracket = {},
-                    .jump = {},
-                    .coulomb = {},
-                    .T_ad = trial + layout.temperature,
-                    .strain = trial + layout.plastic_strain,
-                    .stress = trial + layout.shear_stress,
-                    .velocity = trial + layout.layer_velocity};
-  for (const int l : lanes_of(lanes)) {
-    const Material soft = at_pressure(any, inputs.pressure[l]);
-    step.T_melt[l] = soft.melting_temperature;
-    step.bracket[l] = 1.0 + soft.pressure_coefficient * inputs.pressure[l] +
-                      soft.temperature_coefficient * SteinbergCochranGuinan::kReference;
-    step.jump[l] = inputs.velocity_jump[l];
-    step.coulomb[l] = friction_limit(problem, soft, inputs, trial, l);
-  }
-  WideWaveAnswer answer;
-  const std::uint32_t solved = advance_waves_wide(step, lanes, answer);
-  std::uint32_t lost = 0;
-  for (const int l : lanes_of(lanes)) {
-    if (!contains(solved, l)) {
-      if (!search_lane(problem, heat, inputs, trial, l, found[l])) lost |= 1u << l;
-      continue;
-    }
-    if (inputs.effort != nullptr) inputs.effort->newton_steps += static_cast<int>(answer.iterations[l]);
-    add_work(inputs, l, n * (1.0 + answer.iterations[l]));
-    const double* stress = trial + layout.shear_stress + l;
-    found[l] = {.flux = answer.flux[l],
-                .slip_along = {answer.slip_along[0][l], answer.slip_along[1][l]},
-                .interface_slips = answer.interface_slip[l] != 0.0,
-                .stress = {stress[0], stress[n * kLanes]}};
-    found[l].slip_along[std::signbit(stress[0])] += answer.interface_slip[l] * heat.dt;
-    add_flux_lane(heat, problem.heat_grid.num_vertices(), l, answer.flux[l], trial + layout.first_temperature());
-  }
-  return lost;
 }
 
 // Writes the answer of a closed lane. [v] is the slip along s(0): what flows against s(0), because waves have turned the
@@ -210,20 +154,8 @@ void close_lane(const Problem& problem, const TileInputs& inputs, double* trial,
   trial[problem.layout.regime + l] = static_cast<double>(outputs.regime[l]);
 }
 
-// Answers the lanes whose contact is open, and copies the state of the others from which the step starts. Returns the
-// latter.
-std::uint32_t start_lanes(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial,
-                          TileOutputs& outputs) {
-  std::uint32_t closed = 0;
-  for (const int l : lanes_of(inputs.active)) {
-    if (inputs.pressure[l] <= 0.0) {
-      open_lane(problem, inputs, committed, trial, l, outputs);
-    } else {
-      copy_start(problem, inputs, committed, trial, l);
-      closed |= 1u << l;
-    }
-  }
-  return closed;
+bool is_open(const TileInputs& inputs, int l) {
+  return inputs.pressure[l] <= 0.0;
 }
 
 // The start of the second stage: extrapolates the mechanical state, from the start of the step through the end of the
@@ -247,13 +179,20 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
                           const double* committed, double* trial, TileOutputs& outputs) {
   const std::size_t T = problem.layout.first_temperature();
   conduct(operators.heat(), problem.heat_grid.num_vertices(), committed + T, trial + T);
-  const std::uint32_t closed = start_lanes(problem, inputs, committed, trial, outputs);
-  Found found[kLanes];
-  const std::uint32_t lost = solve_stage(problem, operators.heat(), inputs, closed, trial, found);
-  for (const int l : lanes_of(closed & ~lost))
-    answer_lane(problem, operators.dt(), inputs, found[l], trial, l, outputs);
-  for (const int l : lanes_of(inputs.active & ~lost)) close_lane(problem, inputs, trial, l, outputs);
-  for (const int l : lanes_of(lost)) keep_lane(problem, inputs, committed, trial, l, outputs);
+  for (const int l : lanes_of(inputs.active)) {
+    if (is_open(inputs, l)) {
+      open_lane(problem, inputs, committed, trial, l, outputs);
+    } else {
+      copy_start(problem, inputs, committed, trial, l);
+      Found found;
+      if (!solve_stage(problem, operators.heat(), inputs, trial, l, found)) {
+        keep_lane(problem, inputs, committed, trial, l, outputs);
+        continue;
+      }
+      answer_lane(problem, operators.dt(), inputs, found, trial, l, outputs);
+    }
+    close_lane(problem, inputs, trial, l, outputs);
+  }
 }
 
 void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
@@ -263,21 +202,33 @@ void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& op
   const double* T_old = committed + problem.layout.first_temperature();
   double* T = trial + problem.layout.first_temperature();
   Found first[kLanes], second[kLanes];
+  std::uint32_t lost = 0;  // lanes for which the step of second order has no answer
 
-  // 1. First stage of SDIRK2: backward Euler over gamma dt. `lost`: lanes for which this step has no answer.
+  // 1. First stage of SDIRK2: backward Euler over gamma dt.
   conduct(stage, n, T_old, T);
-  const std::uint32_t closed = start_lanes(problem, inputs, committed, trial, outputs);
-  std::uint32_t lost = solve_stage(problem, stage, inputs, closed, trial, first);
+  for (const int l : lanes_of(inputs.active)) {
+    if (is_open(inputs, l)) continue;
+    copy_start(problem, inputs, committed, trial, l);
+    if (!solve_stage(problem, stage, inputs, trial, l, first[l])) lost |= 1u << l;
+  }
 
   // 2. Second stage: the same from the state extrapolated through the first.
   const double no_flux[kLanes] = {};
   sdirk2::begin_second_stage(stage, n, T_old, no_flux, T);
   lost |= sdirk2::lanes_out_of_range(problem, inputs, T_old, T);
-  for (const int l : lanes_of(closed & ~lost)) extrapolate_lane(problem, inputs, committed, trial, l);
-  lost |= solve_stage(problem, stage, inputs, closed & ~lost, trial, second);
-  for (const int l : lanes_of(closed & ~lost))
-    answer_lane(problem, operators.dt(), inputs, step_of(first[l], second[l]), trial, l, outputs);
-  for (const int l : lanes_of(inputs.active & ~lost)) close_lane(problem, inputs, trial, l, outputs);
+  for (const int l : lanes_of(inputs.active & ~lost)) {
+    if (is_open(inputs, l)) {
+      open_lane(problem, inputs, committed, trial, l, outputs);
+    } else {
+      extrapolate_lane(problem, inputs, committed, trial, l);
+      if (!solve_stage(problem, stage, inputs, trial, l, second[l])) {
+        lost |= 1u << l;
+        continue;
+      }
+      answer_lane(problem, operators.dt(), inputs, step_of(first[l], second[l]), trial, l, outputs);
+    }
+    close_lane(problem, inputs, trial, l, outputs);
+  }
 
   // 3. Lanes without an answer take a step of backward Euler instead.
   if (lost == 0) return;
