@@ -150,6 +150,7 @@ Scenes step_lengths(const Physics& p) {
 }
 
 Scenes near_several_answers(const Physics& p) {
+  if (p.options.melt_film) return {};  // film and contact in series have one answer (MODEL.md, "Melt film")
   return several_answers(p) ? Scenes(40, p.options) : Scenes{};
 }
 

@@ -18,9 +18,6 @@ inline std::vector<double> strain_before(const Rig& rig, int lane) {
   return ep;
 }
 
-// Stress to which the waves of a layer with inertia are resolved: momentum balances to 1e-9 of 1 MPa at least  [Pa].
-inline constexpr double kResolvedStress = 1e-3;
-
 // Requires that the stress of a layer is at most its flow stress and equal to it where the layer flows, and that no
 // plastic strain decreases. `grain`: accepted error of the temperatures, besides that of their last digits  [K].
 inline void require_complementary_flow(const Rig& rig, const Answered& a, int lane, double grain, Figures& figures) {
@@ -28,7 +25,6 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
   const TileLayout& layout = rig.model.layout();
   const Material soft = at_pressure(options.soft, a.pressure);
   const std::vector<double> profile = rig.layer_temperatures(lane);
-  const double resolved = options.inertia ? kResolvedStress : 0.0;
   for (int i = 0; i < rig.model.grid().num_vertices(); ++i) {
     const double carried =
         options.inertia ? std::abs(rig.committed[place(layout.shear_stress, i, lane)]) : std::abs(a.stress);
@@ -49,8 +45,8 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
       return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
     };
     const double most = limit(T * (1 - kDigits) - grain, dep + noise);
-    require(carried <= most * (1 + 1e-10) + resolved,
-            "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i, carried, most, T, ep);
+    require(carried <= most * (1 + 1e-10), "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i,
+            carried, most, T, ep);
     if (most > 0.0) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
     // A vertex counts as flowing only if its plastic strain increment exceeds the rounding error of the strain.
     const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
@@ -58,7 +54,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     if (a.in_parts() || (options.inertia && of_two_stages(options, a))) continue;
     if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
     const double least = limit(T * (1 + kDigits) + grain, dep - noise);
-    require(carried >= least * (1 - 1e-10) - resolved,
+    require(carried >= least * (1 - 1e-10),
             "vertex {} flows under {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {} from {}", i, carried, least, T,
             ep, ep_old);
   }

@@ -24,9 +24,8 @@ inline void require_heat_of_work(const ModelOptions& options, double share, cons
     if (a.in_parts() || of_two_stages(options, a)) return;
     const double work = std::max(0.0, a.stress * a.jump_old) * a.dt;
     const double least = options.taylor_quinney_factor.value_or(1.0) * share * work;
-    // Rounding decides about a stress next to 0 of a layer with inertia; it is answered as 0 where it opposes the slip.
-    const bool unresolved = options.inertia && std::abs(a.stress) < kNoStress;
-    const double unanswered = unresolved ? kNoStress : 1e-15 * std::abs(a.stress);
+    // A layer with inertia answers a stress next to 0 as 0 where it opposes the slip.
+    const double unanswered = options.inertia && a.stress == 0.0 ? kNoStress : 1e-15 * std::abs(a.stress);
     const double noise = unanswered * a.jump_length * a.dt + kProductOfDenormals;
     require(a.heat >= least * (1 - 1e-13) - noise && a.heat <= share * work * (1 + 1e-13) + noise,
             "heat {:.17g} of work {:.17g}, share {}", a.heat, work, share);

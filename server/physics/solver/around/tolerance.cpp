@@ -119,6 +119,7 @@ void ControlledStep::begin() {
   const std::size_t stress = problem_.layout.shear_stress;
   begun_ = true;
   std::copy_n(committed_, problem_.layout.doubles, accepted_);
+  std::copy_n(committed_, problem_.layout.doubles, trial_);  // for the lanes that are not active
   TileOutputs piece{};
   (first_order_ != nullptr ? first_order_ : advance_)(problem_, operators_, now_, committed_, half_, piece);
   now_.stress_before = nullptr;  // null: a substep takes its initial stress from the accepted state
