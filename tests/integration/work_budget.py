@@ -117,8 +117,9 @@ class Work(unittest.TestCase):
             one = alone.step(DT, nodes=[node], jump=jump[node:node + 1], pressure=pressure[node:node + 1])
             for column in ("stress", "slip", "temperature", "friction_heat", "regime", "outcome"):
                 self.assertEqual(getattr(one, column).tobytes(), getattr(whole, column)[node:node + 1].tobytes())
-        shorter = together.step(1e-12, jump=jump, pressure=pressure)
-        self.assertFalse(np.any(shorter.outcome & shearbus.Outcome.FAILED), "a shorter step needs less work")
+        # The law is of first order, and the tolerance holds the heat of the rise of the stress, too: slowly.
+        shorter = together.step(1e-12, jump=0.01 * jump, pressure=pressure)
+        self.assertFalse(np.any(shorter.outcome & shearbus.Outcome.FAILED), "a shorter, slower step needs less work")
 
     def test_all_or_nothing_refuses_a_step_beyond_the_budget(self):
         self.serve(durable=False)
