@@ -107,7 +107,7 @@ TileMap::Change TileMap::remove(std::span<const std::uint32_t> slots) {
     affected->second.nodes += used(tile);
   }
   for (auto& [pair, of] : pairs) {
-    std::ranges::stable_partition(of.tiles, [&](std::uint32_t tile) { return used(tile) == kLanes; });
+    std::stable_partition(of.tiles.begin(), of.tiles.end(), [&](std::uint32_t tile) { return used(tile) == kLanes; });
     close_gaps(of, change);
   }
   nodes_ -= slots.size();
