@@ -117,11 +117,10 @@ constexpr ColumnCondition kHasTangent = {
     wire::Kind::kOutput,
     physics::Model::can_linearise,
     wire::Code::kUnsupported,
-    "is of steps whose stress is given by one balance; those of a scene with tolerance, time_integrator = \"sdirk2\", "
-    "two "
-    "tangential components, layer.inertia, interface.plastic_layer, [melt_film], velocity_driven.taylor_quinney_factor "
-    "or drive = "
-    "\"interface_slip\" are given by several, or by one that the derivative does not cover",
+    "is of steps whose stress is given by one balance; those of a scene with tolerance, "
+    "time_integrator = \"sdirk2\", two tangential components, layer.inertia, interface.plastic_layer, [melt_film], "
+    "velocity_driven.taylor_quinney_factor or drive = \"interface_slip\" are given by several, or by one that the "
+    "derivative does not cover",
     "Leave it out, or compare two trial steps."};
 
 constexpr std::array kConditions = {
