@@ -21,7 +21,7 @@ class PhysicsWaves : public ::testing::TestWithParam<bool> {};
 TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
   const bool extreme = GetParam();
   Draw draw(41 + (extreme ? 1 : 0));
-  double momentum = 0.0, kinematic = 0.0, energy = 0.0;
+  double momentum = 0.0, kinematic = 0.0, energy = 0.0, apart = 0.0;
   int steps = 0, flowing = 0, slipping = 0, melting = 0, guarded = 0, failed = 0, reversed = 0, most = 0;
   long iterations = 0;
   for (int scene = 0; scene < 220; ++scene) {
@@ -38,12 +38,13 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         WaveStage& step = solved[static_cast<std::size_t>(l)];
         step.solve();
-        if (!step.answer().found) {  // inputs far outside physics: the outcome is "failed", and the state is kept
-          ASSERT_TRUE(rig.outputs.outcome[l] & kFailed);
+        if (rig.outputs.outcome[l] & kFailed) {  // inputs far outside physics: the state is kept
+          ASSERT_FALSE(step.answer().found);
           for (int i = 0; i <= step.cells(); ++i) ASSERT_EQ(stress_at(rig, i, l), step.stress_before(i));
           ++failed;
           continue;
         }
+        ASSERT_TRUE(step.answer().found);
         momentum = std::max(momentum, step.momentum_fault());
         kinematic = std::max(kinematic, step.kinematic_fault());
         energy = std::max(energy, step.energy_fault());
@@ -51,12 +52,13 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
         ASSERT_LE(step.kinematic_fault(), 1e-12);
         ASSERT_LE(step.energy_fault(), 1e-9);
         step.expect_flow_law();
-        // The step of the whole tile must give this lane the same results as the step of the lane alone.
+        // The step of the whole tile, by waves_wide where Newton's method finds an answer, must give this lane the
+        // same results as the step of the lane alone.
         ASSERT_GE(rig.outputs.shear_stress[l] * rig.outputs.sliding_velocity[l], 0.0);
-        if (std::abs(step.fields().stress[0]) >= kNoStress) {
-          ASSERT_EQ(rig.outputs.shear_stress[l], step.fields().stress[0]);
+        if (std::abs(stress_at(rig, 0, l)) >= kNoStress) {
+          ASSERT_EQ(rig.outputs.shear_stress[l], stress_at(rig, 0, l));
         }
-        ASSERT_EQ(rig.outputs.friction_heat[l], step.answer().flux * dt);
+        ASSERT_NEAR(rig.outputs.friction_heat[l], step.answer().flux * dt, 1e-8 * step.heat_size());
         ASSERT_NEAR(step.answer().flux,
                     step.step().heat_share * std::max(0.0, step.fields().stress[0] * step.step().jump),
                     1e-9 * step.answer().flux + 1e-30);
@@ -65,7 +67,11 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
             ASSERT_LT(rig.T(i, l), rig.model.options().soft.melting_temperature);
           }
           ASSERT_GE(rig.ep(i, l), step.fields().strain[i]);
-          ASSERT_EQ(stress_at(rig, i, l), step.fields().stress[i]);
+          const double stress = std::abs(stress_at(rig, i, l) - step.fields().stress[i]);
+          const double flow = std::abs(rig.ep(i, l) - step.fields().strain[i] - step.fields().strain_growth[i]);
+          apart = std::max({apart, stress / step.stress_size(i), flow / step.strain_size(i)});
+          ASSERT_LE(stress, 1e-8 * step.stress_size(i)) << i;
+          ASSERT_LE(flow, 1e-8 * step.strain_size(i)) << i;
         }
         if (::testing::Test::HasFatalFailure()) return;
         ++steps;
@@ -82,9 +88,9 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
   }
   std::printf(
       "%d node-steps: tresca %d, coulomb %d, melting %d, stress of both signs %d; %.2f Newton steps each, at most %d, "
-      "guarded %d, failed %d; worst momentum %.1e, kinematics %.1e, energy %.1e\n",
+      "guarded %d, failed %d; worst momentum %.1e, kinematics %.1e, energy %.1e; tile and lane %.1e apart\n",
       steps, flowing, slipping, melting, reversed, static_cast<double>(iterations) / steps, most, guarded, failed,
-      momentum, kinematic, energy);
+      momentum, kinematic, energy, apart);
   EXPECT_GT(std::min({flowing, slipping, melting, reversed}), 100);
   EXPECT_LT(guarded, steps / 500);
   EXPECT_LE(failed, extreme ? steps / 5000 : 0);

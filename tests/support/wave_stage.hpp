@@ -72,6 +72,20 @@ class WaveStage {
     return worst;
   }
 
+  // Scales of the heat, and of stress and plastic strain of vertex i. Times 1e-8 they are above what Newton's method leaves,
+  // which ends with the stresses balanced to 1e-11 and the velocities known to 1e-10 of the largest, or to 1e-7 m/s where
+  // close to melting all stresses vanish.
+  double stress_size(int i) const {
+    const double per_velocity = soft_.shear_modulus * step_.dt / step_.grid->weight[i];
+    return largest_stress() + kLeastStress + 1e-6 * per_velocity * largest_velocity();
+  }
+  double strain_size(int i) const {
+    const double per_velocity = step_.dt / (kSqrt3 * step_.grid->weight[i]);
+    return before_.strain[i] + 1e-6 + stress_size(i) / (kSqrt3 * soft_.shear_modulus) +
+           per_velocity * (std::abs(velocity(i)) + 0.01 * (largest_velocity() + 1e3));
+  }
+  double heat_size() const { return stress_size(0) * std::abs(step_.jump) * step_.dt; }
+
   double mass(int cell) const { return soft_.density * step_.grid->width[cell]; }
 
   // Scale of the momentum balance of cell c: momentum of the cell plus impulse of the stresses on the cell. Rounding a

@@ -5,12 +5,14 @@
 #include <cstddef>
 
 #include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/material/steinberg_cochran_guinan.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
+#include "server/physics/solver/velocity_driven/waves_wide.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -60,21 +62,32 @@ void open_lane(const Problem& problem, const TileInputs& inputs, const double* c
   outputs.outcome[l] = 0;
 }
 
-// The mechanical state of a closed lane from which a step starts. A contact that closes finds the layer moving with the
-// soft body.
-void copy_start(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int l) {
+// The mechanical state from which the step of the closed lanes starts. A contact that closes finds the layer moving with
+// the soft body.
+void copy_start(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial) {
   const TileLayout& layout = problem.layout;
-  copy_lane(committed + layout.plastic_strain, trial + layout.plastic_strain, layout.num_strain_vertices * kLanes, l);
-  copy_lane(committed + layout.shear_stress, trial + layout.shear_stress, layout.num_stress_vertices * kLanes, l);
-  copy_lane(committed + layout.layer_velocity, trial + layout.layer_velocity, layout.num_velocity_cells * kLanes, l);
-  if (committed[layout.regime + l] != static_cast<double>(Regime::kOpen)) return;
-  for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
-    trial[layout.layer_velocity + i * kLanes + l] = inputs.velocity_jump[l];
+  const auto copy_rows = [&](std::size_t first, std::size_t rows) {
+    std::copy_n(committed + first, rows * kLanes, trial + first);
+  };
+  copy_rows(layout.plastic_strain, layout.num_strain_vertices);
+  copy_rows(layout.shear_stress, layout.num_stress_vertices);
+  copy_rows(layout.layer_velocity, layout.num_velocity_cells);
+  for (const int l : lanes_of(inputs.active)) {
+    if (committed[layout.regime + l] != static_cast<double>(Regime::kOpen)) continue;
+    for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
+      trial[layout.layer_velocity + i * kLanes + l] = inputs.velocity_jump[l];
+  }
 }
 
-// Backward Euler over the length of `heat`, from the state in `trial`, whose temperatures have been conducted already.
-// Returns false if no answer was found.
-bool solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double* trial, int l,
+double friction_limit(const Problem& problem, const Material& soft, const TileInputs& inputs, const double* trial,
+                      int l) {
+  const double T_ad = trial[problem.layout.temperature + l];
+  return interface_strength(problem.interface, soft, inputs.pressure[l], nullptr).friction(T_ad).stress;
+}
+
+// Backward Euler of one lane over the length of `heat`, from the state in `trial`, whose temperatures have been
+// conducted already. Returns false if no answer was found.
+bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double* trial, int l,
                  Found& found) {
   const TileLayout& layout = problem.layout;
   const Grid& grid = problem.grid;
@@ -87,9 +100,7 @@ bool solve_stage(const Problem& problem, const HeatOperator& heat, const TileInp
                       .pressure = inputs.pressure[l],
                       .jump = inputs.velocity_jump[l],
                       .heat_share = problem.heat_partition,
-                      .coulomb = interface_strength(problem.interface, soft, inputs.pressure[l], nullptr)
-                                     .friction(trial[layout.temperature + l])
-                                     .stress};
+                      .coulomb = friction_limit(problem, soft, inputs, trial, l)};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
   gather(trial + layout.plastic_strain + l, n + 1, fields.strain);
@@ -120,16 +131,62 @@ bool solve_stage(const Problem& problem, const HeatOperator& heat, const TileInp
   return true;
 }
 
+// The same of several lanes: by Newton's method in all of them at once, and by search_lane() where that has not found an
+// answer. Returns the lanes that have none.
+std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+                          std::uint32_t lanes, double* trial, Found (&found)[kLanes]) {
+  if (lanes == 0) return 0;
+  const TileLayout& layout = problem.layout;
+  const int n = problem.grid.num_cells();
+  const Material& any = problem.options.soft;
+  WideWaveStep step{.soft = &any,
+                    .grid = &problem.grid,
+                    .response = heat.layer_response(),
+                    .dt = heat.dt,
+                    .heat_share = problem.heat_partition,
+                    .T_melt = {},
+                    .bracket = {},
+                    .jump = {},
+                    .coulomb = {},
+                    .T_ad = trial + layout.temperature,
+                    .strain = trial + layout.plastic_strain,
+                    .stress = trial + layout.shear_stress,
+                    .velocity = trial + layout.layer_velocity};
+  for (const int l : lanes_of(lanes)) {
+    const Material soft = at_pressure(any, inputs.pressure[l]);
+    step.T_melt[l] = soft.melting_temperature;
+    step.bracket[l] = 1.0 + soft.pressure_coefficient * inputs.pressure[l] +
+                      soft.temperature_coefficient * SteinbergCochranGuinan::kReference;
+    step.jump[l] = inputs.velocity_jump[l];
+    step.coulomb[l] = friction_limit(problem, soft, inputs, trial, l);
+  }
+  WideWaveAnswer answer;
+  const std::uint32_t solved = advance_waves_wide(step, lanes, answer);
+  std::uint32_t lost = 0;
+  for (const int l : lanes_of(lanes)) {
+    if (!contains(solved, l)) {
+      if (!search_lane(problem, heat, inputs, trial, l, found[l])) lost |= 1u << l;
+      continue;
+    }
+    if (inputs.effort != nullptr) inputs.effort->newton_steps += static_cast<int>(answer.iterations[l]);
+    add_work(inputs, l, n * (1.0 + answer.iterations[l]));
+    const double* stress = trial + layout.shear_stress + l;
+    found[l] = {.flux = answer.flux[l],
+                .slip_along = {answer.slip_along[0][l], answer.slip_along[1][l]},
+                .interface_slips = answer.interface_slip[l] != 0.0,
+                .stress = {stress[0], stress[n * kLanes]}};
+    found[l].slip_along[std::signbit(stress[0])] += answer.interface_slip[l] * heat.dt;
+    add_flux_lane(heat, problem.heat_grid.num_vertices(), l, answer.flux[l], trial + layout.first_temperature());
+  }
+  return lost;
+}
+
 // Writes the answer of a closed lane. [v] is the slip along s(0): what flows against s(0), because waves have turned the
 // stress there, works against another stress than the interface's. Without stress at z = 0 it is the whole slip.
 void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, const Found& found, const double* trial,
-                 int l, TileOutputs& outputs) {
-  const TileLayout& layout = problem.layout;
+                 int l, double hottest, TileOutputs& outputs) {
   const double melts_at = kMeltingShare * at_pressure(problem.options.soft, inputs.pressure[l]).melting_temperature;
-  bool melts = false;
-  for (std::size_t i = 0; i < layout.num_strain_vertices; ++i)
-    melts = melts || trial[layout.temperature + i * kLanes + l] >= melts_at;
-  const double stress = trial[layout.shear_stress + l];
+  const double stress = trial[problem.layout.shear_stress + l];
   const bool carries = std::abs(stress) >= kNoStress;
   const double slip = (carries && stress < 0.0 ? 0.0 : found.slip_along[0]) / dt -
                       (carries && stress > 0.0 ? 0.0 : found.slip_along[1]) / dt;
@@ -142,9 +199,17 @@ void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, co
   }
   outputs.regime[l] = slip == 0.0             ? Regime::kStick
                       : found.interface_slips ? Regime::kCoulomb
-                      : melts                 ? Regime::kMelting
+                      : hottest >= melts_at   ? Regime::kMelting
                                               : Regime::kTresca;
   outputs.outcome[l] = outside_domain(slip, inputs.velocity_jump[l]);
+}
+
+void answer_lanes(const Problem& problem, double dt, const TileInputs& inputs, std::uint32_t lanes,
+                  const Found (&found)[kLanes], const double* trial, TileOutputs& outputs) {
+  const TileLayout& layout = problem.layout;
+  double coldest[kLanes], hottest[kLanes];
+  range_of_rows(static_cast<std::ptrdiff_t>(layout.num_strain_vertices), trial + layout.temperature, coldest, hottest);
+  for (const int l : lanes_of(lanes)) answer_lane(problem, dt, inputs, found[l], trial, l, hottest[l], outputs);
 }
 
 // Writes what an answer of any regime has, and the regime into the state.
@@ -154,19 +219,31 @@ void close_lane(const Problem& problem, const TileInputs& inputs, double* trial,
   trial[problem.layout.regime + l] = static_cast<double>(outputs.regime[l]);
 }
 
-bool is_open(const TileInputs& inputs, int l) {
-  return inputs.pressure[l] <= 0.0;
+// Answers the lanes whose contact is open, and copies the state of the others from which the step starts. Returns the
+// latter.
+std::uint32_t start_lanes(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial,
+                          TileOutputs& outputs) {
+  copy_start(problem, inputs, committed, trial);
+  std::uint32_t closed = inputs.active;
+  for (const int l : lanes_of(inputs.active)) {
+    if (inputs.pressure[l] > 0.0) continue;
+    open_lane(problem, inputs, committed, trial, l, outputs);
+    closed &= ~(1u << l);
+  }
+  return closed;
 }
 
-// The start of the second stage: extrapolates the mechanical state, from the start of the step through the end of the
-// first stage.
-void extrapolate_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int l) {
+// The start of the second stage of `lanes`: extrapolates the mechanical state, from the start of the step through the
+// end of the first stage.
+void extrapolate_lanes(const Problem& problem, const TileInputs& inputs, std::uint32_t lanes, const double* committed,
+                       double* trial) {
   const TileLayout& layout = problem.layout;
   double* start = scratch_tile(Scratch::kStages, layout.doubles);
-  copy_start(problem, inputs, committed, start, l);
+  copy_start(problem, inputs, committed, start);
   const auto extrapolate = [&](std::size_t first, std::size_t rows) {
-    for (std::size_t i = first + l; i < first + rows * kLanes; i += kLanes)
-      trial[i] = start[i] + sdirk2::kExtrapolation * (trial[i] - start[i]);
+    for (std::size_t row = first; row < first + rows * kLanes; row += kLanes)
+      for (const int l : lanes_of(lanes))
+        trial[row + l] = start[row + l] + sdirk2::kExtrapolation * (trial[row + l] - start[row + l]);
   };
   extrapolate(layout.plastic_strain, layout.num_strain_vertices);
   extrapolate(layout.shear_stress, layout.num_stress_vertices);
@@ -179,20 +256,12 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
                           const double* committed, double* trial, TileOutputs& outputs) {
   const std::size_t T = problem.layout.first_temperature();
   conduct(operators.heat(), problem.heat_grid.num_vertices(), committed + T, trial + T);
-  for (const int l : lanes_of(inputs.active)) {
-    if (is_open(inputs, l)) {
-      open_lane(problem, inputs, committed, trial, l, outputs);
-    } else {
-      copy_start(problem, inputs, committed, trial, l);
-      Found found;
-      if (!solve_stage(problem, operators.heat(), inputs, trial, l, found)) {
-        keep_lane(problem, inputs, committed, trial, l, outputs);
-        continue;
-      }
-      answer_lane(problem, operators.dt(), inputs, found, trial, l, outputs);
-    }
-    close_lane(problem, inputs, trial, l, outputs);
-  }
+  const std::uint32_t closed = start_lanes(problem, inputs, committed, trial, outputs);
+  Found found[kLanes];
+  const std::uint32_t lost = solve_stage(problem, operators.heat(), inputs, closed, trial, found);
+  answer_lanes(problem, operators.dt(), inputs, closed & ~lost, found, trial, outputs);
+  for (const int l : lanes_of(inputs.active & ~lost)) close_lane(problem, inputs, trial, l, outputs);
+  for (const int l : lanes_of(lost)) keep_lane(problem, inputs, committed, trial, l, outputs);
 }
 
 void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
@@ -202,33 +271,21 @@ void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& op
   const double* T_old = committed + problem.layout.first_temperature();
   double* T = trial + problem.layout.first_temperature();
   Found first[kLanes], second[kLanes];
-  std::uint32_t lost = 0;  // lanes for which the step of second order has no answer
 
-  // 1. First stage of SDIRK2: backward Euler over gamma dt.
+  // 1. First stage of SDIRK2: backward Euler over gamma dt. `lost`: lanes for which this step has no answer.
   conduct(stage, n, T_old, T);
-  for (const int l : lanes_of(inputs.active)) {
-    if (is_open(inputs, l)) continue;
-    copy_start(problem, inputs, committed, trial, l);
-    if (!solve_stage(problem, stage, inputs, trial, l, first[l])) lost |= 1u << l;
-  }
+  const std::uint32_t closed = start_lanes(problem, inputs, committed, trial, outputs);
+  std::uint32_t lost = solve_stage(problem, stage, inputs, closed, trial, first);
 
   // 2. Second stage: the same from the state extrapolated through the first.
   const double no_flux[kLanes] = {};
   sdirk2::begin_second_stage(stage, n, T_old, no_flux, T);
   lost |= sdirk2::lanes_out_of_range(problem, inputs, T_old, T);
-  for (const int l : lanes_of(inputs.active & ~lost)) {
-    if (is_open(inputs, l)) {
-      open_lane(problem, inputs, committed, trial, l, outputs);
-    } else {
-      extrapolate_lane(problem, inputs, committed, trial, l);
-      if (!solve_stage(problem, stage, inputs, trial, l, second[l])) {
-        lost |= 1u << l;
-        continue;
-      }
-      answer_lane(problem, operators.dt(), inputs, step_of(first[l], second[l]), trial, l, outputs);
-    }
-    close_lane(problem, inputs, trial, l, outputs);
-  }
+  extrapolate_lanes(problem, inputs, closed & ~lost, committed, trial);
+  lost |= solve_stage(problem, stage, inputs, closed & ~lost, trial, second);
+  for (const int l : lanes_of(closed & ~lost)) second[l] = step_of(first[l], second[l]);
+  answer_lanes(problem, operators.dt(), inputs, closed & ~lost, second, trial, outputs);
+  for (const int l : lanes_of(inputs.active & ~lost)) close_lane(problem, inputs, trial, l, outputs);
 
   // 3. Lanes without an answer take a step of backward Euler instead.
   if (lost == 0) return;

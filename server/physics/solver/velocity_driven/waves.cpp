@@ -451,17 +451,11 @@ class Waves {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
     }
     if (!held_) return;
-    // The friction limit holds the stress at z = 0 at mu P. The vertex there flows plastically by as much as this
-    // stress allows (DLP (48)); the rest of its strain is slip of the interface.
-    const double g = softening(*step_.soft, step_.pressure, rows_.T[0]).g;
-    const double left = std::abs(rows_.t[0]) - step_.coulomb;
-    double flow = 0.0;
-    if (step_.coulomb > rows_.strength[0] * g) {
-      const double x = exponential_minus_1(logarithm(step_.coulomb / (rows_.strength[0] * g)) / law_.exponent);
-      flow = std::min(rows_.compliance[0] > 0.0 ? x / (rows_.compliance[0] * kappa_) : 0.0, left / kappa_);
-    }
-    fields_.strain_growth[0] = flow;
-    answer_.interface_slip = std::copysign((left - kappa_ * flow) / gain(0), rows_.t[0]);
+    const double yield = rows_.strength[0] * softening(*step_.soft, step_.pressure, rows_.T[0]).g;
+    const HeldVertex held =
+        flow_under_friction(std::abs(rows_.t[0]), step_.coulomb, yield, rows_.compliance[0], kappa_, law_.exponent);
+    fields_.strain_growth[0] = held.strain_growth;
+    answer_.interface_slip = std::copysign(held.left / gain(0), rows_.t[0]);
   }
 
   const WaveStep& step_;
@@ -482,6 +476,17 @@ class Waves {
 };
 
 }  // namespace
+
+HeldVertex flow_under_friction(double trial, double coulomb, double yield, double compliance, double kappa,
+                               double exponent) {
+  const double left = trial - coulomb;
+  double flow = 0.0;
+  if (coulomb > yield) {
+    const double x = exponential_minus_1(logarithm(coulomb / yield) / exponent);
+    flow = std::min(compliance > 0.0 ? x / (compliance * kappa) : 0.0, left / kappa);
+  }
+  return {flow, left - kappa * flow};
+}
 
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps, int evaluations) {
   return Waves(step, fields, evaluations).advance(newton_steps);

@@ -1,0 +1,324 @@
+// The kernel of waves_wide.hpp; each_register.hpp includes this file once per register width. Each lane follows its own
+// iteration: its answer is written when it has converged, and what it computes while other lanes go on is not used.
+#if SHEARBUS_WIDTH > 1
+
+[[gnu::always_inline]] inline Register larger(Register a, Register b) {
+  return a > b ? a : b;
+}
+[[gnu::always_inline]] inline Register with_sign_of(Register size, Register sign) {
+  constexpr std::uint64_t kSign = 0x8000000000000000u;
+  return (Register)((Bits)size | ((Bits)sign & kSign));
+}
+
+// exp(x) = scale (1 + rest) for |x| <= kExponentialRange, by the polynomial of elementary.hpp.
+struct Exponential {
+  Register scale, rest;
+  [[gnu::always_inline]] explicit Exponential(Register x) {
+    constexpr double kShift = 0x1.8p52, kLog2E = 1.4426950408889634;
+    constexpr double kLn2High = 0x1.62e42feep-1, kLn2Low = 0x1.a39ef35793c76p-33;
+    const Register shifted = x * kLog2E + kShift;
+    const Register k = shifted - kShift;
+    const Register r = (x - k * kLn2High) - k * kLn2Low;
+    const Register r2 = r * r;
+    const Register r4 = r2 * r2;
+    const Register low = (1.0 / 2 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120));
+    const Register mid = (1.0 / 720 + r * (1.0 / 5040)) + r2 * (1.0 / 40320 + r * (1.0 / 362880));
+    const Register high = (1.0 / 3628800 + r * (1.0 / 39916800)) + r2 * (1.0 / 479001600 + r * (1.0 / 6227020800.0));
+    scale = (Register)(((Bits)shifted << 52) + 0x3ff0000000000000u);
+    rest = r + r2 * (low + r4 * (mid + r4 * high));
+  }
+  [[gnu::always_inline]] Register value() const { return scale * (1.0 + rest); }
+  [[gnu::always_inline]] Register minus_1() const { return scale * rest + (scale - 1.0); }
+};
+
+// Newton's method for the lanes of one register.
+class WaveLanes {
+ public:
+  [[gnu::always_inline]] WaveLanes(const WaveTile& tile, WaveRows& rows, int lane)
+      : tile_(tile),
+        rows_(rows),
+        lane_(lane),
+        T_melt_(load(tile.T_melt + lane)),
+        bracket_(load(tile.bracket + lane)),
+        jump_(load(tile.jump + lane)) {}
+
+  std::uint32_t solve(std::uint32_t wanted) {
+    start();
+    std::uint32_t solved = 0;
+    Mask live = mask_of(wanted);
+    Register iterations{};
+    for (int iteration = 0; iteration < kMostSteps && lanes_where(live) != 0; ++iteration) {
+      live &= evaluate_interface(live);
+      evaluate();
+      const Size size = newton_direction();
+      iterations += 1.0;
+      live &= size.step <= kFarthestStep;  // not so if it is no number
+      const Register scale = size.velocity + size.stress * tile_.velocity_per_stress;
+      const Mask last = live & (size.step <= kConverged * scale + kNothing) &
+                        (size.residual <= kBalanced * (size.stress + kLeastStress));
+      if (const std::uint32_t found = lanes_where(last); found != 0) {
+        write(last, iterations);
+        solved |= found;
+        live &= without(last);
+      }
+      advance();
+    }
+    return solved;
+  }
+
+ private:
+  [[gnu::always_inline]] Register at(const double* rows, std::ptrdiff_t i) const {
+    return load(rows + i * kLanes + lane_);
+  }
+  [[gnu::always_inline]] void put(Mask mask, Register value, double* rows, std::ptrdiff_t i) const {
+    double* place = rows + i * kLanes + lane_;
+    store(where(mask, value, load(place)), place);
+  }
+  [[gnu::always_inline]] void put(Register value, double* rows, std::ptrdiff_t i) const {
+    store(value, rows + i * kLanes + lane_);
+  }
+
+  void start() {
+    const double n = tile_.exponent;
+    for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
+      const Register hardened = 1.0 + tile_.beta * at(tile_.strain, i);
+      put(tile_.yield * Exponential(n * log_of(hardened)).value(), rows_.strength, i);
+      put((tile_.beta * tile_.per_kappa) / hardened, rows_.compliance, i);
+      put(all(kUnknown), rows_.x, i);
+      if (i < tile_.num_cells) put(at(tile_.velocity, i), rows_.velocity, i);
+    }
+    interface_ = flux_ = flux_slope_ = Register{};
+    held_ = Mask{};
+  }
+
+  // Softening g by DLP (15) at a temperature, and its logarithmic derivative; g = 0 where nothing is solid.
+  struct Softened {
+    Register g, log_slope;
+  };
+  [[gnu::always_inline]] Softened softened(Register T) const {
+    const Register x = larger(T_melt_ - T, all(kLeastToMelting)),
+                   b = larger(bracket_ - tile_.hT * T, all(kLeastBracket));
+    const Register inverse = 1.0 / (x * b);
+    const Register inverse_x = b * inverse;
+    const Register exponent = larger(-kMelting * T * inverse_x, all(-kExponentialRange));
+    return {where(exponent > -kExponentialRange, b * Exponential(exponent).value(), all(0.0)),
+            -(tile_.hT * (x * inverse) + (kMelting * T_melt_) * (inverse_x * inverse_x))};
+  }
+
+  // The stress that the vertex at z = 0 carries at the temperature that the stress a itself causes, where t is its
+  // trial stress, with its derivatives d log(stress)/da and d stress/dt.
+  struct Carried {
+    Register stress, log_slope, flow_slope;
+  };
+  [[gnu::always_inline]] Carried carried(Register a, Register t, Register rise) const {
+    const Softened soft = softened(at(tile_.T_ad, 0) + rise * a);
+    const Register compliance = at(rows_.compliance, 0);
+    const Register flow = 1.0 + compliance * (t - a);
+    const Register hardened = at(rows_.strength, 0) * Exponential(tile_.exponent * log_of(flow)).value();
+    const Mask capped = hardened >= tile_.ceiling;
+    const Register stress = where(capped, all(tile_.ceiling), hardened) * soft.g;
+    const Register hardening = where(capped, all(0.0), tile_.exponent * compliance / flow);
+    return {stress, rise * soft.log_slope - hardening, stress * hardening};
+  }
+
+  // The return to the yield stress at z = 0 with the heat of the stress itself, as in waves.cpp. Returns the lanes that
+  // have it; for the others it is left to the search there.
+  Mask evaluate_interface(Mask live) {
+    const Register trial = at(tile_.stress, 0) + tile_.gain[0] * at(rows_.velocity, 0);
+    const Register direction = with_sign_of(all(1.0), where(trial == 0.0, jump_, trial));
+    const Register per_stress = tile_.heat_share * larger(direction * jump_, all(0.0));
+    const Register rise = per_stress * tile_.response[0];
+    const Register t = magnitude(trial);
+    const Mask elastic = carried(t, t, rise).stress >= t;
+    Register lo{}, hi = smaller(t, carried(all(0.0), t, rise).stress);
+    Mask todo = live & without(elastic);
+    const Mask molten = todo & (hi == 0.0), lost = todo & without(molten) & without(hi > kLeastReturn);
+    todo &= without(molten | lost);
+    Register a = where((interface_ > 0.0) & (interface_ < hi), interface_, hi), slope{};
+    a = where(todo, a, all(1.0));
+    hi = where(todo, hi, all(1.0));
+    Register farthest = all(kUnlimited);  // a longer step bisects, once Newton's steps have not been enough
+    for (int iteration = 0; iteration < kInterfaceSteps && lanes_where(todo) != 0; ++iteration) {
+      const Carried now = carried(a, t, rise);
+      const Mask above = now.stress > a;
+      lo = where(above, a, lo);
+      hi = where(above, hi, a);
+      const Mask positive = now.stress > kLeastReturn;
+      const Register ratio = where(positive, now.stress / a, all(1.0));
+      const Register off = log_of(ratio), step = off * a / (1.0 - a * now.log_slope);
+      const Register next = a + step;
+      const Mask closed = hi - lo <= kRounding * hi;
+      const Mask found =
+          todo & (closed | (positive & (magnitude(step) <= kReturned * a) & (magnitude(off) <= kSameStress)));
+      const Mask inside = positive & (next > lo) & (next < hi) & (magnitude(step) <= farthest);
+      if (iteration >= kInterfaceNewton) farthest = 0.5 * magnitude(step);
+      const Register best = where(closed, lo, smaller(larger(next, lo), hi));
+      slope = where(todo & positive, now.flow_slope / (1.0 - now.stress * now.log_slope), slope);
+      a = where(todo, where(found, best, where(inside, next, 0.5 * (lo + hi))), a);
+      todo &= without(found);
+    }
+    const Register carried_stress = where(molten, all(0.0), where(elastic, t, a));
+    const Mask held = carried_stress > load(tile_.coulomb + lane_);
+    const Register size = where(held, load(tile_.coulomb + lane_), carried_stress);
+    const Register size_slope = where(held, all(0.0), where(elastic, all(1.0), slope));
+    interface_ = where(elastic | molten, interface_, a);
+    flux_ = per_stress * size;
+    flux_slope_ = direction * per_stress * size_slope;
+    held_ = held;
+    put(with_sign_of(size, trial), rows_.stress, 0);
+    put(size_slope * tile_.gain[0], rows_.stiffness, 0);
+    put(Register{}, rows_.softening, 0);
+    return without(lost | todo);
+  }
+
+  // The returns to the yield stress of the other vertices, DLP (42-48).
+  void evaluate() {
+    const double n = tile_.exponent, half_bend = 0.5 * (n - 1.0);
+    Register before = at(rows_.velocity, 0);
+    for (std::ptrdiff_t i = 1; i <= tile_.num_cells; ++i) {
+      const Register v = i < tile_.num_cells ? at(rows_.velocity, i) : jump_;
+      const Register trial = at(tile_.stress, i) + tile_.gain[i] * (v - before);
+      before = v;
+      const Softened soft = softened(at(tile_.T_ad, i) + flux_ * tile_.response[i]);
+      const Register t = magnitude(trial);
+      const Register yield = at(rows_.strength, i) * soft.g, limit = tile_.ceiling * soft.g;
+      const Mask yields = t > smaller(yield, limit);
+      if (lanes_where(yields) == 0) {
+        put(trial, rows_.stress, i);
+        put(all(tile_.gain[i]), rows_.stiffness, i);
+        put(Register{}, rows_.softening, i);
+        continue;
+      }
+      // The hardened yield stress: x + stiffness ((1 + x)^n - 1) = excess, from the x of the iterate before, by steps
+      // r (1 + x) of Newton's method, and close to the root of Chebyshev's, which is of third order.
+      const Register compliance = at(rows_.compliance, i);
+      const Register excess = compliance * larger(t - yield, all(0.0)), stiffness = compliance * yield;
+      const Register known = at(rows_.x, i);
+      Register x = where(known >= 0.0, known, excess / (1.0 + n * stiffness)), hardened = yield;
+      Mask still = yields;
+      for (int iteration = 0; iteration < kReturnSteps && lanes_where(still) != 0; ++iteration) {
+        const Register q = 1.0 + x;
+        const Register gained = Exponential(n * log_of(q)).minus_1();
+        const Register slope = n * (1.0 + gained);
+        const Register inverse = 1.0 / (q + stiffness * slope);
+        const Register newton = (excess - x - stiffness * gained) * inverse;
+        const Register curved = newton - half_bend * (stiffness * slope * inverse) * (newton * newton);
+        const Register r = where(magnitude(newton) < kNear, curved, newton);
+        hardened = where(still, yield * ((1.0 + gained) + slope * (r + half_bend * (r * r))), hardened);
+        x = where(still, larger(x + q * r, all(0.0)), x);
+        still &= magnitude(r) > kLocallyConverged;
+      }
+      put(where(yields, x, known), rows_.x, i);
+      const Mask capped = hardened >= limit;
+      const Register s = where(capped, limit, hardened);
+      const Register hardening = where(capped, all(0.0), n * s * compliance), q = 1.0 + x;
+      const Register inverse = 1.0 / (q + hardening);
+      put(where(yields, with_sign_of(s, trial), trial), rows_.stress, i);
+      put(where(yields, hardening * inverse, all(1.0)) * tile_.gain[i], rows_.stiffness, i);
+      const Register softening = where(yields, s * soft.log_slope * (q * inverse) * tile_.response[i], all(0.0));
+      put(with_sign_of(magnitude(softening), -trial), rows_.softening, i);
+    }
+  }
+
+  struct Size {
+    Register step, velocity, stress, residual;  // largest magnitudes of the layer
+  };
+  // Newton's step of the velocities, by the elimination of waves.cpp.
+  Size newton_direction() {
+    Register stiffness{}, excess{}, heat{}, pushed{};
+    const Register heat_gain = flux_slope_ * tile_.gain[0];
+    Size size{Register{}, magnitude(jump_), Register{}, Register{}};
+    Register stress_behind{};
+    for (std::ptrdiff_t i = tile_.num_cells; i >= 0; --i) {
+      const Register k = at(rows_.stiffness, i), s = at(rows_.stress, i);
+      const Register softens = at(rows_.softening, i) * heat_gain;
+      size.stress = larger(size.stress, magnitude(s));
+      if (i < tile_.num_cells) {
+        const Register v = at(rows_.velocity, i);
+        size.velocity = larger(size.velocity, magnitude(v));
+        const Register residual = stress_behind - s - tile_.inertia[i] * (v - at(tile_.velocity, i));
+        size.residual = larger(size.residual, magnitude(residual));
+        const Register pivot = excess + k;
+        const Register inverse = 1.0 / pivot;
+        if (i > 0) {
+          const Register constant = (residual + pushed) * inverse, carry = k * inverse;
+          put(constant, rows_.constant, i);
+          put(carry, rows_.carry, i);
+          put((heat - softens) * inverse, rows_.coupling, i);
+          pushed = k * constant;
+          stiffness = carry * excess;
+          heat = softens * (excess * inverse) + carry * heat;
+        } else {
+          put((residual + pushed) / larger(pivot - heat, 0.5 * pivot), rows_.constant, 0);
+        }
+      } else {
+        heat = softens;
+        stiffness = k;
+      }
+      stress_behind = s;
+      if (i > 0) excess = tile_.inertia[i - 1] + stiffness;
+    }
+    const Register first = at(rows_.constant, 0);
+    Register d = first, odd = d - d;  // odd: no number if a step is none, which the largest does not show
+    size.step = magnitude(d);
+    for (std::ptrdiff_t c = 1; c < tile_.num_cells; ++c) {
+      d = at(rows_.constant, c) + at(rows_.carry, c) * d + at(rows_.coupling, c) * first;
+      put(d, rows_.constant, c);
+      size.step = larger(size.step, magnitude(d));
+      odd += d - d;
+    }
+    size.step += odd;
+    return size;
+  }
+
+  void advance() {
+    for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c)
+      put(at(rows_.velocity, c) + at(rows_.constant, c), rows_.velocity, c);
+  }
+
+  // Writes the answers of the lanes whose next Newton step would change nothing: the iterate itself, whose stresses have
+  // been evaluated, and the sums of its slip. The flow of a vertex that friction holds is left to the caller.
+  void write(Mask solved, Register iterations) {
+    Register positive{}, negative{}, before{};
+    for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
+      const bool inside = i < tile_.num_cells;
+      const Register v = inside ? at(rows_.velocity, i) : jump_;
+      const Register trial = at(tile_.stress, i) + tile_.gain[i] * (v - before), s = at(rows_.stress, i);
+      before = v;
+      if (i == 0) put(solved, trial, rows_.trial_at_interface, 0);
+      Register growth = larger(magnitude(trial) - magnitude(s), all(0.0)) * tile_.per_kappa;
+      if (i == 0) growth = where(held_, all(0.0), growth);
+      const Register slip = (kSqrt3 * tile_.weight[i]) * growth;
+      const Mask below = ((Bits)s >> 63) != 0;
+      positive += where(below, all(0.0), slip);
+      negative += where(below, slip, all(0.0));
+      put(solved, at(tile_.strain, i) + growth, tile_.strain, i);
+      put(solved, s, tile_.stress, i);
+      if (inside) put(solved, v, tile_.velocity, i);
+    }
+    put(solved, positive, rows_.slip_along[0], 0);
+    put(solved, negative, rows_.slip_along[1], 0);
+    put(solved, flux_, rows_.flux, 0);
+    put(solved, iterations, rows_.iterations, 0);
+    rows_.held |= lanes_where(held_ & solved) << lane_;
+  }
+
+  const WaveTile& tile_;
+  WaveRows& rows_;
+  int lane_;
+  Register T_melt_, bracket_, jump_;
+  Register interface_, flux_,
+      flux_slope_;  // stress at z = 0 from which its next return starts; q; dq by the trial stress
+  Mask held_;       // the friction limit holds the stress at z = 0
+};
+
+std::uint32_t solve_waves(const WaveTile& tile, WaveRows& rows, std::uint32_t lanes) {
+  std::uint32_t solved = 0;
+  for (int lane = 0; lane < kLanes; lane += kWidth) {
+    const std::uint32_t wanted = lanes >> lane & ((1u << kWidth) - 1u);
+    if (wanted != 0) solved |= WaveLanes(tile, rows, lane).solve(wanted) << lane;
+  }
+  return solved;
+}
+
+#endif
