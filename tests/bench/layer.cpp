@@ -187,7 +187,8 @@ void BM_Conduct(benchmark::State& state) {
   Rig rig(grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
   const HeatGrid& grid = rig.heat_grid();
   const HeatOperator heat(grid, rig.model.options().soft, 1e-9);
-  std::vector<double> T(rig.committed.begin(), rig.committed.begin() + grid.num_vertices() * kLanes), after = T;
+  std::vector<double> T(rig.committed.begin(), rig.committed.begin() + std::ptrdiff_t{grid.num_vertices()} * kLanes),
+      after = T;
   double flux[kLanes];
   for (int l = 0; l < kLanes; ++l) flux[l] = 1e10 * (1.0 + 0.01 * l);
   for (int n = 0; n < state.range(1); ++n) {

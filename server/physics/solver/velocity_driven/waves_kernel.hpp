@@ -206,7 +206,7 @@ class WaveLanes {
         const Register r = where(magnitude(newton) < kNear, curved, newton);
         hardened = where(still, yield * ((1.0 + gained) + slope * (r + half_bend * (r * r))), hardened);
         x = where(still, larger(x + q * r, all(0.0)), x);
-        still &= magnitude(r) > kLocallyConverged;
+        still &= magnitude(r * r * r) * (1.0 + stiffness) > kLocallyConverged;
       }
       put(where(yields, x, known), rows_.x, i);
       const Mask capped = hardened >= limit;

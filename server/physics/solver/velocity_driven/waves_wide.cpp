@@ -22,11 +22,13 @@ constexpr double kReturned = 1e-11;   // the same of the return at z = 0, relati
 // and its stress is the yield stress to this share: within rounding of T_melt a step is short far from the root
 constexpr double kSameStress = 1e-6;
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
-constexpr double kLocallyConverged = 1e-4;  // the last step of the hardening term x, relative to 1 + x, is shorter
-constexpr double kNear = 0.25;              // shorter steps of x take the curvature along
-constexpr double kNothing = 1e-14;          // a change of velocity so small has no effect  [m/s]
-constexpr double kFarthestStep = 1e12;      // a longer step of the velocities is no step  [m/s]
-constexpr double kUnknown = -1.0;           // no x known yet
+// A return ends with a step r (1 + x) whose third power, which is what it leaves, is too small for the strain to show:
+// the strain magnifies an error of the stress by the stiffness.
+constexpr double kLocallyConverged = 1e-12;
+constexpr double kNear = 0.25;                                    // shorter steps of x take the curvature along
+constexpr double kNothing = 1e-14;                                // a change of velocity so small has no effect  [m/s]
+constexpr double kFarthestStep = 1e12;                            // a longer step of the velocities is no step  [m/s]
+constexpr double kUnknown = -1.0;                                 // no x known yet
 constexpr double kLeastToMelting = 1e-10, kLeastBracket = 1e-60;  // smallest T_melt - T [K], smallest bracket
 constexpr double kLeastReturn = 1e-200;  // a smaller stress at z = 0 is left to the general search  [Pa]
 constexpr double kUnlimited = 1e300;     // stands for no bound  [Pa]
