@@ -21,7 +21,7 @@ bool shearbus_embedded_start_1(const char* state_dir, unsigned threads, shearbus
   static_cast<void>(server.release());
   return true;
 } catch (const std::exception& fault) {
-  std::snprintf(error, error_bytes, "%s", fault.what());
+  static_cast<void>(std::snprintf(error, error_bytes, "%s", fault.what()));
   return false;
 }
 

@@ -205,7 +205,7 @@ void serve_metrics(const std::string& address, std::function<ServerList()> serve
   const auto collected = std::make_shared<Servers>(std::move(servers), std::move(status_of));
   exposer->RegisterCollectable(collected);
   fmt::print("metrics at port {}, path /metrics\n", exposer->GetListeningPorts().front());
-  std::fflush(stdout);
+  static_cast<void>(std::fflush(stdout));
   int received = 0;
   sigwait(&stop, &received);
 }

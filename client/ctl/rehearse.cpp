@@ -38,6 +38,7 @@ void rehearse(std::span<char* const> arguments) {
   std::vector<std::string> words = {SHEARBUS_PYTHON, "-P", "-c", kKit};
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> pointers;
+  pointers.reserve(words.size() + 1);
   for (std::string& word : words) pointers.push_back(word.data());
   pointers.push_back(nullptr);
   ::execv(SHEARBUS_PYTHON, pointers.data());

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <exception>
+#include <iostream>
 #include <shearbus/client.hpp>
 #include <vector>
 
@@ -91,6 +92,6 @@ int main(int argc, char** argv) try {
   options.endpoint = argc > 2 ? argv[2] : "";
   return run(options) < 1e-6 ? 0 : 1;
 } catch (const std::exception& fault) {
-  std::fprintf(stderr, "%s\n", fault.what());
+  std::cerr << fault.what() << '\n';
   return 1;
 }

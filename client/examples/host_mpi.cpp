@@ -9,8 +9,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
+#include <iostream>
 #include <shearbus/shearbus_mpi.hpp>
 #include <string>
 #include <vector>
@@ -88,7 +88,7 @@ struct Host {
                       &file) != MPI_SUCCESS)
       throw std::runtime_error(std::string("cannot open ") + path);
     for (Node& node : nodes) {
-      const MPI_Offset at = static_cast<MPI_Offset>(node.id * sizeof(Node));
+      const MPI_Offset at = static_cast<MPI_Offset>(node.id) * static_cast<MPI_Offset>(sizeof(Node));
       if (write)
         MPI_File_write_at(file, at, &node, sizeof node, MPI_BYTE, MPI_STATUS_IGNORE);
       else
@@ -146,19 +146,19 @@ double run(const shearbus::Options& options, const char* dump, int last_step) {
   if (last_step < kSteps) return 0.0;
   ranks.close(bus);
 
-  std::array<double, 2 * kNodes> mine{}, all{};
+  std::array<double, std::size_t{2} * kNodes> mine{}, all{};
   for (const Node& node : host.nodes) {
     mine[2 * node.id] = node.v[0][0] - node.v[1][0];
     mine[2 * node.id + 1] = node.temperature;
   }
   MPI_Allreduce(mine.data(), all.data(), 2 * kNodes, MPI_DOUBLE, MPI_SUM, MPI_COMM_WORLD);
   double worst = 0.0;
-  for (int n = 0; n < kNodes; ++n) {
-    const double pressure = 100e6 * (1 + n);
+  for (std::size_t n = 0; n < kNodes; ++n) {
+    const double pressure = 100e6 * static_cast<double>(1 + n);
     const double exact = kJump - kFriction * pressure * (1.0 / impedance(0) + 1.0 / impedance(1));
     worst = std::fmax(worst, std::fabs(all[2 * n] - exact));
     if (host.rank == 0)
-      std::printf("node %2d  P %5.0f MPa  [V] %.6f m/s  exact %.6f  T0 %.12g K\n", n + 1, pressure / 1e6, all[2 * n],
+      std::printf("node %2zu  P %5.0f MPa  [V] %.6f m/s  exact %.6f  T0 %.12g K\n", n + 1, pressure / 1e6, all[2 * n],
                   exact, all[2 * n + 1]);
   }
   return worst;
@@ -173,9 +173,9 @@ int main(int argc, char** argv) {
     shearbus::Options options;
     options.scene_file = argc > 1 ? argv[1] : "constant_friction.toml";
     options.endpoint = argc > 2 ? argv[2] : "";
-    code = run(options, argc > 3 ? argv[3] : "", argc > 4 ? std::atoi(argv[4]) : kSteps) < 1e-6 ? 0 : 1;
+    code = run(options, argc > 3 ? argv[3] : "", argc > 4 ? std::stoi(argv[4]) : kSteps) < 1e-6 ? 0 : 1;
   } catch (const std::exception& fault) {
-    std::fprintf(stderr, "%s\n", fault.what());
+    std::cerr << fault.what() << '\n';
   }
   MPI_Finalize();
   return code;

@@ -163,7 +163,7 @@ class LineLog {
       std::FILE* file = std::fopen(file_.c_str(), "ae");
       if (file == nullptr) return;
       fmt::print(file, "shearbus: {}\n", line);
-      std::fclose(file);
+      static_cast<void>(std::fclose(file));
     }
   }
 
@@ -211,7 +211,7 @@ std::string text_of_file(const std::string& path) {
   };
   std::FILE* file = std::fopen(path.c_str(), "re");
   if (file == nullptr) fail();
-  const auto close = [](std::FILE* open) { std::fclose(open); };
+  const auto close = [](std::FILE* open) { static_cast<void>(std::fclose(open)); };
   const std::unique_ptr<std::FILE, decltype(close)> owner(file, close);
   std::string text(wire::kMaxSceneBytes + 1, '\0');
   errno = 0;

@@ -415,6 +415,7 @@ std::optional<Place> Document::place_of_path(std::string_view path) const {
 
 void Document::refuse(const std::vector<Fault>& faults, std::string remedy) const {
   std::vector<std::pair<Place, const Fault*>> sorted;
+  sorted.reserve(faults.size());
   for (const Fault& fault : faults) {
     sorted.emplace_back(fault.place ? *fault.place : place_of_path(fault.path).value_or(Place{}), &fault);
   }

@@ -116,7 +116,7 @@ namespace {
 std::string difference_of(const Message& a, const Message& b, const std::string& path, MayDiffer may_differ) {
   for (const FieldDescriptor* field : keys_of(*a.GetDescriptor())) {
     if (field->is_repeated()) continue;
-    const std::string key = path_of(path, *field);
+    std::string key = path_of(path, *field);
     const bool given = a.GetReflection()->HasField(a, field);
     if (given != b.GetReflection()->HasField(b, field)) {
       if (!may_differ(key, field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE)) return key;

@@ -393,7 +393,8 @@ std::vector<CapsuleValue> values_of(hid_t parent, const std::string& name) {
   std::vector<CapsuleValue> values;
   for (const std::string& column : words_of(text_of(group, "columns"))) {
     const auto numbers = numbers_of<double>(group, column);
-    if (numbers.size() != 1) throw Hdf5Error("find one number in " + name + "/" + column);
+    if (numbers.size() != 1)
+      throw Hdf5Error(std::string("find one number in ").append(name).append("/").append(column));
     values.push_back({column, numbers.front()});
   }
   return values;

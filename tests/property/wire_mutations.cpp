@@ -94,6 +94,7 @@ struct Tally {
 template <typename Message>
 Tally bombard(const std::vector<std::pair<std::string, Message>>& messages, std::size_t rounds, std::uint64_t seed) {
   std::vector<Frames> valid;
+  valid.reserve(messages.size());
   for (const auto& [name, message] : messages) valid.push_back(samples::frames_of(message));
   Mutator mutator(seed);
   Tally tally;

@@ -132,7 +132,7 @@ class MemoryStorage final : public store::Storage {
 
   // Gives access to the bytes of a file, for tests that damage files.
   std::vector<std::byte>& bytes(const std::string& name) { return find(name)->written; }
-  void put(const std::string& name, std::vector<std::byte> bytes) {
+  void put(const std::string& name, const std::vector<std::byte>& bytes) {
     names_[name] = std::make_shared<Node>(Node{bytes, bytes});
     durable_names_ = names_;
   }

@@ -65,6 +65,7 @@ class RawDealer {
     const auto frames = receive(timeout);
     if (frames.empty()) return std::nullopt;
     std::vector<std::span<const std::byte>> views;
+    views.reserve(frames.size());
     for (const zmq::message_t& frame : frames)
       views.emplace_back(static_cast<const std::byte*>(frame.data()), frame.size());
     wire::Reply reply;

@@ -33,10 +33,10 @@ inline double impedance(const Material& m) {
 }
 
 inline double stress_at(const Rig& rig, int vertex, int lane = 0) {
-  return rig.committed[rig.model.layout().shear_stress + vertex * kLanes + lane];
+  return rig.committed[rig.model.layout().shear_stress + std::size_t(vertex) * kLanes + std::size_t(lane)];
 }
 inline double velocity_in(const Rig& rig, int cell, int lane = 0) {
-  return rig.committed[rig.model.layout().layer_velocity + cell * kLanes + lane];
+  return rig.committed[rig.model.layout().layer_velocity + std::size_t(cell) * kLanes + std::size_t(lane)];
 }
 
 inline WaveStep wave_step(const Rig& rig, int lane, const HeatOperator& heat, const Material& soft_at_pressure) {
@@ -63,7 +63,7 @@ inline void fill_fields(const Rig& rig, int lane, const HeatOperator& heat, Wave
   const bool was_open = rig.committed[rig.model.layout().regime + lane] == static_cast<double>(Regime::kOpen);
   const int n = rig.model.grid().num_cells();
   for (int i = 0; i <= n; ++i) {
-    fields.T_ad[i] = T[static_cast<std::size_t>((grid.interface + i) * kLanes + lane)];
+    fields.T_ad[i] = T[(std::size_t(grid.interface) + std::size_t(i)) * kLanes + std::size_t(lane)];
     fields.strain[i] = rig.ep(i, lane);
     fields.stress[i] = stress_at(rig, i, lane);
     if (i < n) fields.velocity[i] = was_open ? rig.inputs.velocity_jump[lane] : velocity_in(rig, i, lane);

@@ -15,7 +15,7 @@ namespace {
 constexpr double kDt = 1e-9;  // step length [s]
 
 ModelOptions heated(ModelOptions options, double factor = 1.0) {
-  options = two_sided(std::move(options));
+  options = two_sided(options);
   options.taylor_quinney_factor = factor;
   return options;
 }
@@ -45,7 +45,7 @@ TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
         const HeatOperator heat(grid, o.soft, o.hard, dt);
         const SpreadHeat spread(grid, dt, layer.num_vertices(), o.soft, o.hard);
         std::vector<double> shape(layer.num_vertices() * kLanes, 0.0), response(shape.size());
-        for (int i = 0; i < layer.num_vertices(); ++i) {
+        for (std::size_t i = 0; i < shape.size() / kLanes; ++i) {
           shape[i * kLanes + 1] = layer.weight[i] / layer.vertex.back();
           shape[i * kLanes + 2] = i == 30 ? 1.0 : 0.0;
           shape[i * kLanes + 3] = i == 60 ? 1.0 : 0.0;
@@ -56,8 +56,9 @@ TEST(PhysicsPlasticHeating, ResponseHoldsExactlyTheHeatOfOneStep) {
         std::vector<double> T(static_cast<std::size_t>(grid.num_vertices()) * kLanes, 0.0);
         add_spread(heat, spread, flux, response.data(), T.data());
         double stored[4] = {};
-        for (int i = 0; i < grid.num_vertices(); ++i) {
-          for (int l = 0; l < 4; ++l) stored[l] += grid.capacity(i, o.soft, o.hard) * T[i * kLanes + l];
+        for (std::size_t i = 0; i < T.size() / kLanes; ++i) {
+          const double capacity = grid.capacity(static_cast<int>(i), o.soft, o.hard);
+          for (std::size_t l = 0; l < 4; ++l) stored[l] += capacity * T[i * kLanes + l];
           ASSERT_NEAR(T[i * kLanes], heat.response[i], 1e-12 * heat.response[grid.interface]) << i << ", dt " << dt;
           ASSERT_EQ(T[i * kLanes + 4], 0.0);
         }

@@ -5,8 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <cstring>
+#include <cstdint>
 #include <vector>
 
 #include "server/physics/reference/parts.hpp"
@@ -310,8 +311,9 @@ TEST(PhysicsPrestonTonksWallace, ALaneHasTheBitsItHasAlone) {
       const LoadedVertices<1> alone{load + l, bracket + l, T_melt + l, {together.T[l]}, {together.rise[l]}};
       const double its_excess[] = {excess[l]};
       law.flow(alone, its_excess, ep + l, [&](int, double flows, double by_a) {
-        EXPECT_EQ(std::memcmp(&flows, &dep[l], sizeof flows), 0) << flows << " " << dep[l];
-        EXPECT_EQ(std::memcmp(&by_a, &slope[l], sizeof by_a), 0) << by_a << " " << slope[l];
+        EXPECT_EQ(std::bit_cast<std::uint64_t>(flows), std::bit_cast<std::uint64_t>(dep[l])) << flows << " " << dep[l];
+        EXPECT_EQ(std::bit_cast<std::uint64_t>(by_a), std::bit_cast<std::uint64_t>(slope[l]))
+            << by_a << " " << slope[l];
       });
     }
   }

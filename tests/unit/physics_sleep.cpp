@@ -3,8 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <cstring>
+#include <cstdint>
 #include <functional>
 #include <random>
 #include <string>
@@ -202,6 +203,7 @@ TEST_P(Sleep, ANodeThatNeverMovedKeepsItsBits) {
 TEST_P(Sleep, LanesDoNotLookAtEachOther) {
   Rig together(sleeping(options()));
   std::vector<Rig> alone;
+  alone.reserve(kLanes);
   for (int l = 0; l < kLanes; ++l) alone.emplace_back(sleeping(options()), 1u << l);
   History history(7, options());
   const std::size_t doubles = together.model.layout().doubles;
@@ -217,7 +219,7 @@ TEST_P(Sleep, LanesDoNotLookAtEachOther) {
       Rig& one = alone[static_cast<std::size_t>(l)];
       one.step(dt);
       for (std::size_t i = static_cast<std::size_t>(l); i < doubles; i += kLanes)
-        ASSERT_EQ(std::memcmp(&one.committed[i], &together.committed[i], sizeof(double)), 0)
+        ASSERT_EQ(std::bit_cast<std::uint64_t>(one.committed[i]), std::bit_cast<std::uint64_t>(together.committed[i]))
             << "step " << n << ", lane " << l << ", row " << i / kLanes;
     }
   }

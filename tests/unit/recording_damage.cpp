@@ -88,7 +88,7 @@ std::string error_of_reading(const fs::path& path) {
     reader.per_node("mass_soft");
   } catch (const Error& error) {
     EXPECT_EQ(error.status().code, Code::kInvalidValue);
-    const std::string text = error.what();
+    std::string text = error.what();
     EXPECT_EQ(text.find('\n'), std::string::npos) << text;
     EXPECT_THAT(text, HasSubstr(path.string()));
     return text;
@@ -223,7 +223,7 @@ TEST(RecordingDamage, TimesMustIncreaseFromTheStart) {
 }
 
 TEST(RecordingDamage, StepLengthsMustAgreeWithTimes) {
-  const auto with_dt = [](std::vector<double> dt) {
+  const auto with_dt = [](const std::vector<double>& dt) {
     return Parts{.time = [dt](RawFile& f) {
       f.put("time", {3}, {1, 2, 3});
       f.put("dt", {dt.size()}, dt);
@@ -286,7 +286,7 @@ TEST(RecordingDamage, WhatIsNotAHistoryFileIsRefused) {
 }
 
 fs::path written(const Scratch& scratch, std::size_t steps) {
-  const fs::path path = scratch / "written.h5";
+  fs::path path = scratch / "written.h5";
   const std::vector<std::uint64_t> ids = {7, 8};
   HistoryWriter writer(path, ids, {{.name = "pressure", .units = "Pa", .long_name = "pressure"}}, {});
   writer.add_static({.name = "mass_soft", .units = "kg m-2", .long_name = "mass"}, std::vector{1.0, 2.0});

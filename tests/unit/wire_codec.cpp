@@ -429,7 +429,8 @@ TEST(Codec, BytesOnTheWireAreThoseOfTheGoldenFile) {
   ASSERT_TRUE(golden);
   std::map<std::string, std::string> expected;
   std::string side, name, part, bytes;
-  while (golden >> side >> name >> part >> bytes) expected[side + " " + name + " " + part] = bytes;
+  while (golden >> side >> name >> part >> bytes)
+    expected[side.append(" ").append(name).append(" ").append(part)] = bytes;
   EXPECT_EQ(found, expected)
       << "The wire changed. If that is meant: is the minor version raised, does WIRE.md say so? Then "
          "run this test with SHEARBUS_UPDATE_GOLDEN=1.";

@@ -21,7 +21,7 @@ const std::string kKey = "#bcdefghijklmnopqrstuvwxyz0123456789.-:+";
 class KeyFiles : public testing::Test {
  protected:
   fs::path write(const std::string& text, fs::perms mode = fs::perms::owner_read | fs::perms::owner_write) {
-    const fs::path file = scratch_ / ("keys" + std::to_string(count_++));
+    fs::path file = scratch_ / ("keys" + std::to_string(count_++));
     std::ofstream(file) << text;
     fs::permissions(file, mode);
     return file;

@@ -12,7 +12,7 @@ using Register = double;
 #endif
 using Mask = decltype(Register{} < Register{});  // all bits of a lane where a comparison holds, else none
 
-#define SHEARBUS_EACH_PART _Pragma("GCC unroll 4") for (int p = 0; p < kParts; ++p)
+#define SHEARBUS_EACH_PART _Pragma("GCC unroll 4") for (std::ptrdiff_t p = 0; p < kParts; ++p)
 
 [[gnu::always_inline]] inline Register load(const double* lanes) {
   Register r;

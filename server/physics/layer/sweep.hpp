@@ -224,7 +224,7 @@ inline std::uint32_t find_below(std::span<const double> gain, const double* flux
   const Row q = row_at(flux, 0), end = row_at(bound, 0);
   std::uint32_t lanes = 0;
   SHEARBUS_EACH_PART {
-    Mask below = q.part[p] == q.part[p];
+    Mask below = without(Mask{});
     for (std::ptrdiff_t i = 0; i < std::ssize(gain); ++i) {
       below &= load(rows + i * kLanes + p * kWidth) + q.part[p] * all(gain[i]) < end.part[p];
     }

@@ -33,11 +33,11 @@ struct MeltingStep {
 
   double soft_capacity(int i) const {  // of vertex i of the soft body alone  [J/(m2 K)]
     return options.soft.conductivity / options.soft.diffusivity *
-           grid.weight[static_cast<std::size_t>(grid.interface + i)];
+           grid.weight[std::size_t(grid.interface) + std::size_t(i)];
   }
   double latent(int i) const {  // latent heat of vertex i  [J/m2]
     return options.soft.density * options.melt_film->latent_heat *
-           grid.weight[static_cast<std::size_t>(grid.interface + i)];
+           grid.weight[std::size_t(grid.interface) + std::size_t(i)];
   }
 
   // Temperatures and liquid fractions after the step for given phases, under the flux q.

@@ -525,7 +525,7 @@ std::string unique_key(const Part& part) {
   return name;
 }
 std::string setting_of(const Part& part, const ModelOptions& options) {
-  const std::string key(part.key);
+  std::string key(part.key);
   if (part.property == kFixedHeatShare) return "no table [" + key + "]";
   if (part.property == kCoulombLimit || part.property == kPlasticHeating || part.property == kTolerance) return key;
   if (!part.value.empty()) return key + " = " + std::string(part.value);

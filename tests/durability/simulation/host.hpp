@@ -53,7 +53,9 @@ class Host {
   const StepResult& made(Session& session, const Batch& columns, wire::Mode mode, bool commit_previous);
   void step(int number, wire::Mode mode, bool commit_previous = false);
 
-  std::vector<std::uint64_t> first_nodes() const { return support::node_ids(3 + 6 * number_, 100 * (number_ + 1)); }
+  std::vector<std::uint64_t> first_nodes() const {
+    return support::node_ids(3 + 6 * std::uint64_t{number_}, 100 * (number_ + 1));
+  }
 
   std::vector<std::uint64_t> some_nodes();
 

@@ -91,7 +91,7 @@ class ShardedHost {
 
  private:
   static std::vector<std::uint64_t> nodes_at_first(unsigned number) {
-    return support::node_ids(4 + 9 * number, 100 * (number + 1));
+    return support::node_ids(4 + 9 * std::uint64_t{number}, 100 * (number + 1));
   }
   std::string scene() const { return support::text_of(support::scene_of(strategy_)); }
 
@@ -372,8 +372,10 @@ TEST(Simulation, ASeedOfShardsThatOnceFoundABugFindsNone) {
 TEST(Simulation, AnyNumberOfShardsAnswersAsOneServerToWhichNothingHappens) {
   const char* one = std::getenv("SHEARBUS_SEED");
   const char* many = std::getenv("SHEARBUS_SEEDS");
-  const unsigned first = one != nullptr ? static_cast<unsigned>(std::atoi(one)) : 1;
-  const unsigned count = many != nullptr ? static_cast<unsigned>(std::atoi(many)) : one != nullptr ? 1 : 30;
+  const unsigned first = one != nullptr ? static_cast<unsigned>(std::strtoul(one, nullptr, 10)) : 1;
+  const unsigned count = many != nullptr  ? static_cast<unsigned>(std::strtoul(many, nullptr, 10))
+                         : one != nullptr ? 1
+                                          : 30;
   Tally tally;
   std::uint64_t forward = 0;
   for (unsigned seed = first; seed < first + count && !HasFailure(); ++seed) simulate_shards(seed, tally, forward);

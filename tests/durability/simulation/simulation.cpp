@@ -63,8 +63,10 @@ TEST(Simulation, SeedsThatOnceFoundABugFindNone) {
 TEST(Simulation, WhateverHappensTheAnswersAreThoseOfAServerToWhichNothingDoes) {
   const char* one = std::getenv("SHEARBUS_SEED");
   const char* many = std::getenv("SHEARBUS_SEEDS");
-  const unsigned first = one != nullptr ? static_cast<unsigned>(std::atoi(one)) : 1;
-  const unsigned count = many != nullptr ? static_cast<unsigned>(std::atoi(many)) : one != nullptr ? 1 : 300;
+  const unsigned first = one != nullptr ? static_cast<unsigned>(std::strtoul(one, nullptr, 10)) : 1;
+  const unsigned count = many != nullptr  ? static_cast<unsigned>(std::strtoul(many, nullptr, 10))
+                         : one != nullptr ? 1
+                                          : 300;
   Tally tally;
   for (unsigned seed = first; seed < first + count; ++seed) {
     SCOPED_TRACE("SHEARBUS_SEED=" + std::to_string(seed));
