@@ -180,17 +180,21 @@ shard::PairsOfNodes SessionPairs::with_models(std::span<const std::vector<double
 shard::PairsOfNodes SessionPairs::of_new_nodes(const wire::Batch& batch, std::span<const std::string> named,
                                                const shard::PairTable& known) const {
   const auto ids = batch.u64(Field::kNodeId);
+  const std::span<const std::uint64_t> places = check_pairs(batch, named.size());
   std::vector<std::size_t> numbers;  // of the names in the request
-  for (const std::string& name : named) {
-    const auto found = std::ranges::find(scenes_->names, name);
-    if (found == scenes_->names.end())
+  for (std::size_t place = 0; place < named.size(); ++place) {
+    const auto found = std::ranges::find(scenes_->names, named[place]);
+    if (found == scenes_->names.end()) {
+      const auto first = std::ranges::find(places, place);
       refuse(Code::kInvalidValue, "pairs",
-             fmt::format("the scene has no pair \"{}\"; it has {}", wire::as_utf8(name, wire::kMaxNameBytes),
+             fmt::format("the scene has no pair \"{}\"; it has {}", wire::as_utf8(named[place], wire::kMaxNameBytes),
                          fmt::join(names(), ", ")),
-             "Name a [pair.NAME] of the scene, or \"\" for the tables outside.");
+             "Name a [pair.NAME] of the scene, or \"\" for the tables outside.",
+             first == places.end() ? std::vector<std::uint64_t>()
+                                   : std::vector{ids[static_cast<std::size_t>(first - places.begin())]});
+    }
     numbers.push_back(static_cast<std::size_t>(found - scenes_->names.begin()));
   }
-  const std::span<const std::uint64_t> places = check_pairs(batch, named.size());
   check_parameters(batch, parameters_);
   std::vector<std::vector<double>> values(ids.size());
   for (std::size_t i = 0; i < ids.size(); ++i) {

@@ -82,6 +82,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
                 "pairs": names, "parameters": keys}
         try:
             session._open(request_id, body, ids, *payload)
+            session._remember(ids, initial_temperature, pair, parameters)
         except Error as fault:
             # The same arguments again are the same session, opened once.
             in_doubt = fault.code == Code.UNKNOWN_OUTCOME or int(fault.code) // 100 == 4

@@ -530,6 +530,8 @@ class Session:
         self.name, self.strategy = opened.scene_name, STRATEGY.get(opened.strategy, opened.strategy)
         self.components = opened.tangential_components
         self.pairs, self.parameters = tuple(opened.pairs), tuple(opened.parameters)
+        if self.history is not None:
+            self.history._several = bool(self.pairs or self.parameters)
         self.columns, self.optional_columns = names(opened.required_columns), names(opened.optional_columns)
         self.reply_columns, self.columns_on_request = names(opened.reply_columns), names(opened.columns_on_request)
         self._wanted = self._numbers(self._want)
@@ -772,6 +774,12 @@ class Session:
         self._exchange("register_nodes", {"pairs": names}, "nodes_changed",
                        *named_nodes(new, initial_temperature, places, in_order(parameters, self.parameters)))
         self._have(numpy.concatenate([self.nodes, new]))
+        self._remember(new, initial_temperature, pair, parameters)
+
+    def _remember(self, nodes, initial_temperature, pair, parameters):
+        """The history's file has what nodes were registered with."""
+        if self.history is not None:
+            self.history._registered(nodes, initial_temperature, pair, parameters)
 
     def retire(self, nodes):
         """Removes nodes and frees their states."""
