@@ -227,6 +227,25 @@ shard::PairsOfNodes SessionPairs::of_states(const shard::States& states, const s
   return with_models(values, known, {});
 }
 
+wire::Batch SessionPairs::columns_of_nodes(const shard::Shard& shard) const {
+  const std::vector<std::uint64_t>& ids = shard.nodes().ids();
+  std::vector<Field> fields = {Field::kNodeId};
+  if (several() && ids.size() * sizeof(double) * (2 + parameters_.size()) <= wire::kMaxPayloadBytes) {
+    fields.push_back(Field::kPair);
+    if (!parameters_.empty()) fields.push_back(Field::kParameter);
+  }
+  const auto components = static_cast<std::uint32_t>(std::max<std::size_t>(1, parameters_.size()));
+  wire::Batch batch = wire::Batch::of(fields, ids.size(), components);
+  std::ranges::copy(ids, batch.u64(Field::kNodeId).begin());
+  if (fields.size() == 1) return batch;
+  for (std::size_t row = 0; row < ids.size(); ++row) {
+    const std::vector<double>& values = shard.pairs()[shard.pair_of(shard.nodes().slot_of(row))].values;
+    batch.u64(Field::kPair)[row] = static_cast<std::uint64_t>(values.front());
+    for (std::uint32_t i = 0; i < parameters_.size(); ++i) batch.f64(Field::kParameter, i)[row] = values[i + 1];
+  }
+  return batch;
+}
+
 std::vector<std::string> SessionPairs::parameters_in(const shard::States& states) {
   std::vector<std::string> keys;
   for (const shard::StateColumn& column : states.columns)

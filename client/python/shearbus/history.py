@@ -125,7 +125,8 @@ class History:
         """Returns {name: array} of what the nodes were registered with, where it differs from the scene."""
         own = [self._own.get(node) for node in nodes.tolist()]
         if self._several and None in own:
-            raise ValueError(f"node {nodes[own.index(None)]} came from another session, so its pair and parameters are not known")
+            raise ValueError(f"node {nodes[own.index(None)]} came from another session, "
+                             "so its pair and parameters are not known")
         own = [node or {} for node in own]
         found = {}
         for name in sorted({name for node in own for name in node}):
