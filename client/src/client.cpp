@@ -113,9 +113,9 @@ Session Client::resume(const Session::Ticket& ticket, const ExpectedNodes& expec
     wire::Request position;
     position.session_id = ticket.session_id;
     position.body = wire::ResumeSession{.resume_token = ticket.resume_token};
-    const Received asked = shearbus::ask(*connection_, std::move(position));
-    // Several servers tell their nodes only with the claim.
-    if (!asked.reply.batch.columns().empty()) check_resumed_nodes(asked, expected);
+    Received asked = shearbus::ask(*connection_, std::move(position));
+    // Several servers tell their scene and nodes only with the claim.
+    if (!body_of<wire::SessionResumed>(asked).session.effective_scene.empty()) check_resumed_nodes(asked, expected);
   }
   ClaimInDoubt claim;
   Received received = claim_session(*connection_, ticket.session_id, ticket.resume_token, claim);
