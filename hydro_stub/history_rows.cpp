@@ -27,8 +27,12 @@ void HistoryRows::load(const wire::DumpReader& dump, const std::string& name) {
 }
 
 void HistoryRows::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
-                        const wire::ProfileRecord* profiles) const {
+                        const wire::ProfileRecord* profiles, std::span<const double> initial_temperature) const {
   wire::HistoryWriter writer(file, node_ids(nodes_), quantities_, meta);
+  if (!initial_temperature.empty())
+    writer.add_static(
+        {.name = "initial_temperature", .units = "K", .long_name = "temperature of the layer at the start"},
+        initial_temperature);
   std::vector<std::uint8_t> codes;
   for (std::size_t row = 0; row < times_.size(); ++row) {
     writer.begin_row(times_[row]);

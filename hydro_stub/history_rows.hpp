@@ -28,7 +28,7 @@ class HistoryRows {
   void save(wire::DumpWriter& dump, const std::string& name) const;
   void load(const wire::DumpReader& dump, const std::string& name);
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
-             const wire::ProfileRecord* profiles = nullptr) const;
+             const wire::ProfileRecord* profiles = nullptr, std::span<const double> initial_temperature = {}) const;
 
  private:
   std::vector<wire::Quantity> quantities_;

@@ -130,8 +130,8 @@ void InterfaceHistory::load(const wire::DumpReader& dump) {
 }
 
 void InterfaceHistory::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
-                             const wire::ProfileRecord& profiles) const {
-  rows_.write(file, meta, &profiles);
+                             const wire::ProfileRecord& profiles, const std::vector<double>& start_temperature) const {
+  rows_.write(file, meta, &profiles, start_temperature);
 }
 
 double InterfaceHistory::share(wire::Regime regime) const {

@@ -51,8 +51,9 @@ class InterfaceHistory {
 
   void save(wire::DumpWriter& dump) const;
   void load(const wire::DumpReader& dump);
+  // `start_temperature`: of the layers, where it is not that of the scene, else empty  [K]
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
-             const wire::ProfileRecord& profiles) const;
+             const wire::ProfileRecord& profiles, const std::vector<double>& start_temperature) const;
 
   std::size_t nodes() const { return totals_.slip.size(); }
   const NodeTotals& totals() const { return totals_; }

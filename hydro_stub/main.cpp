@@ -1,6 +1,7 @@
 // shearbus-hydro: reads a scene, makes its problem and interface law, runs the problem and writes the results.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
 #include <exception>
 #include <memory>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "hydro_stub/cone_target.hpp"
+#include "hydro_stub/layer_start.hpp"
 #include "hydro_stub/options.hpp"
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/profiles.hpp"
@@ -51,11 +53,10 @@ guest::HydroScene effective_scene(guest::HydroScene scene) {
 }
 
 // Makes the interface law of a two-dimensional problem. If no node of the problem slides under a law, the result is
-// free slip, and no session is opened.
-std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d& problem, const SubgridServer& server,
+// free slip, and no session is opened. `temperature`: of each node's layer at the start  [K]
+std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d& problem,
+                                          const std::vector<double>& temperature, const SubgridServer& server,
                                           const std::string& kept) {
-  const std::vector<double> temperature(interface_nodes(problem.bodies),
-                                        file.scene.scene().layer().initial_temperature_k());
   if (temperature.empty()) return std::make_unique<FreeSlipLaw>();
   return make_law(file, problem.soft, problem.hard, temperature, server, kept);
 }
@@ -65,6 +66,8 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   const bool cone = scene.hydro().has_cone_target();
   Problem2d problem = cone ? make_problem2d(make_cone_target(scene)) : make_verification(scene);
   problem.bodies.contact.overlap = options.overlap;
+  choose_threads();
+  check_layer_start(scene, interface_nodes(problem.bodies));
   if (options.explain)
     return fmt::print("{}", explain({file.server_text(), file.document.file}, interface_nodes(problem.bodies)));
   RunOptions run{.out = from != nullptr ? options.restart : output_directory(options, scene),
@@ -82,8 +85,17 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
     if (subgrid && run.server.empty() && (from != nullptr || run.dumps.wanted()))
       server.state_dir = server_directory(run.out);
   }
+  const bool shocked = scene.hydro().layer_start() == guest::LAYER_START_SHOCKED;
+  std::vector<double> temperature(interface_nodes(problem.bodies), scene.scene().layer().initial_temperature_k());
+  if (shocked && from != nullptr) {
+    from->fill("start_temperature", temperature);  // the layers have started already
+  } else if (!options.check) {
+    temperature = layer_start(scene, problem, options.progress);
+  }
+  if (shocked) problem.start_temperature = temperature;
+  if (shocked && problem.heat_bound) problem.heat_bound->start_temperature = *std::ranges::min_element(temperature);
   const std::unique_ptr<InterfaceLaw> law =
-      make_law_2d(file, problem, server, from != nullptr ? from->text("kept") : "");
+      make_law_2d(file, problem, temperature, server, from != nullptr ? from->text("kept") : "");
   if (options.check) {
     profile_record(scene, interface_nodes(problem.bodies), *law);
     fmt::print("{}: in order; {} zones, {} interface nodes, interface law {}\n", file.document.file,
@@ -104,6 +116,7 @@ void carry_out(const Options& options, SceneFile& file) {
                        .text = "runs of shear_column write no restart dumps, problems in two dimensions do",
                        .remedy = "leave out --dump-every and --dump-interval",
                        .field = "hydro.shear_column"});
+  check_layer_start(scene, 0);
   const ColumnProblem problem = make_problem(scene);
   if (options.explain) return fmt::print("{}", explain({file.server_text(), file.document.file}, problem.columns));
   const std::unique_ptr<InterfaceLaw> law =

@@ -39,7 +39,8 @@ struct Problem2d {
   std::uint32_t frames = 1;       // number of field outputs, at equal intervals up to the end
   physics::Material soft, hard;   // metals on the two sides of the interface, if there is one
 
-  std::optional<HeatBound> heat_bound;  // absent where the interface law or the scene does not obey it
+  std::vector<double> start_temperature;  // of each node's layer, where it is not that of the scene  [K]
+  std::optional<HeatBound> heat_bound;    // absent where the interface law or the scene does not obey it
   std::optional<Envelope> published;
 
   std::function<bool(const lagrange::Cycle&)> over;                        // if set, ends the run by returning true

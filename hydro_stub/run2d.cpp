@@ -87,6 +87,7 @@ class Run {
         compare_(std::move(problem.compare)),
         dumps_(options.out, options.dumps),
         published_(problem.published),
+        start_temperature_(std::move(problem.start_temperature)),
         interface_(interface_nodes(problem.bodies), problem.heat_bound),
         surface_(problem.free_surface),
         profiles_(profile_record(file.scene, interface_.nodes(), law)),
@@ -161,6 +162,7 @@ class Run {
       interface_.save(to);
       surface_.save(to);
       profiles_.save(to);
+      if (!start_temperature_.empty()) to.numbers("start_temperature", start_temperature_);
       to.numbers("frame_times", fields_.times_s());
       to.numbers("next_row", std::span(&next_row_, 1));
     });
@@ -191,7 +193,7 @@ class Run {
                  {"scene_name", file_.scene.scene().name()},
                  {"interface_law", name(file_.scene.hydro().interface_law())}});
     timed([&] {
-      if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta, profiles_);
+      if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta, profiles_, start_temperature_);
       if (!surface_.empty()) surface_.write(options_.out / "free_surface.h5", meta);
     });
     Summary2d summary{.scene = file_.scene.scene().name(),
@@ -200,6 +202,7 @@ class Run {
                       .cycle = cycle_,
                       .start = start_,
                       .interface = interface_,
+                      .start_temperature = start_temperature_,
                       .published = published_,
                       .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
                       .time = {.total = seconds(Clock::now() - begun_),
@@ -226,6 +229,7 @@ class Run {
   std::function<std::vector<Comparison>(const Cycle&)> compare_;
   RestartDumps dumps_;
   std::optional<Envelope> published_;
+  std::vector<double> start_temperature_;  // of each node's layer, where it is not that of the scene  [K]
   InterfaceHistory interface_;
   SurfaceHistory surface_;
   wire::ProfileRecord profiles_;
@@ -243,11 +247,12 @@ std::size_t interface_nodes(const lagrange::Bodies& bodies) {
   return static_cast<std::size_t>(lagrange::InterfaceWeights(bodies.mesh.symmetry(), bodies.slide_lines).rubbing());
 }
 
+void choose_threads() {
+  if (std::getenv("OMP_NUM_THREADS") == nullptr) omp_set_num_threads(1);
+}
+
 void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const wire::DumpReader* from) {
-  // The threads of OpenMP wait by spinning, which on a shared machine costs more than the threads gain. Without
-  // OMP_NUM_THREADS the run therefore uses one thread.
-  if (std::getenv("OMP_NUM_THREADS") == nullptr) omp_set_num_threads(1);
   std::filesystem::create_directories(options.out);
   wire::stop_at_next_step();
   Run(file, effective, std::move(problem), law, options, from).to_the_end();

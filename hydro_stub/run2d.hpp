@@ -21,6 +21,10 @@ struct RunOptions {
   std::string server;  // endpoint of the subgrid server, stored in restart dumps for --restart
 };
 
+// Makes runs use one thread, unless OMP_NUM_THREADS says otherwise: the threads of OpenMP wait by spinning, which on a
+// shared machine costs more than the threads gain.
+void choose_threads();
+
 // Writes interface.h5 (histories of the interface nodes), free_surface.h5, fields.xmf with its directory, and
 // summary.json to `options.out`, and prints the summary. `effective` is the scene with all constants filled in. If
 // `from` is not null, the run continues from that dump. Throws Interrupted after SIGINT or SIGTERM, otherwise

@@ -97,6 +97,10 @@ std::string Summary2d::text() const {
         share(wire::Regime::kTresca), share(wire::Regime::kMelting), 1e3 * interface.mean_slip(),
         1e3 * interface.longest_slip(), interface.hottest(), 1e-9 * interface.highest_pressure(),
         turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
+    if (!start_temperature.empty())
+      out += fmt::format("  layers start            at the shocked zones' {:.1f} to {:.1f} K, mean {:.1f}\n",
+                         *std::ranges::min_element(start_temperature), *std::ranges::max_element(start_temperature),
+                         mean_of(start_temperature));
     out += flank_text();
   }
   for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
@@ -159,6 +163,7 @@ std::string Summary2d::json() const {
     out["interface"] = {{"slip_m", nodes.slip},
                         {"peak_pressure_pa", nodes.highest_pressure},
                         {"peak_sliding_velocity_m_per_s", nodes.fastest_slip}};
+    if (!start_temperature.empty()) out["interface"]["start_temperature_k"] = start_temperature;
     if (interface.has_bound()) {
       out["bound_used_most"] = interface.most_bound_used();
       out["interface"]["bound_used"] = nodes.bound_used;

@@ -29,6 +29,7 @@ struct Summary2d {
   const lagrange::Cycle& cycle;
   const lagrange::Ledger& start;
   const InterfaceHistory& interface;
+  std::vector<double> start_temperature;  // of each node's layer, where it is not that of the scene  [K]
   std::optional<Envelope> published;
   std::vector<Comparison> comparisons;
   RunTime2d time;

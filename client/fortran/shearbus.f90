@@ -72,16 +72,21 @@ module shearbus
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
                           offer_32, offer_64, copy
     ! open(nodes, scene | scene_text [, endpoint, domain, initial_temperature, name, server_key_file, secret_key_file,
-    !      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg]); endpoint: of a server, or
-    !      of several, with a comma between two of them or as the directory of their endpoint files, file://DIR
+    !      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg]);
+    !      endpoint: of a server, or of several, with a comma between two of them or as the directory of their endpoint files,
+    !      file://DIR. pair(n): name of a table [pair.NAME] of the scene for each node, blank for the tables outside of them.
+    !      parameters: keys of the scene that have a value for each node, values(n, size(parameters)), in the keys' units
     generic :: open => open_32, open_64
-    procedure :: resume          ! resume(ticket [, endpoint, ..., stat, msg]) continues a session of a process that has ended
+    ! resume(ticket [, endpoint, ..., nodes, pair, parameters, values, stat, msg]) continues a session of a process that has
+    ! ended; where nodes are given, they must be in the session with these pairs and parameters
+    procedure :: resume
     ! step(dt [, time [, n]] [, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg]); mask: the rows that
     ! are stepped; open_absent: the others are stepped without contact, so that they cool
     generic :: step => step_plain, step_32, step_64
     procedure :: commit, rollback                    ! of a trial
     procedure :: mark, rollback_to                   ! (name [, stat, msg]) states on the server, beside the host's dump
-    generic :: register => register_32, register_64  ! (nodes [, initial_temperature, stat, msg])
+    ! (nodes [, initial_temperature, pair, parameters, values, stat, msg]); parameters: those of the opening
+    generic :: register => register_32, register_64
     generic :: retire => retire_32, retire_64        ! (nodes [, stat, msg])
     generic :: offer => offer_32, offer_64           ! (nodes, transfer [, stat, msg])
     procedure :: accept                              ! (transfer [, stat, msg])
@@ -186,6 +191,20 @@ module shearbus
   type :: c_text
     character(kind=c_char, len=:), allocatable :: bytes
   end type
+  type, bind(c) :: c_nodes
+    integer(c_size_t) :: size, n
+    type(c_ptr) :: node_ids, initial_temperature_k
+    integer(c_size_t) :: n_pairs
+    type(c_ptr) :: pairs, pair
+    integer(c_size_t) :: n_parameters
+    type(c_ptr) :: parameters, values
+  end type
+  type :: node_values                               ! what c_nodes points to
+    integer(c_int64_t), allocatable :: ids(:), pair(:)
+    real(c_double), allocatable :: temperatures(:), values(:, :)
+    type(c_text), allocatable :: names(:), keys(:)
+    type(c_ptr), allocatable :: names_at(:), keys_at(:), values_at(:)
+  end type
   type :: column_pointer
     real(real64), pointer :: values(:)
   end type
@@ -235,21 +254,20 @@ module shearbus
     end function
   end interface
   interface
-    function c_open(session, options, n, ids, temperatures, status) bind(c, name='shearbus_open') result(code)
+    function c_open_nodes(session, options, nodes, status) bind(c, name='shearbus_open_nodes') result(code)
       import
       type(c_ptr), intent(inout) :: session
       type(c_options), intent(in) :: options
-      integer(c_size_t), value :: n
-      integer(c_int64_t), intent(in) :: ids(*)
-      type(c_ptr), value :: temperatures
+      type(c_nodes), intent(in) :: nodes
       type(c_status), intent(inout) :: status
       integer(c_int) :: code
     end function
-    function c_resume(session, options, ticket, status) bind(c, name='shearbus_resume') result(code)
+    function c_resume_nodes(session, options, ticket, nodes, status) bind(c, name='shearbus_resume_nodes') result(code)
       import
       type(c_ptr), intent(inout) :: session
       type(c_options), intent(in) :: options
       character(kind=c_char), intent(in) :: ticket(*)
+      type(c_nodes), intent(in) :: nodes
       type(c_status), intent(inout) :: status
       integer(c_int) :: code
     end function
@@ -297,12 +315,10 @@ module shearbus
       type(c_status), intent(inout) :: status
       integer(c_int) :: code
     end function
-    function c_register(session, n, ids, temperatures, status) bind(c, name='shearbus_register') result(code)
+    function c_register_nodes(session, nodes, status) bind(c, name='shearbus_register_nodes') result(code)
       import
       type(c_ptr), value :: session
-      integer(c_size_t), value :: n
-      integer(c_int64_t), intent(in) :: ids(*)
-      type(c_ptr), value :: temperatures
+      type(c_nodes), intent(in) :: nodes
       type(c_status), intent(inout) :: status
       integer(c_int) :: code
     end function
@@ -459,78 +475,165 @@ contains
   ! ---- opening and ending ----
 
   subroutine open_64(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
+                     parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                                              state_dir, check_closure
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+                                              state_dir, check_closure, pair(:), parameters(:)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, nodes, '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
+               parameters, values, stat, msg)
   end subroutine
 
   subroutine open_32(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
+                     parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int32), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                                              state_dir, check_closure
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+                                              state_dir, check_closure, pair(:), parameters(:)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, int(nodes, int64), '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
+               parameters, values, stat, msg)
   end subroutine
 
   subroutine resume(self, ticket, endpoint, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
-                    state_dir, threads, check_closure, stat, msg)
+                    state_dir, threads, check_closure, nodes, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     character(len=*), intent(in) :: ticket
-    character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir, check_closure
-    real(real64), intent(in), optional :: connect_deadline, reply_deadline
+    character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir, check_closure, &
+                                              pair(:), parameters(:)
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline, values(:, :)
+    integer(int64), intent(in), optional :: nodes(:)
     integer, intent(in), optional :: threads
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    integer(int64) :: none(0)
-    call enter(self, none, ticket//c_null_char, endpoint=endpoint, name=name, server_key_file=server_key_file, &
+    integer(int64), allocatable :: expected(:)
+    allocate (expected(0))
+    if (present(nodes)) expected = nodes
+    call enter(self, expected, ticket//c_null_char, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
-               state_dir=state_dir, threads=threads, check_closure=check_closure, stat=stat, msg=msg)
+               state_dir=state_dir, threads=threads, check_closure=check_closure, pair=pair, parameters=parameters, &
+               values=values, stat=stat, msg=msg)
   end subroutine
 
   ! Opens a session, or resumes the one of the ticket.
   subroutine enter(self, nodes, ticket, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                   secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, stat, msg)
+                   secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
+                   parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in) :: ticket
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                                              state_dir, check_closure
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+                                              state_dir, check_closure, pair(:), parameters(:)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(c_text), target :: texts(8)
-    real(c_double), allocatable, target :: temperatures(:)
-    type(c_ptr) :: temperatures_at
+    type(node_values), target :: held
+    type(c_nodes) :: of
     type(c_options) :: options
     type(c_status) :: status
     integer(c_int) :: code
     call clear(status)
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                       connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
-    call per_node(initial_temperature, size(nodes), temperatures, temperatures_at, code, status)
+    call give_nodes(of, held, nodes, initial_temperature, pair, parameters, values, code, status)
     if (code == 0 .and. len(ticket) > 0) then
-      code = c_resume(self%handle, options, ticket, status)
+      code = c_resume_nodes(self%handle, options, ticket, of, status)
     else if (code == 0) then
-      code = c_open(self%handle, options, size(nodes, kind=c_size_t), nodes, temperatures_at, status)
+      code = c_open_nodes(self%handle, options, of, status)
     end if
     if (code == 0) call adopt_nodes(self)
     if (code == 0) call make_columns(self, fields_of(self))
     call report(code, status, stat, msg)
+  end subroutine
+
+  ! The nodes of the C interface, which point into `held`.
+  subroutine give_nodes(of, held, nodes, initial_temperature, pair, parameters, values, code, status)
+    type(c_nodes), intent(out) :: of
+    type(node_values), intent(out), target :: held
+    integer(int64), intent(in) :: nodes(:)
+    real(real64), intent(in), optional :: initial_temperature(:), values(:, :)
+    character(len=*), intent(in), optional :: pair(:), parameters(:)
+    integer(c_int), intent(out) :: code
+    type(c_status), intent(inout) :: status
+    integer :: n, keys, i
+    n = size(nodes)
+    keys = 0
+    if (present(parameters)) keys = size(parameters)
+    of%size = c_sizeof(of)
+    of%n = n
+    of%node_ids = c_null_ptr
+    of%n_pairs = 0
+    of%pairs = c_null_ptr
+    of%pair = c_null_ptr
+    of%n_parameters = keys
+    of%parameters = c_null_ptr
+    of%values = c_null_ptr
+    call per_node(initial_temperature, n, held%temperatures, of%initial_temperature_k, code, status)
+    if (code == 0 .and. present(pair)) then
+      if (size(pair) /= n) call refuse(code, status, 'pair', size(pair), n)
+    end if
+    if (code == 0 .and. present(values)) then
+      if (size(values, 1) /= n) call refuse(code, status, 'values, first dimension', size(values, 1), n)
+      if (code == 0 .and. size(values, 2) /= keys) &
+        call refuse(code, status, 'values, second dimension', size(values, 2), keys)
+    else if (code == 0 .and. keys > 0) then
+      call refuse(code, status, 'values, second dimension', 0, keys)
+    end if
+    if (code /= 0 .or. n == 0) return
+    allocate (held%ids, source=nodes)
+    of%node_ids = c_loc(held%ids)
+    if (present(pair)) call give_pairs(of, held, pair)
+    if (keys == 0) return
+    allocate (held%keys(keys), held%keys_at(keys), held%values_at(keys))
+    allocate (held%values, source=values)
+    do i = 1, keys
+      held%keys(i)%bytes = trim(parameters(i))//c_null_char
+      held%keys_at(i) = c_loc(held%keys(i)%bytes)
+      held%values_at(i) = c_loc(held%values(1, i))
+    end do
+    of%parameters = c_loc(held%keys_at)
+    of%values = c_loc(held%values_at)
+  end subroutine
+
+  ! The distinct names of the nodes' pairs, and the place of each node's among them.
+  subroutine give_pairs(of, held, pair)
+    type(c_nodes), intent(inout) :: of
+    type(node_values), intent(inout), target :: held
+    character(len=*), intent(in) :: pair(:)
+    integer :: i, place, names, first(size(pair))
+    allocate (held%pair(size(pair)))
+    names = 0
+    do i = 1, size(pair)
+      do place = 1, names
+        if (pair(first(place)) == pair(i)) exit
+      end do
+      if (place > names) then
+        names = place
+        first(place) = i
+      end if
+      held%pair(i) = place - 1
+    end do
+    allocate (held%names(names), held%names_at(names))
+    do i = 1, names
+      held%names(i)%bytes = trim(pair(first(i)))//c_null_char
+      held%names_at(i) = c_loc(held%names(i)%bytes)
+    end do
+    of%n_pairs = names
+    of%pairs = c_loc(held%names_at)
+    of%pair = c_loc(held%pair)
   end subroutine
 
   ! The options of the C interface, which point into `texts`.
@@ -1010,30 +1113,32 @@ contains
     call report(code, status, stat, msg)
   end subroutine
 
-  subroutine register_64(self, nodes, initial_temperature, stat, msg)
+  subroutine register_64(self, nodes, initial_temperature, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout) :: self
     integer(int64), intent(in) :: nodes(:)
-    real(real64), intent(in), optional :: initial_temperature(:)
+    real(real64), intent(in), optional :: initial_temperature(:), values(:, :)
+    character(len=*), intent(in), optional :: pair(:), parameters(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    real(c_double), allocatable, target :: temperatures(:)
-    type(c_ptr) :: address
+    type(node_values), target :: held
+    type(c_nodes) :: of
     type(c_status) :: status
     integer(c_int) :: code
     call clear(status)
-    call per_node(initial_temperature, size(nodes), temperatures, address, code, status)
-    if (code == 0) code = c_register(self%handle, size(nodes, kind=c_size_t), nodes, address, status)
+    call give_nodes(of, held, nodes, initial_temperature, pair, parameters, values, code, status)
+    if (code == 0) code = c_register_nodes(self%handle, of, status)
     if (code == 0) call follow_nodes(self)
     call report(code, status, stat, msg)
   end subroutine
 
-  subroutine register_32(self, nodes, initial_temperature, stat, msg)
+  subroutine register_32(self, nodes, initial_temperature, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout) :: self
     integer(int32), intent(in) :: nodes(:)
-    real(real64), intent(in), optional :: initial_temperature(:)
+    real(real64), intent(in), optional :: initial_temperature(:), values(:, :)
+    character(len=*), intent(in), optional :: pair(:), parameters(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    call self%register(int(nodes, int64), initial_temperature, stat, msg)
+    call self%register(int(nodes, int64), initial_temperature, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine retire_64(self, nodes, stat, msg)

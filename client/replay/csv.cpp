@@ -50,6 +50,7 @@ const char* unit_of(std::string_view name) {
   if (name == "time" || name == "dt") return "s";
   if (name == "node_id" || name == "node") return "";
   if (name == "initial_temperature") return "K";
+  if (name == "pair" || name.starts_with("parameter/")) return "";
   if (name == "initial_velocity_jump" || name == "initial_velocity_jump_second") return "m/s";
   for (const wire::ColumnRow& column : wire::column_rows())
     for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
@@ -156,6 +157,11 @@ class CsvReader {
       refuse(fmt::format("--columns names \"{}\", which no step has", name),
              "Use names such as time, pressure, velocity_jump, node; - leaves a column out.");
     if (name == "node" || name == "node_id") return {.name = "node_id"};
+    if (*si == '\0' && !unit.empty())
+      refuse(fmt::format("{} has the unit \"{}\"", name, unit),
+             name == "pair" ? "A pair is a name."
+                            : "A parameter has the unit of its key in the scene, and is written without.",
+             std::string(name));
     if (*si == '\0' || std::string_view(si) == "1") return {.name = std::string(name)};
     std::vector<std::string> known;
     for (const Unit& one : kUnits) {
@@ -185,6 +191,10 @@ class CsvReader {
              separator_ == ',' ? "With a decimal comma the values are separated by ; or tabs." : "");
     for (std::size_t i = 0; i < cells.size(); ++i) {
       if (columns_[i].name.empty()) continue;
+      if (columns_[i].name == "pair") {
+        pairs_.emplace_back(cells[i]);
+        continue;
+      }
       const auto value = number_of(cells[i], separator_ != ',');
       if (!value)
         refuse(fmt::format("{} is \"{}\", expected a finite number", columns_[i].name, cells[i]), {}, columns_[i].name);
@@ -222,6 +232,15 @@ class CsvReader {
     }
     if (nodes > wire::kMaxNodesPerSession) refuse(fmt::format("{} nodes, more than a session takes", nodes));
     for (std::size_t i = 0; i < times.size(); i += nodes) table.times.push_back(times[i]);
+    for (std::size_t i = nodes; i < pairs_.size(); ++i)
+      if (pairs_[i] != pairs_[i % nodes])
+        refuse(fmt::format("pair of node {} changes from \"{}\" to \"{}\" at row {}; a node keeps its pair",
+                           table.ids[i % nodes], pairs_[i % nodes], pairs_[i], i / nodes),
+               {}, "pair");
+    if (!pairs_.empty()) {
+      pairs_.resize(nodes);
+      table.names["pair"] = pairs_;
+    }
     for (std::size_t i = 0; i < columns_.size(); ++i) {
       const std::string& name = columns_[i].name;
       if (name == "dt")
@@ -229,7 +248,7 @@ class CsvReader {
           table.dts.push_back(values_[i][row]);
           if (!(table.dts.back() > 0)) refuse(fmt::format("dt of row {} is {} s", row, table.dts.back()), {}, "dt");
         }
-      else if (!name.empty() && name != "time" && name != "node_id")
+      else if (!name.empty() && name != "time" && name != "node_id" && name != "pair")
         table.series[name] = std::move(values_[i]);
     }
     return table;
@@ -241,6 +260,7 @@ class CsvReader {
   std::size_t number_ = 0;  // of the line; 0: the whole file
   char separator_ = ',';
   std::vector<CsvColumn> columns_;
+  std::vector<std::string> pairs_;           // of the column pair, in the order of the rows
   std::vector<std::vector<double>> values_;  // of each column, in the order of the rows
 };
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "client/replay/log.hpp"
+#include "client/replay/node_properties.hpp"
 #include "proto/wire/columns.hpp"
 #include "proto/wire/recording.hpp"
 #include "proto/wire/whole_file.hpp"
@@ -41,7 +42,7 @@ struct Plan {
   std::vector<Row> rows;
   std::vector<std::uint64_t> nodes;
   std::vector<Place> inputs, outputs;           // columns that all steps have
-  std::vector<double> initial_temperature;      // empty: the scene's
+  NodeProperties properties;                    // of the nodes
   std::map<Place, std::vector<double>> masses;  // of the first step
   bool masses_change = false;
   std::string scene;
@@ -66,7 +67,6 @@ class Planner {
             {.code = Code::kUnknownMark, .text = fmt::format("no mark has the name \"{}\"", *options_.after_mark)});
       plan_.rows.erase(plan_.rows.begin(), plan_.rows.begin() + static_cast<std::ptrdiff_t>(
                                                                     std::min(mark->second.size(), plan_.rows.size())));
-      plan_.initial_temperature.clear();
     }
     if (plan_.rows.empty())
       throw Error({.code = Code::kInvalidValue,
@@ -74,6 +74,8 @@ class Planner {
                                        options_.node ? fmt::format(" of node {}", *options_.node) : "")});
     choose_times();
     check_rows();
+    plan_.properties = registered_.of(plan_.nodes);
+    if (options_.after_mark) plan_.properties.initial_temperature_k.clear();  // their layers have a past
   }
 
  private:
@@ -90,23 +92,8 @@ class Planner {
     } else if (const auto* back = std::get_if<wire::Rollback>(&request.body)) {
       standing_.reset();
       if (const auto to = marks_.find(back->to_mark); to != marks_.end()) plan_.rows = to->second;
-    } else if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) {
-      if (!open->pairs.empty() || !open->parameters.empty())
-        throw Error(
-            {.code = Code::kUnsupported,
-             .text = fmt::format("{} is of a session whose nodes have pairs or parameters of their own, which a "
-                                 "history does not hold",
-                                 log_.name()),
-             .remedy = "Replay the log itself, which has them."});
-      const auto given = request.batch.f64(Field::kInitialTemperature);
-      plan_.initial_temperature.assign(given.begin(), given.end());
-      const auto ids = request.batch.u64(Field::kNodeId);
-      if (options_.node && !given.empty()) {
-        const auto at = std::ranges::find(ids, *options_.node);
-        plan_.initial_temperature.clear();
-        if (at != ids.end()) plan_.initial_temperature = {given[static_cast<std::size_t>(at - ids.begin())]};
-      }
     }
+    registered_.follow(request, log_.reply());
   }
 
   void commit() {
@@ -222,6 +209,7 @@ class Planner {
   Plan& plan_;
   Log log_;
   NodeOrder order_;
+  RegisteredProperties registered_;
   std::optional<Row> standing_;                    // the trial that waits for commit or rollback
   std::map<std::string, std::vector<Row>> marks_;  // rows that lead to each mark
   std::vector<std::uint64_t> last_ids_;
@@ -245,7 +233,9 @@ class TableWriter {
         fmt::print(file_, ",{}{}", wire::quantity_of(field, component),
                    unit.empty() || unit == "1" ? "" : " [" + unit + "]");
       }
-      if (!plan.initial_temperature.empty()) fmt::print(file_, ",initial_temperature [K]");
+      if (!plan.properties.initial_temperature_k.empty()) fmt::print(file_, ",initial_temperature [K]");
+      if (!plan.properties.pair.empty()) fmt::print(file_, ",pair");
+      for (const auto& [key, values] : plan.properties.parameters) fmt::print(file_, ",parameter/{}", key);
       fmt::print(file_, "\n");
       return;
     }
@@ -258,10 +248,7 @@ class TableWriter {
                                                      {"input_hash", wire::hash_of_file(options.log)},
                                                      {"times", plan.host_times ? "the host's" : "sums of dt"}},
                   plan.start_s);
-    if (!plan.initial_temperature.empty())
-      hdf5_->add_static(
-          {.name = "initial_temperature", .units = "K", .long_name = "temperature of the layer at the start"},
-          plan.initial_temperature);
+    plan.properties.write(*hdf5_);
     for (const auto& [place, values] : plan.masses)
       if (!plan.masses_change) hdf5_->add_static(wire::quantity_of_column(place.first, place.second), values);
   }
@@ -293,7 +280,10 @@ class TableWriter {
     for (std::size_t node = 0; node < plan.nodes.size(); ++node) {
       fmt::print(file_, "{},{},{}", row.time_s, row.dt_s, plan.nodes[node]);
       for (const auto& values : numbers) fmt::print(file_, ",{}", values[node]);
-      if (!plan.initial_temperature.empty()) fmt::print(file_, ",{}", plan.initial_temperature[node]);
+      const NodeProperties& own = plan.properties;
+      if (!own.initial_temperature_k.empty()) fmt::print(file_, ",{}", own.initial_temperature_k[node]);
+      if (!own.pair.empty()) fmt::print(file_, ",{}", own.pair[node]);
+      for (const auto& [key, values] : own.parameters) fmt::print(file_, ",{}", values[node]);
       fmt::print(file_, "\n");
     }
   }

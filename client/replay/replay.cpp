@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "client/replay/history_input.hpp"
+#include "client/replay/node_properties.hpp"
 #include "client/replay/tally.hpp"
 #include "client/src/client.hpp"
 #include "proto/scene/reader.hpp"
@@ -241,12 +242,12 @@ void run(const Options& options) {
   const std::unique_ptr<Table> table = open_table(options.history, options.table);
   Table& history = *table;
   if (!options.check) refuse_to_write_over_the_history(options);
-  const std::vector<double> initial_temperature =
-      history.has("initial_temperature") ? history.per_node("initial_temperature") : std::vector<double>();
+  const NodeProperties properties = NodeProperties::of(history);
+  const NodeOpening named(properties);
   RunTime time{.reading = Clock::now() - start};
 
   Service service(options.server);
-  const OpenOptions opening = {.initial_temperature_k = initial_temperature, .domain = {}};
+  const OpenOptions opening = named.options();
   Session session = service.client.open(scene, options.scene.string(), history.node_ids(), opening);
   HistoryInput input(history, session.opened(), options.closed_loop);
   wire::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
@@ -279,6 +280,7 @@ void run(const Options& options) {
   };
   wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.opened()), meta,
                              history.start_time_s());
+  properties.write(writer);
   Tally tally(history.node_ids());
   replay(options, history, input, session, writer, profiles, tally, time);
   const wire::SessionClosed totals = session.close();

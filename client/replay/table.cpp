@@ -25,6 +25,8 @@ class Hdf5Table final : public Table {
   const std::vector<std::uint64_t>& node_ids() const override { return history_.node_ids(); }
   bool has(std::string_view name) const override { return history_.has(name); }
   std::vector<double> per_node(std::string_view name) const override { return history_.per_node(name); }
+  std::vector<std::string> texts(std::string_view name) const override { return history_.texts(name); }
+  std::vector<std::string> names_in(std::string_view group) const override { return history_.names_in(group); }
   void row(std::string_view name, std::size_t step, std::span<double> values) override {
     history_.row(name, step, values);
   }
@@ -80,7 +82,20 @@ class Means {
 }  // namespace
 
 bool MemoryTable::has(std::string_view name) const {
-  return series.contains(name) || constants.contains(name);
+  return series.contains(name) || constants.contains(name) || names.contains(name);
+}
+
+std::vector<std::string> MemoryTable::texts(std::string_view name) const {
+  return names.find(name)->second;
+}
+
+std::vector<std::string> MemoryTable::names_in(std::string_view group) const {
+  const std::string begin = std::string(group) + '/';
+  std::vector<std::string> found;
+  for (const auto* table : {&series, &constants})
+    for (const auto& [name, values] : *table)
+      if (name.starts_with(begin)) found.push_back(name.substr(begin.size()));
+  return found;
 }
 
 std::vector<double> MemoryTable::per_node(std::string_view name) const {
@@ -164,6 +179,9 @@ MemoryTable resampled(Table& table, Rows rows, double dt_s) {
   }
   for (const char* name : {"initial_temperature", "initial_velocity_jump", "initial_velocity_jump_second"})
     if (table.has(name)) made.constants[name] = table.per_node(name);
+  for (const std::string& key : table.names_in("parameter"))
+    made.constants["parameter/" + key] = table.per_node("parameter/" + key);
+  if (table.has("pair")) made.names["pair"] = table.texts("pair");
   return made;
 }
 

@@ -23,6 +23,8 @@ class Table {
   virtual const std::vector<std::uint64_t>& node_ids() const = 0;
   virtual bool has(std::string_view name) const = 0;
   virtual std::vector<double> per_node(std::string_view name) const = 0;
+  virtual std::vector<std::string> texts(std::string_view name) const = 0;      // one per node
+  virtual std::vector<std::string> names_in(std::string_view group) const = 0;  // "KEY" of each quantity "group/KEY"
   virtual void row(std::string_view name, std::size_t step, std::span<double> values) = 0;
   virtual bool is_recorded() const = 0;  // whether a program recorded it with the step lengths that it used
 
@@ -36,8 +38,9 @@ class MemoryTable final : public Table {
   std::vector<double> times;
   std::vector<double> dts;
   std::vector<std::uint64_t> ids;
-  std::map<std::string, std::vector<double>, std::less<>> series;     // [T,N], row after row
-  std::map<std::string, std::vector<double>, std::less<>> constants;  // [N]
+  std::map<std::string, std::vector<double>, std::less<>> series;      // [T,N], row after row
+  std::map<std::string, std::vector<double>, std::less<>> constants;   // [N]
+  std::map<std::string, std::vector<std::string>, std::less<>> names;  // texts, [N]
 
   double start_time_s() const override { return start; }
   const std::vector<double>& times_s() const override { return times; }
@@ -45,6 +48,8 @@ class MemoryTable final : public Table {
   const std::vector<std::uint64_t>& node_ids() const override { return ids; }
   bool has(std::string_view name) const override;
   std::vector<double> per_node(std::string_view name) const override;
+  std::vector<std::string> texts(std::string_view name) const override;
+  std::vector<std::string> names_in(std::string_view group) const override;
   void row(std::string_view name, std::size_t step, std::span<double> values) override;
   bool is_recorded() const override { return false; }
 };

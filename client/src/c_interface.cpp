@@ -651,11 +651,19 @@ int shearbus_open_nodes(shearbus_session** session, const shearbus_options* opti
 
 int shearbus_resume(shearbus_session** session, const shearbus_options* options, const char* ticket,
                     shearbus_status* status) {
+  const shearbus_nodes nodes = SHEARBUS_NODES_INIT;
+  return shearbus_resume_nodes(session, options, ticket, &nodes, status);
+}
+
+int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* options, const char* ticket,
+                          const shearbus_nodes* nodes, shearbus_status* status) {
   const int code = guarded(status, [&] {
     const shearbus_options given = known(options, "shearbus_options");
+    const shearbus_nodes of = known(nodes, "shearbus_nodes");
     const Session::Ticket held = ticket_of(text_or(ticket));
     shearbus_session& handle = handle_for(session, given);
-    handle.opened(handle.client->resume(held));
+    handle.opened(handle.client->resume(
+        held, {.node_ids = values_of(of.node_ids, of.n, "node_ids"), .options = properties_of(of)}));
   });
   if (code != SHEARBUS_OK) drop_unopened(session);
   return code;

@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "client/src/connection.hpp"
+#include "client/src/resumed_nodes.hpp"
 #include "client/src/session.hpp"
 #include "client/src/sharded_connection.hpp"
 #include "proto/wire/codec.hpp"
@@ -107,7 +108,15 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
   return Session(std::move(impl));
 }
 
-Session Client::resume(const Session::Ticket& ticket) {
+Session Client::resume(const Session::Ticket& ticket, const ExpectedNodes& expected) {
+  if (!expected.node_ids.empty()) {  // before the claim, which takes the session from its client
+    wire::Request position;
+    position.session_id = ticket.session_id;
+    position.body = wire::ResumeSession{.resume_token = ticket.resume_token};
+    Received asked = shearbus::ask(*connection_, std::move(position));
+    // Several servers tell their scene and nodes only with the claim.
+    if (!body_of<wire::SessionResumed>(asked).session.effective_scene.empty()) check_resumed_nodes(asked, expected);
+  }
   ClaimInDoubt claim;
   Received received = claim_session(*connection_, ticket.session_id, ticket.resume_token, claim);
   auto impl = std::make_unique<Session::Impl>();
@@ -115,6 +124,7 @@ Session Client::resume(const Session::Ticket& ticket) {
   impl->id = ticket.session_id;
   impl->resume_token = ticket.resume_token;
   impl->epoch = received.reply.epoch;
+  check_resumed_nodes(received, expected);
   impl->opened = std::move(body_of<wire::SessionResumed>(received).session);
   impl->adopt_position(received);
   impl->check_closure();

@@ -95,6 +95,13 @@ struct NodeOptions {
   std::vector<Parameter> parameters;
 };
 
+// What the host of a resumed session takes its nodes for. Nodes, pairs and parameters that are given must be those of the
+// session; empty lists, and the initial temperatures, are not compared.
+struct ExpectedNodes {
+  std::span<const std::uint64_t> node_ids;
+  NodeOptions options;
+};
+
 struct OpenOptions {
   std::span<const double> initial_temperature_k;  // one value per node; empty: the value of the scene
   // Node ids are unique among the sessions of a domain, such as the ranks of one run, and nodes can move between these
@@ -274,8 +281,9 @@ class Client {
   // fault throws kInvalidScene with a line "scene_file:line:column: ..." for each fault.
   Session open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
                const OpenOptions& options = {});
-  // Continues the session of a client that has ended. A session has one client at a time.
-  Session resume(const Session::Ticket& ticket);
+  // Continues the session of a client that has ended. A session has one client at a time. Throws Error{kResumeRefused}
+  // that names the nodes if those of the session are not as expected: the session stays as it is and can be resumed.
+  Session resume(const Session::Ticket& ticket, const ExpectedNodes& expected = {});
   wire::ServerStatus server_status();
 
   // Calls for operators. top_nodes() returns at most `count` nodes of a session, highest value first.

@@ -9,6 +9,7 @@
 #include <utility>
 #include <variant>
 
+#include "client/src/resumed_nodes.hpp"
 #include "client/src/shards.hpp"
 #include "proto/wire/codec.hpp"
 
@@ -259,6 +260,7 @@ Received ShardedConnection::resume(const wire::Request& request) {
   const auto& asked = std::get<wire::ResumeSession>(request.body);
   std::vector<std::unique_ptr<Session::Impl>> sessions;
   std::vector<wire::SessionResumed> positions;
+  std::vector<Received> replies;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
     auto& session = *sessions.emplace_back(std::make_unique<Session::Impl>());
     session.connection = links_[k];
@@ -270,6 +272,7 @@ Received ShardedConnection::resume(const wire::Request& request) {
       positions.push_back(body_of<wire::SessionResumed>(where));
       session.epoch = where.reply.epoch;
       session.adopt_position(where);
+      replies.push_back(std::move(where));
     } catch (const Error& fault) {
       if (fault.status().code != Code::kUnknownSession) throw;
       wire::Status status = fault.status();
@@ -285,7 +288,7 @@ Received ShardedConnection::resume(const wire::Request& request) {
   auto& resumed = joined.reply.body.emplace<wire::SessionResumed>(session->position());
   resumed.session = std::move(positions.front().session);
   resumed.claim = asked.claim;
-  joined.reply.batch = named_nodes(session->node_ids());
+  joined.reply.batch = joined_nodes(replies, session->node_ids());
   sessions_[request.session_id] = std::move(session);
   return joined;
 }

@@ -25,7 +25,7 @@ namespace shearbus::wire {
 
 struct Quantity {
   std::string name;         // name of the dataset
-  std::string units;        // UDUNITS text
+  std::string units;        // UDUNITS text; empty: the name tells the unit
   std::string long_name;    // description in one line
   bool is_regime = false;   // true: the values are regimes, stored as uint8 with an enum of their names
   bool is_outcome = false;  // true: the values are outcomes, stored as uint8 with the bits of Outcome
@@ -59,6 +59,7 @@ class HistoryWriter {
   // missing.
   void add_array(const Quantity& quantity, std::span<const double> values, const std::vector<std::size_t>& shape);
   void add_ids(const Quantity& quantity, std::span<const std::uint64_t> ids);
+  void add_texts(const Quantity& quantity, std::span<const std::string> texts);  // one for each node
   // Returns when the file is on the disk under its final name. An older file of that name is replaced.
   void close(const std::map<std::string, std::string>& closing_meta = {});
 
@@ -83,7 +84,9 @@ class HistoryReader {
   const std::vector<double>& dt_s() const;
   const std::vector<std::uint64_t>& node_ids() const;  // ids of the nodes, checked to be unique
   bool has(std::string_view name) const;
-  std::vector<double> per_node(std::string_view name) const;  // one value per node, all checked to be finite
+  std::vector<double> per_node(std::string_view name) const;        // one value per node, all checked to be finite
+  std::vector<std::string> texts(std::string_view name) const;      // one text per node
+  std::vector<std::string> names_in(std::string_view group) const;  // names in a group; none if it is absent
   // reads the values of one step, one per node; all checked to be finite
   void row(std::string_view name, std::size_t step, std::span<double> values);
   std::optional<std::string> meta(std::string_view name) const;

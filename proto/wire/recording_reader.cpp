@@ -93,6 +93,7 @@ struct HistoryReader::Impl {
   void read_node_ids();
   Series& open_series(const std::string& name);
   void read_rows(const std::string& name, Series& one, std::size_t step) const;
+  std::vector<std::string> read_texts(hid_t from, bool attribute) const;
   std::string read_text(hid_t from, bool attribute) const;
 };
 
@@ -289,27 +290,41 @@ void HistoryReader::Impl::read_rows(const std::string& name, Series& one, std::s
   one.count = count;
 }
 
-std::string HistoryReader::Impl::read_text(hid_t from, bool attribute) const {
+// Reads all texts of an attribute or a dataset of texts.
+std::vector<std::string> HistoryReader::Impl::read_texts(hid_t from, bool attribute) const {
   const Type type(check(attribute ? H5Aget_type(from) : H5Dget_type(from), "cannot read a text"));
   const Space space(check(attribute ? H5Aget_space(from) : H5Dget_space(from), "cannot read a text"));
-  if (H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
-    refuse(file, "holds something other than one text in /meta");
+  const auto count = static_cast<std::size_t>(check(H5Sget_simple_extent_npoints(space), "cannot read a text"));
   const Type memory(check(H5Tcopy(type), "cannot read a text"));
   const auto read = [&](void* out) {
     check(attribute ? H5Aread(from, memory, out) : H5Dread(from, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, out),
           "cannot read a text");
   };
+  std::vector<std::string> texts;
+  texts.reserve(count);
   if (H5Tis_variable_str(type) > 0) {
-    char* text = nullptr;
-    read(static_cast<void*>(&text));
-    std::string copy = text ? text : "";
-    H5free_memory(text);
-    return copy;
+    std::vector<char*> found(count, nullptr);
+    read(static_cast<void*>(found.data()));
+    for (const char* text : found) texts.emplace_back(text != nullptr ? text : "");
+    H5Dvlen_reclaim(memory, space, H5P_DEFAULT, static_cast<void*>(found.data()));
+    return texts;
   }
-  std::string text(H5Tget_size(type), '\0');
-  read(text.data());
-  text.resize(std::min(text.size(), text.find('\0')));
-  return text;
+  const std::size_t width = H5Tget_size(type);
+  std::string found(count * width, '\0');
+  read(found.data());
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::string_view cell = std::string_view(found).substr(i * width, width);
+    texts.emplace_back(cell.substr(0, cell.find('\0')));
+  }
+  return texts;
+}
+
+std::string HistoryReader::Impl::read_text(hid_t from, bool attribute) const {
+  const Type type(check(attribute ? H5Aget_type(from) : H5Dget_type(from), "cannot read a text"));
+  const Space space(check(attribute ? H5Aget_space(from) : H5Dget_space(from), "cannot read a text"));
+  if (H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
+    refuse(file, "holds something other than one text in /meta");
+  return read_texts(from, attribute).front();
 }
 
 HistoryReader::HistoryReader(fs::path file) : impl_(std::make_unique<Impl>()) {
@@ -362,6 +377,39 @@ std::vector<double> HistoryReader::per_node(std::string_view name_view) const {
       self.fail(name, fmt::format("[{}] (node {}) is {}; expected a finite number", i, self.node_ids[i], values[i]),
                 "");
   return values;
+}
+
+std::vector<std::string> HistoryReader::texts(std::string_view name_view) const {
+  const Quiet quiet;
+  const Impl& self = *impl_;
+  const std::string name(name_view);
+  const Dataset dataset(H5Dopen2(self.handle, name.c_str(), H5P_DEFAULT));
+  if (dataset < 0) self.fail(name, "is not a dataset", "Expected one text for each node.");
+  const Type type(self.check(H5Dget_type(dataset), "cannot read a type"));
+  if (H5Tget_class(type) != H5T_STRING)
+    self.fail(name, fmt::format("holds {} values; expected texts", class_name(H5Tget_class(type))),
+              "Write one name for each node.");
+  const std::vector<hsize_t> found = self.shape(dataset);
+  if (found != std::vector<hsize_t>{nodes()})
+    self.fail(name, fmt::format("has shape {}; expected [N] = [{}]", shape_text(found), nodes()),
+              "One text for each node.");
+  return self.read_texts(dataset, false);
+}
+
+std::vector<std::string> HistoryReader::names_in(std::string_view group_view) const {
+  const Quiet quiet;
+  const Impl& self = *impl_;
+  const std::string name(group_view);
+  std::vector<std::string> names;
+  if (!self.has(name)) return names;
+  const Object group(self.check(H5Oopen(self.handle, name.c_str(), H5P_DEFAULT), "cannot open a group"));
+  if (H5Iget_type(group) != H5I_GROUP) self.fail(name, "is not a group", "Expected a group of datasets.");
+  const auto add = [](hid_t, const char* link, const H5L_info_t*, void* into) -> herr_t {
+    static_cast<std::vector<std::string>*>(into)->emplace_back(link);
+    return 0;
+  };
+  self.check(H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names), "cannot list a group");
+  return names;
 }
 
 void HistoryReader::row(std::string_view name_view, std::size_t step, std::span<double> values) {

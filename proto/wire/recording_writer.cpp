@@ -156,7 +156,7 @@ void HistoryWriter::Impl::write_meta(const std::map<std::string, std::string>& m
 }
 
 void HistoryWriter::Impl::describe_dataset(hid_t dataset, const Quantity& quantity) const {
-  write_text(dataset, "units", quantity.units);
+  if (!quantity.units.empty()) write_text(dataset, "units", quantity.units);
   write_text(dataset, "long_name", quantity.long_name);
   if (quantity.is_regime) write_text(dataset, "legend", legend_of_regimes());
   if (quantity.is_outcome) write_text(dataset, "legend", kOutcomeLegend);
@@ -360,6 +360,20 @@ void HistoryWriter::add_array(const Quantity& quantity, std::span<const double> 
 void HistoryWriter::add_ids(const Quantity& quantity, std::span<const std::uint64_t> ids) {
   const Quiet quiet;
   impl_->write_array(quantity, H5T_STD_U64LE, H5T_NATIVE_UINT64, ids.data(), {ids.size()});
+}
+
+void HistoryWriter::add_texts(const Quantity& quantity, std::span<const std::string> texts) {
+  const Quiet quiet;
+  const Impl& self = *impl_;
+  std::size_t width = 1;  // texts of one width, so that the checksum covers them
+  for (const std::string& text : texts) width = std::max(width, text.size());
+  const Type type(self.check(H5Tcopy(H5T_C_S1), "cannot describe a text"));
+  self.check(H5Tset_size(type, width), "cannot describe a text");
+  self.check(H5Tset_strpad(type, H5T_STR_NULLPAD), "cannot describe a text");
+  self.check(H5Tset_cset(type, H5T_CSET_UTF8), "cannot describe a text");
+  std::string cells(texts.size() * width, '\0');
+  for (std::size_t i = 0; i < texts.size(); ++i) texts[i].copy(cells.data() + i * width, width);
+  self.write_array(quantity, type, type, cells.data(), {texts.size()});
 }
 
 void HistoryWriter::close(const std::map<std::string, std::string>& closing_meta) {

@@ -410,7 +410,7 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                                      .claim = member.claim,
                                      .offers = offers_of(member),
                                      .claimant = member.claimant};
-  reply->batch = node_column(shard.nodes().ids());
+  reply->batch = member.pairs.columns_of_nodes(shard);
   if (resume.claim != 0) reply->epoch = member.epoch;
   return reply;
 }

@@ -180,17 +180,21 @@ shard::PairsOfNodes SessionPairs::with_models(std::span<const std::vector<double
 shard::PairsOfNodes SessionPairs::of_new_nodes(const wire::Batch& batch, std::span<const std::string> named,
                                                const shard::PairTable& known) const {
   const auto ids = batch.u64(Field::kNodeId);
+  const std::span<const std::uint64_t> places = check_pairs(batch, named.size());
   std::vector<std::size_t> numbers;  // of the names in the request
-  for (const std::string& name : named) {
-    const auto found = std::ranges::find(scenes_->names, name);
-    if (found == scenes_->names.end())
+  for (std::size_t place = 0; place < named.size(); ++place) {
+    const auto found = std::ranges::find(scenes_->names, named[place]);
+    if (found == scenes_->names.end()) {
+      const auto first = std::ranges::find(places, place);
       refuse(Code::kInvalidValue, "pairs",
-             fmt::format("the scene has no pair \"{}\"; it has {}", wire::as_utf8(name, wire::kMaxNameBytes),
+             fmt::format("the scene has no pair \"{}\"; it has {}", wire::as_utf8(named[place], wire::kMaxNameBytes),
                          fmt::join(names(), ", ")),
-             "Name a [pair.NAME] of the scene, or \"\" for the tables outside.");
+             "Name a [pair.NAME] of the scene, or \"\" for the tables outside.",
+             first == places.end() ? std::vector<std::uint64_t>()
+                                   : std::vector{ids[static_cast<std::size_t>(first - places.begin())]});
+    }
     numbers.push_back(static_cast<std::size_t>(found - scenes_->names.begin()));
   }
-  const std::span<const std::uint64_t> places = check_pairs(batch, named.size());
   check_parameters(batch, parameters_);
   std::vector<std::vector<double>> values(ids.size());
   for (std::size_t i = 0; i < ids.size(); ++i) {
@@ -221,6 +225,25 @@ shard::PairsOfNodes SessionPairs::of_states(const shard::States& states, const s
           of_node.front() == std::floor(of_node.front())))
       throw std::invalid_argument("state column pair: the scene has no pair " + std::to_string(of_node.front()));
   return with_models(values, known, {});
+}
+
+wire::Batch SessionPairs::columns_of_nodes(const shard::Shard& shard) const {
+  const std::vector<std::uint64_t>& ids = shard.nodes().ids();
+  std::vector<Field> fields = {Field::kNodeId};
+  if (several() && ids.size() * sizeof(double) * (2 + parameters_.size()) <= wire::kMaxPayloadBytes) {
+    fields.push_back(Field::kPair);
+    if (!parameters_.empty()) fields.push_back(Field::kParameter);
+  }
+  const auto components = static_cast<std::uint32_t>(std::max<std::size_t>(1, parameters_.size()));
+  wire::Batch batch = wire::Batch::of(fields, ids.size(), components);
+  std::ranges::copy(ids, batch.u64(Field::kNodeId).begin());
+  if (fields.size() == 1) return batch;
+  for (std::size_t row = 0; row < ids.size(); ++row) {
+    const std::vector<double>& values = shard.pairs()[shard.pair_of(shard.nodes().slot_of(row))].values;
+    batch.u64(Field::kPair)[row] = static_cast<std::uint64_t>(values.front());
+    for (std::uint32_t i = 0; i < parameters_.size(); ++i) batch.f64(Field::kParameter, i)[row] = values[i + 1];
+  }
+  return batch;
 }
 
 std::vector<std::string> SessionPairs::parameters_in(const shard::States& states) {

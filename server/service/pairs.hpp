@@ -40,6 +40,10 @@ class SessionPairs {
   // of another kind of session.
   shard::PairsOfNodes of_states(const shard::States& states, const shard::PairTable& known) const;
 
+  // The columns of `session_resumed`: node_id, and of nodes of several pairs, as far as a message has room, pair (0: the
+  // tables outside, else the place in names() from 1 on) and parameter.
+  wire::Batch columns_of_nodes(const shard::Shard& shard) const;
+
   // The effective text of a scene that has one of the pairs alone.
   std::string scene_of(const shard::Pair& pair) const;
 

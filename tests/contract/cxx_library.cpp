@@ -277,6 +277,19 @@ void parameters() {
   nodes.pair = {""};
   one.add_nodes(nodes);
   CHECK(one.node_ids().back() == 1);
+  // A host that resumes with other nodes, pairs or parameters is refused, and the session stays as it is.
+  const std::string ticket = one.ticket();
+  { const shearbus::Session left = std::move(one); }
+  nodes.pair = {"copper"};
+  REFUSED(shearbus::Session::resume(options_of(), ticket, nodes), SHEARBUS_RESUME_REFUSED,
+          "node 1 has the pair \"\" in the session, the host \"copper\"");
+  nodes.pair = {""};
+  nodes.parameters[0].second = {0.3};
+  REFUSED(shearbus::Session::resume(options_of(), ticket, nodes), SHEARBUS_RESUME_REFUSED,
+          "interface.friction_coefficient of node 1 is 0.2 in the session, 0.3 of the host");
+  nodes.parameters[0].second = {0.2};
+  one = shearbus::Session::resume(options_of(), ticket, nodes);
+  CHECK(one.node_ids().size() == kNodes + 1);
   nodes.parameters[0].first = "soft.density_kg_per_m3";
   REFUSED(one.add_nodes(nodes), SHEARBUS_SHAPE, "whose parameters are: interface.friction_coefficient");
   one.close();

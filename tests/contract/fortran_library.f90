@@ -18,6 +18,7 @@ program fortran_library
   call stick_form()
   call moves()
   call scopes()
+  call pairs()
   if (len_trim(pid_file) > 0) call kills()
   if (faults > 0) error stop 1
   print '(a)', 'the Fortran module keeps its contract'
@@ -304,6 +305,74 @@ contains
     call ok('resume after the end of a scope')
     call again%close()
   end subroutine
+
+  ! Nodes of two pairs and of three coefficients of friction: each answers as in a session of its own scene.
+  subroutine pairs()
+    character(len=*), parameter :: key = 'interface.friction_coefficient', nl = new_line('a')
+    character(len=*), parameter :: named = nl//'[pair.copper.soft]'//nl//'material = "copper_ofhc"'
+    character(len=6), parameter :: names(n) = [character(len=6) :: '', 'copper', 'copper', '', 'copper', '']
+    real(real64), parameter :: mu(n) = [0.1_real64, 0.1_real64, 0.2_real64, 0.2_real64, 0.2_real64, 0.05_real64]
+    type(shearbus_interface) :: bus, own, other
+    character(len=shearbus_ticket_length) :: ticket
+    integer(int64) :: ids(n)
+    ids = [(600_int64 + i, i=1, n)]
+    call bus%open(nodes=ids(:4), scene_text=scene_of('aluminium_dlp', 0.1_real64)//named, endpoint=endpoint, &
+                  pair=names(:4), parameters=[key], values=reshape(mu(:4), [4, 1]), check_closure='off', stat=stat, msg=msg)
+    call ok('open with pairs and parameters')
+    call bus%register(ids(5:), pair=names(5:), parameters=[key], values=reshape(mu(5:), [2, 1]), stat=stat, msg=msg)
+    call ok('register with pairs and parameters')
+    call fill(bus)
+    call bus%step(1e-9_real64)
+    do i = 1, n
+      call own%open(nodes=[ids(i)], scene_text=scene_of(trim(merge('copper_ofhc  ', 'aluminium_dlp', names(i) /= '')), mu(i)), &
+                    endpoint=endpoint, check_closure='off', stat=stat, msg=msg)
+      call ok('open alone')
+      own%jump = bus%jump(i:i); own%pressure = bus%pressure(i:i)
+      own%stress_soft = bus%stress_soft(i:i); own%stress_hard = bus%stress_hard(i:i)
+      own%mass_soft = bus%mass_soft(i:i); own%mass_hard = bus%mass_hard(i:i)
+      call own%step(1e-9_real64)
+      call check('the answer of its own scene', own%stress(1) == bus%stress(i) .and. own%temperature(1) == bus%temperature(i))
+      call own%close()
+    end do
+    call bus%register([700], pair=['tin'], stat=stat, msg=msg)
+    call refused('an unknown pair', 301, 'the scene has no pair "tin"')
+    call bus%register([700], pair=['copper', 'copper'], stat=stat, msg=msg)
+    call refused('two names for a node', 105, 'pair has the size 2, expected 1')
+    call bus%register([700], parameters=[key], values=reshape([-1.0_real64], [1, 1]), stat=stat, msg=msg)
+    call refused('a coefficient below 0', 301, 'parameters of node 700: '//key//' = -1')
+    call bus%register([700], parameters=[key], stat=stat, msg=msg)
+    call refused('a key without values', 105, 'values, second dimension has the size 0, expected 1')
+    call bus%register([700], parameters=[key], values=reshape([0.1_real64, 0.1_real64], [2, 1]), stat=stat, msg=msg)
+    call refused('two values for a node', 105, 'values, first dimension has the size 2, expected 1')
+    call bus%register([700], parameters=['soft.density_kg_per_m3'], values=reshape([1e3_real64], [1, 1]), stat=stat, msg=msg)
+    call refused('a key that the opening did not name', 105, 'whose parameters are: '//key)
+    call check('refused nodes are not there', bus%n == n)
+    ticket = bus%ticket()
+    call bus%leave()
+    call other%resume(ticket, endpoint=endpoint, nodes=ids, pair=names(n:1:-1), stat=stat, msg=msg)
+    call refused('other pairs', 206, 'node 603 has the pair "copper" in the session, the host ""')
+    call other%resume(ticket, endpoint=endpoint, nodes=ids, parameters=[key], values=reshape(2*mu, [n, 1]), stat=stat, msg=msg)
+    call refused('other parameters', 206, key//' of node 601 is 0.1 in the session, 0.2 of the host')
+    call other%resume(ticket, endpoint=endpoint, nodes=[ids, 9_int64], stat=stat, msg=msg)
+    call refused('a node too many', 206, 'node 9 is not in the session, which has 6 nodes')
+    call other%resume(ticket, endpoint=endpoint, nodes=ids, pair=names, parameters=[key], values=reshape(mu, [n, 1]), &
+                      stat=stat, msg=msg)
+    call ok('resume with the nodes as they are')
+    call other%close()
+  end subroutine
+
+  function scene_of(soft, mu) result(text)
+    character(len=*), intent(in) :: soft
+    real(real64), intent(in) :: mu
+    character(len=:), allocatable :: text
+    character(len=*), parameter :: nl = new_line('a')
+    character(len=8) :: number
+    write (number, '(f8.3)') mu
+    text = 'name = "of_its_own"'//nl//'strategy = "force_driven"'//nl//'[soft]'//nl//'material = "'//soft//'"'//nl//'[hard]'//nl// &
+           'material = "steel_dlp"'//nl//'[layer]'//nl//'thickness_m = 20e-6'//nl//'cells = 40'//nl//'grading = 1.1'//nl// &
+           'far_boundary = "half_space"'//nl//'[interface]'//nl//'friction_coefficient = '//trim(adjustl(number))//nl// &
+           'yield_strength_pa = 10e9'
+  end function
 
   subroutine leave_scope(ticket)
     character(len=*), intent(out) :: ticket

@@ -1,9 +1,11 @@
-// A small checkpoint with every kind of content: sessions of two strategies, a trial step, marks, a closed session.
+// A small checkpoint with every kind of content: sessions of two strategies, a trial step, marks, a closed session,
+// nodes of several pairs.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
+#include "tests/fuzz/pairs_sample.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 
@@ -34,6 +36,8 @@ inline std::vector<std::byte> sample_checkpoint() {
   step(wire::Strategy::kForceDriven, 1, wire::Mode::kAdvance, 2);
   ask(ServiceHarness::opening(support::force_scene(4), nodes, 3));
   ask(ServiceHarness::in_session(wire::CloseSession{}, 1, 3));
+  ask(opening_of_pairs(support::force_scene(4), nodes, 4));
+  step(wire::Strategy::kForceDriven, 1, wire::Mode::kTrial, 4);
   if (!server.service.checkpoint()) throw std::logic_error("the sample's checkpoint could not be written");
   return disk.bytes(store::checkpoint_name(kSampleGeneration));
 }

@@ -196,6 +196,12 @@ void mutate_reals(std::string& payload, Random& random) {
   std::memcpy(payload.data() + at, &value, sizeof value);
 }
 
+void mutate_places(std::string& payload, Random& random) {
+  if (payload.size() < 8) return;
+  const std::uint64_t place = random.one_in(8) ? random.number() : random.below(5);
+  std::memcpy(payload.data() + 8 * random.below(payload.size() / 8), &place, sizeof place);
+}
+
 void mutate(Message& message, Random& random) {
   const auto& type = *message.GetDescriptor();
   const auto& at = *message.GetReflection();

@@ -38,6 +38,7 @@ class Random {
 
 void mutate_bytes(std::string& bytes, std::size_t longest);       // changes bytes by the mutator of the fuzzer
 void mutate_reals(std::string& payload, Random& random);          // changes one of the 8-byte numbers of a payload
+void mutate_places(std::string& payload, Random& random);         // makes one of these numbers a small integer
 void mutate(google::protobuf::Message& message, Random& random);  // changes one field of a message, at any depth
 // Changes one field of a header: of a reply's header if `reply` is true, otherwise of a request's header. If the frame
 // cannot be parsed as a header, changes its bytes.

@@ -11,6 +11,7 @@
 #include "shearbus_places.hpp"
 #include "tests/fuzz/checkpoint_sample.hpp"
 #include "tests/fuzz/mutate.hpp"
+#include "tests/fuzz/pairs_sample.hpp"
 #include "tests/fuzz/script.hpp"
 #include "tests/fuzz/target.hpp"
 #include "tests/support/wire_samples.hpp"
@@ -86,6 +87,14 @@ class Script {
   int steps_ = 0;
 };
 
+template <typename Body>
+wire::Request named(Body body, const std::vector<std::uint64_t>& nodes) {
+  wire::Request request = ServiceHarness::in_session(std::move(body), 1);
+  request.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, nodes.size());
+  std::ranges::copy(nodes, request.batch.u64(wire::Field::kNodeId).begin());
+  return request;
+}
+
 v1::Scene with_options(Strategy strategy) {
   v1::Scene scene = strategy == Strategy::kVelocityDriven ? support::velocity_scene(6) : support::force_scene(6);
   scene.mutable_hard_layer();
@@ -141,6 +150,52 @@ void service_seeds(const Corpus& corpus) {
   corpus.add("service", "two_sessions", two.input());
 }
 
+// Sessions of several pairs and of nodes with parameters: registered, moved, retired, marked, restored and resumed.
+void pair_seeds(const Corpus& corpus) {
+  for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
+    const std::string suffix = strategy == Strategy::kVelocityDriven ? "_velocity" : "_force";
+    const v1::Scene scene =
+        strategy == Strategy::kVelocityDriven ? support::velocity_scene(6) : support::force_scene(6);
+    const auto late = support::node_ids(2, 900);
+    Script pairs;
+    wire::ResumeToken token{};
+    token.fill(9);
+    wire::Request opening = opening_of_pairs(scene, pairs.nodes);
+    std::get<wire::OpenSession>(opening.body).resume_token = token;
+    pairs.ask(opening);
+    pairs.step(strategy);
+    pairs.tell(wire::Mark{.name = "a"});
+    pairs.ask(registration_of_pairs(1, late));
+    const auto first = pairs.nodes;
+    pairs.nodes.insert(pairs.nodes.end(), late.begin(), late.end());
+    pairs.step(strategy, wire::Mode::kTrial);
+    pairs.event(kCheckpointEvent);
+    pairs.event(kRestartEvent);
+    pairs.tell(wire::ResumeSession{.resume_token = token, .claim = 0, .claimant = 0});
+    pairs.tell(wire::Commit{});
+    pairs.ask(named(wire::RetireNodes{}, {pairs.nodes[1]}));
+    pairs.tell(wire::Rollback{.to_mark = "a"});
+    pairs.nodes = first;
+    pairs.step(strategy);
+    pairs.event(kRestartEvent);
+    pairs.step(strategy);
+    corpus.add("service", "pairs" + suffix, pairs.input());
+
+    Script moved;
+    moved.ask(opening_of_pairs(scene, moved.nodes, 1, "d"));
+    moved.ask(opening_of_pairs(scene, late, 2, "d"));
+    wire::TransferId transfer{};
+    transfer.fill(5);
+    moved.ask(named(wire::OfferNodes{.transfer_id = transfer}, {moved.nodes[2]}));
+    moved.event(kCheckpointEvent);
+    moved.tell(wire::AcceptNodes{.transfer_id = transfer}, 2);
+    moved.nodes.pop_back();
+    moved.step(strategy);
+    moved.tell(wire::CloseSession{}, 2);
+    corpus.add("service", "pairs_moved" + suffix, moved.input());
+  }
+}
+
 void journal_seeds(const Corpus& corpus) {
   for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     support::MemoryStorage disk;
@@ -160,6 +215,15 @@ void journal_seeds(const Corpus& corpus) {
     corpus.add("journal", "whole" + suffix, bytes);
     corpus.add("journal", "torn" + suffix, bytes.substr(0, bytes.size() - 20));
     corpus.add("journal", "zeros" + suffix, bytes + std::string(100, '\0'));
+
+    support::MemoryStorage disk_of_pairs;
+    support::DurableServer several(disk_of_pairs);
+    several.ask(opening_of_pairs(with_options(strategy), nodes));
+    several.ask(ServiceHarness::step(1, support::step_columns(strategy, nodes, 1)));
+    several.ask(registration_of_pairs(2, support::node_ids(2, 900)));
+    several.ask(ServiceHarness::in_session(wire::Mark{.name = "a"}, 3));
+    several.ask(ServiceHarness::in_session(wire::Rollback{.to_mark = "a"}, 4));
+    corpus.add("journal", "pairs" + suffix, text(disk_of_pairs.bytes(store::segment_name(1))));
   }
   corpus.add("journal", "empty", std::string(sizeof(store::SegmentHeader), '\0'));
 }
@@ -172,6 +236,8 @@ void scene_seeds(const Corpus& corpus) {
         corpus.add("scene", entry.path().stem().string(), scene::load_text(entry.path()));
   corpus.add("scene", "velocity", scene::to_toml(with_options(Strategy::kVelocityDriven)));
   corpus.add("scene", "force", scene::to_toml(with_options(Strategy::kForceDriven)));
+  corpus.add("scene", "pairs_velocity", scene_of_pairs(with_options(Strategy::kVelocityDriven)));
+  corpus.add("scene", "pairs_force", scene_of_pairs(support::force_scene(6)));
   corpus.add("scene", "sample", wire::samples::kScene);
 }
 
@@ -180,6 +246,7 @@ void write(const Corpus& corpus) {
   for (const auto& [name, reply] : wire::samples::replies())
     corpus.add("frames", "reply_" + name, pack(parts_of(reply)));
   service_seeds(corpus);
+  pair_seeds(corpus);
   journal_seeds(corpus);
   scene_seeds(corpus);
   corpus.add("checkpoint", "sample", text(sample_checkpoint()));

@@ -17,6 +17,7 @@
 
 #include "shearbus/v1/envelope.pb.h"
 #include "tests/fuzz/mutate.hpp"
+#include "tests/fuzz/pairs_sample.hpp"
 #include "tests/fuzz/script.hpp"
 #include "tests/fuzz/target.hpp"
 #include "tests/support/durable_server.hpp"
@@ -121,6 +122,28 @@ class Conversation {
   std::map<wire::SessionId, Last> last_;
 };
 
+// Changes the names of pairs or the keys of parameters in a request to others that a scene of pairs has.
+void mutate_names(std::string& frame, Random& random) {
+  v1::RequestHeader header;
+  const google::protobuf::LogSilencer quiet;
+  if (!header.ParsePartialFromString(frame)) return;
+  auto* names = header.has_register_nodes() ? header.mutable_register_nodes()->mutable_pairs() : nullptr;
+  std::vector<std::string> known = kPairNames;
+  if (header.has_open_session() && random.one_in(2)) {
+    names = header.mutable_open_session()->mutable_parameters();
+    known = kParameterKeys;
+    known.insert(known.end(), {"layer.thickness_m", "interface.friction_coefficient", "hard.density_kg_per_m3"});
+  } else if (header.has_open_session()) {
+    names = header.mutable_open_session()->mutable_pairs();
+  }
+  if (names == nullptr) return;
+  if (const std::string& name = known[random.below(known.size())]; names->empty() || random.one_in(3))
+    *names->Add() = name;
+  else
+    *names->Mutable(static_cast<int>(random.below(static_cast<std::size_t>(names->size())))) = name;
+  frame = header.SerializeAsString();
+}
+
 }  // namespace
 }  // namespace shearbus::fuzz
 
@@ -152,7 +175,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   if (parts.empty()) return LLVMFuzzerMutate(data, size, max_size);
   const std::size_t at = 2 * random.below(parts.size() / 2);
   const auto place = parts.begin() + static_cast<std::ptrdiff_t>(at);
-  switch (random.below(12)) {
+  switch (random.below(14)) {
     case 0:
       mutate_bytes(parts[at], parts[at].size() + 32);
       break;
@@ -174,6 +197,12 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
       break;
     case 6:
       parts.insert(place, {random.one_in(2) ? kCheckpointEvent : kRestartEvent, ""});
+      break;
+    case 7:
+      mutate_names(parts[at], random);
+      break;
+    case 8:
+      mutate_places(parts[at + 1], random);
       break;
     default:
       mutate_header(parts[at], false, random);

@@ -114,6 +114,48 @@ class Fit(unittest.TestCase):
         np.testing.assert_allclose(slope[5:40, 0], 0.15e9, rtol=1e-9, err_msg="s = mu P where the node slides")
         np.testing.assert_array_equal(slope[5:40, 1], 0.0, "the limit of this node is that of its yield")
 
+    def recorded(self):
+        """Records a run, and returns the history and a scene for its replay."""
+        self.run_hydro().close()
+        scene = self.here / "replay.toml"
+        scene.write_text(SCENE[:SCENE.index("[hydro]")])
+        return self.here / "run/history.h5", scene
+
+    def sensitivities(self, history, scene, *parameters):
+        words = [word for parameter in parameters for word in ("--parameter", parameter)]
+        done = subprocess.run([OPTIONS.study, "fit", scene, "--history", history, "--out", self.here / "out", *words], capture_output=True, text=True,
+                              timeout=120)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        with h5py.File(self.here / "out/sensitivities.h5") as file:
+            return done.stdout, {f"{key}/{name}": data[:] for key, group in file.items() if isinstance(group, h5py.Group) for name, data in group.items()}
+
+    def test_one_replay_gives_the_derivatives_of_separate_ones(self):
+        history, scene = self.recorded()
+        conductivity = "soft.thermal_conductivity_w_per_m_k=90:140"  # the diffusivity follows from it
+        scene.write_text(scene.read_text().replace("[hard]", "thermal_conductivity_w_per_m_k = 117\n[hard]"))
+        printed, found = self.sensitivities(history, scene, MU, YIELD, conductivity)
+        self.assertIn("13 sets of parameters by 1 run of shearbus-replay", printed)
+        ranges = {text.split("=")[0]: [float(end) for end in text.split("=")[1].split(":")] for text in (MU, YIELD, conductivity)}
+        for key, (low, high) in ranges.items():
+            answers = []
+            for x in (0.5 - 2e-3, 0.5 + 2e-3):
+                out, values = self.here / "alone.h5", {other: begin + (x if other == key else 0.5) * (end - begin) for other, (begin, end) in ranges.items()}
+                changes = [word for name, value in values.items() for word in ("--set", f"{name}={value!r}")]
+                subprocess.run([OPTIONS.hydro.replace("shearbus-hydro", "shearbus-replay"), history, "--scene", scene, *changes, "--out", out,
+                                "--no-progress"], check=True, capture_output=True)
+                with h5py.File(out) as file:
+                    answers.append({name: file[name][:] for name in ("shear_stress", "sliding_velocity", "interface_temperature")})
+            for name, high_answer in answers[1].items():
+                expected = (high_answer - answers[0][name]) / ((0.5 + 2e-3) - (0.5 - 2e-3)) / (high - low)
+                np.testing.assert_array_equal(found[f"{key}/{name}"], expected, f"{key}, {name}")
+            self.assertGreater(np.abs(found[f"{key}/interface_temperature"]).max(), 0.0)
+
+    def test_what_nodes_cannot_have_of_their_own_is_run_apart(self):
+        history, scene = self.recorded()
+        printed, found = self.sensitivities(history, scene, "layer.grading=1.1:1.18")
+        self.assertIn("5 sets of parameters by 5 runs of shearbus-replay", printed)
+        self.assertGreater(np.abs(found["layer.grading/interface_temperature"]).max(), 0.5)
+
     def test_wrong_input_is_refused_in_a_sentence(self):
         curve = self.here / "c.csv"
         curve.write_text("time_s,free_surface_velocity,node_id\n1e-6,10,0\n1.1e-6,10,0\n")

@@ -100,6 +100,43 @@ class Cone(unittest.TestCase):
                     self.assertEqual("more than rounding" in done.stdout, abs(found) > 1e-12)
             self.assertLess(slip["subgrid"], 0.7 * slip["coulomb_tresca"])
 
+    def test_layers_that_start_at_the_temperature_of_the_shocked_zones(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path, text = pathlib.Path(directory), scene(directory).read_text()
+            summaries, starts = {}, {}
+            for start in ("scene", "shocked"):
+                (path / "cone.toml").write_text(text.replace('interface_law = "subgrid"', f'interface_law = "subgrid"\nlayer_start = "{start}"'))
+                done = run(path / "cone.toml", "--out", path / start, "--no-plot")
+                self.assertEqual(done.returncode, 0, done.stderr)
+                summaries[start] = json.loads((path / start / "summary.json").read_text())
+                with h5py.File(path / start / "interface.h5") as f:
+                    starts[start] = f["interface_temperature"][0]
+                    self.assertEqual("initial_temperature" in f, start == "shocked")
+                    if start == "shocked":
+                        temperature = f["initial_temperature"][:]
+                        loaded = f["pressure"][0] > 0
+                        # until contact loads a node, its layer stays as it starts
+                        numpy.testing.assert_array_equal(starts[start][~loaded], temperature[~loaded])
+                        self.assertGreater((~loaded).sum(), 10)
+            # A run without friction has these temperatures, and the scene's run has none of them at first.
+            done = run(path / "cone.toml", "--out", path / "free", "--no-plot", "--interface-law", "free_slip")
+            self.assertIn("layer_start shocked is for the layers of interface_law subgrid; this run has free_slip", done.stderr)
+            (path / "free.toml").write_text(text)
+            self.assertEqual(run(path / "free.toml", "--out", path / "free", "--no-plot", "--interface-law", "free_slip").returncode, 0)
+            with h5py.File(path / "free/interface.h5") as f:
+                numpy.testing.assert_array_less(temperature, f["zone_temperature"][:].max(axis=0) + 1.0)
+            numpy.testing.assert_array_equal(starts["scene"][~loaded], 300.0)
+            self.assertTrue(((temperature > 301.0) & (temperature < 450.0)).all(), temperature)
+            self.assertGreater(temperature.mean(), 330.0)
+            self.assertEqual(summaries["shocked"]["interface"]["start_temperature_k"], temperature.tolist())
+            self.assertNotIn("start_temperature_k", summaries["scene"]["interface"])
+            for name in ("mean_slip_m", "friction_heat_j"):
+                self.assertNotEqual(summaries["shocked"][name], summaries["scene"][name])
+            (path / "one.toml").write_text((pathlib.Path(OPTIONS.problems) / "two_half_spaces.toml").read_text().replace("[hydro]\n", '[hydro]\nlayer_start = "shocked"\n'))
+            done = run(path / "one.toml", "--check")
+            self.assertEqual(done.returncode, 1)
+            self.assertRegex(done.stderr, r"one.toml:\d+:1: layer_start shocked needs zones that a shock heats; shear_column has none")
+
     def test_flow_stress_as_printed_gives_the_figures_and_the_hot_scene_reverses_the_order(self):
         with tempfile.TemporaryDirectory() as directory:
             def summaries(name):

@@ -38,6 +38,7 @@ def with_profiles(scene):
     """Gives the layers cells in place of modes, and asks for profiles at some times. Law (5) has none of either."""
     text, found = re.subn(r'(?ms)^heat = "modes".*?^\[layer\.modes\].*?(?=^\[)', "cells = 30\ngrading = 1.2\n\n", scene.read_text())
     assert found == 1
+    text = text.replace("[hydro]\n", '[hydro]\nlayer_start = "shocked"\n')
     scene.write_text(text + "\n[hydro.profiles]\nnode = [0, 7]\ntime_s = [4e-6, 0.5e-6, 1e-6, 1.5e-6, 2e-6]\n")
 
 

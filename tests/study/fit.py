@@ -34,6 +34,8 @@ from scipy.stats import qmc, t as student
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 STEP = 2e-3  # of a derivative, as a part of the parameter's range
 ANSWERS = ("shear_stress", "sliding_velocity", "interface_temperature")
+INPUTS = re.findall(r"^(?:INPUT|STICK)\(\w+, \d+, \w+, (\w+),", (ROOT / "proto/wire/columns.inc").read_text(encoding="utf-8"), re.M)
+OF_NODES = {name + suffix for name in (*INPUTS, "initial_temperature", "initial_velocity_jump") for suffix in ("", "_second")}
 UNDETERMINED = 0.5  # a standard deviation, as a part of the range, from which on the curves do not determine a direction
 
 
@@ -105,13 +107,13 @@ class Curve:
 
 
 class Run:
-    """The history of a run."""
+    """The history of a run; `nodes`, `node_id`: columns of the file and the ids of these nodes, where it holds several runs."""
 
-    def __init__(self, path):
+    def __init__(self, path, nodes=slice(None), node_id=None):
         with h5py.File(path) as file:
-            self.node_id, self.time = file["node_id"][:], file["time"][:]
+            self.node_id, self.time = file["node_id"][:] if node_id is None else node_id, file["time"][:]
             self.step = file["dt"][:] if "dt" in file else np.diff(self.time, prepend=file["time"].attrs["t0"])
-            self.of = {name: data[:] for name, data in file.items() if isinstance(data, h5py.Dataset) and data.ndim == 2 and data.dtype.kind == "f"}
+            self.of = {name: data[:, nodes] for name, data in file.items() if isinstance(data, h5py.Dataset) and data.ndim == 2 and data.dtype.kind == "f"}
             meta = file["meta"].attrs
             self.provenance = {"scene": meta.get("scene_name", ""), "program": meta.get("producer", ""), "commit": meta.get("commit", "")}
             self.units = {name: file[name].attrs["units"] for name in self.of} | {"slip_distance": "m"}
@@ -146,11 +148,36 @@ def with_value(text, key, value):
     return "\n".join(lines) + "\n"
 
 
+def numbers_of(table, prefix=""):
+    """Returns {key: value} of a scene's tables."""
+    found = {}
+    for name, value in table.items():
+        found |= numbers_of(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
+    return found
+
+
+def write_ensemble(source, path, sets):
+    """Writes a history in which every node of `source` comes once for each set {key: value} of parameters. Returns the nodes' ids in `source`."""
+    with h5py.File(source) as file, h5py.File(path, "w") as made:
+        node_id, count = file["node_id"][:], len(sets)
+        for name in OF_NODES & set(file):
+            data = file[name][:]
+            made[name] = np.tile(data, (1, count) if data.ndim == 2 else count)
+        for name in {"time", "dt"} & set(file):
+            file.copy(name, made)
+        made["node_id"] = np.arange(count * len(node_id))
+        for key in sets[0]:
+            made[f"parameter/{key}"] = np.repeat([float(values[key]) for values in sets], len(node_id))
+    return node_id
+
+
 class Model:
-    """Runs of a scene with other values of its parameters; each set of values is run once."""
+    """Runs of a scene with other values of its parameters; each set of values is run once. With a recorded history the sets are parameters of nodes of one
+    replay, as far as the server has them per node; the answers have the bits of runs alone."""
 
     def __init__(self, options, parameters, work):
         self.parameters, self.work, self.history = parameters, work, options.history
+        self.check, self.replays = options.bin / "shearbus-ctl", 0
         self.program = options.bin / ("shearbus-replay" if options.history else "shearbus-hydro")
         self.scene_path, self.done = options.scene, {}
         try:
@@ -171,6 +198,7 @@ class Model:
         with tempfile.TemporaryDirectory(dir=self.work) as where:
             scene, out = pathlib.Path(where) / "scene.toml", pathlib.Path(where) / "out"
             scene.write_text(self.scene(x), encoding="utf-8")
+            self.replays += 1
             words = ([self.history, "--scene", scene, "--out", out / "history.h5"] if self.history else [scene, "--out", out, "--no-plot"])
             out.mkdir()
             made = subprocess.run([self.program, *words, "--no-progress"], capture_output=True, text=True, check=False)
@@ -179,16 +207,61 @@ class Model:
                 raise Fault(f"the run with {values} failed: {made.stderr.strip().replace(str(scene), str(self.scene_path))}")
             return Run(out / "history.h5")
 
+    def _sets(self, points):
+        """Returns for each point {key: value} of what its effective scene has in place of that of the first; None where that is more than numbers of
+        tables which nodes can have of their own."""
+        with h5py.File(self.history) as file:
+            if {"pair", "parameter"} & set(file):
+                return None  # its nodes differ already
+        scenes = []
+        for x in points:
+            path = pathlib.Path(self.work) / "effective.toml"
+            path.write_text(self.scene(x), encoding="utf-8")
+            made = subprocess.run([self.check, "check", path], capture_output=True, text=True, check=False)
+            if made.returncode != 0:
+                return None
+            scenes.append(numbers_of(tomllib.loads(made.stdout)))
+        first = scenes[0]
+        keys = [key for key in first if any(scene.get(key) != first[key] for scene in scenes)]
+        if any(set(scene) != set(first) for scene in scenes) or any(key.startswith("pair.") or not isinstance(first[key], (int, float)) for key in keys):
+            return None
+        return [{key: scene[key] for key in keys} for scene in scenes]
+
+    def _together(self, points):
+        """Returns the runs at several points by one replay, or None where the points have no ensemble, or a replay refuses it."""
+        try:
+            sets = self._sets(points) if self.history and len(points) > 1 else None
+        except OSError:
+            return None  # not HDF5: the replay says what is wrong
+        if not sets or not sets[0] or "pair" in tomllib.loads(self.text):
+            return None
+        with tempfile.TemporaryDirectory(dir=self.work) as where:
+            scene, history, out = (pathlib.Path(where) / name for name in ("scene.toml", "history.h5", "out.h5"))
+            scene.write_text(self.scene(points[0]), encoding="utf-8")
+            node_id = write_ensemble(self.history, history, sets)
+            made = subprocess.run([self.program, history, "--scene", scene, "--out", out, "--no-progress"], capture_output=True, text=True, check=False)
+            if made.returncode != 0:
+                return None
+            self.replays += 1
+            return [Run(out, slice(i * len(node_id), (i + 1) * len(node_id)), node_id) for i in range(len(points))]
+
     def runs(self, points):
-        """Returns the runs at several points, as many at once as there are cores."""
+        """Returns the runs at several points: by one replay, else as many at once as there are cores."""
         new = {tuple(x): x for x in points if tuple(x) not in self.done}
+        if together := self._together(list(new.values())):
+            self.done.update(zip(new, together, strict=True))
+            return [self.done[tuple(x)] for x in points]
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
             self.done.update(zip(new, pool.map(self._run, new.values()), strict=True))
         return [self.done[tuple(x)] for x in points]
 
+    @staticmethod
+    def ends(x, step=STEP):
+        return [(np.clip(x - step * unit, 0.0, 1.0), np.clip(x + step * unit, 0.0, 1.0)) for unit in np.eye(len(x))]
+
     def derivatives(self, x, observe, step=STEP):
         """Returns the derivatives of observe(run) to the parameters, scaled to their ranges: central, and one-sided at the ends of a range."""
-        ends = [(np.clip(x - step * unit, 0.0, 1.0), np.clip(x + step * unit, 0.0, 1.0)) for unit in np.eye(len(x))]
+        ends = self.ends(x, step)
         runs = [observe(run) for run in self.runs([end for pair in ends for end in pair])]
         return np.array([(runs[2 * i + 1] - runs[2 * i]) / (ends[i][1][i] - ends[i][0][i]) for i in range(len(x))])
 
@@ -284,7 +357,7 @@ def write_sensitivities(path, model):
     x = np.full(len(model.parameters), 0.5)
     print(f"{'parameter':<36}{'quantity':<24}{'largest derivative':>20}{'of its range':>16}{'two steps differ by':>22}")
     with h5py.File(path, "w") as file:
-        base = model.runs([x])[0]
+        base = model.runs([x, *(end for step in (2 * STEP, STEP) for pair in model.ends(x, step) for end in pair)])[0]
         file["time"], file["node_id"] = base.time, base.node_id
         for quantity in ANSWERS:
             coarse, fine = (model.derivatives(x, lambda run: run.of[quantity], step) for step in (2 * STEP, STEP))
@@ -314,11 +387,12 @@ def main():
             model = Model(options, parameters, work)
             if not curves:
                 write_sensitivities(options.out / "sensitivities.h5", model)
+                print(f"{len(model.done)} sets of parameters by {model.replays} run{'s' * (model.replays != 1)} of {model.program.name}")
                 return
             x, jacobian, residuals, quality = fit(model, curves, max(1, options.starts))
             found, directions = judged(parameters, x, jacobian, quality["freedom"])
             (options.out / "fitted.toml").write_text(model.scene(x), encoding="utf-8")
-            report = {"scene": str(options.scene), "curves": [str(path) for path in options.curve], "runs": len(model.done), **quality,
+            report = {"scene": str(options.scene), "curves": [str(path) for path in options.curve], "runs": len(model.done), "replays": model.replays, **quality,
                       "parameters": found, "directions": directions}
             (options.out / "fit.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
             draw(options.out / "fit.png", curves, model.runs([x])[0])

@@ -196,6 +196,49 @@ TEST(Shards, ATicketIsOfAllServersInTheirOrder) {
             kNodes.size());
 }
 
+// The nodes of a resumed session are compared with what the host takes them for, over all servers.
+TEST(Shards, TellPairsAndParametersOfAResumedSession) {
+  const std::string key = "soft.yield_strength_pa";
+  const std::vector<std::string> names = {"", "weak"};
+  std::vector<std::uint64_t> pair;
+  std::vector<double> strength;
+  for (std::size_t i = 0; i < kNodes.size(); ++i) {
+    pair.push_back(i % 2);
+    strength.push_back(1e8 + 1e6 * static_cast<double>(i));
+  }
+  Servers servers(3);
+  Session::Ticket ticket;
+  {
+    Client client = servers.client({0, 1, 2});
+    Session session = client.open(support::text_of(support::velocity_scene()) +
+                                      "\n[pair.weak.soft]\nmaterial = \"aluminium_dlp\"\nyield_strength_pa = 20e6\n",
+                                  "scene", kNodes, {.pairs = names, .pair = pair, .parameters = {{key, strength}}});
+    ticket = session.ticket();
+    session.leave();
+  }
+  Client client = servers.client({0, 1, 2});
+  const auto resume = [&](std::span<const std::uint64_t> nodes) {
+    return fault_of([&] {
+      client
+          .resume(ticket,
+                  {.node_ids = nodes, .options = {.pairs = names, .pair = pair, .parameters = {{key, strength}}}})
+          .leave();
+    });
+  };
+  pair[3] = 0;
+  const wire::Status other = resume(kNodes);
+  EXPECT_EQ(other.code, Code::kResumeRefused) << other.text;
+  EXPECT_EQ(other.node_ids, std::vector{kNodes[3]});
+  EXPECT_NE(other.text.find("has the pair \"weak\" in the session, the host \"\" (1 of 12"), std::string::npos)
+      << other.text;
+  pair[3] = 1;
+  strength[5] = 2e8;
+  EXPECT_EQ(resume(kNodes).field, key);
+  strength[5] = 1.05e8;
+  EXPECT_EQ(resume(support::node_ids(12, 900)).field, "node_id");
+  EXPECT_EQ(resume(kNodes).code, Code::kOk) << resume(kNodes).text;
+}
+
 TEST(Shards, ThatAreMissingLeaveTheCallToBeRepeated) {
   Servers servers(2);
   Client client = servers.client({0, 1});

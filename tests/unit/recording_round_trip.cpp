@@ -189,6 +189,34 @@ TEST(Recording, StaticValuesAreReadPerNode) {
   EXPECT_FALSE(reader.has("mass_hard"));
 }
 
+TEST(Recording, TextsAndGroupsOfNodesAreReadAsWritten) {
+  const Scratch scratch;
+  HistoryWriter writer(scratch / "history.h5", some_ids(3), kQuantities, {});
+  const std::vector<std::string> names = {"", "copper_steel", "\u00b5"};
+  writer.add_texts({.name = "pair", .units = "1", .long_name = "pair"}, names);
+  for (const char* key : {"parameter/soft.b", "parameter/interface.a"})
+    writer.add_static({.name = key, .units = {}, .long_name = key}, std::vector<double>{1.0, 2.0, 3.0});
+  write_rows(writer, 1, 3);
+  writer.close();
+  const HistoryReader reader(scratch / "history.h5");
+  EXPECT_EQ(reader.texts("pair"), names);
+  EXPECT_THAT(reader.names_in("parameter"), ElementsAre("interface.a", "soft.b"));
+  EXPECT_TRUE(reader.names_in("absent").empty());
+  EXPECT_THAT(reader.per_node("parameter/soft.b"), ElementsAre(1.0, 2.0, 3.0));
+  const auto fault_of = [](const auto& read) -> std::string {
+    try {
+      read();
+    } catch (const Error& fault) {
+      return fault.status().text;
+    }
+    return "no fault";
+  };
+  EXPECT_THAT(fault_of([&] { static_cast<void>(reader.texts("shear_stress")); }),
+              HasSubstr("/shear_stress holds float values; expected texts"));
+  EXPECT_THAT(fault_of([&] { static_cast<void>(reader.texts("absent")); }), HasSubstr("/absent is not a dataset"));
+  EXPECT_THAT(fault_of([&] { static_cast<void>(reader.names_in("pair")); }), HasSubstr("/pair is not a group"));
+}
+
 TEST(Recording, RegimesAreAnEnumOfBytes) {
   const Scratch scratch;
   {

@@ -271,6 +271,36 @@ TEST(ServicePairs, ARollbackRestoresThePairsOfTheMark) {
   EXPECT_EQ(step(7).payload(), first);
 }
 
+// session_resumed tells the pairs and parameters of the nodes, in the order of their rows, whatever tiles they are in.
+TEST(ServicePairs, AResumedSessionTellsPairsAndParameters) {
+  ServiceHarness harness;
+  wire::ResumeToken token{};
+  token.fill(3);
+  wire::Request opening = ServiceHarness::opening(scene_with_pairs(Strategy::kForceDriven), Ids{1});
+  opening.batch = new_nodes({7, 8, 9}, {{1, 21e6}, {0, 22e6}, {2, 23e6}});
+  auto& open = std::get<wire::OpenSession>(opening.body);
+  open.pairs = kNames;
+  open.parameters = {kYield};
+  open.resume_token = token;
+  ASSERT_EQ(harness.ask(opening).code(), Code::kOk);
+  wire::Request more = ServiceHarness::in_session(wire::RegisterNodes{.pairs = {"lead"}}, 1);
+  more.batch = new_nodes({4, 5}, {{0, 24e6}, {0, 25e6}});
+  ASSERT_EQ(harness.ask(more).code(), Code::kOk);
+  wire::Request fewer = ServiceHarness::in_session(wire::RetireNodes{}, 2);
+  fewer.batch = named({7});
+  ASSERT_EQ(harness.ask(fewer).code(), Code::kOk);
+  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{.resume_token = token}, 0);
+  const Answer answer = harness.ask(resume);
+  ASSERT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
+  const wire::Batch& told = answer.reply.batch;
+  std::map<std::uint64_t, Kind> kind_of;
+  for (std::size_t i = 0; i < told.u64(Field::kNodeId).size(); ++i)
+    kind_of[told.u64(Field::kNodeId)[i]] = {told.u64(Field::kPair)[i], told.f64(Field::kParameter)[i]};
+  const std::map<std::uint64_t, Kind> expected = {{4, {1, 24e6}}, {5, {1, 25e6}}, {8, {0, 22e6}}, {9, {2, 23e6}}};
+  EXPECT_EQ(kind_of, expected);
+  EXPECT_THAT(std::get<wire::SessionResumed>(answer.reply.body).session.pairs, ElementsAre("lead", "thick"));
+}
+
 TEST(ServicePairs, TheEffectiveSceneOfPairsIsThatSceneAgain) {
   for (const Strategy strategy : {Strategy::kVelocityDriven, Strategy::kForceDriven}) {
     const SceneModel made = scene_model(scene_with_pairs(strategy), "scene");
@@ -367,6 +397,7 @@ TEST(ServicePairs, FaultyPairsAndParametersOfNodesAreRefused) {
          "pair of node 8 is 1; expected a place from 0 to 0");
   expect(open({"", "tin"}, {kYield}, two(1, 25e6)), Code::kInvalidValue, "pairs",
          "the scene has no pair \"tin\"; it has lead, thick");
+  EXPECT_THAT(open({"", "tin"}, {kYield}, two(1, 25e6)).node_ids, ElementsAre(8)) << "the first node that names it";
   expect(open({}, {kYield}, two(0, 25e6)), Code::kShape, "pair", "without a list");
   expect(open({""}, {}, named({7})), Code::kShape, "pair", "has no column pair");
   expect(open({""}, {}, two(0, 25e6)), Code::kShape, "parameter", "the session has 0 parameters");

@@ -271,6 +271,18 @@ class Session {
       return shearbus_resume(handle, given, ticket.c_str(), status);
     });
   }
+  // For a host that knows its nodes: throws where those of the session are others, or have other pairs or parameters.
+  static Session resume(const Options& options, const std::string& ticket, const Nodes& nodes) {
+    Session session(make_log(options));
+    nodes.as_c([&](const shearbus_nodes* of) {
+      session.open(
+          [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
+            return shearbus_resume_nodes(handle, given, ticket.c_str(), of, status);
+          },
+          options);
+    });
+    return session;
+  }
   Session(Session&& other) noexcept : log_(std::move(other.log_)), handle_(std::exchange(other.handle_, nullptr)) {}
   Session& operator=(Session&& other) noexcept {
     std::swap(log_, other.log_);

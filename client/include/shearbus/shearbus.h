@@ -241,6 +241,11 @@ SHEARBUS_API int shearbus_ticket(const shearbus_session* session, char ticket[SH
                                  shearbus_status* status);
 SHEARBUS_API int shearbus_resume(shearbus_session** session, const shearbus_options* options, const char* ticket,
                                  shearbus_status* status);
+/* shearbus_resume() for a host that knows its nodes: those in `nodes` must be in the session, with the same pairs and
+ * parameters, else the call is SHEARBUS_RESUME_REFUSED with the nodes at fault, and the session stays as it is. What
+ * `nodes` leaves out is not compared, nor are initial temperatures. */
+SHEARBUS_API int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* options, const char* ticket,
+                                       const shearbus_nodes* nodes, shearbus_status* status);
 
 /* ---- steps ---- */
 

@@ -13,6 +13,8 @@ import contextlib
 import os
 import pathlib
 
+import numpy
+
 from . import columns, errors
 from .columns import COLUMNS
 from .closure import ClosureWarning
@@ -23,7 +25,8 @@ from .history import History
 from .recorder import Recorder
 from .scene import Scene, toml_of
 from .server import Server
-from .session import Answer, Outcome, Profiles, Regime, Session, Trial, in_order, named_nodes, node_ids, pairs_of
+from .session import (Answer, Outcome, Profiles, Regime, Session, Trial, fill, in_order, named_nodes, node_ids,
+                      pairs_of)
 from .shards import ShardedSession, endpoints_in
 
 __version__ = "0.1.0"
@@ -82,6 +85,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
                 "pairs": names, "parameters": keys}
         try:
             session._open(request_id, body, ids, *payload)
+            session._remember(ids, initial_temperature, pair, parameters)
         except Error as fault:
             # The same arguments again are the same session, opened once.
             in_doubt = fault.code == Code.UNKNOWN_OUTCOME or int(fault.code) // 100 == 4
@@ -91,9 +95,11 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     return session
 
 
-def resume(ticket, endpoint=None, *, want=(), record=False, closure="warn", **connection):
+def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, want=(), record=False, closure="warn", **connection):
     """Continues the session of a client that has ended. ticket: Session.ticket of that client; the other arguments are
-    those of open(). Returns a Session. Raises an Error."""
+    those of open(). nodes, pair, parameters: what the host takes its nodes for, as in open(); where they are given and not
+    those of the session, the call is refused (RESUME_REFUSED) and the session stays as it is. Returns a Session. Raises an
+    Error."""
     try:
         session_id, token = (bytes.fromhex(part) for part in ticket.split(":"))
     except (AttributeError, ValueError):
@@ -107,8 +113,22 @@ def resume(ticket, endpoint=None, *, want=(), record=False, closure="warn", **co
                           "Give endpoint=.")
     with _session(endpoint, want, record, closure, connection) as session:
         session._id, session._token = session_id, token
-        session._resume()
+        session._resume(_expected(nodes, pair, parameters))
     return session
+
+
+def _expected(nodes, pair, parameters):
+    """Returns (ids, names of pairs or None, {key: array}) of the nodes that a host resumes with; None without nodes."""
+    if nodes is None:
+        if pair is not None or parameters:
+            raise MessageError(Code.SHAPE, "pair or parameters without nodes", "Give nodes=, too.", "nodes")
+        return None
+    ids = node_ids(nodes)
+    names, places = pairs_of(pair, len(ids))
+    values = numpy.empty((len(parameters or {}), len(ids)))
+    for row, (key, given) in enumerate((parameters or {}).items()):
+        fill(values[row:row + 1], key, given)
+    return ids, None if places is None else [names[place] for place in places], dict(zip(parameters or {}, values))
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ import numpy
 
 from .columns import BY_NAME, BY_NUMBER, NODE_ID
 
+MASSES = ("mass_soft", "mass_hard")
 REGIMES = {"OPEN": 0, "STICK": 1, "COULOMB": 2, "TRESCA": 3, "MELTING": 4}
 
 
@@ -27,8 +28,18 @@ class History:
 
     def __init__(self):
         self._rows, self._standing, self._marks = [], None, {}
+        self._own, self._several = {}, False  # datasets of each node, by its id; whether nodes have pairs or parameters
 
     # Called by the session.
+    def _registered(self, nodes, initial_temperature, pair, parameters):
+        given = {"initial_temperature": initial_temperature, "pair": pair}
+        given = {name: values for name, values in given.items() if values is not None}
+        given |= {f"parameter/{key}": values for key, values in (parameters or {}).items()}
+        columns = {name: [values] * len(nodes) if isinstance(values, str) or not numpy.ndim(values) else list(values)
+                   for name, values in given.items()}
+        for row, node in enumerate(nodes.tolist()):
+            self._own[node] = {name: values[row] for name, values in columns.items()}
+
     def _add(self, body, columns, frame, answer, committed):
         time = body["time_s"] or ((self._rows[-1].time if self._rows else 0.0) + body["dt_s"])
         row = Row(body["dt_s"], time, body["step"], columns, frame, answer)
@@ -110,6 +121,22 @@ class History:
                 found[name] = numpy.concatenate([step[name] for step in flat])
         return found
 
+    def _own_datasets(self, nodes):
+        """Returns {name: array} of what the nodes were registered with, where it differs from the scene."""
+        own = [self._own.get(node) for node in nodes.tolist()]
+        if self._several and None in own:
+            raise ValueError(f"node {nodes[own.index(None)]} came from another session, "
+                             "so its pair and parameters are not known")
+        own = [node or {} for node in own]
+        found = {}
+        for name in sorted({name for node in own for name in node}):
+            without = [place for place, node in enumerate(own) if name not in node]
+            if name == "pair" or not without:
+                found[name] = [node.get(name, "") for node in own]
+            elif name != "initial_temperature":
+                raise ValueError(f"node {nodes[without[0]]} was registered without {name}, which other nodes have")
+        return found
+
     def to_pandas(self):
         """Returns table() as a DataFrame. Needs pandas."""
         import pandas
@@ -123,6 +150,7 @@ class History:
 
         if not self._rows:
             raise ValueError("the history has no steps")
+        own = self._own_datasets(self.nodes)
         nodes, partial = self.nodes, f"{os.fspath(path)}.partial"
         with h5py.File(partial, "w", libver=("earliest", "v110")) as file:
             kept = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletcher32": True}
@@ -136,6 +164,8 @@ class History:
             write("time", self.time, "s").attrs["t0"] = self._rows[0].time - self._rows[0].dt
             write("dt", self.dt, "s")
             write("node_id", nodes, "")
+            for name, values in own.items():
+                write(name, values, "K" if name == "initial_temperature" else "")
             table = {}
             for row in self._rows:
                 for column, suffix, values in self._flat(row):
@@ -144,6 +174,8 @@ class History:
                 if len(values) != len(self._rows):
                     continue  # a column that some steps only have is no table
                 data = numpy.stack(values)
+                if column.name in MASSES and (data == data[0]).all():
+                    data = data[0]  # one value per node, as a replay expects it
                 options = {"dtype": h5py.enum_dtype(REGIMES, "u1")} if column.name == "regime" else {}
                 data = write(column.quantity + suffix, data, column.unit, **kept, **options)
                 data.attrs["long_name"] = column.quantity.replace("_", " ") + suffix.replace("_", " ")

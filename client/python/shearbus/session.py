@@ -316,7 +316,8 @@ class Session:
     warnings: of the opening, to be shown to a person; strategy: "velocity_driven" or "force_driven"; components:
     tangential components; columns: names of the columns that a step needs; optional_columns, reply_columns,
     columns_on_request: names; bytes_per_node: memory on the server; offers: numbers of this session's offers that
-    waited when it was resumed; history: a History, with record=True.
+    waited when it was resumed; resumed_pair, resumed_parameters: names of the pairs of a resumed session's nodes (None
+    with one pair) and {key: array} of their parameters, in the order that `nodes` had then; history: a History, with record=True.
 
     Every call raises an Error, which says what was expected and found and what to do. After UnknownOutcome the same
     call with the same values is the same request. The sessions of a durable server outlive it: calls wait for its
@@ -337,6 +338,7 @@ class Session:
         self._claim_in_doubt = None  # (number, epoch of the server) of a claim that was sent and not granted
         self._opening_undone = False  # a refused opening cannot be repeated with its ids
         self.offers = []
+        self.resumed_pair, self.resumed_parameters = None, {}
         self._plans = {}  # keywords of a request -> its columns
         self.welcome = self._greet()
         self.durable = self.welcome.durability != "none"
@@ -509,12 +511,24 @@ class Session:
         self._opened(opened.session_opened, opened.epoch)
         return opened.session_opened
 
-    def _resume(self):
-        """Continues the session as a successor. Returns its position, a SessionResumed."""
+    def _resume(self, expected=None):
+        """Continues the session as a successor. Returns its position, a SessionResumed. expected: as in check_nodes()."""
+        if expected:  # before the claim, which takes the session from its client
+            check_nodes(*nodes_in(self._ask("resume_session", {"resume_token": self._token}, "session_resumed",
+                                            session_id=self._id)), *expected)
         claimed = self._claim()
         self._adopt(claimed)
         self._opened(claimed.header.session_resumed.session, claimed.header.epoch)
+        self._resumed(*nodes_in(claimed)[1:], expected)
         return claimed.header.session_resumed
+
+    def _resumed(self, pair, parameters, expected):
+        """Takes over the pairs and parameters of a resumed session's nodes."""
+        if expected:
+            check_nodes(self.nodes, pair, parameters, *expected)
+        self.resumed_pair, self.resumed_parameters = pair, parameters
+        if pair is not None:
+            self._remember(self.nodes, None, pair, parameters)
 
     def _adopt(self, reply):
         """Adopts sequence number, nodes and offers from a session_resumed."""
@@ -530,6 +544,8 @@ class Session:
         self.name, self.strategy = opened.scene_name, STRATEGY.get(opened.strategy, opened.strategy)
         self.components = opened.tangential_components
         self.pairs, self.parameters = tuple(opened.pairs), tuple(opened.parameters)
+        if self.history is not None:
+            self.history._several = bool(self.pairs or self.parameters)
         self.columns, self.optional_columns = names(opened.required_columns), names(opened.optional_columns)
         self.reply_columns, self.columns_on_request = names(opened.reply_columns), names(opened.columns_on_request)
         self._wanted = self._numbers(self._want)
@@ -772,6 +788,12 @@ class Session:
         self._exchange("register_nodes", {"pairs": names}, "nodes_changed",
                        *named_nodes(new, initial_temperature, places, in_order(parameters, self.parameters)))
         self._have(numpy.concatenate([self.nodes, new]))
+        self._remember(new, initial_temperature, pair, parameters)
+
+    def _remember(self, nodes, initial_temperature, pair, parameters):
+        """The history's file has what nodes were registered with."""
+        if self.history is not None:
+            self.history._registered(nodes, initial_temperature, pair, parameters)
 
     def retire(self, nodes):
         """Removes nodes and frees their states."""
@@ -894,6 +916,47 @@ def joined(replies, rows, total):
         payload=types.SimpleNamespace(columns=types.SimpleNamespace(parts=columns)))
     return types.SimpleNamespace(header=header, payload=memoryview(payload) if size else b"",
                                  round_trip_s=total(reply.round_trip_s for reply in replies))
+
+
+def nodes_in(reply):
+    """Returns (ids, names of the pairs or None, {key: array} of the parameters) of a reply session_resumed."""
+    opened, pair, parameters = reply.header.session_resumed.session, None, {}
+    for column in reply.header.payload.columns if reply.payload is not None else ():
+        values = numpy.frombuffer(reply.payload, DTYPE[column.element], column.count, column.offset_bytes)
+        if column.field == PAIR.number:
+            names = ["", *opened.pairs]
+            pair = [names[place] for place in values.tolist()]
+        elif column.field == PARAMETER.number:
+            parameters[opened.parameters[column.component]] = _frozen(values.astype(float))
+    return ids_of(reply), pair, parameters
+
+
+def check_nodes(ids, pair, parameters, nodes, expected_pair, expected_parameters):
+    """Raises SessionError where a resumed session does not have `nodes` with these names of pairs (None: not compared)
+    and {key: values} of parameters."""
+    faults = {}
+    row_of = {node: row for row, node in enumerate(ids.tolist())}
+    for i, node in enumerate(nodes.tolist()):
+        row = row_of.get(node)
+        if row is None:
+            faults[node] = f"node {node} is not in the session, which has {len(row_of)} nodes"
+            continue
+        has = pair[row] if pair is not None else ""
+        if expected_pair is not None and has != expected_pair[i]:
+            faults[node] = f'node {node} has the pair "{has}" in the session, the host "{expected_pair[i]}"'
+        for key, values in expected_parameters.items():
+            if key not in parameters:
+                raise SessionError(Code.RESUME_REFUSED, f"{key} is no parameter of the nodes of this session",
+                                   "The opening of a session chooses the keys.", key)
+            if parameters[key][row] != values[i]:
+                faults.setdefault(node, f"{key} of node {node} is {parameters[key][row]} in the session, "
+                                  f"{values[i]} of the host")
+    if faults:
+        raise SessionError(
+            Code.RESUME_REFUSED,
+            f"{next(iter(faults.values()))} ({len(faults)} of {len(nodes)} nodes are not as expected)",
+            "Resume with the nodes as they were registered, or open a new session. The session was left as it is.",
+            nodes=list(faults)[:16])
 
 
 def ids_of(reply):

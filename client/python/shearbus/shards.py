@@ -449,7 +449,7 @@ class ShardedSession(Session):
         self._have(nodes)
         self._take_opened(opened[0])
 
-    def _resume(self):
+    def _resume(self, expected=None):
         self._until = time.monotonic() + self._deadline
         positions = []
         for k in range(len(self._shards)):
@@ -469,6 +469,19 @@ class ShardedSession(Session):
         self._place(_merged(shard.nodes for shard in self._shards))
         self._have(self._order)
         self._take_opened(positions[0].session)
+        self._resumed(*self._joined_nodes(), expected)
+
+    def _joined_nodes(self):
+        """Returns pairs and parameters of the nodes of all shards, in the order of `nodes`."""
+        if any(shard.resumed_pair is None for shard in self._shards if len(shard.nodes)):
+            return None, {}
+        own = {}
+        for shard in self._shards:
+            for row, node in enumerate(shard.nodes.tolist()):
+                own[node] = shard.resumed_pair[row], [values[row] for values in shard.resumed_parameters.values()]
+        rows = [own[node] for node in self.nodes.tolist()]
+        return [name for name, _ in rows], {key: numpy.array([values[i] for _, values in rows])
+                                            for i, key in enumerate(self.parameters)}
 
     def _reconcile(self, positions):
         """Brings resumed shards to the same step: of a commit that only some have run, the others run it now; a trial

@@ -1,0 +1,68 @@
+// What nodes of a history have of their own from their registration on: initial temperature, pair, parameters.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/replay/table.hpp"
+#include "client/src/client.hpp"
+#include "proto/wire/recording.hpp"
+
+namespace shearbus::replay {
+
+// One value per node of a table, in the order of its nodes; an empty list stands for the values of the scene.
+struct NodeProperties {
+  std::vector<double> initial_temperature_k;
+  std::vector<std::string> pair;                                        // name of each node's pair
+  std::vector<std::pair<std::string, std::vector<double>>> parameters;  // by key of the scene, in the key's unit
+
+  // Reads /initial_temperature, /pair and /parameter of a history. Throws Error for values that are none.
+  static NodeProperties of(const Table& history);
+
+  // Writes the datasets that of() reads.
+  void write(wire::HistoryWriter& writer) const;
+};
+
+// The same as the options of an opening.
+class NodeOpening {
+ public:
+  explicit NodeOpening(const NodeProperties& properties);
+  OpenOptions options() const;
+
+ private:
+  const NodeProperties& properties_;
+  std::vector<std::string> names_;     // distinct names of pairs
+  std::vector<std::uint64_t> places_;  // of each node's pair among them
+};
+
+// Follows the registrations of an event log.
+class RegisteredProperties {
+ public:
+  // Follows an accepted request: its nodes, a mark, or the return to one.
+  void follow(const wire::Request& request, const wire::Reply& reply);
+  // Throws Error if the log does not tell the pair or a parameter of one of the nodes.
+  NodeProperties of(std::span<const std::uint64_t> nodes) const;
+
+ private:
+  struct Node {
+    bool known = true;                   // false: it came from another session
+    double initial_temperature_k = 0.0;  // 0: the scene's
+    std::string pair;                    // empty: the tables outside of [pair.NAME]
+    std::vector<double> parameters;      // empty: those of its pair
+  };
+  using Nodes = std::map<std::uint64_t, Node>;
+  void add(const wire::Batch& batch, std::span<const std::string> pairs);
+  Nodes& changed();  // the nodes, apart from those of the marks
+
+  std::vector<std::string> keys_;
+  bool several_ = false;  // whether the session has pairs or parameters
+  std::shared_ptr<Nodes> nodes_ = std::make_shared<Nodes>();
+  std::map<std::string, std::shared_ptr<Nodes>> marks_;
+};
+
+}  // namespace shearbus::replay

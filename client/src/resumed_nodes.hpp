@@ -1,0 +1,19 @@
+// The nodes of a resumed session: what the reply `session_resumed` tells of their pairs and parameters.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "client/src/client.hpp"
+#include "client/src/connection.hpp"
+
+namespace shearbus {
+
+// Throws Error{kResumeRefused} with the first nodes whose pair or parameters are not as expected, or which the session
+// does not have. `where`: a reply `session_resumed`.
+void check_resumed_nodes(const Received& where, const ExpectedNodes& expected);
+
+// Joins the columns of nodes of several such replies, one per server, in the order of `node_ids`.
+Batch joined_nodes(std::span<const Received> parts, std::span<const std::uint64_t> node_ids);
+
+}  // namespace shearbus
