@@ -55,7 +55,7 @@ double mean_of(const std::vector<double>& values) {
 }
 
 InterfaceHistory::InterfaceHistory(std::size_t nodes, std::optional<HeatBound> bound)
-    : rows_(interface_quantities(bound.has_value()), nodes), bound_(std::move(bound)), totals_(nodes) {}
+    : rows_(interface_quantities(bound.has_value()), nodes), bound_(bound), totals_(nodes) {}
 
 void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
   const InterfaceInputs& in = cycle.contact().inputs();

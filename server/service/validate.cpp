@@ -449,7 +449,7 @@ void check_parameters(const wire::Batch& batch, std::span<const std::string> key
     refuse(Code::kInvalidValue, keys[column.component],
            fmt::format("{} of node {} is not a finite number ({} of {} rows at fault)", keys[column.component], first,
                        nodes.size(), ids.size()),
-           "Nothing was changed; give each node a value, or leave the column out.", std::move(nodes));
+           "Nothing was changed; give each node a value, or leave the column out.", nodes);
   }
 }
 

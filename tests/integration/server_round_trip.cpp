@@ -2,7 +2,8 @@
 // of threads and every message size.
 #include <gtest/gtest.h>
 
-#include <cstring>
+#include <bit>
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -13,6 +14,10 @@
 
 namespace shearbus {
 namespace {
+
+std::uint64_t bits(double value) {
+  return std::bit_cast<std::uint64_t>(value);
+}
 
 using support::RunningServer;
 using wire::Strategy;
@@ -88,10 +93,8 @@ TEST_P(RoundTrip, PermutedAndSplitBatchesGiveEachNodeTheSameBits) {
       const auto& answer = parts.advance(support::step_columns(GetParam(), some, step, true), {.dt_s = 1e-9});
       for (std::size_t row = 0; row < some.size(); ++row) {
         const std::size_t i = some[row] - ids[0];
-        ASSERT_EQ(std::memcmp(&answer.shear_stress_pa()[row], &expected.shear_stress_pa()[i], sizeof(double)), 0);
-        ASSERT_EQ(
-            std::memcmp(&answer.interface_temperature_k()[row], &expected.interface_temperature_k()[i], sizeof(double)),
-            0);
+        ASSERT_EQ(bits(answer.shear_stress_pa()[row]), bits(expected.shear_stress_pa()[i]));
+        ASSERT_EQ(bits(answer.interface_temperature_k()[row]), bits(expected.interface_temperature_k()[i]));
         ASSERT_EQ(answer.regime()[row], expected.regime()[i]);
       }
     }

@@ -20,8 +20,6 @@
 #include "shearbus_places.hpp"
 #include "tests/support/running_server.hpp"
 
-extern char** environ;
-
 namespace shearbus::support {
 
 class Process {

@@ -145,11 +145,11 @@ template <bool kSpread>
     const Register ep = load(problem.strain + row);
     const Register cold = law.inverse_beta + ep;
     const Vertex vertex = law.at(T, rise);
-    double* kept = flow.rows + i * (ExpandedFlow::kTerms * kLanes) + lane;
+    double* kept = flow.rows + i * ExpandedFlow::kTerms * kLanes + lane;
     store(vertex.hot, kept);
     store(vertex.c1, kept + kLanes);
-    store(vertex.c2, kept + 2 * kLanes);
-    store(vertex.c3, kept + 3 * kLanes);
+    store(vertex.c2, kept + std::ptrdiff_t{2} * kLanes);
+    store(vertex.c3, kept + std::ptrdiff_t{3} * kLanes);
     store(ep + sums.add(vertex, vertex.hot, cold, problem.grid->weight[static_cast<std::size_t>(i)]), strain_new + row);
     // A vertex that yields nowhere in the first range of the expansion does not limit the second one.
     const Mask may = ((1.0 + kHotter + kHotter * kSteep) * vertex.hot >= cold) | (vertex.growth >= kSteep);
@@ -192,8 +192,12 @@ template <bool kSpread>
   Sums sums;
   for (std::ptrdiff_t i = 0; i < flow.num_rows[lane]; ++i) {
     const std::ptrdiff_t row = i * kLanes + lane;
-    const double* kept = flow.rows + i * (ExpandedFlow::kTerms * kLanes) + lane;
-    const Vertex at{load(kept), load(kept + kLanes), load(kept + 2 * kLanes), load(kept + 3 * kLanes), {}};
+    const double* kept = flow.rows + i * ExpandedFlow::kTerms * kLanes + lane;
+    const Vertex at{load(kept),
+                    load(kept + kLanes),
+                    load(kept + std::ptrdiff_t{2} * kLanes),
+                    load(kept + std::ptrdiff_t{3} * kLanes),
+                    {}};
     const Register now = at.hot * (y + yw * (at.c1 + w * (at.c2 + w * at.c3)));
     const Register ep = load(problem.strain + row);
     store(ep + sums.add(at, now, inverse_beta + ep, problem.grid->weight[static_cast<std::size_t>(i)]),

@@ -46,7 +46,7 @@ template <class Law, bool kSpread>
   for (std::ptrdiff_t i = 0; i < n; ++i) {
     const std::ptrdiff_t row = i * kLanes + lane;
     const bool is_heated = i < problem.num_heated;
-    double* kept = flow.rows + i * (SearchedFlow::kTerms * kLanes) + lane;
+    double* kept = flow.rows + i * SearchedFlow::kTerms * kLanes + lane;
     LoadedVertex vertex;
     vertex.rise =
         is_heated ? flux * (kSpread ? load(problem.spread_response + row) : all(problem.response[i])) : all(0.0);
@@ -59,8 +59,8 @@ template <class Law, bool kSpread>
     Register last_dep{}, last_by_load{};
     if (flow.summed) {
       last_dep = load(kept + kLanes);
-      last_by_load = load(kept + 2 * kLanes);
-      vertex.rest = load(kept + 3 * kLanes);
+      last_by_load = load(kept + std::ptrdiff_t{2} * kLanes);
+      vertex.rest = load(kept + std::ptrdiff_t{3} * kLanes);
       const Mask flowed = last_dep > 0.0;
       const Register along = moved * (last_by_load / where(flowed, last_dep, all(1.0)));
       vertex.guess = where(flowed, load(kept) + smaller(larger(along, all(-kMostMove)), all(kMostMove)), vertex.guess);
@@ -78,8 +78,8 @@ template <class Law, bool kSpread>
     store(vertex.ep + found.dep, strain_new + row);
     store(found.root, kept);
     store(found.dep, kept + kLanes);
-    store(found.by_load, kept + 2 * kLanes);
-    store(found.rest, kept + 3 * kLanes);
+    store(found.by_load, kept + std::ptrdiff_t{2} * kLanes);
+    store(found.rest, kept + std::ptrdiff_t{3} * kLanes);
     const Mask flows = found.dep > 0.0;
     nearer = near;
     has_nearer = has_near & flows;

@@ -173,7 +173,8 @@ void advance_force_driven_melting(const Problem& problem, const StepOperators& o
   // 4. The friction heat of the lanes that stay solid: T = T_ad + q B.
   add_flux(heat, n, flux, T);
   if (problem.heat_grid.hard_end_is_held) std::copy_n(T_old, kLanes, T);
-  if (problem.heat_grid.soft_end_is_held) std::copy_n(T_old + (n - 1) * kLanes, kLanes, T + (n - 1) * kLanes);
+  if (problem.heat_grid.soft_end_is_held)
+    std::copy_n(T_old + std::ptrdiff_t{n - 1} * kLanes, kLanes, T + std::ptrdiff_t{n - 1} * kLanes);
   for (const int lane : lanes_of(inputs.active)) outputs.interface_temperature[lane] = T0[lane];
 }
 
