@@ -29,12 +29,13 @@ constexpr double kExponentStep = 1e-3 * 1e10;  // [Pa K]
 // of the strength per strain stands for none.
 constexpr double kNoHardening = 1e-14;
 
-// Derivative of f(P) by the pressure, where f depends on a softening at the temperature T, `distance` below melting.
+// Derivative of f(P) by the pressure, where f depends on a softening at the temperature T, `distance` below melting. So
+// close to melting that no step is left, the softening has long vanished: 0.
 template <class F>
 double by_pressure(double pressure, double T, double distance, const F& f) {
   const double step = std::min(kPressureShare * pressure, kExponentStep * distance * distance / T);
   const double more = pressure + step, less = pressure - step;
-  return (f(more) - f(less)) / (more - less);
+  return more > less ? (f(more) - f(less)) / (more - less) : 0.0;
 }
 
 // The balance of DLP (56) in magnitudes along the stress, F(a; [V], P) = a + C integral(dep) - a_trial = 0 with
