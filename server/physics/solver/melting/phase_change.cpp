@@ -187,10 +187,11 @@ bool PhaseChange::extend(double q) {
   return last_ != before;
 }
 
+// Vertices that extend() adds have no solution yet: they keep the phase that it gave them until the next one.
 bool PhaseChange::revise(double q) {
+  const int solved = last_;
   bool changed = extend(q);
-  const int end = last_;
-  for (int i = 0; i <= end; ++i) {
+  for (int i = 0; i <= solved; ++i) {
     Vertex& v = vertex_[static_cast<std::size_t>(i)];
     const Phase old = v.phase;
     if (old == Phase::kMelting) {
@@ -231,8 +232,9 @@ void PhaseChange::settle(double q) {
 // For given liquid vertices: lets solid vertices above T_melt melt and melting ones without liquid freeze. From the
 // second call on temperatures only fall (policy iteration with an M-matrix), so that the calls end.
 bool PhaseChange::settle_solid(double q) {
+  const int solved = last_;
   bool changed = extend(q);
-  for (int i = 0; i <= last_; ++i) {
+  for (int i = 0; i <= solved; ++i) {
     Vertex& v = vertex_[static_cast<std::size_t>(i)];
     const Phase old = v.phase;
     if (old == Phase::kSolid && temperature(v, q) > melt_ + slack_) v.phase = Phase::kMelting;
