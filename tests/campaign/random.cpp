@@ -1,7 +1,11 @@
 #include "tests/campaign/random.hpp"
 
+#include <algorithm>
 #include <array>
 
+#include "tests/campaign/random_pairs.hpp"
+#include "tests/campaign/random_scenes.hpp"
+#include "tests/support/invariants/linearised.hpp"
 #include "tests/support/random_history.hpp"
 
 namespace shearbus::study::stability {
@@ -12,7 +16,7 @@ namespace {
 
 constexpr int kSteps = 25;
 
-constexpr std::array kKinds = {
+constexpr std::array kOfOnePair = {
     RandomKind{"velocity-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kVelocityDriven, e); }},
     RandomKind{"force-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kForceDriven, e); }},
     RandomKind{"inertia", random_inertia_options},
@@ -23,8 +27,20 @@ constexpr std::array kKinds = {
                [](Draw& d, bool e) { return random_two_component_options(d, Strategy::kForceDriven, e); }},
 };
 
+constexpr auto kKinds = [] {
+  std::array<RandomKind, kOfOnePair.size() + 1> all{};
+  std::copy(kOfOnePair.begin(), kOfOnePair.end(), all.begin());
+  all.back() = {"several pairs",
+                [](Draw& d, bool e) {
+                  const int kind = d.integer(0, static_cast<int>(kOfOnePair.size()) - 1);
+                  return kOfOnePair[static_cast<std::size_t>(kind)].options(d, e);
+                },
+                true};
+  return all;
+}();
+
 // Runs a history of random inputs with `options`, from the initial state or from a random state.
-void run_history(Draw& draw, const ModelOptions& options, bool extreme, std::uint64_t seed, RandomOutcome& outcome) {
+void run_history(Draw& draw, const ModelOptions& options, bool extreme, RandomOutcome& outcome) {
   Rig rig(options);
   SearchEffort effort;
   rig.inputs.effort = &effort;
@@ -33,21 +49,31 @@ void run_history(Draw& draw, const ModelOptions& options, bool extreme, std::uin
   } else {
     start_hard_elsewhere(draw, rig);
   }
+  random_history(draw, rig, extreme, kSteps, outcome.figures, [&] {
+    require_effort(effort, rig);
+    take_most(outcome.most, effort);
+    effort = {};
+    const TileOutputs found = linearised(rig);
+    for (int lane = 0; lane < kLanes; ++lane) require_linearised(rig, found, lane);
+  });
+}
+
+// Runs the history of one seed, and records what breaks.
+void run_seed(const RandomKind& kind, bool extreme, std::uint64_t seed, RandomOutcome& outcome) {
+  Draw draw(seed);
+  const ModelOptions options = with_further_options(draw, kind.options(draw, extreme), extreme);
   ++outcome.scenes;
   try {
-    random_history(draw, rig, extreme, kSteps, outcome.figures, [&] {
-      require_effort(effort, rig);
-      take_most(outcome.most, effort);
-      effort = {};
-    });
+    kind.several_pairs ? run_pairs(draw, options, extreme, kSteps, outcome)
+                       : run_history(draw, options, extreme, outcome);
   } catch (const Broken& broken) {
     outcome.faults.push_back({seed, broken.what()});
   }
 }
 
 template <class RunSeed>
-void run_seeds(long node_steps, std::uint64_t seed, const RunSeed& run_seed) {
-  for (long taken = 0; taken < node_steps; taken += long{kSteps} * kLanes) run_seed(seed++);
+void run_seeds(long node_steps, std::uint64_t seed, const RunSeed& run) {
+  for (long taken = 0; taken < node_steps; taken += long{kSteps} * kLanes) run(seed++);
 }
 
 }  // namespace
@@ -58,10 +84,7 @@ std::span<const RandomKind> random_kinds() {
 
 RandomOutcome run_random(const RandomKind& kind, bool extreme, long node_steps, std::uint64_t first_seed) {
   RandomOutcome outcome{.name = kind.name};
-  run_seeds(node_steps, first_seed, [&](std::uint64_t seed) {
-    Draw draw(seed);
-    run_history(draw, kind.options(draw, extreme), extreme, seed, outcome);
-  });
+  run_seeds(node_steps, first_seed, [&](std::uint64_t seed) { run_seed(kind, extreme, seed, outcome); });
   return outcome;
 }
 
@@ -71,11 +94,8 @@ std::vector<RandomOutcome> run_random(long node_steps, std::uint64_t first_seed)
   std::vector<RandomOutcome> outcomes(kKinds.size());
   for (std::size_t i = 0; i < kKinds.size(); ++i) outcomes[i].name = kKinds[i].name;
   run_seeds(node_steps, first_seed, [&](std::uint64_t seed) {
-    const bool extreme = seed / kKinds.size() % 2 == 1;
     const std::size_t kind = seed % kKinds.size();
-    Draw draw(seed);
-    const ModelOptions options = kKinds[kind].options(draw, extreme);
-    run_history(draw, options, extreme, seed, outcomes[kind]);
+    run_seed(kKinds[kind], seed / kKinds.size() % 2 == 1, seed, outcomes[kind]);
   });
   return outcomes;
 }
@@ -87,7 +107,12 @@ RandomOutcome run_random(const Physics& physics, long node_steps, std::uint64_t 
     ModelOptions options = physics.options;
     const double T_melt = options.soft.melting_temperature;
     if (draw.chance(0.3)) options.initial_temperature = T_melt * (1.0 - draw.log_uniform(1e-9, 0.1));
-    run_history(draw, options, seed % 2 == 1, seed, outcome);
+    ++outcome.scenes;
+    try {
+      run_history(draw, options, seed % 2 == 1, outcome);
+    } catch (const Broken& broken) {
+      outcome.faults.push_back({seed, broken.what()});
+    }
   });
   return outcome;
 }

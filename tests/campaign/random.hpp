@@ -15,6 +15,7 @@ namespace shearbus::study::stability {
 struct RandomKind {
   const char* name;
   ModelOptions (*options)(testing::Draw& draw, bool extreme);
+  bool several_pairs = false;  // the options are those of the first of several pairs
 };
 std::span<const RandomKind> random_kinds();
 

@@ -22,10 +22,11 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
   ++figures.flowing;
   if (!is_resolved(options, a, size)) return;
   ++figures.flowing_resolved;
-  const double grain = heat_grain(options, a, size) + (rig.slept(lane) ? kSleeperGrain : 0.0);
+  const double grain = heat_grain(options, a, size) + sleeper_grain(rig, lane, a.dt);
   require_complementary_flow(rig, a, lane, grain, figures);
+  // Twice the change of the flow by the last digits: those of the stress, and those of the heat that goes with it.
   double tolerance = 1e-9 * size + 1e-14 * rig.plastic_slip(lane) / a.dt +
-                     kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt, grain) / a.dt;
+                     2.0 * kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt, grain) / a.dt;
   if (a.sticks) {
     require_near(jump_new + a.plastic_drive, flow, tolerance, "(64) of an interface that sticks");
     require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size, "[v] of an interface that stops");

@@ -18,6 +18,13 @@ struct Limits {
   double lower, upper;
 };
 
+// Returns the change of the interface temperature T0 [K] if the velocity jump, and so the friction heat, has a rounding
+// error. The change matters only for bodies of almost no mass, which have enormous velocity jumps.
+inline double heat_grain(const ModelOptions& options, const Answered& a, double size) {
+  const double flux = std::numeric_limits<double>::epsilon() * size * std::abs(a.stress);
+  return flux * std::sqrt(options.soft.diffusivity * a.dt) / options.soft.conductivity;
+}
+
 // Returns the bounds of the stress that the interface can carry. Friction and the yield strength of the interface, or
 // of its junctions, limit the stress. The rounding errors of the velocity jumps are proportional to `size`, the
 // magnitude of the jumps [m/s].
@@ -35,20 +42,18 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
     strength = {fraction * hardened(std::max(0.0, a.junction_strain - grown)),
                 fraction * hardened(a.junction_strain + grown)};
   }
-  const auto limit = [&](double yield, double T) {
-    const double mu = reference::friction_coefficient(options, a.pressure, T, std::abs(a.slip));
+  // Friction may depend on the slip, which has that error, too.
+  const double slip = std::abs(a.slip), less = std::max(0.0, slip - kDigits * size), more = slip + kDigits * size;
+  const auto friction = [&](double T, double v) { return reference::friction_coefficient(options, a.pressure, T, v); };
+  const auto limit = [&](double yield, double T, double mu) {
     const double g = options.melt_film ? solid_softening(soft, a.pressure, T) : softening(soft, a.pressure, T).g;
     return std::min(mu * a.pressure, yield * g / kSqrt3);
   };
-  return {limit(strength.lower, a.T0 * (1 + kDigits)) * (1 - 1e-10),
-          limit(strength.upper, a.T0 * (1 - kDigits)) * (1 + 1e-10)};
-}
-
-// Returns the change of the interface temperature T0 [K] if the velocity jump, and so the friction heat, has a rounding
-// error. The change matters only for bodies of almost no mass, which have enormous velocity jumps.
-inline double heat_grain(const ModelOptions& options, const Answered& a, double size) {
-  const double flux = std::numeric_limits<double>::epsilon() * size * std::abs(a.stress);
-  return flux * std::sqrt(options.soft.diffusivity * a.dt) / options.soft.conductivity;
+  const double grain = heat_grain(options, a, size);
+  const double hot = a.T0 * (1 + kDigits) + grain, cold = std::max(0.0, a.T0 * (1 - kDigits) - grain);
+  const double least = std::min(friction(hot, less), friction(hot, more));
+  const double most = std::max(friction(cold, less), friction(cold, more));
+  return {limit(strength.lower, hot, least) * (1 - 1e-10), limit(strength.upper, cold, most) * (1 + 1e-10)};
 }
 
 // Returns true if the slip is determined despite rounding errors. It is not determined if a rounding error of the

@@ -48,11 +48,13 @@ inline void require_film(const Rig& rig, const Answered& a, int lane, double con
     // it is conducted in the step.
     const double conducts =
         diffused / (weight * rig.heat_grid().width[std::min(interface + i, rig.heat_grid().width.size() - 1)]);
-    if (rig.liquid(vertex, lane) > 0.0) grain += weight / eta * kDigits * T / latent * (1.0 + conducts);
+    const double hottest = std::max(T, rig.T(vertex, lane));
+    if (rig.liquid(vertex, lane) > 0.0) grain += weight / eta * kDigits * hottest / latent * (1.0 + conducts);
   }
   grain += kDigits * a.heat / (soft.density * film.latent_heat * film.viscosity);
   const double sheared = std::abs(a.stress) * compliance;
-  const double noise = 1e-12 * (a.size() + sheared) + std::abs(a.stress) * grain + kProductOfDenormals;
+  const double noise = 1e-12 * (a.size() + sheared) + std::abs(a.stress) * grain + kProductOfDenormals +
+                       std::numeric_limits<double>::denorm_min() * compliance;
   require(sheared <= std::abs(a.jump_new) + noise, "the film is sheared at {:.17g} m/s by a jump of {:.17g} m/s",
           sheared, a.jump_new);
   if (compliance > 0.0 && std::abs(a.stress) < contact)
