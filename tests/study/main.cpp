@@ -22,6 +22,7 @@
 #include "tests/campaign/user_scene.hpp"
 #include "tests/study/command.hpp"
 #include "tests/study/map/command.hpp"
+#include "tests/study/option_rows.hpp"
 #include "tests/study/precision.hpp"
 #include "tests/study/tolerance.hpp"
 
@@ -62,7 +63,13 @@ void precision(const Options& options) {
     fmt::print("{}{}", table(result), recommendation(result));
     static_cast<void>(std::fflush(stdout));
   }
-  write_study(options, "precision", json(results, options.sweep.repeats));
+  nlohmann::ordered_json study = json(results, options.sweep.repeats);
+  if (options.scene.empty()) {
+    const std::vector<OptionRow> rows = option_rows(options.sweep.quick);
+    fmt::print("{}", table(rows));
+    study["options"] = json(rows);
+  }
+  write_study(options, "precision", study);
 }
 
 void tolerance(const Options& options) {

@@ -42,7 +42,9 @@ struct Outcome {
   double divided_share = 0.0;      // share of the steps that were divided into substeps
   double estimate = 0.0;           // largest error estimate of a step, for a setting with a tolerance
   std::string failure;             // error message of a run that failed; empty: the run succeeded
-  bool efficient = false;          // true if no setting of at most the same cost has a smaller error of T0
+  bool resolved = true;            // whether temperature_error is well above the error of the reference
+  double known_error = 0.0;        // temperature_error, or the least error that the reference resolves
+  bool efficient = false;          // true if no setting of at most the same cost has a smaller known error of T0
 };
 
 struct Result {
@@ -57,6 +59,9 @@ struct SweepOptions {
 };
 
 v1::Scene scene_with(const StudyCase& study_case, const Setting& setting);
+// Whether a server would accept the scene with this setting, and whether it would with sdirk2.
+bool allows(const StudyCase& study_case, const Setting& setting);
+bool second_order(const StudyCase& study_case);
 // Returns the melting temperature at the pressure of the case, minus the initial temperature  [K].
 double melting_range(const StudyCase& study_case);
 std::function<double(double)> at_samples(const Answer& answer, double end);
@@ -64,10 +69,11 @@ std::function<double(double)> at_samples(const Answer& answer, double end);
 Answer run(const StudyCase& study_case, const Setting& setting, Outcome* outcome, int repeats);
 // Sets the errors of `outcome` from the differences between an answer and a reference.
 void set_errors(const StudyCase& study_case, const Answer& answer, const Reference& reference, Outcome& outcome);
+Reference by_extrapolation(const StudyCase& study_case, bool quick);  // for a case without an exact reference
 Reference reference_of(const StudyCase& study_case, bool quick);
 Result sweep(const StudyCase& study_case, const SweepOptions& options);
 
-// Returns the cheapest outcome whose temperature_error is at most `tolerance`, or null if there is none.
+// Returns the cheapest outcome whose known_error is at most `tolerance`, or null if there is none.
 const Outcome* cheapest(const Result& result, double tolerance);
 
 // Returns the time [ns] of a message round trip without the solver, per node and step, measured with an embedded server

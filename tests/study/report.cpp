@@ -12,8 +12,10 @@
 namespace shearbus::study {
 
 std::string table(const Result& result) {
-  std::string text = fmt::format("\n{}\n  reference: {} (T0 to {:.1e} of what it has to melting)\n",
-                                 result.study_case->title, result.reference.method, result.reference.uncertainty);
+  const Reference& reference = result.reference;
+  std::string text = fmt::format(
+      "\n{}\n  reference: {}\n  its T0 is known to {:.1e} of what it has to melting: {:.1e} in space, {:.1e} in time\n",
+      result.study_case->title, reference.method, reference.uncertainty, reference.space_error, reference.time_error);
   text +=
       fmt::format("  {:<44} {:>9} {:>9} {:>9} {:>9} {:>9} {:>10} {:>7} {:>6}\n", "efficient settings, cheapest first",
                   "T0 error", "impulse", "work", "ns/step", "+ message", "ns/run", "rows", "bytes");
@@ -26,7 +28,7 @@ std::string table(const Result& result) {
         "  {:<44} {:9.1e} {:9.1e} {:9.1e} {:9.0f} {:9.0f} {:10.0f} {:7.0f} {:6}{}\n", one->setting.text(),
         one->temperature_error, one->impulse_error, one->work_error, one->ns_per_node_step, one->message_ns,
         one->ns_per_node, one->solves_per_step, one->state_bytes,
-        one->temperature_error < 100.0 * result.reference.uncertainty ? "  (near the reference's own)" : "");
+        one->resolved ? "" : fmt::format("  (below {:.0e}, what the reference resolves)", one->known_error));
   }
   const auto failed = std::count_if(result.outcomes.begin(), result.outcomes.end(),
                                     [](const Outcome& one) { return !one.failure.empty(); });
@@ -47,11 +49,11 @@ std::string recommendation(const Result& result) {
       text += fmt::format("    {:.0e}  none of the settings\n", tolerance);
     } else {
       text += fmt::format("    {:.0e}  {} ({:.0f} ns a run, error {:.1e})\n", tolerance, best->setting.text(),
-                          best->ns_per_node, best->temperature_error);
+                          best->ns_per_node, best->known_error);
     }
   }
   if (paper != nullptr) {
-    const Outcome* best = cheapest(result, paper->temperature_error);
+    const Outcome* best = cheapest(result, paper->known_error);
     text += fmt::format(
         "    the paper's grid, backward Euler, 1000 steps: error {:.1e}, {:.0f} ns; as accurate {:.1f} times "
         "cheaper: {}\n",
@@ -67,7 +69,9 @@ nlohmann::ordered_json json(const std::vector<Result>& results, int repeats) {
     entry = {{"name", result.study_case->name},
              {"title", result.study_case->title},
              {"reference", result.reference.method},
-             {"uncertainty", result.reference.uncertainty}};
+             {"uncertainty", result.reference.uncertainty},
+             {"space_error", result.reference.space_error},
+             {"time_error", result.reference.time_error}};
     for (const Outcome& one : result.outcomes)
       entry["runs"].push_back({{"cells", one.setting.cells},
                                {"grading", one.setting.grading},
@@ -84,6 +88,7 @@ nlohmann::ordered_json json(const std::vector<Result>& results, int repeats) {
                                {"state_bytes", one.state_bytes},
                                {"first_order_share", one.first_order_share},
                                {"divided_share", one.divided_share},
+                               {"resolved", one.resolved},
                                {"efficient", one.efficient},
                                {"failure", one.failure}});
   }

@@ -107,11 +107,15 @@ Reference constant_flux_reference(const StudyCase& study_case) {
   const double s = study_case.scene.interface().friction_coefficient() * study_case.pressure;
   const test::HalfSpaces pair = volterra_of(study_case);
   const double q = pair.heat_partition() * s * study_case.velocity_jump;
-  return {[=](double t) {
-            return 300.0 + 2.0 * q / pair.conductivity_soft * std::sqrt(pair.diffusivity_soft * t / std::acos(-1.0));
-          },
-          s * study_case.end, s * study_case.velocity_jump * study_case.end, 1e-15,
-          "exact: 2 q sqrt(alpha t / pi) / k"};
+  return {.temperature =
+              [=](double t) {
+                return 300.0 +
+                       2.0 * q / pair.conductivity_soft * std::sqrt(pair.diffusivity_soft * t / std::acos(-1.0));
+              },
+          .impulse = s * study_case.end,
+          .work = s * study_case.velocity_jump * study_case.end,
+          .uncertainty = 1e-15,
+          .method = "exact: 2 q sqrt(alpha t / pi) / k"};
 }
 
 // Limit of a computed value as the grid spacing h goes to 0, extrapolated from three grids by eliminating first the
@@ -149,8 +153,9 @@ Reference from_volterra(const StudyCase& study_case, const Solve& solve) {
   for (std::size_t i = 0; i <= kCoarse; ++i) {
     const Limit limit = limit_of(coarse[i].temperature, middle[2 * i].temperature, fine[4 * i].temperature);
     T.push_back(limit.value);
-    if (i >= kCoarse / 4) reference.uncertainty = std::max(reference.uncertainty, limit.change / 920.0);
+    if (i >= kCoarse / 4) reference.time_error = std::max(reference.time_error, limit.change / 920.0);
   }
+  reference.uncertainty = reference.time_error;
   reference.temperature = [T, end = study_case.end](double t) {
     const double x = std::sqrt(t / end) * kCoarse;
     const int first = std::clamp(static_cast<int>(x) - 1, 0, kCoarse - 3);

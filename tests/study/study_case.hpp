@@ -34,7 +34,9 @@ struct Reference {
   std::function<double(double)> temperature;
   double impulse = 0.0;
   double work = 0.0;
-  double uncertainty = 0.0;  // uncertainty of the reference T0, relative to T_melt minus the initial temperature
+  // Error of the reference T0, relative to T_melt minus the initial temperature: that of its grid, that of its steps,
+  // and both together.
+  double space_error = 0.0, time_error = 0.0, uncertainty = 0.0;
   std::string method;
 };
 

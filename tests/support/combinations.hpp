@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <vector>
@@ -72,6 +73,37 @@ inline std::vector<Item> items() {
     all.push_back({unique_key(part), [&part](ModelOptions& o) { part.set(o, true); }});
   }
   return all;
+}
+
+// Options with one item on. Where the item alone is refused with `base`, a companion goes with it, which `without` has too:
+// plastic heating, for example, needs the table [hard_layer].
+struct WithItem {
+  ModelOptions with, without;
+  std::string companion;  // name of an item; empty: none
+};
+
+// Returns nothing if the item is refused with `base` and any companion, or without effect there.
+inline std::optional<WithItem> with_item(const ModelOptions& base, const Item& item, const std::vector<Item>& all) {
+  const auto made = [](ModelOptions options, std::initializer_list<const Item*> chosen) {
+    for (const Item* one : chosen) one->apply(options);
+    return options.tolerance ? discretised(options, *options.tolerance) : options;
+  };
+  const Properties wanted = properties_of(made(base, {&item}));
+  for (std::size_t companion = 0; companion <= all.size(); ++companion) {
+    const Item* other = companion > 0 ? &all[companion - 1] : nullptr;
+    if (other != nullptr && other->name == item.name) continue;
+    const ModelOptions without = other == nullptr ? base : made(base, {other});
+    const ModelOptions with = other == nullptr ? made(base, {&item}) : made(base, {other, &item});
+    const auto kept = [&](const Part& part) {
+      return part.set == nullptr || !wanted.has(part.property) || properties_of(with).has(part.property);
+    };
+    const auto changed = [&](const Part& part) { return part.is_on(with) != part.is_on(without); };
+    const bool has_effect = std::any_of(parts().begin(), parts().end(), changed);
+    if (has_effect && std::all_of(parts().begin(), parts().end(), kept) && refusals(with).empty() &&
+        refusals(without).empty())
+      return WithItem{with, without, other == nullptr ? "" : other->name};
+  }
+  return {};
 }
 
 // Returns the options of a strategy with the chosen items. If `rubs` is true, the friction coefficient is so small that
