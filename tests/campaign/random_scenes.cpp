@@ -63,7 +63,6 @@ ModelOptions with_further_options(Draw& draw, ModelOptions options, bool extreme
     o.junctions->metal.melting_curve = o.soft.melting_curve;
   });
   maybe(0.2, [&](ModelOptions& o) { hold_far_faces(draw, o); });
-  maybe(0.15, [&](ModelOptions& o) { o.sleep = true; });
   if (!extreme) maybe(0.03, [&](ModelOptions& o) { o = discretised(o, draw.log_uniform(3e-3, 1e-1)); });
   return options;
 }

@@ -6,7 +6,7 @@
 namespace shearbus::study::stability {
 
 // Draws further options for a scene and takes each that goes with the others: Simon's melting curve, isothermal far
-// faces, sleep, and, in scenes that are not extreme, a tolerance.
+// faces, and, in scenes that are not extreme, a tolerance. Sleep is drawn by tests/property/physics_sleep.cpp.
 testing::ModelOptions with_further_options(testing::Draw& draw, testing::ModelOptions options, bool extreme);
 
 // Draws the options of another pair of a scene, whose nodes have the same states: other constants of metals and

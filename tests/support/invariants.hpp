@@ -45,7 +45,7 @@ inline void require_invariants(const Rig& rig, int lane, double dt, Figures& fig
   const Answered a = answered(rig, lane, dt);
   require_sound(rig, a, lane, figures);
   if (options.strategy == Strategy::kVelocityDriven) {
-    require_complementary_flow(rig, a, lane, sleeper_grain(rig, lane, dt), figures);
+    require_complementary_flow(rig, a, lane, rig.slept(lane) ? kSleeperGrain : 0.0, figures);
     if (!options.inertia) require_slip_balance(rig, a, lane);
   } else {
     require_interface_law(options, a, figures);

@@ -96,21 +96,4 @@ inline constexpr double kProductOfDenormals = 1e-290;
 // error of the temperatures of a sleeping node, which keeps its heat in modes [K]
 inline constexpr double kSleeperGrain = 1e-9;
 
-// Error of the temperatures of a lane that slept in the last step, else 0  [K]. The rates of all modes have an error of
-// an ulp of the largest one, about 4 alpha/width^2 of the thinnest cell, which counts where cells are thin and steps
-// long.
-inline double sleeper_grain(const Rig& rig, int lane, double dt) {
-  if (!rig.slept(lane)) return 0.0;
-  const HeatGrid& grid = rig.heat_grid();
-  const ModelOptions& options = rig.model.options();
-  double fastest = 0.0, hottest = 0.0;
-  for (std::size_t i = 0; i < grid.width.size(); ++i) {
-    const bool in_hard = i < static_cast<std::size_t>(grid.interface);
-    const double thinnest = std::min({grid.width[i], grid.weight[i], grid.weight[i + 1]});
-    fastest = std::max(fastest, 4.0 * (in_hard ? options.hard : options.soft).diffusivity / (thinnest * thinnest));
-  }
-  for (const double T : rig.temperatures(rig.committed, lane)) hottest = std::max(hottest, T);
-  return kSleeperGrain + 16.0 * std::numeric_limits<double>::epsilon() * fastest * dt * hottest;
-}
-
 }  // namespace shearbus::testing

@@ -22,7 +22,7 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
   ++figures.flowing;
   if (!is_resolved(options, a, size)) return;
   ++figures.flowing_resolved;
-  const double grain = heat_grain(options, a, size) + sleeper_grain(rig, lane, a.dt);
+  const double grain = heat_grain(options, a, size) + (rig.slept(lane) ? kSleeperGrain : 0.0);
   require_complementary_flow(rig, a, lane, grain, figures);
   // Twice the change of the flow by the last digits: those of the stress, and those of the heat that goes with it.
   double tolerance = 1e-9 * size + 1e-14 * rig.plastic_slip(lane) / a.dt +

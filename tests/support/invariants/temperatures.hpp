@@ -31,7 +31,7 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
   const double T_melt = at_pressure(options.soft, a.pressure).melting_temperature;
   const std::vector<double> before = rig.temperatures(rig.trial, lane), after = rig.temperatures(rig.committed, lane);
   const std::size_t interface = layout.num_hard_vertices;
-  const double grain = sleeper_grain(rig, lane, a.dt);
+  const double grain = rig.slept(lane) ? kSleeperGrain : 0.0;
   require(std::abs(a.T0 - after[interface]) <= grain, "T0 {:.17g} is not that of the state, {:.17g}", a.T0,
           after[interface]);
   double coldest = *std::min_element(before.begin(), before.end());
