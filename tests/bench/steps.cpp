@@ -4,22 +4,32 @@
 // preston_tonks_wallace. All other cases are force-driven: profile, modes, sdirk2, sdirk2_modes, plastic_layer, which
 // flows, junctions, and the friction laws "weakening" and "softening" with the options that follow in the name;
 // "yields": under the paper's pressure.
+// "velocity_driven: KEY" and "force_driven: KEY" are the steps of a model with one option of
+// server/physics/solver/parts.cpp, force-driven under a jump that melts a film, and "velocity_driven without: KEY" the
+// same without it; "options" lists these keys, one a line.
 // Ends with 77 on a machine without registers of four doubles, for which the counts are not meant.
+#include <cstdio>
 #include <cstdlib>
+#include <optional>
+#include <string>
 #include <string_view>
 
 #include "server/physics/layer/registers.hpp"
+#include "tests/support/combinations.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
 namespace {
 
+// Jump under which the interface of a force-driven model melts within a microsecond, if the model has a melt film  [m/s].
+constexpr double kMeltingJump = 300.0;
 // Pressure under which the friction of the laws below is less than the yield strength of the interface  [Pa].
 constexpr double kRubbing = 2e8;
 
 struct Case {
   ModelOptions options;
   double pressure = 11.2e9;
+  double jump = 100.0;
 };
 
 void set_modes(ModelOptions& options) {
@@ -59,16 +69,42 @@ Case case_of(std::string_view name) {
   return own;
 }
 
+// Options of a case of the kind "force_driven without: KEY"; nothing for other names, or where the strategy excludes the
+// option.
+std::optional<ModelOptions> options_of(std::string_view name) {
+  const std::size_t colon = name.find(": ");
+  if (colon == std::string_view::npos) return {};
+  const bool forced = name.starts_with("force_driven");
+  const bool without = name.substr(0, colon).ends_with(" without");
+  const ModelOptions base = graded(paper_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven));
+  const std::vector<Item> all = items();
+  for (const Item& item : all) {
+    if (item.name != name.substr(colon + 2)) continue;
+    const std::optional<WithItem> found = with_item(base, item, all);
+    if (found) return without ? found->without : found->with;
+  }
+  return {};
+}
+
 }  // namespace
 }  // namespace shearbus::testing
 
 int main(int argc, char** argv) {
   using namespace shearbus::testing;
+  if (argc == 2 && std::string_view(argv[1]) == "options") {
+    for (const Part& part : parts())
+      if (part.set != nullptr) std::puts(unique_key(part).c_str());
+    return 0;
+  }
   if (argc != 3) return 2;
   if (!machine_has_registers_of_four()) return 77;
-  const Case own = case_of(argv[1]);
+  const std::string_view name = argv[1];
+  const std::optional<ModelOptions> with_option = options_of(name);
+  if (!with_option && name.find(": ") != std::string_view::npos) return 3;  // the strategy excludes the option
+  Case own = with_option ? Case{.options = *with_option} : case_of(name);
+  if (with_option && own.options.strategy == Strategy::kForceDriven) own.jump = kMeltingJump;
   Rig rig(own.options);
-  rig.set_all(100.0, own.pressure);
+  rig.set_all(own.jump, own.pressure);
   for (int l = 0; l < kLanes; ++l) {
     rig.inputs.mass_soft[l] = 2703 * 2.5e-6;
     rig.inputs.mass_hard[l] = 7900 * 2.5e-6;

@@ -83,6 +83,9 @@ struct Part {
   std::string_view equation{};
   std::string_view adds{};
   std::string_view when{};
+  // Instructions of a node-step over those without the option, by strategy; printed by tests/bench/option_costs.py. Every
+  // option has it, or parts.cpp does not compile.
+  std::string_view cost{};
 };
 std::span<const Part> parts();
 const Part& part_of(Property property);
