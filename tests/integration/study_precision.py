@@ -36,6 +36,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--study", required=True)
     parser.add_argument("--hydro", required=True)
+    parser.add_argument("--ctl", required=True)
     parser.add_argument("--cone-sweep", required=True)
     options = parser.parse_args()
     program = options.study
@@ -47,7 +48,11 @@ def main():
         for problem in problems.values():
             runs = problem["runs"]
             assert all(r["failure"] == "" for r in runs), problem["name"]
-            front = sorted((r["ns_per_node"], r["temperature_error"]) for r in runs if r["efficient"])
+            # An error that the reference does not resolve counts as ten times that of the reference.
+            assert problem["uncertainty"] >= problem["space_error"] + problem["time_error"], problem["name"]
+            least = 10 * problem["uncertainty"]
+            assert all(r["resolved"] == (r["temperature_error"] >= least) for r in runs), problem["name"]
+            front = sorted((r["ns_per_node"], max(r["temperature_error"], least)) for r in runs if r["efficient"])
             assert front == sorted(front, key=lambda r: -r[1]), front
             assert all(r["message_ns_per_node_step"] > 0 for r in runs if r["efficient"])
             assert f"\n{problem['title']}\n" in text
@@ -57,6 +62,18 @@ def main():
         assert max(errors(problems["constant_flux"], "sdirk2", 60)) < 0.3 * coarse
         assert max(errors(problems["constant_flux"], "backward_euler", 0)) < 1e-6
         assert problems["paper_velocity_driven"]["runs"][0]["state_bytes"] > problems["fixed_slip"]["runs"][-1]["state_bytes"]
+        # The grids of the reference are not those of the settings, and differ from each other.
+        assert 0 < problems["paper_velocity_driven"]["space_error"] < 2e-5, problems["paper_velocity_driven"]["space_error"]
+        assert 0 < problems["stick_slip"]["space_error"] < 1e-5, problems["stick_slip"]["space_error"]
+        # Every option that the page tells has its rows; only a tolerance has a study of its own.
+        rows = {r["option"] for r in found["options"]}
+        page = subprocess.run([options.ctl, "options"], capture_output=True, text=True, check=True).stdout
+        table = page[page.index("## Options"):page.index("## Friction laws")]
+        keys = {line.split("`")[1] for line in table.splitlines() if line.startswith("| `")}
+        for key in keys - {'strategy = "velocity_driven"', 'strategy = "force_driven"', "tolerance"}:
+            assert key.strip("[]") in rows or key.split(" = ")[0] in rows, (key, rows)
+        resolved = [r for r in found["options"] if r["option"] in ("", "hard_layer", "soft.melting_curve", "layer.far_boundary")]
+        assert len(resolved) == 8 and all(0 < run["temperature_error"] < 2e-2 for r in resolved for run in r["runs"]), resolved
         # The study accepts a scene of the user's own, too.
         scene = pathlib.Path(out) / "mine.toml"
         scene.write_text(SCENE)
