@@ -106,9 +106,12 @@ std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, con
                                                      const Material& soft, double T0, int lane) {
   const HeatOperator& heat = operators.heat();
   const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
-  const LaneStep step =
-      InterfaceStep(problem, inputs, committed, soft, lane).from(before, heat.dt, *heat.layer_response(), T0);
+  InterfaceStep interface_step(problem, inputs, committed, soft, lane);
+  const LaneStep step = interface_step.from(before, heat.dt, *heat.layer_response(), T0);
   if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;
+  if (operators.max_halvings() > 0 &&
+      interface_step.changes_suddenly(before, step, heat.dt, *heat.layer_response(), T0))
+    return std::nullopt;
   return RestingStep{step};
 }
 

@@ -21,6 +21,7 @@ double jump_of_turn(double size, double far, double friction, double answer) {
 bool changes_suddenly(const StressLimit& strength, const TrialSlip& trial, const FrictionHeating& heating,
                       const LaneStep& before, const LaneStep& step) {
   if (step.sticks && trial.jump_old >= 0.0) return false;  // it stops under less than the limit
+  if (trial.drive != 0.0) return false;                    // the host's plastic shear drives slip that no jump tells
   const double free = std::abs(trial.jump_free), size = std::abs(trial.jump_old);
   const double allowed = kSuddenChange * std::max(free, size), per_stress = trial.per_stress;
   const double a = std::abs(step.stress), slip = std::abs(step.slip);
