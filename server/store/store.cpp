@@ -240,11 +240,32 @@ Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
   }
   if (!newest) return restored;
   left_out_.take(*newest);
-  recovery.restore(*newest);
+  try {
+    recovery.restore(*newest);
+  } catch (const std::invalid_argument& fault) {
+    refuse_other_states(found, checkpoint_name(checkpoints_.back().number) + ": " + fault.what());
+    throw;
+  }
   log("restored " + checkpoint_name(checkpoints_.back().number) + ": " + std::to_string(newest->sessions.size()) +
       " sessions");
   restored.next_index = newest->next_index;
   return restored;
+}
+
+// Throws OtherNumerics if another version of the numerics wrote the newest segment, and therefore the states of the
+// checkpoint that `fault` says do not fit.
+void Store::refuse_other_states(const Found& found, const std::string& fault) {
+  if (found.segments.empty()) return;
+  std::vector<std::byte> bytes;
+  Missed missed;
+  const std::uint64_t number = *found.segments.rbegin();
+  const auto segment = segment_in(segment_name(number), number, bytes, missed);
+  if (!segment || segment->numerics == options_.numerics) return;
+  throw OtherNumerics(fault + ". These states are of numerics " + std::to_string(segment->numerics) +
+                      ", and this server has numerics " + std::to_string(options_.numerics) +
+                      ", which has other ones for the same scene. Start the server whose --version says numerics " +
+                      std::to_string(segment->numerics) +
+                      " and finish its sessions there, or leave them out (--drop-session)");
 }
 
 // Reads a segment of this directory. Returns nothing for a file that cannot hold a record of this directory. Returns

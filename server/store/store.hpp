@@ -132,6 +132,7 @@ class Store {
   void adopt_id(const Found& found);
   bool is_foreign(const StoreId& id, const std::string& file) const;
   Restored restore_newest(const Found& found, Recovery& recovery);
+  void refuse_other_states(const Found& found, const std::string& fault);
   std::optional<Segment> segment_in(const std::string& file, std::uint64_t number, std::vector<std::byte>& bytes,
                                     Missed& missed);
   void check_order(const Segment& segment, const std::string& file, std::uint64_t end, const Missed& missed,

@@ -60,5 +60,44 @@ TEST(Numerics, ATailOfAnotherVersionIsRefusedByNameAndACleanStopLeavesNone) {
   next.run(8);
 }
 
+// The model of another version of the numerics has other states, as with a tolerance, whose cells are its choice.
+struct OtherModel final : Recovery {
+  void restore(const Snapshot&) override {
+    throw std::invalid_argument("state column temperature_k [56 values] is not the model's temperature_k [1][71]");
+  }
+  void replay(const Record&, std::uint64_t) override { ADD_FAILURE() << "nothing is left to replay"; }
+  void clear() override {}
+};
+
+TEST(Numerics, ACheckpointWhoseStatesAreNotTheModelsNamesTheVersionThatWroteIt) {
+  MemoryStorage disk;
+  {
+    VersionedServer server(disk, 3);
+    for (std::uint64_t i = 1; i <= 4; ++i) server.run(i);
+    ASSERT_TRUE(server.store.checkpoint(server.counter.snapshot()));
+  }
+  const auto refusal = [&](std::uint16_t numerics, bool accept_empty) -> std::string {
+    const auto names = disk.names();
+    OtherModel model;
+    Store store(disk, {.durability = Durability::kProcess,
+                       .epoch = 5,
+                       .numerics = numerics,
+                       .fresh_id = {1},
+                       .accept_empty = accept_empty});
+    try {
+      store.recover(model);
+    } catch (const std::exception& fault) {
+      EXPECT_EQ(disk.names(), names) << "a refused start changes nothing";
+      return fault.what();
+    }
+    return "";
+  };
+  for (const bool accept_empty : {false, true})
+    EXPECT_THAT(refusal(4, accept_empty),
+                AllOf(HasSubstr("checkpoint-"), HasSubstr("is not the model's"), HasSubstr("of numerics 3"),
+                      HasSubstr("this server has numerics 4"), HasSubstr("--version says numerics 3")));
+  EXPECT_THAT(refusal(3, false), AllOf(HasSubstr("is not the model's"), ::testing::Not(HasSubstr("numerics"))));
+}
+
 }  // namespace
 }  // namespace shearbus::store

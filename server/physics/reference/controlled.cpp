@@ -28,8 +28,9 @@ bool is_sheared(const ModelOptions& options) {
 }
 
 // Error of the heat of the parts of a velocity-driven substep, each of length dt, in which the stress rises elastically
-// for a part of the time  [J/m2]; the reason is in solver/around/substep_error.cpp.
-double elastic_path_error(const ModelOptions& options, const NodeInputs& in, double dt, double s_old,
+// for a part of the time  [J/m2]; the reason is in solver/around/substep_error.cpp. `flowed`: the layer flowed along
+// the jump in the substep before, under the same pressure and jump.
+double elastic_path_error(const ModelOptions& options, const NodeInputs& in, double dt, double s_old, bool flowed,
                           const std::vector<NodeOutputs>& part) {
   const double V = in.velocity_jump;
   if (!is_sheared(options) || V == 0.0) return 0.0;
@@ -44,7 +45,7 @@ double elastic_path_error(const ModelOptions& options, const NodeInputs& in, dou
       const double after_turning = std::max(0.0, dt - std::abs(before) / rate);
       const double impulse = size * after_turning - 0.5 * size * size / rate;
       error += std::abs(part[i].friction_heat - heating * impulse);
-    } else if (part[i].regime != Regime::kStick && (i == 0 || part[0].regime == Regime::kStick)) {
+    } else if (part[i].regime != Regime::kStick && !(i == 0 ? flowed : part[0].regime != Regime::kStick)) {
       const bool hardens = i == 0 && part.size() > 1;
       const double hardening = hardens ? std::max(0.0, std::abs(part[1].shear_stress) - size) : 0.0;
       const double rise = std::max(0.0, size - std::abs(before) - hardening);
@@ -102,15 +103,15 @@ double first_order_error(const ModelOptions& options, const NodeInputs& in, cons
   const double moved = std::abs(out.interface_temperature - before.temperature[0]);
   return scales.largest(
       0.15 * std::max(moved, sudden),
-      scales.heating * off * scales.dt + elastic_path_error(options, in, scales.dt, before.shear_stress, {out}), off,
-      before.shear_stress, out.shear_stress);
+      scales.heating * off * scales.dt + elastic_path_error(options, in, scales.dt, before.shear_stress, false, {out}),
+      off, before.shear_stress, out.shear_stress);
 }
 double second_order_error(const ModelOptions& options, const NodeInputs& in, const Scales& scales,
                           const NodeState& before, const NodeOutputs& out, const NodeOutputs& first_order) {
   const double straight =
       0.5 * scales.heating * scales.dt * std::abs(out.shear_stress + start_of(before.shear_stress, out));
-  const double heat =
-      std::abs(out.friction_heat - straight) + elastic_path_error(options, in, scales.dt, before.shear_stress, {out});
+  const double heat = std::abs(out.friction_heat - straight) +
+                      elastic_path_error(options, in, scales.dt, before.shear_stress, false, {out});
   const double apart = out.interface_temperature - first_order.interface_temperature;
   const double with_heat = apart - scales.response / scales.dt * (out.friction_heat - first_order.friction_heat);
   const double mean = scales.heating > 0.0 ? heat / (scales.heating * scales.dt)
@@ -200,7 +201,9 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
       s = out.shear_stress;
       then.velocity_jump = out.velocity_jump_new;
     }
-    const double path = elastic_path_error(options, in, 0.5 * length * dt, s_before, half);
+    const bool flowed = begin > 0.0 && state.regime != Regime::kOpen && state.regime != Regime::kStick &&
+                        s_before * in.velocity_jump > 0.0;
+    const double path = elastic_path_error(options, in, 0.5 * length * dt, s_before, flowed, half);
     const double rest = 1.0 - begin;
     const bool plain = second_order && !whole.first_order && !half[0].first_order && !half[1].first_order;
     const double share = is_sheared(options) && plain ? 0.5 : 1.0;
@@ -216,8 +219,12 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
       const double start = start_of(s_before, half[0]);
       const double bend =
           is_sheared(options) ? std::abs(start - 2.0 * half[0].shear_stress + half[1].shear_stress) : 0.0;
+      bool goes_on = is_sheared(options) && plain;  // flows along one direction: the mean stress is extrapolated
+      for (const NodeOutputs& out : {whole, half[0], half[1]})
+        goes_on = goes_on && out.regime != Regime::kStick && out.shear_stress * s_before > 0.0;
+      const double curved = goes_on ? 0.025 * bend : path > 0.0 ? 0.0 : share * 0.25 * bend;
       mean = share * length * 0.5 * std::abs(half[1].shear_stress - whole.shear_stress) +
-             (path > 0.0 ? path / (scales.heating * dt) : share * length * 0.25 * bend);
+             std::max(path > 0.0 ? path / (scales.heating * dt) : 0.0, length * curved);
     }
     const double change = scales.largest(T0, heat, mean, s_before, half[1].shear_stress);
     const double by_length = left * std::max(length / rest, 0.05 * length / (begin + length));

@@ -20,6 +20,8 @@ constexpr double kPieceShare = 1.25;
 // The error that two halves leave of heat and impulse, relative to their distance from one piece, where both are of
 // second order. It would be a third if nothing were sudden.
 constexpr double kHeatShare = 0.5;
+// The same of the impulse of a path that bends, relative to the bend, once its error of second order is extrapolated.
+constexpr double kBendShare = 0.025;
 
 // Error of the velocity jump at the end of a substep in which the jump reverses or stops; `before` and `after` are the
 // jump at the two ends of the substep. One stress s acts over the whole substep, although friction really has the other
@@ -98,7 +100,7 @@ double SubstepErrors::elastic_path(const Substep& substep, const SubstepAnswer* 
     const bool turns = before * part.stress < 0.0;
     double rise = std::abs(part.stress) - (turns ? 0.0 : std::abs(before));
     if (i == 0 && num_parts > 1 && !turns) rise -= std::max(0.0, std::abs(parts[1].stress) - std::abs(part.stress));
-    const bool meets_flow = flows(part) && (i == 0 || !flows(parts[0]));
+    const bool meets_flow = flows(part) && !(i == 0 ? substep.flowed : flows(parts[0]));
     s = part.stress;
     if (!(part.stress * V > 0.0) || !(rise > 0.0) || !(turns || meets_flow)) continue;
     const double while_rising = 0.5 * rise * rise / rate;  // of the time integral of the stress  [Pa s]
@@ -158,8 +160,26 @@ double SubstepErrors::of_halves(const Substep& substep, const SubstepAnswer& pie
   const double start = start_of(substep, halves[0]);
   const double bend = sheared_ ? std::abs(start - 2.0 * halves[0].stress + halves[1].stress) : 0.0;
   const double ends = share * substep.length * 0.5 * std::abs(halves[1].stress - piece.stress);
-  errors.mean = ends + (path > 0.0 ? path / (heats * dt_) : share * substep.length * 0.25 * bend);
+  const double curved = goes_on(substep, piece, halves) ? kBendShare * bend : path > 0.0 ? 0.0 : share * 0.25 * bend;
+  errors.mean = ends + std::max(path > 0.0 ? path / (heats * dt_) : 0.0, substep.length * curved);
   return largest(substep, halves[1].stress, errors);
+}
+
+// Whether the layer flows along one direction, to second order: the path of the stress then bends but has no corner,
+// except that it may begin with an elastic part.
+bool SubstepErrors::goes_on(const Substep& substep, const SubstepAnswer& piece,
+                            const SubstepAnswer (&halves)[2]) const {
+  const auto along = [&](const SubstepAnswer& answer) {
+    return flows(answer) && (answer.outcome & kFirstOrder) == 0 && answer.stress * substep.stress_before > 0.0;
+  };
+  return sheared_ && problem_.options.time_integrator == TimeIntegrator::kSdirk2 && along(piece) && along(halves[0]) &&
+         along(halves[1]);
+}
+
+double SubstepErrors::mean_stress(const Substep& substep, const SubstepAnswer& piece,
+                                  const SubstepAnswer (&halves)[2]) const {
+  const double mean = 0.5 * (halves[0].mean + halves[1].mean);
+  return goes_on(substep, piece, halves) ? mean + (mean - piece.mean) / 3.0 : mean;
 }
 
 // The error of the jump after a force-driven substep as a change of T0: a jump that is off stays off, and heats on.

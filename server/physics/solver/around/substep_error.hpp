@@ -12,6 +12,7 @@ namespace shearbus::physics {
 // The answer of one lane of a substep: the members of TileOutputs that the sum over substeps needs.
 struct SubstepAnswer {
   double stress = 0.0, slip = 0.0, T0 = 0.0, jump_new = 0.0, heat = 0.0;
+  double mean = 0.0;  // mean stress  [Pa]
   Regime regime = Regime::kOpen;
   std::uint8_t outcome = 0;
 };
@@ -24,6 +25,7 @@ struct Substep {
   double velocity_jump;  // jump before the substep  [m/s]
   double stress_before;  // stress before the substep  [Pa]
   double T0_before;      // interface temperature before the substep  [K]
+  bool flowed;           // the layer flowed along the jump in the substep before, under the same pressure and jump
   double flux_before;    // heat flux that leaves z = 0 before the substep; of a step of both orders  [W/m2]
 };
 
@@ -46,6 +48,10 @@ class SubstepErrors {
   // Of the two halves of a substep, from the substep in one piece.
   double of_halves(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
 
+  // The mean stress of two halves of a velocity-driven substep. Where the layer goes on flowing to second order it is
+  // extrapolated from that of one piece and of the halves, whose straight paths cut off the bend of the stress.
+  double mean_stress(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
+
  private:
   struct Errors {
     double T0 = 0.0;    // [K]
@@ -53,6 +59,7 @@ class SubstepErrors {
     double mean = 0.0;  // of the mean stress of the host's step  [Pa]
   };
   double largest(const Substep& substep, double stress, const Errors& errors) const;
+  bool goes_on(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
   double heating(const Substep& substep) const;
   double elastic_path(const Substep& substep, const SubstepAnswer* parts, int num_parts) const;
   double jump_as_temperature(const Substep& substep, const SubstepAnswer& piece,

@@ -97,6 +97,7 @@ SubstepAnswer ControlledStep::answer_of(const TileOutputs& out, int l) {
           out.interface_temperature[l],
           out.velocity_jump_new[l],
           out.friction_heat[l],
+          out.mean_shear_stress[l],
           out.regime[l],
           out.outcome[l]};
 }
@@ -190,6 +191,9 @@ Substep ControlledStep::substep_of(int l) const {
           .velocity_jump = now_.velocity_jump[l],
           .stress_before = accepted_[problem_.layout.shear_stress + lane],
           .T0_before = interface_temperature(problem_, accepted_, l),
+          .flowed = lanes_[l].at > 0 &&
+                    accepted_[problem_.layout.regime + lane] > static_cast<double>(Regime::kStick) &&
+                    accepted_[problem_.layout.shear_stress + lane] * now_.velocity_jump[l] > 0.0,
           .flux_before = first_order_ != nullptr ? flux_of(l) : 0.0};
 }
 
@@ -255,7 +259,8 @@ void ControlledStep::accept_or_refine(int l) {
   Progress& lane = lanes_[l];
   const SubstepAnswer halves[] = {answer_of(first_, l), answer_of(second_, l)};
   if (((halves[0].outcome | halves[1].outcome) & kFailed) != 0) return give_up(l, kFailed);
-  const double error = errors_.of_halves(substep_of(l), lane.coarse, halves);
+  const Substep substep = substep_of(l);
+  const double error = errors_.of_halves(substep, lane.coarse, halves);
   const double share = share_of(l);
   const double allowed = lane.refined ? std::max(share, kRefinedShare * lane.left) : share;
   const bool hurries = ++lane.attempts > kMostAttempts;
@@ -271,7 +276,7 @@ void ControlledStep::accept_or_refine(int l) {
   const double half = std::ldexp(0.5, -lane.level);
   for (const SubstepAnswer& answer : halves) add(answer, half, forced_, lane.sum);
   if (inputs_.wants_mean_stress && !forced_)
-    lane.mean_stress += half * (first_.mean_shear_stress[l] + second_.mean_shear_stress[l]);
+    lane.mean_stress += 2.0 * half * errors_.mean_stress(substep, lane.coarse, halves);
   move_on(l, error);
 }
 
