@@ -16,7 +16,6 @@ namespace {
 using support::DurableServer;
 using support::ServiceHarness;
 using ::testing::HasSubstr;
-using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(12);
 

@@ -1,6 +1,5 @@
 // Tests of a server under floods of connections, without free file descriptors, and with frozen clients. Connected
 // clients must still be served, and the server must recover.
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -25,7 +24,6 @@ using namespace std::chrono_literals;
 using support::RawStream;
 using support::ScratchDirectory;
 using support::ServerProcess;
-using ::testing::HasSubstr;
 using wire::Strategy;
 using Clock = std::chrono::steady_clock;
 

@@ -79,7 +79,7 @@ TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   EXPECT_LT(per_node(), stated * kFactor);
 
   const physics::Model model(scene_model(scene).options);
-  const double of_mark = 8.0 * static_cast<double>(model.layout().doubles / physics::kLanes) + 12.0;
+  const double of_mark = 8.0 * static_cast<double>(model.layout().doubles) / physics::kLanes + 12.0;
   ASSERT_EQ(harness.ask(ServiceHarness::in_session(wire::Mark{"dump"}, 6)).code(), Code::kOk);
   const double with_mark = per_node();
   EXPECT_LT(with_mark, (stated + of_mark) * kFactor);
