@@ -1,6 +1,7 @@
 #include "server/physics/layer/heat_basis.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -32,8 +33,10 @@ HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material&
   Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
   solver.computeFromTridiagonal(diagonal, off);
   Eigen::MatrixXd mode = solver.eigenvectors();
-  // Replaces the uniform mode of the eigenvalue solver, which has rounding errors, by the exact one, to conserve heat.
+  // Replaces the uniform mode of the eigenvalue solver by the exact one, to conserve heat. Between cells of very different
+  // widths the solver's is off by far more than rounding; the other modes are made orthogonal again, slow ones first.
   mode.col(0) = root / root.norm();
+  mode.rightCols(n - 1) = Eigen::MatrixXd(Eigen::HouseholderQR<Eigen::MatrixXd>(mode).householderQ()).rightCols(n - 1);
 
   for (int k = 0; k < n; ++k) {
     rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));
