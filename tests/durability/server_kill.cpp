@@ -39,9 +39,13 @@ class Incarnations {
 
   void start() {
     const std::string log = (scratch_.path() / ("log" + std::to_string(started_++))).string();
-    std::vector<std::string> command = {
-        SHEARBUS_BINARY_DIR "/bin/shearbus-server", "--bind", endpoint(), "--threads", "2", "--state-dir",
-        (scratch_.path() / "state").string()};
+    std::vector<std::string> command = {std::string(SHEARBUS_BINARY_DIR) + "/bin/shearbus-server",
+                                        "--bind",
+                                        endpoint(),
+                                        "--threads",
+                                        "2",
+                                        "--state-dir",
+                                        (scratch_.path() / "state").string()};
     command.insert(command.end(), options_.begin(), options_.end());
     process_.emplace(command, log);
     log_ = log;
@@ -326,9 +330,9 @@ TEST(Kill, ASecondServerOnTheSameStatesDoesNotStart) {
   Incarnations server;
   server.start();
   const ScratchDirectory elsewhere;
-  support::Process second(
-      {SHEARBUS_BINARY_DIR "/bin/shearbus-server", "--bind", elsewhere.ipc(), "--state-dir", server.state().string()},
-      (elsewhere.path() / "log").string());
+  support::Process second({std::string(SHEARBUS_BINARY_DIR) + "/bin/shearbus-server", "--bind", elsewhere.ipc(),
+                           "--state-dir", server.state().string()},
+                          (elsewhere.path() / "log").string());
   EXPECT_EQ(second.exit_code(10s), 1);
   EXPECT_NE(support::text_of(elsewhere.path() / "log").find("another server holds the state directory"),
             std::string::npos);

@@ -286,7 +286,7 @@ static_assert(FrictionLawClass<CompleteLaw>);
 
 // An incomplete friction law: it does not declare whether it depends on slip.
 struct ForgetfulLaw {
-  [[maybe_unused]] static constexpr std::string_view kName = "forgetful", kEquation = "", kAdds = "", kWhen = "";
+  [[maybe_unused]] static constexpr std::string_view kName = "forgetful", kEquation{}, kAdds{}, kWhen{};
   [[maybe_unused]] static constexpr bool kDependsOnTemperature = false;
   static LawFault fault_of(const InterfaceOptions&, const Material&) { return {}; }
   static InterfaceOptions typical(const InterfaceOptions& options, const Material&) { return options; }

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
+#include <cstdint>
 #include <cstring>
 #include <random>
 #include <vector>
@@ -191,7 +193,7 @@ TEST_P(ShardOf, NodesThatAreNotAskedKeepTheirBits) {
   std::size_t changed = 0;
   for (std::size_t i = 0; i < before.size(); ++i) {
     const std::size_t slot = i / doubles * physics::kLanes + i % physics::kLanes;
-    const bool same = std::memcmp(&before[i], &after[i], sizeof(double)) == 0;
+    const bool same = std::bit_cast<std::uint64_t>(before[i]) == std::bit_cast<std::uint64_t>(after[i]);
     if (slot == 9)
       changed += same ? 0 : 1;
     else
