@@ -246,9 +246,7 @@ NodeOutputs velocity_driven_sdirk2(const ModelOptions& options, double dt, const
   return out;
 }
 
-// A force-driven step in one piece. `sudden`: whether its jump may be off by more than a tenth of the larger jump.
-NodeOutputs undivided_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state,
-                                   bool& sudden) {
+NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
   const Material& soft = options.soft;
   const Heat heat = heat_of_step(options, dt, state, profile_of(state));
   const Profile &T_ad = heat.T_ad, &B = heat.B;
@@ -318,25 +316,6 @@ NodeOutputs undivided_force_driven(const ModelOptions& options, double dt, const
                  : coulomb_acts                                                       ? Regime::kCoulomb
                  : T0(a) >= 0.99 * at_pressure(soft, in.pressure).melting_temperature ? Regime::kMelting
                                                                                       : Regime::kTresca;
-    // A step changes suddenly where heat lowers the limit of slip that was slower or colder before, or where the slip
-    // turns: two opposite stresses act then, of friction as in the step or after half the heat of the slip before.
-    const auto limit = [&](double T) {
-      return std::min(friction_coefficient(options, in.pressure, T, slip(a)) * in.pressure, yield(T, slip(a)));
-    };
-    const double allowed = 0.1 * std::max(std::abs(in.velocity_jump), std::abs(jump_free));
-    const double cold = limit(T_ad[0]);
-    const double moved = std::max(std::abs(out.velocity_jump_new - in.velocity_jump),
-                                  per_stress * std::abs(a - std::abs(state.shear_stress)));
-    sudden = per_stress * (std::min(cold, a_stick) - a) > allowed && moved > allowed;
-    if (in.velocity_jump * jump_free < 0.0) {
-      const double size = std::abs(in.velocity_jump), far = size + std::abs(jump_free);
-      const double half_heated = limit(T_ad[0] + B[0] * beta_T * a * 0.5 * size);
-      for (const double friction : {stick ? cold : a, std::min(stick ? cold : a, half_heated)}) {
-        const double slows = far + per_stress * friction, speeds_up = far - per_stress * friction;
-        const double turned = slows > size && speeds_up > 0.0 ? (1.0 - size / slows) * speeds_up : -1.0;
-        sudden = sudden || (turned >= 0.0 && std::abs(turned - direction * out.velocity_jump_new) > allowed);
-      }
-    }
   }
   const double flux = in.pressure <= 0.0 ? 0.0 : beta_T * a * slip(a);
   if (in.pressure > 0.0) state.junction_strain = junction_strain(slip(a));
@@ -346,34 +325,6 @@ NodeOutputs undivided_force_driven(const ModelOptions& options, double dt, const
   out.interface_temperature = state.temperature[0];
   state.regime = out.regime;
   return out;
-}
-
-// A force-driven step, in 16 substeps where it changes suddenly: their mean stress and slip, the sum of their heat.
-NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state) {
-  constexpr int kSubsteps = 16;
-  NodeState once = state;
-  bool sudden = false;
-  NodeOutputs whole = undivided_force_driven(options, dt, in, once, sudden);
-  if (!sudden || whole.answers > 1 || options.tolerance) {
-    state = once;
-    return whole;
-  }
-  NodeInputs then = in;
-  NodeOutputs sum;
-  sum.substeps = kSubsteps;
-  for (int i = 0; i < kSubsteps; ++i) {
-    const NodeOutputs part = undivided_force_driven(options, dt / kSubsteps, then, state, sudden);
-    then.velocity_jump = sum.velocity_jump_new = part.velocity_jump_new;
-    sum.shear_stress += part.shear_stress / kSubsteps;
-    sum.sliding_velocity += part.sliding_velocity / kSubsteps;
-    sum.friction_heat += part.friction_heat;
-    sum.interface_temperature = part.interface_temperature;
-    sum.regime = part.regime;
-    sum.answers = std::max(sum.answers, part.answers);
-  }
-  if (sum.shear_stress * sum.sliding_velocity < 0.0) sum.sliding_velocity = 0.0;
-  state.shear_stress = sum.shear_stress;
-  return sum;
 }
 
 }  // namespace

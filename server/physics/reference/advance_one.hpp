@@ -51,14 +51,12 @@ struct NodeOutputs {
   // Number of stresses that satisfy a force-driven step, found on a fine scan. With a plastic layer: 1 if the rules of
   // MODEL.md, "Plastic layer", determine the answer, otherwise the number of answers that may be meant.
   int answers = 1;
-  int substeps = 1;  // into which a force-driven step was divided because it changes suddenly
 };
 
 NodeState initial_state(const ModelOptions& options);
 
 // Advances `state` by dt. Where the step has several answers (`answers` above 1) the fast solver may divide it into
-// substeps and return another answer. This function divides a step only to meet the tolerance of the options, or where
-// it changes suddenly (MODEL.md, "Force-driven step").
+// substeps and return another answer. This function divides a step only to meet the tolerance of the options.
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 
 }  // namespace shearbus::physics::reference

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
-#include "server/physics/solver/force_driven/sudden_change.hpp"
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
@@ -51,14 +50,6 @@ class InterfaceStep {
         rigid_slip(strength_, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
     junction_strain = strength_.junctions.strain(std::abs(step.slip));
     return step;
-  }
-
-  // Whether the step `step` that from() has just made after the step `last` changes suddenly.
-  bool changes_suddenly(const LaneStep& last, const LaneStep& step, double dt, double B0, double T_ad) const {
-    if (strength_.pressure <= 0.0) return false;
-    const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
-    return physics::changes_suddenly(strength_, trial_slip, trial_slip.slipping(T_ad, problem_.heat_partition * B0),
-                                     last, step);
   }
 
   double junction_strain;  // plastic strain ep_a of the junctions before the next step or substep; from() updates it

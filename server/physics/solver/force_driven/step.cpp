@@ -47,12 +47,8 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   double(&flux)[kLanes] = answer.flux;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   std::uint32_t found = 0;
-  const WideSlip slip{WideInterface(problem, inputs, soft_at, heat_of(0).dt, committed),
-                      T0,
-                      problem.heat_partition,
-                      *heat_of(0).layer_response(),
-                      heat_of(0).dt,
-                      max_halvings > 0};
+  const WideSlip slip{WideInterface(problem, inputs, soft_at, heat_of(0).dt, committed), T0, problem.heat_partition,
+                      *heat_of(0).layer_response(), heat_of(0).dt};
   if (slip.interface.has_forms()) found = slip_of_tile(problem, slip, trial, outputs, answer);
   for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
@@ -63,14 +59,10 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
       return interface_step.from(last, heat.dt, *heat.layer_response(), T0[lane]);
     };
 
-    // 3. A step that may have several answers or changes suddenly is divided into shorter substeps until each has a
-    // unique answer or the shortest substeps are reached.
-    const LaneStep whole = step_from(heat_of(0), before);
-    const bool sudden =
-        max_halvings > 0 && whole.unique &&
-        interface_step.changes_suddenly(before, whole, heat_of(0).dt, *heat_of(0).layer_response(), T0[lane]);
+    // 3. A step that may have several answers is divided into shorter substeps until each has a unique answer or the
+    // shortest substeps are reached.
     const LaneResult result = step_or_divide(
-        whole, sudden, heat_of, max_halvings, {lane, before, n, T_old, T},
+        step_from(heat_of(0), before), heat_of, max_halvings, {lane, before, n, T_old, T},
         [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
     flux[lane] = result.flux;
     write_answer(result, layout, lane, trial, outputs);
@@ -106,12 +98,9 @@ std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, con
                                                      const Material& soft, double T0, int lane) {
   const HeatOperator& heat = operators.heat();
   const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
-  InterfaceStep interface_step(problem, inputs, committed, soft, lane);
-  const LaneStep step = interface_step.from(before, heat.dt, *heat.layer_response(), T0);
+  const LaneStep step =
+      InterfaceStep(problem, inputs, committed, soft, lane).from(before, heat.dt, *heat.layer_response(), T0);
   if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;
-  if (operators.max_halvings() > 0 &&
-      interface_step.changes_suddenly(before, step, heat.dt, *heat.layer_response(), T0))
-    return std::nullopt;
   return RestingStep{step};
 }
 

@@ -25,7 +25,7 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
                           const double* committed, double* trial, TileOutputs& outputs);
 
 // The step of one lane (node) that sleeps: it is at rest, and its temperatures follow from eigenmodes. Returns nothing
-// if the lane must wake because it slips, is heated, changes suddenly, or may have several answers.
+// if the lane must wake because it slips, is heated, or may have several answers.
 std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                      const TileInputs& inputs, const double* committed,
                                                      const Material& soft, double T0, int lane);

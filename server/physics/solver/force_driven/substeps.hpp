@@ -1,16 +1,14 @@
 // The force-driven step of one lane, divided into 2, 4, ... equal substeps where the whole step may have several
-// answers or changes suddenly (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each supplies its own
+// answers (MODEL.md, "Force-driven step"). Both force-driven solvers divide steps in this way; each supplies its own
 // function for a substep.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
-#include "server/physics/solver/force_driven/sudden_change.hpp"
 #include "server/physics/solver/lane_step.hpp"
 #include "server/physics/solver/problem.hpp"
 
@@ -71,20 +69,18 @@ bool run_substeps(const Heat& heat, int substeps, bool accept, const LaneStart& 
   return true;
 }
 
-// The answer of a lane whose whole step gave `whole`. If that answer is unique and not sudden it is accepted; otherwise
-// the step is divided into 2, 4, ..., 2^max_halvings substeps (a sudden one into at least 2^kSuddenHalvings) until each
-// has a unique answer, and the finest substeps are accepted in any case. With max_halvings = 0 (a step whose error is
-// controlled is short enough already) the whole step is accepted.
-//   sudden               the answer is unique, but changes_suddenly()
+// The answer of a lane whose whole step gave `whole`. If that answer is unique it is accepted; otherwise the step is
+// divided into 2, 4, ..., 2^max_halvings substeps until each has a unique answer, and the finest substeps are accepted
+// in any case. With max_halvings = 0 (a step whose error is controlled is short enough already) the whole step is
+// accepted.
 //   heat_of(k)           heat operator of a step of length dt / 2^k
 //   restart()            restores the quantities other than temperatures that substeps change
 //   substep(heat, from)  one substep after conduction
 template <class HeatOf, class Restart, class Substep>
-LaneResult step_or_divide(const LaneStep& whole, bool sudden, const HeatOf& heat_of, int max_halvings,
-                          const LaneStart& start, const Restart& restart, const Substep& substep) {
+LaneResult step_or_divide(const LaneStep& whole, const HeatOf& heat_of, int max_halvings, const LaneStart& start,
+                          const Restart& restart, const Substep& substep) {
   LaneResult result{whole, whole.flux * heat_of(0).dt, whole.flux, whole.unique ? std::uint8_t{0} : kSubstepped};
-  const bool divides = sudden || !whole.unique;
-  for (int k = sudden ? std::min(kSuddenHalvings, max_halvings) : 1; divides && k <= max_halvings; ++k) {
+  for (int k = 1; !whole.unique && k <= max_halvings; ++k) {
     const auto& heat = heat_of(k);
     copy_lane(start.T_old, start.T, static_cast<std::size_t>(start.num_rows) * kLanes, start.lane);
     restart();

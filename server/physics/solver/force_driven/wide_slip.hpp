@@ -55,7 +55,6 @@ struct WideSlip {
   double heat_partition;
   double B0;  // rise of T0 per heat flux  [K m2/W]
   double dt;
-  bool divides;  // a step that changes suddenly is left to InterfaceStep, which divides it
 };
 
 // The answers of the solved lanes, as LaneStep has them. The flux of all other lanes is 0.
@@ -69,8 +68,8 @@ struct WideAnswer {
   alignas(64) double junction_strain[kLanes];  // only with junctions
 };
 
-// Solves the active lanes and returns those whose answer is unique and was found, except lanes that may change suddenly.
-// The answer of a lane depends on this lane alone.
+// Solves the active lanes and returns those whose answer is unique and was found. The answer of a lane depends on this
+// lane alone.
 std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer);
 
 // Writes the answers of the lanes `found` to the tile, except the states and outputs that follow from the temperatures.

@@ -28,7 +28,6 @@ struct Search {
   // yield is lower by more than the search decides.
   Mask rubs, apart;
   Register a, low, high, end, answer;
-  Register bound;  // least of the limit without any heat of melting and the stress at which the lane sticks
 };
 
 template <bool kPlain>
@@ -100,7 +99,7 @@ template <bool kPlain>
 [[gnu::always_inline]] inline Search begin(const Lanes<kPlain>& s, Register a_stick, Register guess, Mask wanted) {
   Search search{};
   const Register unheated = s.offset + smaller(s.coulomb, s.strength(s.slip(all(0.0))).value * s.bracket(s.T_ad));
-  const Register bound = search.bound = smaller(a_stick, unheated);
+  const Register bound = smaller(a_stick, unheated);
   const Mask solid = (s.T_ad < s.T_melt) & (s.bracket(s.T_ad) > 0.0) & (s.rise > 0.0) & (s.b > 0.0) & (s.T_ad > 0.0);
   Mask unique = heats_more_up_to(s, bound);
   if (lanes_where(wanted & without(unique)) != 0) unique |= falls_steadily(s, bound);
@@ -262,21 +261,6 @@ struct Forces {
   Register acceleration, mobility;
 };
 
-// Whether a lane may change suddenly (changes_suddenly()), by a bound without an exponential; seldom where none does.
-[[gnu::always_inline]] inline Mask seems_sudden(const Trial& trial, const Search& search) {
-  return (trial.stress_stick < (search.bound - search.answer) * (1.0 / kSuddenChange)) | (trial.jump_old < 0.0);
-}
-// The same by closer bounds.
-[[gnu::always_inline]] inline Mask may_change_suddenly(const Trial& trial, const Search& search, Register jump_new,
-                                                       Register stress_before) {
-  const Register size = magnitude(trial.jump_old);
-  const Register allowed = kSuddenChange * larger(magnitude(trial.jump_free), size);
-  const Register moved = larger(magnitude(jump_new - trial.direction * trial.jump_old),
-                                trial.per_stress * magnitude(search.answer - magnitude(stress_before)));
-  const Mask heats = (trial.per_stress * (search.bound - search.answer) > allowed) & (moved > allowed);
-  return heats | (trial.jump_old < 0.0);
-}
-
 template <bool kPlain>
 [[gnu::always_inline]] inline std::uint32_t slip_step_of(const WideSlip& in, WideAnswer& answer) {
   const TileInputs& host = in.interface.inputs;
@@ -317,12 +301,10 @@ template <bool kPlain>
 
   // 3. The answers.
   std::uint32_t sure = 0;
-  Mask suspect{};
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
     const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, in.B0);
     const Mask known = found.sure & mask_of(ended >> l);
-    suspect |= seems_sudden(trial[p], search[p]) & known;
     sure |= lanes_where(known) << l;
     store(found.stress, answer.stress + l);
     store(found.slip, answer.slip + l);
@@ -334,14 +316,6 @@ template <bool kPlain>
       store(lanes[p].strain_old + in.interface.junctions->strain_per_slip * magnitude(found.slip),
             answer.junction_strain + l);
     }
-  }
-  if (!in.divides || lanes_where(suspect) == 0) return sure;
-  SHEARBUS_EACH_PART {
-    const std::ptrdiff_t l = p * kWidth;
-    const Mask sudden =
-        may_change_suddenly(trial[p], search[p], load(answer.jump_new + l), load(in.interface.stress_before + l));
-    store(where(sudden, all(0.0), load(answer.flux + l)), answer.flux + l);
-    sure &= ~(lanes_where(sudden) << l);
   }
   return sure;
 }
