@@ -174,7 +174,7 @@ std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, cons
     found[l] = {.flux = answer.flux[l],
                 .slip_along = {answer.slip_along[0][l], answer.slip_along[1][l]},
                 .interface_slips = answer.interface_slip[l] != 0.0,
-                .stress = {stress[0], stress[n * kLanes]}};
+                .stress = {stress[0], stress[std::ptrdiff_t{n} * kLanes]}};
     found[l].slip_along[std::signbit(stress[0])] += answer.interface_slip[l] * heat.dt;
     add_flux_lane(heat, problem.heat_grid.num_vertices(), l, answer.flux[l], trial + layout.first_temperature());
   }

@@ -259,13 +259,13 @@ class WaveLanes {
       if (i > 0) excess = tile_.inertia[i - 1] + stiffness;
     }
     const Register first = at(rows_.constant, 0);
-    Register d = first, odd = d - d;  // odd: no number if a step is none, which the largest does not show
+    Register d = first, odd = 0.0 * d;  // odd: no number if a step is none, which the largest does not show
     size.step = magnitude(d);
     for (std::ptrdiff_t c = 1; c < tile_.num_cells; ++c) {
       d = at(rows_.constant, c) + at(rows_.carry, c) * d + at(rows_.coupling, c) * first;
       put(d, rows_.constant, c);
       size.step = larger(size.step, magnitude(d));
-      odd += d - d;
+      odd += 0.0 * d;
     }
     size.step += odd;
     return size;
@@ -312,7 +312,7 @@ class WaveLanes {
   Mask held_;       // the friction limit holds the stress at z = 0
 };
 
-std::uint32_t solve_waves(const WaveTile& tile, WaveRows& rows, std::uint32_t lanes) {
+inline std::uint32_t solve_waves(const WaveTile& tile, WaveRows& rows, std::uint32_t lanes) {
   std::uint32_t solved = 0;
   for (int lane = 0; lane < kLanes; lane += kWidth) {
     const std::uint32_t wanted = lanes >> lane & ((1u << kWidth) - 1u);
