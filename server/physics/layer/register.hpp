@@ -103,24 +103,31 @@ using Mask = decltype(Register{} < Register{});  // all bits of a lane where a c
   return k * kLn2High - ((half_square - (s * (half_square + tail) + k * kLn2Low)) - f);
 }
 
+// exp(x) = scale (1 + rest) for |x| <= kExponentialRange, with the bits of scaled_exponential() (material/elementary.hpp).
+struct Exponential {
+  Register scale, rest;
+  [[gnu::always_inline]] explicit Exponential(Register x) {
+    constexpr double kShift = 0x1.8p52, kLog2E = 1.4426950408889634;
+    constexpr double kLn2High = 0x1.62e42feep-1, kLn2Low = 0x1.a39ef35793c76p-33;
+    const Register shifted = x * kLog2E + kShift;
+    const Register k = shifted - kShift;
+    const Register r = (x - k * kLn2High) - k * kLn2Low;
+    const Register r2 = r * r;
+    const Register r4 = r2 * r2;
+    const Register low = (1.0 / 2 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120));
+    const Register mid = (1.0 / 720 + r * (1.0 / 5040)) + r2 * (1.0 / 40320 + r * (1.0 / 362880));
+    const Register high = (1.0 / 3628800 + r * (1.0 / 39916800)) + r2 * (1.0 / 479001600 + r * (1.0 / 6227020800.0));
+    scale = (Register)(((Bits)shifted << 52) + 0x3ff0000000000000u);
+    rest = r + r2 * (low + r4 * (mid + r4 * high));
+  }
+  [[gnu::always_inline]] Register value() const { return scale * (1.0 + rest); }
+  [[gnu::always_inline]] Register minus_1() const { return scale * rest + (scale - 1.0); }
+};
+
 // The exponential, with the bits of exponential() (material/elementary.hpp).
 [[gnu::always_inline]] inline Register exp_of(Register x) {
-  constexpr double kShift = 0x1.8p52;
-  constexpr double kLog2E = 1.4426950408889634;
-  constexpr double kLn2High = 0x1.62e42feep-1;
-  constexpr double kLn2Low = 0x1.a39ef35793c76p-33;
   const Register within = smaller(where(x < -kExponentialRange, all(-kExponentialRange), x), all(kExponentialRange));
-  const Register shifted = within * kLog2E + kShift;
-  const Register k = shifted - kShift;
-  const Register r = (within - k * kLn2High) - k * kLn2Low;
-  const Register r2 = r * r;
-  const Register r4 = r2 * r2;
-  const Register low = (1.0 / 2 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120));
-  const Register mid = (1.0 / 720 + r * (1.0 / 5040)) + r2 * (1.0 / 40320 + r * (1.0 / 362880));
-  const Register high = (1.0 / 3628800 + r * (1.0 / 39916800)) + r2 * (1.0 / 479001600 + r * (1.0 / 6227020800.0));
-  const Register rest = r + r2 * (low + r4 * (mid + r4 * high));
-  const Register scale = (Register)(((Bits)shifted << 52) + 0x3ff0000000000000u);
-  return scale * (1.0 + rest);
+  return Exponential(within).value();
 }
 #else
 [[gnu::always_inline]] inline double log_of(double x) {

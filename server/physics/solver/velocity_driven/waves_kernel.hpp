@@ -10,27 +10,6 @@
   return (Register)((Bits)size | ((Bits)sign & kSign));
 }
 
-// exp(x) = scale (1 + rest) for |x| <= kExponentialRange, by the polynomial of elementary.hpp.
-struct Exponential {
-  Register scale, rest;
-  [[gnu::always_inline]] explicit Exponential(Register x) {
-    constexpr double kShift = 0x1.8p52, kLog2E = 1.4426950408889634;
-    constexpr double kLn2High = 0x1.62e42feep-1, kLn2Low = 0x1.a39ef35793c76p-33;
-    const Register shifted = x * kLog2E + kShift;
-    const Register k = shifted - kShift;
-    const Register r = (x - k * kLn2High) - k * kLn2Low;
-    const Register r2 = r * r;
-    const Register r4 = r2 * r2;
-    const Register low = (1.0 / 2 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120));
-    const Register mid = (1.0 / 720 + r * (1.0 / 5040)) + r2 * (1.0 / 40320 + r * (1.0 / 362880));
-    const Register high = (1.0 / 3628800 + r * (1.0 / 39916800)) + r2 * (1.0 / 479001600 + r * (1.0 / 6227020800.0));
-    scale = (Register)(((Bits)shifted << 52) + 0x3ff0000000000000u);
-    rest = r + r2 * (low + r4 * (mid + r4 * high));
-  }
-  [[gnu::always_inline]] Register value() const { return scale * (1.0 + rest); }
-  [[gnu::always_inline]] Register minus_1() const { return scale * rest + (scale - 1.0); }
-};
-
 // Newton's method for the lanes of one register.
 class WaveLanes {
  public:
