@@ -216,9 +216,10 @@ shard::PairsOfNodes SessionPairs::of_states(const shard::States& states, const s
                                 std::to_string(known.columns().size()));
   std::vector<std::vector<double>> values(states.rows.size());
   for (const shard::StateColumn* column : columns) {
-    if (column->width != 1 || column->values.size() != values.size())
-      throw std::invalid_argument("state column " + column->name + " has not one value per node");
-    for (std::size_t i = 0; i < values.size(); ++i) values[states.rows[i]].push_back(column->values[i]);
+    if (column->width != 1 || column->values.size() != values.size() ||
+        !std::ranges::all_of(column->values, [](double value) { return std::isfinite(value); }))
+      throw std::invalid_argument("state column " + column->name + " has not one finite value per node");
+    for (std::size_t i = 0; i < values.size(); ++i) values[i].push_back(column->values[i]);
   }
   for (const std::vector<double>& of_node : values)
     if (!(of_node.front() >= 0.0 && of_node.front() < static_cast<double>(scenes_->names.size()) &&

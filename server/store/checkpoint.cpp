@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <ranges>
 #include <span>
 #include <stdexcept>
 
@@ -70,6 +71,14 @@ shard::States states_of(hid_t parent, const std::string& name) {
     column.units = text_of(open_dataset(group, column.name, hdf5_type<double>()), "units");
     states.columns.push_back(std::move(column));
   }
+  return states;
+}
+
+// Those of all nodes, in the order of their ids.
+shard::States states_of_all(hid_t parent, const std::string& name, const std::vector<std::uint64_t>& node_ids) {
+  shard::States states = states_of(parent, name);
+  if (!std::ranges::equal(states.rows, std::views::iota(std::size_t{0}, node_ids.size())))
+    throw Hdf5Error("find the slots of all " + std::to_string(node_ids.size()) + " nodes in their order in " + name);
   return states;
 }
 
@@ -150,19 +159,23 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   session.state_version = number_of(group, "state_version");
   session.scene = text_in_dataset(group, "scene_toml");
   session.node_ids = ids_of(group);
-  session.committed = states_of(group, "committed");
+  session.committed = states_of_all(group, "committed", session.node_ids);
   if (has_child(group, "trial")) session.trial = states_of(group, "trial");
   if (has_child(group, "part_header")) {
     session.part_header = numbers_of<std::byte>(group, "part_header");
     session.part_rows = numbers_of<std::uint32_t>(group, "part_rows");
+    for (const std::uint32_t row : session.part_rows)
+      if (row >= session.node_ids.size()) throw Hdf5Error("find node " + std::to_string(row) + " of part_rows");
   }
   for (std::uint64_t i = 0, marks = number_of(group, "marks"); i < marks; ++i) {
     const hdf5::Group mark = open_group(group, mark_name(i));
+    std::vector<std::uint64_t> node_ids = ids_of(mark);
+    shard::States states = states_of_all(mark, "states", node_ids);
     session.marks.push_back({.name = text_of(mark, "name"),
                              .sequence = number_of(mark, "sequence"),
                              .state_version = number_of(mark, "state_version"),
-                             .node_ids = ids_of(mark),
-                             .states = states_of(mark, "states")});
+                             .node_ids = std::move(node_ids),
+                             .states = std::move(states)});
   }
   return session;
 }
@@ -253,14 +266,16 @@ void put_transfer(hid_t parent, const TransferImage& transfer) {
 
 TransferImage transfer_of(hid_t parent, const std::string& name) {
   const hdf5::Group group = open_group(parent, name);
+  std::vector<std::uint64_t> node_ids = ids_of(group);
+  shard::States states = states_of_all(group, "states", node_ids);
   return {.id = key_from(name),
           .giver = key_from(text_of(group, "giver")),
           .sequence = number_of(group, "sequence"),
           .identity = text_of(group, "identity"),
           .domain = text_of(group, "domain"),
           .layers = text_in_dataset(group, "layers_toml"),
-          .node_ids = ids_of(group),
-          .states = states_of(group, "states")};
+          .node_ids = std::move(node_ids),
+          .states = std::move(states)};
 }
 
 void put_pending(hid_t parent, const PendingRequest& request, std::uint64_t order) {

@@ -1,4 +1,5 @@
 // The bytes of checkpoints and journals: a reader must return what was written, and must refuse all other bytes.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -36,20 +37,22 @@ Snapshot small_snapshot() {
   Snapshot snapshot{.next_index = 42, .server_version = "0.1.0", .sessions = {}};
   SessionImage closed{.open = false, .last_sequence = 9, .last_hash = 77, .reply_header = some_bytes(20, 1)};
   closed.id.fill(0xfe);
-  SessionImage open{.identity = "key abc",
-                    .last_sequence = 5,
-                    .last_hash = ~0ULL,
-                    .reply_header = some_bytes(31, 2),
-                    .reply_payload = some_bytes(48, 3),
-                    .requests = 6,
-                    .node_steps = 12,
-                    .solver_ns = 1234,
-                    .scene = "name = \"small\"\n",
-                    .node_ids = {7, 1ULL << 63},
-                    .state_version = 4,
-                    .committed = small_states({0, 1}, 300.0),
-                    .trial = small_states({1}, 400.0),
-                    .marks = {{.name = "dump", .state_version = 2, .states = small_states({0, 1}, 350.0)}}};
+  SessionImage open{
+      .identity = "key abc",
+      .last_sequence = 5,
+      .last_hash = ~0ULL,
+      .reply_header = some_bytes(31, 2),
+      .reply_payload = some_bytes(48, 3),
+      .requests = 6,
+      .node_steps = 12,
+      .solver_ns = 1234,
+      .scene = "name = \"small\"\n",
+      .node_ids = {7, 1ULL << 63},
+      .state_version = 4,
+      .committed = small_states({0, 1}, 300.0),
+      .trial = small_states({1}, 400.0),
+      .marks = {
+          {.name = "dump", .state_version = 2, .node_ids = {7, 1ULL << 63}, .states = small_states({0, 1}, 350.0)}}};
   open.id.fill(0x01);
   snapshot.sessions = {closed, open};
   return snapshot;
@@ -135,6 +138,37 @@ TEST(Checkpoint, NoFileOfTheWorkingDirectoryIsTakenForItNorStandsInItsWay) {
 
 TEST(Checkpoint, AnotherGenerationUnderItsNameIsRefused) {
   EXPECT_THROW(read_checkpoint(checkpoint_bytes(small_snapshot(), 3), "file", 4), DamagedFile);
+}
+
+TEST(Checkpoint, StatesAndPartsOfOtherNodesThanTheSessionsAreRefused) {
+  const auto refusal = [](const auto& change) -> std::string {
+    Snapshot snapshot = small_snapshot();
+    change(snapshot);
+    try {
+      read_checkpoint(checkpoint_bytes(snapshot, 3), "file", 3);
+    } catch (const DamagedFile& fault) {
+      return fault.what();
+    }
+    return "";
+  };
+  for (const std::vector<std::uint32_t>& rows : {std::vector<std::uint32_t>{0, 3533880}, {1, 0}, {0, 0}, {0}}) {
+    EXPECT_THAT(refusal([&](Snapshot& s) { s.sessions[1].committed = small_states(rows, 300.0); }),
+                ::testing::HasSubstr("slots of all 2 nodes in their order in committed"));
+    EXPECT_THAT(refusal([&](Snapshot& s) { s.sessions[1].marks[0].states = small_states(rows, 300.0); }),
+                ::testing::HasSubstr("slots of all 2 nodes in their order in states"));
+    EXPECT_THAT(refusal([&](Snapshot& s) {
+                  s.transfers.push_back({.node_ids = {8, 9}, .states = small_states(rows, 300.0)});
+                }),
+                ::testing::HasSubstr("slots of all 2 nodes in their order in states"));
+  }
+  const auto parts = [](std::vector<std::uint32_t> rows) {
+    return [rows = std::move(rows)](Snapshot& s) {
+      s.sessions[1].part_header = some_bytes(8, 1);
+      s.sessions[1].part_rows = rows;
+    };
+  };
+  EXPECT_THAT(refusal(parts({0, 2})), ::testing::HasSubstr("find node 2 of part_rows"));
+  EXPECT_EQ(refusal(parts({1})), "");
 }
 
 TEST(Checkpoint, UnknownVersionIsRefusedByName) {

@@ -239,6 +239,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     fuzz::require(*fault.what() != '\0', "a refusal to start says why");
     return 0;
   }
+  server->ask(support::ServiceHarness::in_session(wire::AcceptNodes{fuzz::kSampleTransfer}, 1, 6));
   fuzz::require(server->service.checkpoint(), "what was restored can be written again");
   return 0;
 }

@@ -1,5 +1,5 @@
 // A small checkpoint with every kind of content: sessions of two strategies, a trial step, marks, a closed session,
-// nodes of several pairs.
+// nodes of several pairs, a step in parts, offered nodes.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,8 @@
 namespace shearbus::fuzz {
 
 inline constexpr std::uint64_t kSampleGeneration = 1;
+
+inline constexpr wire::TransferId kSampleTransfer = {1};  // of an offer that session 6 may accept
 
 inline std::vector<std::byte> sample_checkpoint() {
   using support::ServiceHarness;
@@ -38,6 +40,19 @@ inline std::vector<std::byte> sample_checkpoint() {
   ask(ServiceHarness::in_session(wire::CloseSession{}, 1, 3));
   ask(opening_of_pairs(support::force_scene(4), nodes, 4));
   step(wire::Strategy::kForceDriven, 1, wire::Mode::kTrial, 4);
+
+  ask(opening_of_pairs(support::force_scene(4), nodes, 5, "domain"));
+  ask(opening_of_pairs(support::force_scene(4), std::vector{nodes.back() + 1}, 6, "domain"));
+  wire::Request offer = ServiceHarness::in_session(wire::OfferNodes{kSampleTransfer}, 1, 5);
+  offer.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, 1);
+  offer.batch.u64(wire::Field::kNodeId)[0] = nodes.back();
+  ask(std::move(offer));
+  wire::Request part =
+      ServiceHarness::step(2, support::step_columns(wire::Strategy::kForceDriven, std::span(nodes).first(1), 2, true),
+                           wire::Mode::kAdvance, 5);
+  std::get<wire::Downscale>(part.body).part = 1;
+  std::get<wire::Downscale>(part.body).parts = 2;
+  ask(std::move(part));
   if (!server.service.checkpoint()) throw std::logic_error("the sample's checkpoint could not be written");
   return disk.bytes(store::checkpoint_name(kSampleGeneration));
 }

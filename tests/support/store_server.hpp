@@ -37,6 +37,7 @@ struct Counter final : Recovery {
   void clear() override { seen.clear(); }
   Snapshot snapshot() const {
     SessionImage session{.scene = "-", .node_ids = seen};
+    for (std::uint32_t row = 0; row < seen.size(); ++row) session.committed.rows.push_back(row);
     return {.server_version = "test", .sessions = {session}};
   }
   std::vector<std::uint64_t> seen;
