@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <ranges>
 #include <span>
 #include <stdexcept>
 
@@ -77,7 +76,9 @@ shard::States states_of(hid_t parent, const std::string& name) {
 // Those of all nodes, in the order of their ids.
 shard::States states_of_all(hid_t parent, const std::string& name, const std::vector<std::uint64_t>& node_ids) {
   shard::States states = states_of(parent, name);
-  if (!std::ranges::equal(states.rows, std::views::iota(std::size_t{0}, node_ids.size())))
+  std::size_t row = 0;
+  if (states.rows.size() != node_ids.size() ||
+      !std::ranges::all_of(states.rows, [&](std::uint32_t slot) { return slot == row++; }))
     throw Hdf5Error("find the slots of all " + std::to_string(node_ids.size()) + " nodes in their order in " + name);
   return states;
 }
