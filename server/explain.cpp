@@ -11,6 +11,7 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "proto/wire/columns.hpp"
@@ -45,7 +46,12 @@ using physics::Property;
 constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulombLimit, Property::kSecondOrder,
                                     Property::kModes,         Property::kSleep,        Property::kTolerance,
                                     Property::kIsothermalEnd, Property::kSimonMelting};
+
+// What the answer of a step has only where a request names its columns.
+enum class OnRequest { kNothing, kLedger, kLinearised };
 constexpr const char* kLedger = "energy ledger";
+constexpr std::array kLinearisedColumns = {wire::Field::kStressPerJump, wire::Field::kStressPerPressure,
+                                           wire::Field::kTimeToMelting};
 
 // Measures the time of a model's steps: steps one tile (8 nodes that are stepped together) with inputs like a host's.
 class Bench {
@@ -63,20 +69,21 @@ class Bench {
   }
 
   // Seconds per node-step, the smallest of several runs, because other processes use the machine too.
-  double slipping(bool ledger) {
-    return best([&] { begin(); }, [&] { step(kPressure, ledger); });
+  double slipping(OnRequest asked) {
+    return best([&] { begin(); }, [&] { step(kPressure, asked); });
   }
   double resting() {
     begin();
-    for (int n = 0; n < kSteps; ++n) step(kPressure, false);
-    for (int n = 0; n < 2 * kSteps + static_cast<int>(model_.layout().num_vertices); ++n) step(-1.0, false);
-    return best([] {}, [&] { step(-1.0, false); });
+    for (int n = 0; n < kSteps; ++n) step(kPressure, OnRequest::kNothing);
+    for (int n = 0; n < 2 * kSteps + static_cast<int>(model_.layout().num_vertices); ++n)
+      step(-1.0, OnRequest::kNothing);
+    return best([] {}, [&] { step(-1.0, OnRequest::kNothing); });
   }
   // Seconds per node-step of a run of `steps` steps from the initial state.
-  double run(int steps, bool ledger) {
+  double run(int steps, OnRequest asked) {
     begin();
     const double start = cpu_s();
-    for (int n = 0; n < steps; ++n) step(kPressure, ledger);
+    for (int n = 0; n < steps; ++n) step(kPressure, asked);
     return (cpu_s() - start) / (steps * kLanes);
   }
   double step_length() {
@@ -102,15 +109,18 @@ class Bench {
     std::fill_n(temperature, kLanes, model_.options().initial_temperature);
     model_.initialise(states_[0].data(), temperature);
   }
-  void step(double pressure, bool ledger) {
+  void step(double pressure, OnRequest asked) {
     for (int l = 0; l < kLanes; ++l) {
       inputs_.velocity_jump[l] = kJump + l;  // lanes differ a little, as nodes of one interface do
       inputs_.pressure[l] = pressure;
     }
     model_.advance(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
-    if (ledger) {
+    if (asked == OnRequest::kLedger) {
       physics::TileLedger energy;
       model_.record_energy(*operators_, inputs_, outputs_, states_[0].data(), states_[1].data(), energy);
+    } else if (asked == OnRequest::kLinearised) {
+      model_.linearise(*operators_, inputs_, states_[0].data(), states_[1].data(), outputs_);
+      model_.predict_melting(*operators_, inputs_, states_[0].data(), outputs_);
     }
     states_[0].swap(states_[1]);
   }
@@ -148,22 +158,22 @@ std::uint64_t bytes_per_node(const physics::ModelOptions& options, bool ledger) 
 SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
   Bench bench(options);
   return {.bytes_per_node = bytes_per_node(options, ledger),
-          .slipping_s = bench.slipping(ledger),
+          .slipping_s = bench.slipping(ledger ? OnRequest::kLedger : OnRequest::kNothing),
           .resting_s = bench.resting(),
           .step_length_s = bench.step_length()};
 }
 
-// A model, with or without the energy ledger of its steps.
+// A model, and what its steps answer on request.
 struct Variant {
   Bench& bench;
-  bool ledger = false;
+  OnRequest asked = OnRequest::kNothing;
 };
 
 // Returns how much longer a node-step of `other` takes than one of `base`. The two run in turns, so that what else the
 // machine does meets both alike, and which of them begins alternates.
 TimeDifference compare(Variant base, Variant other, double base_s) {
   const int steps = std::clamp(static_cast<int>(kRound / (base_s * kLanes)), 2, kSteps);
-  const auto run = [&](Variant& variant) { return variant.bench.run(steps, variant.ledger); };
+  const auto run = [&](Variant& variant) { return variant.bench.run(steps, variant.asked); };
   std::vector<double> differences;
   const Clock::time_point begun = Clock::now();
   for (int round = 0; round < kRounds && (round < kLeastRounds || Clock::now() - begun < kLongestComparison); ++round) {
@@ -262,7 +272,8 @@ Explanation explain(std::string_view scene, const std::string& file) {
   const service::SceneModel made = service::scene_model(scene, file);
   const physics::ModelOptions& options = made.options;
   Explanation explanation{
-      .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}};
+      .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}, .pairs = {}};
+  for (const service::PairModel& pair : made.pairs) explanation.pairs.push_back(pair.name);
 
   Bench here_bench(options);
 
@@ -282,11 +293,20 @@ Explanation explain(std::string_view scene, const std::string& file) {
     }
     explanation.parts.push_back(std::move(found));
   }
-  explanation.parts.push_back(
-      {.name = kLedger,
-       .meaning = "where the energy of each node's step went, for requests that name its columns",
-       .bytes_per_node = static_cast<std::int64_t>(wire::kLedgerColumns.size() * sizeof(double)),
-       .slipping = compare({here_bench, false}, {here_bench, true}, explanation.cost.slipping_s)});
+  const auto add_on_request = [&](const char* name, const char* meaning, std::span<const wire::Field> columns,
+                                  OnRequest asked) {
+    explanation.parts.push_back({.name = name,
+                                 .meaning = meaning,
+                                 .bytes_per_node = static_cast<std::int64_t>(columns.size() * sizeof(double)),
+                                 .slipping = compare({here_bench}, {here_bench, asked}, explanation.cost.slipping_s)});
+  };
+  add_on_request(kLedger, "where the energy of each node's step went, for requests that name its columns",
+                 wire::kLedgerColumns, OnRequest::kLedger);
+  if (physics::Model::can_linearise(options))
+    add_on_request("linearised answer",
+                   "derivatives of the stress by jump and pressure, and the time to melting, for requests that name "
+                   "their columns",
+                   kLinearisedColumns, OnRequest::kLinearised);
 
   // 2. Find the memory and time of the scene with all parts on that are compatible with it.
   auto [all, names] = with_everything(options);
@@ -318,6 +338,11 @@ std::string Explanation::text(std::size_t nodes) const {
   line("time per node-step", fmt::format("{} slipping, {} open with heat in the layer; with everything on {} and {}",
                                          microseconds(cost.slipping_s), microseconds(cost.resting_s),
                                          microseconds(everything.slipping_s), microseconds(everything.resting_s)));
+  if (!pairs.empty())
+    line("pairs",
+         fmt::format("of the tables outside [pair]; the nodes of {} are solved alike, each pair with operators "
+                     "of its own for a new step length",
+                     fmt::join(pairs, ", ")));
   line("a new step length", microseconds(cost.step_length_s));
   if (nodes > 0)
     out += labelled(fmt::format("a step of {} nodes  ", nodes),

@@ -49,6 +49,7 @@ struct Explanation {
   std::vector<ScenePart> parts;
   SceneCost everything;               // cost of the scene with all compatible parts switched on
   std::vector<std::string> together;  // names of the parts that `everything` has in addition
+  std::vector<std::string> pairs;     // names of the scene's pairs, of which the cost is not measured
 
   std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of a step of this number of nodes
 };

@@ -15,6 +15,7 @@ namespace shearbus::server {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 Explanation explain(const v1::Scene& scene) {
   return server::explain(support::text_of(scene), "scene");
@@ -54,6 +55,24 @@ TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   const Explanation driven = explain(support::velocity_scene());
   EXPECT_TRUE(part(driven, "layer.inertia").excluded.empty());
   EXPECT_FALSE(part(driven, "junctions").excluded.empty());
+}
+
+TEST(Explain, TheLinearisedAnswerHasAPriceWhereThereIsOne) {
+  v1::Scene scene = support::velocity_scene(60);
+  const Explanation told = explain(scene);
+  EXPECT_EQ(part(told, "linearised answer").bytes_per_node, 24);
+  EXPECT_FALSE(part(told, "linearised answer").on);
+  EXPECT_GT(part(told, "linearised answer").slipping.median_s, 0.0);
+  scene.mutable_layer()->set_inertia(true);
+  const Explanation with = explain(scene);
+  EXPECT_TRUE(std::ranges::none_of(with.parts, [](const auto& one) { return one.name == "linearised answer"; }));
+}
+
+TEST(Explain, PairsAreNamed) {
+  const std::string scene = support::text_of(support::force_scene());
+  EXPECT_THAT(server::explain(scene, "scene").text(), Not(HasSubstr("  pairs")));
+  EXPECT_THAT(server::explain(scene + "\n[pair.lead.soft]\nmaterial = \"aluminium_dlp\"\n", "scene").text(),
+              HasSubstr("  pairs               of the tables outside [pair]; the nodes of lead "));
 }
 
 TEST(Explain, NoLineIsWiderThanATerminal) {
