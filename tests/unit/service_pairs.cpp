@@ -22,7 +22,6 @@ using support::Answer;
 using support::ServiceHarness;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using ::testing::StartsWith;
 using wire::Code;
 using wire::Field;
 using wire::Strategy;

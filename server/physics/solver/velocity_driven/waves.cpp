@@ -200,6 +200,7 @@ class Waves {
     double before = 0.0;
     for (int i = 0; i <= num_cells_; ++i) {
       const double v = velocity_behind(i);
+      // NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): the constructor sets all rows, to `padded`
       rows_.t[i] = stress_old_[i] + gain(i) * (v - before);
       before = v;
     }
