@@ -253,7 +253,7 @@ void add_flux(const HeatOperator& heat, int num_vertices, const double (&flux)[k
   double strongest = std::abs(flux[0]), coldest = std::min(temperature[0], end[0]);
   for (int l = 1; l < kLanes; ++l) {
     strongest = std::max(strongest, std::abs(flux[l]));
-    coldest = std::min({coldest, temperature[l], end[l]});
+    coldest = std::min(coldest, std::min(temperature[l], end[l]));
   }
   const Rows rows = rows_that_feel(heat, strongest, coldest);
   add_to_rows(heat.response.subspan(rows.first, rows.end - rows.first), flux, temperature + rows.first * kLanes);

@@ -47,8 +47,10 @@ void find_not_finite(const TileOutputs& outputs, double (&lost)[kLanes]) {
 // old state was not finite. Copies the state of the lanes that are not active.
 void keep_lost(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial,
                TileOutputs& outputs) {
-  double lost[kLanes];
+  double lost[kLanes], none_lost = 0.0;
   find_not_finite(outputs, lost);
+  for (const double lane : lost) none_lost += lane;
+  if (inputs.active == (1u << kLanes) - 1u && none_lost == 0.0) return;
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!contains(inputs.active, lane)) {
       copy_lane(committed, trial, problem.layout.doubles, lane);
