@@ -29,8 +29,8 @@ module shearbus
   integer, parameter, public :: shearbus_open_interface = 0, shearbus_stick = 1, shearbus_coulomb = 2, &
                                 shearbus_tresca = 3, shearbus_melting = 4
   integer, parameter, public :: shearbus_substepped = 1, shearbus_multiple_roots = 2, shearbus_outside_domain = 4, &
-                                shearbus_over_budget = 16, shearbus_asleep = 32, shearbus_first_order = 64, &
-                                shearbus_failed = 128
+                                shearbus_sudden = 8, shearbus_over_budget = 16, shearbus_asleep = 32, &
+                                shearbus_first_order = 64, shearbus_failed = 128
   integer, parameter, public :: shearbus_ticket_length = 65, shearbus_transfer_length = 32
 
   type :: shearbus_interface

@@ -66,9 +66,10 @@ std::string Tally::regimes_text() const {
 
 std::string Tally::outcomes_text() const {
   if (flagged_ == 0) return "none";
-  constexpr std::array<std::pair<std::size_t, const char*>, 5> kBits = {{{0, "substepped"},
+  constexpr std::array<std::pair<std::size_t, const char*>, 6> kBits = {{{0, "substepped"},
                                                                          {1, "with several roots"},
                                                                          {2, "outside the strategy's domain"},
+                                                                         {3, "changing suddenly"},
                                                                          {6, "of first order in place of second"},
                                                                          {kFailedBit, "FAILED"}}};
   std::vector<std::string> counts;

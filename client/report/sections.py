@@ -24,7 +24,8 @@ MAP = (4.2, 3.1)  # inches of a map: as wide as a telephone, so that its texts s
 NOTHING = "–"  # the text of a number that is not known
 # What the outcome flags mean for a reader who does not know the solvers, by their words in the legend of /outcome.
 FLAGS = {"substepped": "solved in shorter substeps", "multiple roots": "more than one stress balances the step",
-         "outside domain": "the slip differs from the jump by more than a tenth, as in a layer that is still elastic", "asleep": "at rest, not solved"}
+         "outside domain": "the slip differs from the jump by more than a tenth, as in a layer that is still elastic",
+         "sudden": "stress or slip changed so much that shorter steps may give another jump", "asleep": "at rest, not solved"}
 ROUNDING = 1e-12  # a smaller relative residual is rounding
 MAP_DPI = 200  # pixels an inch of the coloured areas
 LARGEST_PICTURE = 1500  # pixels across of a picture that is given

@@ -50,6 +50,7 @@ constexpr EnumValue kOutcomes[] = {
     {kSubstepped, "SUBSTEPPED"},
     {kMultipleRoots, "MULTIPLE_ROOTS"},
     {kOutsideDomain, "OUTSIDE_DOMAIN"},
+    {kSudden, "SUDDEN"},
     {kOverBudget, "OVER_BUDGET"},
     {kAsleep, "ASLEEP"},
     {kFirstOrder, "FIRST_ORDER"},

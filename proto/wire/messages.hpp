@@ -27,6 +27,7 @@ enum Outcome : std::uint8_t {
   kSubstepped = 1,
   kMultipleRoots = 2,
   kOutsideDomain = 4,
+  kSudden = 8,
   kOverBudget = 16,
   kAsleep = 32,
   kFirstOrder = 64,
@@ -57,7 +58,7 @@ struct OpenSession {
   ResumeToken resume_token{};
   std::string domain;  // empty: the session is in no domain
   bool check_closure = false;
-  std::uint64_t idle_limit_s = 0;  // 0: no limit
+  std::uint64_t idle_limit_s = 0;       // 0: no limit
   std::vector<std::string> pairs;       // names of pairs: the values of the column pair are places in this list
   std::vector<std::string> parameters;  // keys of the scene that have values per node: columns parameter
 

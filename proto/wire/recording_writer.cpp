@@ -24,9 +24,8 @@ constexpr std::size_t kTimesPerChunk = 1'024;      // 8 KiB of doubles
 constexpr std::size_t kMaxAttributeBytes = 4'096;  // longer texts are datasets; HDF5's own limit is 64 KiB
 
 constexpr const char* kOutcomeLegend =
-    "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 32 asleep, 64 first order in place of "
-    "second, "
-    "128 failed (the node kept its old state)";
+    "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 8 sudden, 16 over budget, 32 asleep, 64 first "
+    "order in place of second, 128 failed (the node kept its old state)";
 
 // Returns the width of the fewest equal parts of `size` that are at most `most` wide; the last part may be narrower.
 std::size_t even_part(std::size_t size, std::size_t most) {

@@ -42,8 +42,8 @@ constexpr bool same_numbers() {
 static_assert(same_numbers());
 static_assert(physics::kSubstepped == wire::kSubstepped && physics::kMultipleRoots == wire::kMultipleRoots &&
               physics::kOutsideDomain == wire::kOutsideDomain && physics::kAsleep == wire::kAsleep &&
-              physics::kOverBudget == wire::kOverBudget && physics::kFirstOrder == wire::kFirstOrder &&
-              physics::kFailed == wire::kFailed);
+              physics::kSudden == wire::kSudden && physics::kOverBudget == wire::kOverBudget &&
+              physics::kFirstOrder == wire::kFirstOrder && physics::kFailed == wire::kFailed);
 static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
 
 // ---- columns of a message, and the tile members that they fill or are filled from ----

@@ -37,7 +37,8 @@ class Regime:
 class Outcome:
     """Bits of the column `outcome`; 0 is success without qualification."""
 
-    SUBSTEPPED, MULTIPLE_ROOTS, OUTSIDE_DOMAIN, OVER_BUDGET, ASLEEP, FIRST_ORDER, FAILED = 1, 2, 4, 16, 32, 64, 128
+    SUBSTEPPED, MULTIPLE_ROOTS, OUTSIDE_DOMAIN, SUDDEN = 1, 2, 4, 8
+    OVER_BUDGET, ASLEEP, FIRST_ORDER, FAILED = 16, 32, 64, 128
 
 
 # -- from values to a payload --

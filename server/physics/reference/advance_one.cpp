@@ -316,6 +316,25 @@ NodeOutputs force_driven(const ModelOptions& options, double dt, const NodeInput
                  : coulomb_acts                                                       ? Regime::kCoulomb
                  : T0(a) >= 0.99 * at_pressure(soft, in.pressure).melting_temperature ? Regime::kMelting
                                                                                       : Regime::kTresca;
+    // A step changes suddenly where heat lowers the limit of slip that was slower or colder before, or where the slip
+    // turns: two opposite stresses act then, of friction as in the step or after half the heat of the slip before.
+    const auto limit = [&](double T) {
+      return std::min(friction_coefficient(options, in.pressure, T, slip(a)) * in.pressure, yield(T, slip(a)));
+    };
+    const double allowed = 0.1 * std::max(std::abs(in.velocity_jump), std::abs(jump_free));
+    const double cold = limit(T_ad[0]);
+    const double moved = std::max(std::abs(out.velocity_jump_new - in.velocity_jump),
+                                  per_stress * std::abs(a - std::abs(state.shear_stress)));
+    out.sudden = per_stress * (std::min(cold, a_stick) - a) > allowed && moved > allowed;
+    if (in.velocity_jump * jump_free < 0.0) {
+      const double size = std::abs(in.velocity_jump), far = size + std::abs(jump_free);
+      const double half_heated = limit(T_ad[0] + B[0] * beta_T * a * 0.5 * size);
+      for (const double friction : {stick ? cold : a, std::min(stick ? cold : a, half_heated)}) {
+        const double slows = far + per_stress * friction, speeds_up = far - per_stress * friction;
+        const double turned = slows > size && speeds_up > 0.0 ? (1.0 - size / slows) * speeds_up : -1.0;
+        out.sudden = out.sudden || (turned >= 0.0 && std::abs(turned - direction * out.velocity_jump_new) > allowed);
+      }
+    }
   }
   const double flux = in.pressure <= 0.0 ? 0.0 : beta_T * a * slip(a);
   if (in.pressure > 0.0) state.junction_strain = junction_strain(slip(a));

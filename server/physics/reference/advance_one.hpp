@@ -51,6 +51,7 @@ struct NodeOutputs {
   // Number of stresses that satisfy a force-driven step, found on a fine scan. With a plastic layer: 1 if the rules of
   // MODEL.md, "Plastic layer", determine the answer, otherwise the number of answers that may be meant.
   int answers = 1;
+  bool sudden = false;  // force-driven, in one piece: the jump may be off by more than a tenth of the larger jump
 };
 
 NodeState initial_state(const ModelOptions& options);

@@ -15,6 +15,7 @@ enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca 
 inline constexpr std::uint8_t kSubstepped = 1;
 inline constexpr std::uint8_t kMultipleRoots = 2;
 inline constexpr std::uint8_t kOutsideDomain = 4;
+inline constexpr std::uint8_t kSudden = 8;       // shorter steps may give another answer: changes_suddenly()
 inline constexpr std::uint8_t kOverBudget = 16;  // with kFailed: the step needed more work than its budget
 inline constexpr std::uint8_t kAsleep = 32;      // the node was at rest and was not solved
 inline constexpr std::uint8_t kFirstOrder = 64;  // backward Euler, because the second-order step did not apply

@@ -206,12 +206,17 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
       whole = answer.step;
       add_surplus(problem, answer, l, strain_new);
     }
-    const LaneResult result = step_or_divide(
+    LaneResult result = step_or_divide(
         whole, heat_of, operators.max_halvings(), {l, before[l], n, T_old, T_all},
         [&] { copy_lane(strain, strain_new, static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes, l); },
         [&](const HeatOperator& shorter, const LaneStep& last) {
           return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
         });
+    // Next to a layer that does not flow the step is that of InterfaceStep.
+    if (operators.max_halvings() > 0 && whole.unique && slip[l] == 0.0 &&
+        InterfaceStep(problem, inputs, committed, soft_at(l), l)
+            .changes_suddenly(before[l], whole, heat.dt, *heat.layer_response(), T[l]))
+      result.outcome |= kSudden;
     flux[l] = result.flux;
     add_work(inputs, l, n + weight * (searches.sums[l] + 1.0) * problem.grid.num_vertices());
     write_answer(result, layout, l, trial, outputs);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
+#include "server/physics/solver/force_driven/sudden_change.hpp"
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
@@ -43,8 +44,7 @@ class InterfaceStep {
   // The step of length dt after the step `last`. B0: rise of T0 per heat flux; T_ad: T0 without friction in this step.
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
     if (strength_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
-    strength_.junctions =
-        junctions_of(problem_.options.junctions ? &*problem_.options.junctions : nullptr, junction_strain, dt);
+    form_junctions(dt);
     const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
     const LaneStep step =
         rigid_slip(strength_, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
@@ -52,9 +52,30 @@ class InterfaceStep {
     return step;
   }
 
+  // Whether a step of the lane may change suddenly, by what needs no limit of the stress.
+  static bool may_change_suddenly(const TileInputs& inputs, int lane, const LaneStep& last, const LaneStep& step,
+                                  double dt) {
+    const TrialSlip trial_slip(forcing_of(inputs, lane), dt, last.jump_new, last.stress);
+    return trial_slip.jump_old < 0.0 || moves_far(trial_slip, last, step);
+  }
+
+  // Whether `step`, which from() would return, changes suddenly.
+  bool changes_suddenly(const LaneStep& last, const LaneStep& step, double dt, double B0, double T_ad) {
+    if (strength_.pressure <= 0.0) return false;
+    form_junctions(dt);
+    const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
+    return physics::changes_suddenly(strength_, trial_slip, trial_slip.slipping(T_ad, problem_.heat_partition * B0),
+                                     last, step);
+  }
+
   double junction_strain;  // plastic strain ep_a of the junctions before the next step or substep; from() updates it
 
  private:
+  void form_junctions(double dt) {
+    strength_.junctions =
+        junctions_of(problem_.options.junctions ? &*problem_.options.junctions : nullptr, junction_strain, dt);
+  }
+
   const Problem& problem_;
   StressLimit strength_;
   Forcing forcing_;

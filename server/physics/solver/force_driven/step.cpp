@@ -16,12 +16,28 @@ namespace {
 
 constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;
 
-// Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes.
-std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, double* trial, TileOutputs& outputs,
-                           WideAnswer& answer) {
+// Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes. `remarks`: whether a
+// step that changes suddenly says so.
+std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool remarks, const double* committed,
+                           double* trial, TileOutputs& outputs, WideAnswer& answer) {
   const std::uint32_t found = wide_slip(slip, answer);
   write_answer(problem, answer, found, trial, outputs);
   const TileInputs& inputs = slip.interface.inputs;
+  for (const int l : lanes_of(remarks ? answer.suspects : 0)) {
+    const LaneStep step{answer.stress[l],
+                        answer.slip[l],
+                        answer.jump_new[l],
+                        answer.flux[l],
+                        outputs.regime[l],
+                        outputs.regime[l] == Regime::kStick,
+                        true,
+                        false};
+    const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, l);
+    if (InterfaceStep::may_change_suddenly(inputs, l, before, step, slip.dt) &&
+        InterfaceStep(problem, inputs, committed, slip.interface.soft_at(l), l)
+            .changes_suddenly(before, step, slip.dt, slip.B0, slip.T_ad[l]))
+      outputs.outcome[l] = kSudden;
+  }
   if (inputs.work != nullptr) {
     for (const int l : lanes_of(found)) add_work(inputs, l, problem.heat_rows + kSearchWork);
   }
@@ -49,7 +65,8 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   std::uint32_t found = 0;
   const WideSlip slip{WideInterface(problem, inputs, soft_at, heat_of(0).dt, committed), T0, problem.heat_partition,
                       *heat_of(0).layer_response(), heat_of(0).dt};
-  if (slip.interface.has_forms()) found = slip_of_tile(problem, slip, trial, outputs, answer);
+  if (slip.interface.has_forms())
+    found = slip_of_tile(problem, slip, max_halvings > 0, committed, trial, outputs, answer);
   for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
     const double junction_strain_old = interface_step.junction_strain;
@@ -61,9 +78,14 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
 
     // 3. A step that may have several answers is divided into shorter substeps until each has a unique answer or the
     // shortest substeps are reached.
-    const LaneResult result = step_or_divide(
-        step_from(heat_of(0), before), heat_of, max_halvings, {lane, before, n, T_old, T},
+    const LaneStep whole = step_from(heat_of(0), before);
+    LaneResult result = step_or_divide(
+        whole, heat_of, max_halvings, {lane, before, n, T_old, T},
         [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
+    if (max_halvings > 0 && whole.unique &&
+        InterfaceStep(problem, inputs, committed, soft_at(lane), lane)
+            .changes_suddenly(before, whole, heat_of(0).dt, *heat_of(0).layer_response(), T0[lane]))
+      result.outcome |= kSudden;
     flux[lane] = result.flux;
     write_answer(result, layout, lane, trial, outputs);
     if (problem.options.junctions) trial[layout.junction_strain + lane] = interface_step.junction_strain;
@@ -98,10 +120,12 @@ std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, con
                                                      const Material& soft, double T0, int lane) {
   const HeatOperator& heat = operators.heat();
   const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
-  const LaneStep step =
-      InterfaceStep(problem, inputs, committed, soft, lane).from(before, heat.dt, *heat.layer_response(), T0);
+  const auto interface_step = [&] { return InterfaceStep(problem, inputs, committed, soft, lane); };
+  const LaneStep step = interface_step().from(before, heat.dt, *heat.layer_response(), T0);
   if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;
-  return RestingStep{step};
+  const bool sudden = operators.max_halvings() > 0 &&
+                      interface_step().changes_suddenly(before, step, heat.dt, *heat.layer_response(), T0);
+  return RestingStep{step, sudden ? kSudden : std::uint8_t{0}};
 }
 
 }  // namespace shearbus::physics

@@ -66,6 +66,7 @@ struct WideAnswer {
   alignas(64) double heat[kLanes];  // friction heat of the step  [J/m2]
   alignas(64) double regime[kLanes];
   alignas(64) double junction_strain[kLanes];  // only with junctions
+  std::uint32_t suspects;                      // solved lanes that may change suddenly; all others do not
 };
 
 // Solves the active lanes and returns those whose answer is unique and was found. The answer of a lane depends on this

@@ -94,12 +94,21 @@ template <bool kPlain>
   search.a = where(inside, smaller(next, search.end), 0.5 * (search.low + smaller(search.high, search.end)));
 }
 
-// Begins the search for the smallest of `a_stick` and the root of the spare strength. `wanted`: lanes to search.
+// A bound of the limit without any heat.
 template <bool kPlain>
-[[gnu::always_inline]] inline Search begin(const Lanes<kPlain>& s, Register a_stick, Register guess, Mask wanted) {
+[[gnu::always_inline]] inline Register unheated_limit(const Lanes<kPlain>& s) {
+  return s.offset + smaller(s.coulomb, s.strength(s.slip(all(0.0))).value * s.bracket(s.T_ad));
+}
+
+// Begins the search for the smallest of `a_stick` and the root of the spare strength. `wanted`: lanes to search.
+// `unheated_bound`: where to write the smallest of `a_stick` and the limit without heat.
+template <bool kPlain>
+[[gnu::always_inline]] inline Search begin(const Lanes<kPlain>& s, Register a_stick, Register guess, Mask wanted,
+                                           Register* unheated_bound = nullptr) {
   Search search{};
-  const Register unheated = s.offset + smaller(s.coulomb, s.strength(s.slip(all(0.0))).value * s.bracket(s.T_ad));
+  const Register unheated = unheated_limit(s);
   const Register bound = smaller(a_stick, unheated);
+  if (unheated_bound != nullptr) *unheated_bound = bound;
   const Mask solid = (s.T_ad < s.T_melt) & (s.bracket(s.T_ad) > 0.0) & (s.rise > 0.0) & (s.b > 0.0) & (s.T_ad > 0.0);
   Mask unique = heats_more_up_to(s, bound);
   if (lanes_where(wanted & without(unique)) != 0) unique |= falls_steadily(s, bound);
@@ -261,6 +270,15 @@ struct Forces {
   Register acceleration, mobility;
 };
 
+// Whether a lane may change suddenly (changes_suddenly()), by a bound without an exponential. `bound`: that of begin();
+// plain lanes have it again for less than keeping it costs.
+template <bool kPlain>
+[[gnu::always_inline]] inline Mask seems_sudden(const Lanes<kPlain>& s, const Trial& trial, const Search& search,
+                                                Register bound) {
+  const Register fall = (kPlain ? smaller(trial.stress_stick, unheated_limit(s)) : bound) - search.answer;
+  return (trial.stress_stick < fall * (1.0 / kMostSudden)) | (trial.jump_old < 0.0);
+}
+
 template <bool kPlain>
 [[gnu::always_inline]] inline std::uint32_t slip_step_of(const WideSlip& in, WideAnswer& answer) {
   const TileInputs& host = in.interface.inputs;
@@ -269,6 +287,7 @@ template <bool kPlain>
   Lanes<kPlain> lanes[kParts];
   Trial trial[kParts];
   Search search[kParts];
+  Register bound[kParts];  // unless kPlain
 
   // 1. The trial slip, the heating and the limit of each lane.
   std::uint32_t active = 0;
@@ -292,7 +311,7 @@ template <bool kPlain>
         wanted =
             find_sliding(*by_slip, pressure, trial[p].stress_stick, magnitude(before), wanted, lanes[p], host.effort);
     }
-    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), wanted);
+    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), wanted, kPlain ? nullptr : &bound[p]);
     active |= lanes_where(search[p].active) << l;
   }
 
@@ -300,12 +319,13 @@ template <bool kPlain>
   const std::uint32_t ended = search_all(lanes, search, active, host.effort);
 
   // 3. The answers.
-  std::uint32_t sure = 0;
+  std::uint32_t sure = 0, suspects = 0;
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
     const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, in.B0);
     const Mask known = found.sure & mask_of(ended >> l);
     sure |= lanes_where(known) << l;
+    suspects |= lanes_where(seems_sudden(lanes[p], trial[p], search[p], bound[p]) & known) << l;
     store(found.stress, answer.stress + l);
     store(found.slip, answer.slip + l);
     store(found.jump_new, answer.jump_new + l);
@@ -317,6 +337,7 @@ template <bool kPlain>
             answer.junction_strain + l);
     }
   }
+  answer.suspects = suspects;
   return sure;
 }
 inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
