@@ -168,6 +168,7 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
     if (first_order.shear_stress * first_order.sliding_velocity < 0.0) first_order.sliding_velocity = 0.0;
     return first_order;
   };
+  const bool knows_flux = both_orders;
   const double early = both_orders ? flux_at_interface(options, state) : 0.0;
   if (both_orders) {
     const double change = first_order_error(options, in, scales, early, state, first_order);
@@ -207,7 +208,18 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
     const double rest = 1.0 - begin;
     const bool plain = second_order && !whole.first_order && !half[0].first_order && !half[1].first_order;
     const double share = is_sheared(options) && plain ? 0.5 : 1.0;
-    double T0 = std::abs(half[1].interface_temperature - whole.interface_temperature) * std::pow(length / rest, 1.5);
+    // A flux that starts suddenly and goes on rising: one piece and two halves may agree though both are wrong.
+    double corner = 0.0;
+    if (is_sheared(options) && plain) {
+      const double along = in.velocity_jump < 0.0 ? -1.0 : 1.0;
+      const double flux = scales.heating * std::max(0.0, along * start_of(s_before, half[0]));
+      const double start = flux - (knows_flux ? flux_at_interface(options, state) : 0.0);
+      const double rise = scales.heating * std::max(0.0, along * half[1].shear_stress) - flux;
+      if (start * rise > 0.0)
+        corner = 0.003 * std::min(std::abs(rise), 4.0 * std::abs(start)) * response * std::sqrt(length);
+    }
+    double T0 = std::max(std::abs(half[1].interface_temperature - whole.interface_temperature), corner) *
+                std::pow(length / rest, 1.5);
     const double heat = share * std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat) + path;
     double mean = 0.0;
     if (forced) {

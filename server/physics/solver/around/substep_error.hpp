@@ -61,6 +61,7 @@ class SubstepErrors {
   double largest(const Substep& substep, double stress, const Errors& errors) const;
   bool goes_on(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
   double heating(const Substep& substep) const;
+  double corner_of_flux(const Substep& substep, const SubstepAnswer& first, const SubstepAnswer& last) const;
   double elastic_path(const Substep& substep, const SubstepAnswer* parts, int num_parts) const;
   double jump_as_temperature(const Substep& substep, const SubstepAnswer& piece,
                              const SubstepAnswer (&halves)[2]) const;
