@@ -99,7 +99,7 @@ class BadInput(ReplayTest):
         self.write(**velocity_history())
         scene = self.path / "scene.toml"
         text = (EXAMPLES / "paper_velocity_driven_graded.toml").read_text()
-        scene.write_text(text.replace("cells = 60", "cels = 60"))
+        scene.write_text(text.replace("cells = 30", "cels = 30"))
         line = next(i for i, t in enumerate(scene.read_text().splitlines(), 1) if t.startswith("cels"))
         self.assert_refused(f"scene.toml:{line}:", "cells", scene=scene)
         scene.write_text(text.replace('"aluminium_dlp"', '"unobtainium"'))  # only the server knows the catalog
