@@ -11,8 +11,8 @@ import sys
 LANES = 8
 STEPS = {"force_driven": (100, 600), "velocity_driven": (0, 1000)}  # of the two runs
 # Most instructions of a node-step of shearbus-bench-steps, by strategy and case. Counted with gcc 12: force-driven 600,
-# 327, 1591, 738, 727, 872, 635, 658, 765, 767, 1912, 8,656; velocity-driven 4,414, 3,938, 22,230, 30,267 and
-# 103,005.
+# 327, 1591, 738, 727, 872, 635, 658, 765, 767, 1912, 8,656; velocity-driven 3,664, 3,459, 22,230, 25,103 and
+# 75,621.
 BOUNDS = {
     "force_driven": {
         "profile": 620, "modes": 340, "sdirk2": 1650, "sdirk2_modes": 765, "junctions": 750, "junctions_softening": 900,
@@ -20,7 +20,7 @@ BOUNDS = {
         "plastic_layer": 9100,
     },
     "velocity_driven": {
-        "layer_shear": 4500, "interface_slip": 4050, "inertia": 23_000, "johnson_cook": 32_000, "preston_tonks_wallace": 108_000,
+        "layer_shear": 3800, "interface_slip": 3600, "inertia": 23_000, "johnson_cook": 26_500, "preston_tonks_wallace": 80_000,
     },
 }
 # Most instructions of a step of shearbus-bench-exchange beyond those of the shard, by number of nodes.

@@ -73,8 +73,9 @@ TEST(PhysicsStates, HaveTheNamesOfCheckpoints) {
                           "sticking", "resting", "hottest_at_rest_k", "least_strain_at_rest"));
   EXPECT_THAT(names_of(with_inertia()),
               ElementsAre("temperature_k", "plastic_strain", "shear_stress_pa", "layer_velocity_m_per_s", "regime"));
-  EXPECT_THAT(names_of(with_heated_layer()), ElementsAre("hard_temperature_k", "temperature_k", "plastic_strain",
-                                                         "heat_shape", "shear_stress_pa", "regime"));
+  EXPECT_THAT(names_of(with_heated_layer()),
+              ElementsAre("hard_temperature_k", "temperature_k", "plastic_strain", "heat_shape", "shear_stress_pa",
+                          "shear_stress_rate_pa_per_s", "regime"));
 }
 
 TEST(PhysicsStates, JunctionsDeclareTheirOwn) {

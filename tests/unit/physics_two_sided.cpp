@@ -174,7 +174,7 @@ TEST(PhysicsTwoSided, CostsNothingWhereItIsNotAskedFor) {
   const TileLayout without = Model(paper()).layout();
   EXPECT_EQ(without.hard_temperature, TileLayout::kAbsent);
   EXPECT_EQ(without.num_hard_vertices, 0u);
-  EXPECT_EQ(without.doubles, (without.num_vertices + without.num_strain_vertices + 2) * kLanes);
+  EXPECT_EQ(without.doubles, (without.num_vertices + without.num_strain_vertices + 3) * kLanes);
   const TileLayout with = Model(two_sided(paper())).layout();
   EXPECT_EQ(with.doubles, without.doubles + with.num_hard_vertices * kLanes);
 }

@@ -67,7 +67,10 @@ class TileLayout : public StateList {
   std::size_t plastic_strain = add("plastic_strain", "1", num_strain_vertices);
   // Fraction phi of the work of the imposed jump that heats each vertex (MODEL.md, "Plastic-work heating").
   std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
-  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);             // shear stress s, signed
+  std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);  // shear stress s, signed
+  // Change of the shear stress in the last step over its length, 0 if the layer did not flow: start of the next search.
+  std::size_t stress_rate = add("shear_stress_rate_pa_per_s", "Pa s-1",
+                                options_->strategy == Strategy::kVelocityDriven && !options_->inertia);
   std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // relative to the hard body
   std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
   std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double

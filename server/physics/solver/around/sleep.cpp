@@ -85,6 +85,7 @@ void write_sleeping_lane(const Problem& problem, const TileInputs& inputs, const
   const LaneStep& step = resting.step;
   trial[layout.shear_stress + lane] = step.stress;
   trial[layout.regime + lane] = static_cast<double>(step.regime);
+  if (layout.stress_rate != TileLayout::kAbsent) trial[layout.stress_rate + lane] = 0.0;
   if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + lane] = step.sticks ? 1.0 : 0.0;
   trial[layout.resting + lane] = committed[layout.resting + lane] + 1.0;
   trial[layout.resting + kLanes + lane] = num_live;

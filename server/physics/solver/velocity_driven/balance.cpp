@@ -58,9 +58,10 @@ double starting_stress(const Problem& problem, double s_old, double jump, double
   return std::copysign(flow_stress(problem.options.soft, ep0, pressure, T0) / kSqrt3, jump);
 }
 
-// Finds trial stress, direction, heating and the bracket of the stress of one lane.
+// Finds trial stress, direction, heating and the bracket of the stress of one lane. `rate`: change of the stress in the
+// last step over its length, with which the search starts  [Pa/s].
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
-             const Heated& heated, double s_start, const double* strain) {
+             const Heated& heated, double s_start, double rate, const double* strain) {
   const double h = problem.options.grid.thickness;
   const double pressure = inputs.pressure[lane];
   const ElasticTrial trial = elastic_trial(problem, soft, inputs, lane, dt, s_start);
@@ -102,8 +103,10 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
   // flow by more than the whole slip; above the second a vertex would be molten. An expanded flow is solved from a good
   // guess without the first, unless melting is near.
-  const double guess = state.direction * s_start;
-  const bool guessed = guess > kLeastGuess * state.hi && guess < state.hi;
+  const auto inside = [&](double a) { return a > kLeastGuess * state.hi && a < state.hi; };
+  const double last = state.direction * s_start, extrapolated = state.direction * (s_start + rate * dt);
+  const auto guess = [&] { return inside(extrapolated) ? extrapolated : last; };
+  const bool guessed = inside(guess());
   if (state.hi > 0.0 && hardens(soft)) {
     double beyond = std::numeric_limits<double>::infinity();
     if (!guessed || !expands || !searches_unbounded(soft, T_hottest)) {
@@ -122,9 +125,8 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
       state.bound = Bound::kNotAnAnswer;
     }
   }
-  state.a = guess > kLeastGuess * state.hi && guess < state.hi
-                ? guess
-                : (state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi);
+  const double outermost = state.bound == Bound::kNotAnAnswer ? 0.5 * state.hi : state.hi;
+  state.a = inside(guess()) ? guess() : outermost;
   return state;
 }
 
@@ -401,7 +403,8 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, stress_before(layout, inputs, committed, l), inputs.velocity_jump[l],
                                    pressure, committed[layout.temperature + l], strain[l]);
-      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], strain + l);
+      lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], committed[layout.stress_rate + l],
+                         strain + l);
     }
     lanes[l].done = !lanes[l].loaded;
     loaded = loaded || lanes[l].loaded;
@@ -478,6 +481,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
                                           : mean_stress(problem, soft_at(l), inputs, l, lane, dt, s_start[l], committed,
                                                         trial, layer_slip > 0.0 || interface_slip > 0.0);
     trial[layout.shear_stress + l] = s;
+    trial[layout.stress_rate + l] = layer_slip > 0.0 ? (s - s_start[l]) / dt : 0.0;
     trial[layout.regime + l] = static_cast<double>(answer.regime);
   }
 }
