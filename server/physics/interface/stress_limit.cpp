@@ -19,13 +19,23 @@ constexpr int kMaxSearchIterations = 400;  // largest number of iterations of ap
 struct Carried {
   StressLimit::Value limit;
   double slope;
+  double slip;
 };
 Carried carried(const StressLimit& limit, const FrictionHeating& heating, double a) {
   if (limit.effort != nullptr) ++limit.effort->limit_values;
   const double slip = heating.slip(a);
   const StressLimit::Value s = limit.at(heating.temperature(a), slip);
-  if (slip <= 0.0) return {s, 0.0};
-  return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b};
+  if (slip <= 0.0) return {s, 0.0, 0.0};
+  return {s, s.slope * (heating.rise * (heating.c - 2.0 * heating.b * a)) - s.slip_slope * heating.b, slip};
+}
+
+// Whether a Newton step from the stress a is so short that the error after the step is below rounding. Where the limit
+// depends on the slip (junctions) the step must also be short relative to the slip: near the sticking stress a small
+// change of the stress is a large change of the slip. A step of a few ulps is always short.
+bool is_short(double step, double a, const Carried& s, double b) {
+  constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
+  const double size = std::abs(step);
+  return size <= kConverged * a && (s.limit.slip_slope == 0.0 || size * b <= kConverged * s.slip || size <= kUlps * a);
 }
 
 // Improves the root `a` of H(a) = s_lim - a by one Newton step, which removes the error that the tolerance of the
@@ -104,11 +114,11 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
     double next = 0.0;
     if (stress > 0.0 && a > 0.0) {
       next = a - logarithm(stress / a) / (s.slope / stress - 1.0 / a);
-      if (std::abs(next - a) <= kConverged * a) {
+      if (is_short(next - a, a, s, heating.b)) {
         // Near melting the step on log(s_lim / a) may be short although a is far from the root. So the root is accepted
         // only if the Newton step on H(a) = s_lim - a is short, too.
         const double straight = a + (stress - a) / (1.0 - s.slope);
-        if (std::abs(straight - a) <= kConverged * a) {
+        if (is_short(straight - a, a, s, heating.b)) {
           return polished(limit, heating, std::clamp(next, lo, hi), a_max, std::clamp(straight, lo, hi));
         }
         next = straight;
