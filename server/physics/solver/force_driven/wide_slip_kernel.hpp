@@ -9,6 +9,9 @@ inline constexpr double kConverged = 1e-7;
 // A root is rounded down by a few ulp, so that a layer as strong as the interface does not flow by rounding.
 inline constexpr double kRoundedDown = 1.0 - 0x1p-50;
 inline constexpr double kLeastGuess = 1e-12;  // smallest starting stress used, relative to the end of the bracket
+// A root is left to slip_stress() if the distance [K] of T0 from the temperature where the bracket of g vanishes is below
+// this fraction of the distance from melting: a last step that is short relative to the latter may then be too long.
+inline constexpr double kNearWeakest = 0.1;
 // Stress below which the logarithm of the limit over the stress is cut  [Pa].
 inline constexpr double kLeastStress = 1e-200;
 // A root closer to the sticking stress than this fraction is left to rigid_slip(), which decides whether the node
@@ -125,6 +128,12 @@ template <bool kPlain>
   return search;
 }
 
+// Whether the search is accurate for an interface whose temperature after the step is T.
+template <bool kPlain>
+[[gnu::always_inline]] inline Mask is_accurate(const Lanes<kPlain>& s, Register T) {
+  return s.bracket(T) > (kNearWeakest * s.hT) * (s.T_melt - T);
+}
+
 // Whether the search has found the answer: the root, or the end of the bracket if the node sticks or rubs there. A root
 // inside the bracket rules out that the node sticks. `a_stick`: stress at which it sticks.
 template <bool kPlain>
@@ -162,7 +171,7 @@ template <bool kPlain>
   const Register slip = where(sticks, where(resting > 0.0, resting, all(0.0)), s.slip(a));
   const Register flux = heat_partition * (a * slip);
   const Register T0 = s.T_ad + flux * B0;
-  const Mask solid = sticks | ((T0 < s.T_melt) & (s.T_ad + s.rise * (a * slip) < s.T_melt));
+  const Mask solid = sticks | ((T0 < s.T_melt) & (s.T_ad + s.rise * (a * slip) < s.T_melt) & is_accurate(s, T0));
   const Register yields =
       where(T0 >= kMeltingShare * s.T_melt, all(number(Regime::kMelting)), all(number(Regime::kTresca)));
   return {trial.direction * a,

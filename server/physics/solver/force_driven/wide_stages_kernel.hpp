@@ -18,7 +18,8 @@ struct Jump {
 template <bool kPlain>
 [[gnu::always_inline]] inline Mask found_solid(const Lanes<kPlain>& s, const Search& search, Register a_stick) {
   const Register a = search.answer;
-  return settled(s, search, a_stick) & (s.T_ad + s.rise * (a * s.slip(a)) < s.T_melt);
+  const Register T0 = s.T_ad + s.rise * (a * s.slip(a));
+  return settled(s, search, a_stick) & (T0 < s.T_melt) & is_accurate(s, T0);
 }
 
 template <bool kPlain>
