@@ -1,9 +1,8 @@
 #include "server/physics/layer/heat_basis.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 
 #include "server/physics/layer/wide.hpp"
@@ -13,46 +12,134 @@ namespace {
 
 // Smallest amplitude of a live mode  [K]. A thousand modes below 1e-17 K sum to less than half an ulp of 300 K.
 constexpr double kDead = 1e-17;
+// Modes whose decay rates differ by less than this fraction are made orthogonal to each other.
+constexpr double kClose = 1e-2;
+
+// The modes u of C dT/dt = -K T with capacities C and conductances K between neighbouring vertices: K u = rate C u.
+// Every step below is a sum of terms of one sign, a product or a quotient, except where an admittance meets a shift:
+// rates and modes have few wrong digits relative to themselves, not to the fastest rate (Dhillon and Parlett 2004,
+// "Multiple representations"). A fast mode thus is tiny far from the thin cells in which it lives, by its own digits.
+class Chain {
+ public:
+  Chain(const HeatGrid& grid, const Material& soft, const Material& hard) {
+    const int n = grid.num_vertices();
+    for (int i = 0; i < n; ++i) capacity_.push_back(grid.capacity(i, soft, hard));
+    for (int i = 0; i + 1 < n; ++i) {
+      const double conductivity = i < grid.interface ? hard.conductivity : soft.conductivity;
+      conductance_.push_back(conductivity / grid.width[static_cast<std::size_t>(i)]);
+    }
+  }
+
+  const std::vector<double>& capacity() const { return capacity_; }
+  std::size_t size() const { return capacity_.size(); }
+
+  // All decay rates, ascending, each bisected to its last digit.
+  std::vector<double> rates() const {
+    const std::size_t n = size();
+    double bound = 0.0;
+    for (std::size_t i = 0; i < n; ++i)
+      bound =
+          std::max(bound, ((i > 0 ? conductance_[i - 1] : 0.0) + (i + 1 < n ? conductance_[i] : 0.0)) / capacity_[i]);
+    std::vector<double> low(n, 0.0), high(n, 2.0001 * bound);
+    for (std::size_t k = 1; k < n; ++k) {
+      for (;;) {
+        const double middle = 0.5 * (low[k] + high[k]);
+        if (middle <= low[k] || middle >= high[k]) break;
+        const std::size_t slower = num_slower(middle);
+        for (std::size_t j = k; j < slower; ++j) high[j] = std::min(high[j], middle);
+        for (std::size_t j = std::max(k, slower); j < n; ++j) low[j] = std::max(low[j], middle);
+      }
+    }
+    return low;
+  }
+
+  // The mode of a decay rate. `taken`: the share of each vertex that modes of nearly the same rate have, 0 to 1.
+  std::vector<double> mode(double rate, const std::vector<double>& taken) const {
+    const std::size_t n = size();
+    // Admittances of the bodies up to and from each vertex on, without the rest.
+    std::vector<double> before(n), behind(n), u(n);
+    before[0] = -rate * capacity_[0];
+    for (std::size_t i = 0; i + 1 < n; ++i) before[i + 1] = passed(i, before[i]) - rate * capacity_[i + 1];
+    behind[n - 1] = -rate * capacity_[n - 1];
+    for (std::size_t i = n - 1; i-- > 0;) behind[i] = passed(i, behind[i + 1]) - rate * capacity_[i];
+    // The vertex from which the mode is built is that whose own balance is met best.
+    std::size_t from = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < n; ++i) {
+      const double unmet = std::abs(before[i] + (behind[i] + rate * capacity_[i]));
+      const double open = capacity_[i] * std::max(1.0 - taken[i], std::numeric_limits<double>::epsilon());
+      if (unmet < least * open) {
+        least = unmet / open;
+        from = i;
+      }
+    }
+    u[from] = 1.0;
+    for (std::size_t i = from; i-- > 0;) u[i] = u[i + 1] * (conductance_[i] / pivot(i, before[i]));
+    for (std::size_t i = from; i + 1 < n; ++i) u[i + 1] = u[i] * (conductance_[i] / pivot(i, behind[i + 1]));
+    return u;
+  }
+
+  double product(const double* u, const double* v) const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < size(); ++i) sum += capacity_[i] * u[i] * v[i];
+    return sum;
+  }
+
+ private:
+  // Number of modes that decay more slowly than `rate`: of negative pivots of K - rate C (Sylvester's law of inertia).
+  std::size_t num_slower(double rate) const {
+    std::size_t count = 0;
+    double admittance = -rate * capacity_[0];
+    for (std::size_t i = 0; i + 1 < size(); ++i) {
+      count += pivot(i, admittance) < 0.0;
+      admittance = passed(i, admittance) - rate * capacity_[i + 1];
+    }
+    return count + (admittance < 0.0);
+  }
+  double pivot(std::size_t cell, double admittance) const {
+    const double sum = conductance_[cell] + admittance;
+    return sum != 0.0 ? sum : -std::numeric_limits<double>::epsilon() * conductance_[cell];
+  }
+  // Admittance of a conductance in series with an admittance.
+  double passed(std::size_t cell, double admittance) const {
+    return conductance_[cell] * (admittance / pivot(cell, admittance));
+  }
+
+  std::vector<double> capacity_, conductance_;
+};
 
 }  // namespace
 
-// The heat equation C dT/dt = -K T, with capacities C and conductances K, is symmetric in the unknowns sqrt(C) T.
 HeatBasis::HeatBasis(const HeatGrid& grid, const Material& soft, const Material& hard) {
-  const int n = grid.num_vertices();
-  Eigen::VectorXd root(n);  // square roots of the capacities
-  for (int i = 0; i < n; ++i) root[i] = std::sqrt(grid.capacity(i, soft, hard));
-  Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(n);
-  Eigen::VectorXd off(n - 1);
-  for (int i = 0; i + 1 < n; ++i) {
-    const double conductivity = i < grid.interface ? hard.conductivity : soft.conductivity;
-    const double conductance = conductivity / grid.width[static_cast<std::size_t>(i)];  // [W/(m2 K)]
-    diagonal[i] += conductance / (root[i] * root[i]);
-    diagonal[i + 1] += conductance / (root[i + 1] * root[i + 1]);
-    off[i] = -conductance / (root[i] * root[i + 1]);
-  }
-  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
-  solver.computeFromTridiagonal(diagonal, off);
-  Eigen::MatrixXd mode = solver.eigenvectors();
-  // Replaces the uniform mode of the eigenvalue solver by the exact one, to conserve heat. Between cells of very different
-  // widths the solver's is off by far more than rounding; the other modes are made orthogonal again, slow ones first.
-  mode.col(0) = root / root.norm();
-  mode.rightCols(n - 1) = Eigen::MatrixXd(Eigen::HouseholderQR<Eigen::MatrixXd>(mode).householderQ()).rightCols(n - 1);
-
-  for (int k = 0; k < n; ++k) {
-    rate.push_back(k == 0 ? 0.0 : std::max(0.0, solver.eigenvalues()[k]));
-    Eigen::VectorXd temperature = mode.col(k).cwiseQuotient(root);
-    if (k == 0) temperature.setOnes();
-    const double largest = temperature.cwiseAbs().maxCoeff();
-    const double scale = k == 0 ? 1.0 / root.norm() : largest;
-    double in_soft = 0.0;
-    for (int i = 0; i < n; ++i) {
-      shape.push_back(temperature[i] / largest);
-      projection.push_back(mode(i, k) * root[i] * scale);
-      const double length = grid.weight[static_cast<std::size_t>(i)];  // at z = 0 only the part in the soft body
-      if (i >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * shape.back();
-      if (k == 0) heat += grid.capacity(i, soft, hard);
+  const Chain chain(grid, soft, hard);
+  const std::size_t n = chain.size();
+  const std::vector<double>& capacity = chain.capacity();
+  rate = chain.rates();
+  for (const double each : capacity) heat += each;
+  std::vector<double> taken(n);
+  for (std::size_t k = 0; k < n; ++k) {
+    std::size_t close = k;  // the first mode whose rate is close to that of mode k
+    while (close > 1 && rate[k] - rate[close - 1] < kClose * rate[k]) --close;
+    const auto shape_of = [&](std::size_t j) { return shape.data() + j * n; };
+    std::fill(taken.begin(), taken.end(), 0.0);
+    for (std::size_t j = close; j < k; ++j)
+      for (std::size_t i = 0; i < n; ++i) taken[i] += projection[j * n + i] * shape[j * n + i];
+    std::vector<double> u = k == 0 ? std::vector<double>(n, 1.0) : chain.mode(rate[k], taken);
+    for (std::size_t j = close; j < k; ++j) {
+      const double share = chain.product(shape_of(j), u.data()) / chain.product(shape_of(j), shape_of(j));
+      for (std::size_t i = 0; i < n; ++i) u[i] -= share * shape_of(j)[i];
     }
-    at_interface.push_back(temperature[grid.interface] / largest);
+    double largest = 0.0, in_soft = 0.0;
+    for (const double each : u) largest = std::max(largest, std::abs(each));
+    for (double& each : u) each /= largest;
+    const double square = chain.product(u.data(), u.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      shape.push_back(u[i]);
+      projection.push_back(capacity[i] * u[i] / square);
+      const double length = grid.weight[i];  // at z = 0 only the part in the soft body
+      if (static_cast<int>(i) >= grid.interface) in_soft += soft.conductivity / soft.diffusivity * length * u[i];
+    }
+    at_interface.push_back(u[static_cast<std::size_t>(grid.interface)]);
     soft_heat.push_back(in_soft);
   }
 }
