@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 #include "tests/campaign/random_pairs.hpp"
 #include "tests/campaign/random_scenes.hpp"
@@ -15,6 +16,7 @@ using namespace shearbus::testing;  // NOLINT(google-build-using-namespace): rig
 namespace {
 
 constexpr int kSteps = 25;
+constexpr int kStepsWithSleep = 3 * kStepsPerPhase;
 
 constexpr std::array kOfOnePair = {
     RandomKind{"velocity-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kVelocityDriven, e); }},
@@ -39,9 +41,15 @@ constexpr auto kKinds = [] {
   return all;
 }();
 
+int steps_of(const ModelOptions& options) {
+  return options.sleep ? kStepsWithSleep : kSteps;
+}
+
 // Runs a history of random inputs with `options`, from the initial state or from a random state.
 void run_history(Draw& draw, const ModelOptions& options, bool extreme, RandomOutcome& outcome) {
   Rig rig(options);
+  std::optional<AwakeTwin> awake;
+  if (options.sleep) awake.emplace(options);
   SearchEffort effort;
   rig.inputs.effort = &effort;
   if (draw.chance(0.5)) {
@@ -49,7 +57,8 @@ void run_history(Draw& draw, const ModelOptions& options, bool extreme, RandomOu
   } else {
     start_hard_elsewhere(draw, rig);
   }
-  random_history(draw, rig, extreme, kSteps, outcome.figures, [&] {
+  random_history(draw, rig, extreme, steps_of(options), outcome.figures, [&](double dt) {
+    if (awake) awake->repeat(rig, dt, outcome.slept);
     require_effort(effort, rig);
     take_most(outcome.most, effort);
     effort = {};
@@ -64,7 +73,7 @@ void run_seed(const RandomKind& kind, bool extreme, std::uint64_t seed, RandomOu
   const ModelOptions options = with_further_options(draw, kind.options(draw, extreme), extreme);
   ++outcome.scenes;
   try {
-    kind.several_pairs ? run_pairs(draw, options, extreme, kSteps, outcome)
+    kind.several_pairs ? run_pairs(draw, options, extreme, steps_of(options), outcome)
                        : run_history(draw, options, extreme, outcome);
   } catch (const Broken& broken) {
     outcome.faults.push_back({seed, broken.what()});

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tests/campaign/campaign.hpp"
+#include "tests/support/sleepers.hpp"
 
 namespace shearbus::study::stability {
 
@@ -23,6 +24,7 @@ struct RandomOutcome {
   std::string name;  // name of the RandomKind or of the Physics
   long scenes = 0;
   Figures figures;
+  testing::Slept slept;
   SearchEffort most;  // largest counts of search work in one step of a tile of eight nodes
   struct Fault {
     std::uint64_t seed;  // seed of the history that failed

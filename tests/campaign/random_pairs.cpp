@@ -60,15 +60,15 @@ class Twins {
     together_.emplace(shard::PairTable({{"pair", "1"}}, std::move(pairs)), ids, of_node, temperature, pool_);
   }
 
-  void step(Draw& draw, bool extreme, RandomOutcome& outcome) {
+  void step(Draw& draw, bool extreme, int step, RandomOutcome& outcome) {
     const double dt = std::max(random_dt(draw, extreme), shortest_step(options_.front()));
     for (Tile& tile : tiles_) {
-      tile.rig->model.options().tangential_components == 2 ? random_vectors(draw, *tile.rig, extreme)
-                                                           : random_inputs(draw, *tile.rig, extreme);
+      random_step(draw, *tile.rig, extreme, step, tile.phase);
       SearchEffort effort;
       tile.rig->inputs.effort = &effort;
       tile.rig->step(dt);
       tile.rig->inputs.effort = nullptr;
+      if (tile.awake) tile.awake->repeat(*tile.rig, dt, outcome.slept);
       require_effort(effort, *tile.rig);
       take_most(outcome.most, effort);
       tile.tangents = linearised(*tile.rig);
@@ -86,6 +86,8 @@ class Twins {
     std::uint32_t pair;
     int nodes = 0;
     std::unique_ptr<Rig> rig;
+    std::unique_ptr<AwakeTwin> awake;  // null: the scene has no sleep
+    Phase phase{};
     TileOutputs tangents{};
   };
   struct Place {
@@ -96,7 +98,10 @@ class Twins {
   void place(std::uint32_t pair) {
     std::size_t t = 0;
     while (t < tiles_.size() && (tiles_[t].pair != pair || tiles_[t].nodes == kLanes)) ++t;
-    if (t == tiles_.size()) tiles_.push_back({.pair = pair, .rig = std::make_unique<Rig>(options_[pair], 0)});
+    if (t == tiles_.size()) {
+      tiles_.push_back({.pair = pair, .rig = std::make_unique<Rig>(options_[pair], 0)});
+      if (options_[pair].sleep) tiles_[t].awake = std::make_unique<AwakeTwin>(options_[pair]);
+    }
     Tile& tile = tiles_[t];
     places_.push_back({t, tile.nodes++});
     tile.rig->inputs.active = (1U << tile.nodes) - 1;
@@ -150,7 +155,7 @@ void run_pairs(Draw& draw, const ModelOptions& first, bool extreme, int steps, R
   Twins twins(draw, first);
   for (int step = 0; step < steps; ++step) {
     try {
-      twins.step(draw, extreme, outcome);
+      twins.step(draw, extreme, step, outcome);
     } catch (const Broken& broken) {
       throw Broken(fmt::format("step {}: {}", step, broken.what()));
     }

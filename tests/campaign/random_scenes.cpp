@@ -1,6 +1,8 @@
 #include "tests/campaign/random_scenes.hpp"
 
+#include <cstdint>
 #include <iterator>
+#include <limits>
 
 #include "server/shard/pairs.hpp"
 
@@ -64,6 +66,12 @@ ModelOptions with_further_options(Draw& draw, ModelOptions options, bool extreme
   });
   maybe(0.2, [&](ModelOptions& o) { hold_far_faces(draw, o); });
   if (!extreme) maybe(0.03, [&](ModelOptions& o) { o = discretised(o, draw.log_uniform(3e-3, 1e-1)); });
+  // Draws from another generator, so that scenes without sleep stay as they were before it was drawn.
+  Draw copy = draw, aside(static_cast<std::uint64_t>(copy.integer(0, std::numeric_limits<int>::max())));
+  if (ModelOptions asleep = options; aside.chance(0.15)) {
+    asleep.sleep = true;
+    if (refusals(asleep).empty()) options = asleep;
+  }
   return options;
 }
 

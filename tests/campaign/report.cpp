@@ -131,6 +131,9 @@ void print_random(const Campaign& c) {
         "answers {}; sums {}, limits {}, Newton {}\n",
         one.name, one.scenes, f.node_steps, one.faults.size(), f.heat_residual, f.over_limit, f.divided, f.several,
         one.most.layer_sums, one.most.limit_values, one.most.newton_steps);
+    if (one.slept.asleep > 0)
+      fmt::print("    {} asleep, {} of them stuck under stress, woke {} times; T0 at most {:.1e} K from that awake\n",
+                 one.slept.asleep, one.slept.stuck, one.slept.woken, one.slept.apart);
     for (std::size_t i = 0; i < std::min<std::size_t>(one.faults.size(), 10); ++i)
       fmt::print("    BROKEN seed {}: {}\n", one.faults[i].seed, one.faults[i].text);
   }

@@ -132,7 +132,7 @@ void require_sound_model(Draw& draw, const ModelOptions& options, Counts& counts
   {
     Rig rig(options);
     if (draw.chance(0.5)) random_state(draw, rig);
-    random_history(draw, rig, false, options.tolerance ? 3 : kHistorySteps, figures, [] {});
+    random_history(draw, rig, false, options.tolerance ? 3 : kHistorySteps, figures, [](double) {});
   }
   Rig rig(options);
   slide(rig);

@@ -7,6 +7,7 @@
 
 #include "tests/support/invariants.hpp"
 #include "tests/support/random_physics.hpp"
+#include "tests/support/sleepers.hpp"
 
 namespace shearbus::testing {
 
@@ -70,21 +71,33 @@ inline void random_state(Draw& draw, Rig& rig) {
   }
 }
 
-// Runs a history of random inputs. `after_step` is called after each step, before the invariants are checked.
+// Draws the inputs of a step. Nodes that may sleep rest in phases, so that they do.
+inline void random_step(Draw& draw, Rig& rig, bool extreme, int step, Phase& phase) {
+  if (rig.model.options().sleep) {
+    if (step % kStepsPerPhase == 0) phase = begin_phase(draw, rig, extreme);
+    within_phase(phase, rig);
+  } else if (rig.model.options().tangential_components == 2) {
+    random_vectors(draw, rig, extreme);
+  } else {
+    random_inputs(draw, rig, extreme);
+  }
+}
+
+// Runs a history of random inputs. `after_step(dt)` is called after each step, before the invariants are checked.
 template <class AfterStep>
 void random_history(Draw& draw, Rig& rig, bool extreme, int steps, Figures& figures, const AfterStep& after_step) {
   const ModelOptions& options = rig.model.options();
-  const bool plane = options.tangential_components == 2;
-  const bool closed_loop = draw.chance(0.5) && options.strategy == Strategy::kForceDriven;
+  const bool closed_loop = draw.chance(0.5) && options.strategy == Strategy::kForceDriven && !options.sleep;
+  Phase phase{};
   for (int step = 0; step < steps; ++step) {
-    plane ? random_vectors(draw, rig, extreme) : random_inputs(draw, rig, extreme);
+    random_step(draw, rig, extreme, step, phase);
     if (closed_loop && step > 0) {
       std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
       std::copy_n(rig.outputs.second_velocity_jump_new, kLanes, rig.inputs.second_velocity_jump);
     }
     const double dt = std::max(random_dt(draw, extreme), shortest_step(options));
     rig.step(dt);
-    after_step();
+    after_step(dt);
     for (int l = 0; l < kLanes; ++l) {
       try {
         require_invariants(rig, l, dt, figures);
