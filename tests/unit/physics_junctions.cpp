@@ -185,6 +185,37 @@ TEST(PhysicsJunctions, TheSearchForTheMostSlipFindsTheFirstZero) {
   EXPECT_GT(several, 50);
 }
 
+// Next to sticking the slip is a small difference of large velocities, and junctions of almost no height harden with it:
+// the slip must be found to the last digits of these velocities, as bisection finds it.
+TEST(PhysicsJunctions, SlipNextToStickingIsFoundToItsLastDigits) {
+  Draw draw(77);
+  const Material soft = paper_options().soft;
+  int near = 0;
+  double worst = 0.0;
+  for (int n = 0; n < 2000; ++n) {
+    JunctionOptions options{draw.uniform(0.1, 1.0), draw.log_uniform(1e-13, 1e-11), soft};
+    options.metal.yield_strength = draw.uniform(50e6, 700e6);
+    options.metal.yield_strength_max = 4.0 * options.metal.yield_strength;
+    options.metal.hardening_coefficient = draw.log_uniform(1.0, 10.0);
+    options.metal.hardening_exponent = draw.uniform(0.1, 1.0);
+    const StressLimit limit{std::numeric_limits<double>::infinity(), 0.0, 11.2e9, &soft,
+                            junctions_of(&options, 0.0, 1e-6)};
+    // Bodies that stick under a stress between the limits of fresh and of hardened junctions.
+    const double fresh = limit.at(400.0, 0.0).stress;
+    const FrictionHeating heating{400.0, 1e-12, 300.0, 300.0 / (fresh * draw.uniform(1.001, 3.0))};
+    const double a_stick = heating.c / heating.b;
+    if (spare_strength(limit, heating, a_stick) >= 0.0) continue;
+    double low = 0.0, high = a_stick;
+    for (double middle = 0.5 * high; middle > low && middle < high; middle = 0.5 * (low + high))
+      (spare_strength(limit, heating, middle) > 0.0 ? low : high) = middle;
+    const double found = heating.slip(slip_stress(limit, heating, a_stick, 0.5 * a_stick));
+    near += heating.slip(high) < 1e-6 * heating.c;
+    worst = std::max(worst, std::abs(found - heating.slip(high)) / heating.c);
+  }
+  EXPECT_GT(near, 100);
+  EXPECT_LT(worst, 16.0 * std::numeric_limits<double>::epsilon());
+}
+
 TEST(PhysicsJunctions, StateIsThereOnlyWhenAskedFor) {
   ModelOptions options = with_junctions(0.5, 1e-7);
   const TileLayout with = Model(options).layout();
