@@ -158,7 +158,7 @@ TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
         apart_T = std::max(
             apart_T, std::abs(sleeper.outputs.interface_temperature[l] - solved.outputs.interface_temperature[l]));
         ASSERT_NEAR(sleeper.model.interface_temperature(sleeper.committed.data(), l),
-                    sleeper.outputs.interface_temperature[l], 1e-8);
+                    sleeper.outputs.interface_temperature[l], 1e-11);
         apart_s = std::max(apart_s, std::abs(sleeper.outputs.shear_stress[l] - solved.outputs.shear_stress[l]));
         for (const LedgerTerm term : {LedgerTerm::kStoredSoft, LedgerTerm::kStoredHard, LedgerTerm::kHeatResidual})
           apart_heat = std::max(apart_heat, std::abs(mine(term, l) - theirs(term, l)));
@@ -168,9 +168,11 @@ TEST_P(Sleep, AnswersAreThoseOfNodesThatAreSolved) {
   EXPECT_GT(asleep, 2000);
   EXPECT_GT(stuck, 300);
   EXPECT_GT(woke, 20);
-  EXPECT_LT(apart_T, 2e-9);
-  EXPECT_LT(apart_s, 1e-3);
-  EXPECT_LT(apart_heat, 3e-5);  // largest difference of the stored heat [J/m2]; about 10 kJ/m2 are stored
+  // Plastic heating magnifies rounding in the band that flows; 1.0e-12 K and 5.4e-7 Pa in all other models.
+  const bool magnifies = options().taylor_quinney_factor.has_value();
+  EXPECT_LT(apart_T, magnifies ? 2e-9 : 1e-11);
+  EXPECT_LT(apart_s, magnifies ? 1e-3 : 1e-5);
+  EXPECT_LT(apart_heat, 1e-8);  // largest difference of the stored heat [J/m2]; about 10 kJ/m2 are stored
   printf(
       "%s: asleep %d node-steps, %d of them stuck under stress, woke %d times, %d without heat; apart by %.1e K, "
       "%.1e Pa, %.1e J/m2\n",
