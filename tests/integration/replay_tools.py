@@ -334,15 +334,15 @@ class Logs(Tool):
         self.assertTrue(width > 600 and height > 600)
 
     def test_a_replay_is_not_slower_than_the_recorded_run(self):
-        with shearbus.open(GRADED, range(200), self.server.endpoint) as bus:
-            service = sum(bus.step(1e-9, jump=np.full(200, 80.0), pressure=11.2e9).service_s for _ in range(1000))
+        with shearbus.open(GRADED, range(800), self.server.endpoint) as bus:
+            service = sum(bus.step(1e-9, jump=np.full(800, 80.0), pressure=11.2e9).service_s for _ in range(1000))
         spent = []
         for _ in range(3):
             before = resource.getrusage(resource.RUSAGE_CHILDREN)
             text = self.tool(self.log)
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-        print(f"1000 steps of 200 nodes: the server took {service:.3f} s to answer, the program that replays them {min(spent):.3f} s "
+        print(f"1000 steps of 800 nodes: the server took {service:.3f} s to answer, the program that replays them {min(spent):.3f} s "
               f"of processor; it says{text.split('run time')[1].splitlines()[0]}")
         self.assertLess(min(spent), 1.5 * service)  # with its start; the processor's time, since other programs run
 
