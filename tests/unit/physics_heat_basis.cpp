@@ -102,7 +102,8 @@ TEST(PhysicsHeatBasis, RoughProfilesComeBackToRounding) {
       const HeatBasis basis(grid, options.soft, options.hard);
       EXPECT_LT(apart(basis), 1e-13) << growth;
       std::vector<double> rows(static_cast<std::size_t>(grid.num_vertices()) * kLanes);
-      for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = 300.0 + 900.0 * std::abs(std::sin(1.0 * i * i));
+      for (std::size_t i = 0; i < rows.size(); ++i)
+        rows[i] = 300.0 + 900.0 * std::abs(std::sin(static_cast<double>(i * i)));
       std::vector<double> modes = rows, back = rows;
       to_profile(basis, to_modes(basis, 0, modes.data()), 0, modes.data(), back.data());
       for (std::size_t i = 0; i < rows.size(); i += kLanes) ASSERT_NEAR(back[i], rows[i], 1e-10) << i;
