@@ -87,6 +87,7 @@ struct Downscale {
   std::uint32_t part = 0;   // number of this part of a step in parts, from 1 on; 0: the step is not divided
   std::uint32_t parts = 0;  // number of parts
   AbsentNodes absent_nodes = AbsentNodes::kKeep;
+  std::uint64_t follows = 0;  // hash of the header frame of the part before, which was not answered yet; 0: it was
 
   static void fields(auto&& v, auto& m) {
     v(1, "dt_s", m.dt_s);
@@ -100,6 +101,7 @@ struct Downscale {
     v(9, "part", m.part);
     v(10, "parts", m.parts);
     v(11, "absent_nodes", m.absent_nodes);
+    v(12, "follows", fixed(m.follows));
   }
 };
 struct Commit {

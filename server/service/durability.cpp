@@ -36,11 +36,11 @@ struct HeldReply {
   wire::Reply reply;
 };
 
-std::shared_ptr<wire::Reply> reply_from(const store::SessionImage& image) {
+std::shared_ptr<wire::Reply> reply_from(const std::vector<std::byte>& header, const std::vector<std::byte>& payload) {
   auto held = std::make_shared<HeldReply>();
-  held->payload = image.reply_payload;
-  const std::array<std::span<const std::byte>, 2> frames = {image.reply_header, held->payload};
-  wire::decode(std::span(frames).first(wire::declares_payload(image.reply_header) ? 2 : 1), held->reply);
+  held->payload = payload;
+  const std::array<std::span<const std::byte>, 2> frames = {header, held->payload};
+  wire::decode(std::span(frames).first(wire::declares_payload(header) ? 2 : 1), held->reply);
   return {held, &held->reply};
 }
 
@@ -177,7 +177,12 @@ void Service::restore(const store::Snapshot& snapshot) {
     member->identity = image.identity;
     member->opened_ns = member->last_request_ns = started_ns_;
     member->resume_token = image.resume_token;
-    member->conversation.complete(image.last_sequence, image.last_hash, reply_from(image));
+    const bool follows = !image.before_header.empty();
+    if (follows)
+      member->conversation.complete(image.last_sequence - 1, image.before_hash,
+                                    reply_from(image.before_header, image.before_payload));
+    member->conversation.complete(image.last_sequence, image.last_hash,
+                                  reply_from(image.reply_header, image.reply_payload), follows);
     member->claim = image.claim;
     member->claimant = image.claimant;
     member->owner_epoch = image.owner_epoch;
@@ -276,6 +281,13 @@ store::Snapshot Service::snapshot() const {
       image.state_version = member.shard->state_version();
       image.committed = member.shard->committed_states();
       image.marks = member.marks;
+      if (const session::Kept& before = member.conversation.before(); before.reply) {
+        make_repeat(*before.reply);
+        const std::string first = wire::encode_header(*before.reply);
+        image.before_hash = before.hash;
+        image.before_header = copy_of(std::as_bytes(std::span(first)));
+        image.before_payload = copy_of(before.reply->batch.bytes());
+      }
       if (member.shard->has_trial()) image.trial = member.shard->trial_states();
       if (member.parts) {
         const std::string part = wire::encode_header(wire::Request{.body = member.parts->last});

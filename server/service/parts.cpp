@@ -65,6 +65,20 @@ void check_part(const Downscale& part, const wire::Batch& batch, const Parts* be
     refuse(field, fmt::format("{} of part {} is another than that of part {}", field, part.part, before->last.part));
 }
 
+void check_follows(const Downscale& part, std::uint64_t last) {
+  if (part.part < 2)
+    refuse("follows",
+           fmt::format("follows is set in part {} of {}; only a later part may have it", part.part, part.parts));
+  if (part.follows == last) return;
+  throw Error(
+      {.code = Code::kSequenceGap,
+       .text = fmt::format("part {} follows a request whose header has XXH3-64 {:016x}; that of the last request "
+                           "has {:016x}",
+                           part.part, part.follows, last),
+       .remedy = "Nothing was changed. Wait for the answer to the part before, then send this one.",
+       .field = "downscale.follows"});
+}
+
 void check_rows_of_part(const wire::Batch& batch, const shard::Rows& rows, const Parts& before) {
   std::vector<std::uint64_t> again;
   for (std::size_t row = 0; row < rows.slots.size(); ++row)

@@ -23,4 +23,8 @@ struct Parts {
 void check_part(const wire::Downscale& part, const wire::Batch& batch, const Parts* before);
 void check_rows_of_part(const wire::Batch& batch, const shard::Rows& rows, const Parts& before);
 
+// Refuses a part that follows another request than the last one of the session, whose header frame has the hash `last`.
+// Such a part may be a late copy from a step that its client has given up.
+void check_follows(const wire::Downscale& part, std::uint64_t last);
+
 }  // namespace shearbus::service

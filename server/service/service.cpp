@@ -207,10 +207,10 @@ void Service::check_epoch(const wire::Request& request, const Member* member) co
                                    : "Open a new session and start again from the host's last restart point."});
 }
 
-Service::ReplyPtr Service::repeat(const Member& member) {
+Service::ReplyPtr Service::repeat(ReplyPtr kept) {
   ++metrics_.replayed;
-  make_repeat(*member.conversation.kept_reply());
-  return member.conversation.kept_reply();
+  make_repeat(*kept);
+  return kept;
 }
 
 // Checks that the caller opened the session or is an operator, by the authenticated identity (a key or a uid). The
@@ -240,9 +240,9 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
   if (store_ != nullptr) welcome.limits.max_replay_work = static_cast<std::uint64_t>(store_->checkpoint_work());
   welcome.limits.max_work_budget = static_cast<std::uint64_t>(options_.max_work_budget);
   welcome.access = caller.identity.substr(0, caller.identity.find(' '));
-  welcome.capabilities = {"velocity_driven", "force_driven", "trial",      "resume",     "mark",      "domains",
-                          "stick_form",      "absent_nodes", "closure",    "idle_limit", "parts",     "profiles",
-                          "regimes",         "mean_stress",  "linearised", "pairs",      "parameters"};
+  welcome.capabilities = {"velocity_driven", "force_driven", "trial",      "resume",     "mark",       "domains",
+                          "stick_form",      "absent_nodes", "closure",    "idle_limit", "parts",      "profiles",
+                          "regimes",         "mean_stress",  "linearised", "pairs",      "parameters", "parts_ahead"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
   reply.body = std::move(welcome);
@@ -280,7 +280,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
     if (verdict.triage == session::Triage::kProcess)
       throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
     ++user(arrival.caller.identity).replayed;
-    return repeat(*known->second);
+    return repeat(std::move(verdict.reply));
   }
   check_may_open(request);
   check_session_quota(arrival.caller);
@@ -414,14 +414,17 @@ Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& r
   member.last_request_ns = arrival.started_ns;
   if (verdict.triage == session::Triage::kResend) {
     ++user(arrival.caller.identity).replayed;
-    return repeat(member);  // whatever the request's epoch
+    return repeat(std::move(verdict.reply));  // whatever the request's epoch
   }
   check_epoch(request, &member);
   if (!member.shard)
     throw Error({.code = Code::kUnknownSession,
                  .text = "the session is closed" + (member.closed_because.empty() ? "" : ": " + member.closed_because),
                  .remedy = "Open a new session."});
-  if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
+  if (verdict.triage == session::Triage::kReject) {
+    if (follows_running(member, arrival) && must_wait(member)) return reply;
+    throw Error(std::move(verdict.status));
+  }
 
   if (std::holds_alternative<wire::Downscale>(request.body)) return downscale(member, arrival, reply);
   if (must_wait(member)) return reply;

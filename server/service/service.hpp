@@ -164,13 +164,14 @@ class Service : private store::Recovery {
   void check_work_budget(const physics::ModelOptions& options) const;
   // Refuses states that the server, or the quota of the user `owner`, has no memory for.
   void check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
-  ReplyPtr repeat(const Member& member);
+  ReplyPtr repeat(ReplyPtr kept);
   // steps.cpp: a step, from its checks to its answer.
   ReplyPtr downscale(Member& member, Arrival& arrival, const ReplyPtr& reply);
   std::unique_ptr<RunningStep> begin_step(Member& member, Arrival& arrival, const ReplyPtr& reply);
   bool slice(Member& member);
   void end_step(Member& member, RunningStep& running, const Arrival& arrival);
   bool must_wait(const Member& member);
+  bool follows_running(const Member& member, const Arrival& arrival) const;
   void wait_for_work(Member& member, Frames frames);
   Member* computed_for(Frames frames) const;
   ReplyPtr end_step(Member& member, const Arrival& arrival);

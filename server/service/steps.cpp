@@ -44,6 +44,14 @@ bool Service::must_wait(const Member& member) {
   return true;
 }
 
+// Whether the request is the part behind the one that is being computed. It waits until that part has run.
+bool Service::follows_running(const Member& member, const Arrival& arrival) const {
+  if (!member.running || !may_wait_) return false;
+  const auto* part = std::get_if<wire::Downscale>(&arrival.request.body);
+  return part != nullptr && part->part > 1 && part->follows == member.running->hash &&
+         arrival.request.sequence == member.running->request.sequence + 1;
+}
+
 Service::ReplyPtr Service::downscale(Member& member, Arrival& arrival, const ReplyPtr& reply) {
   if (!member.running) {
     member.running = begin_step(member, arrival, reply);
@@ -121,6 +129,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   const physics::ModelOptions& options = shard.model().options();
   const std::span<const Field> wanted = check_wanted(step, options, shard.check_closure());
   running->further = step.part > 1;
+  if (step.follows != 0) check_follows(step, member.conversation.last_hash());
   check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
   running->rows = check_step(step, request.batch, options, shard.nodes());
   if (running->further) check_rows_of_part(request.batch, running->rows, *member.parts);
@@ -132,6 +141,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   running->operators = shard.operators(step.dt_s);
   const shard::Rows& rows = running->rows;
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
+  spare(member.conversation.forget_before());
   // The shard writes each row of each column.
   reply->batch = std::move(spare_batch_);
   reply->batch.reshape(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
@@ -244,7 +254,7 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
   upscale.state_version = shard.state_version();
   upscale.solver_ns = running.solver_ns;
   upscale.service_ns = running.ended_ns - running.started_ns;
-  spare(member.conversation.complete(running.request.sequence, running.hash, running.reply));
+  spare(member.conversation.complete(running.request.sequence, running.hash, running.reply, step.follows != 0));
 
   if (store_ != nullptr) store_->add_work(count.work);
   ++member.totals.requests;

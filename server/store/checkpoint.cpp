@@ -115,6 +115,11 @@ void put_session(hid_t parent, const SessionImage& session, std::uint64_t order)
   if (session.idle_limit_s != 0) put_number(group, "idle_limit_s", session.idle_limit_s);
   put_numbers(group, "reply_header", session.reply_header, session.reply_header.size());
   put_numbers(group, "reply_payload", session.reply_payload, session.reply_payload.size());
+  if (!session.before_header.empty()) {
+    put_number(group, "request_before_xxh3", session.before_hash);
+    put_numbers(group, "reply_before_header", session.before_header, session.before_header.size());
+    put_numbers(group, "reply_before_payload", session.before_payload, session.before_payload.size());
+  }
   put_number(group, "state_version", session.state_version);
   put_text_dataset(group, "scene_toml", session.scene);  // not an attribute, which holds at most 64 kB
   put_ids(group, session.node_ids);
@@ -157,6 +162,13 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   }
   session.reply_header = numbers_of<std::byte>(group, "reply_header");
   session.reply_payload = numbers_of<std::byte>(group, "reply_payload");
+  if (has_child(group, "reply_before_header")) {
+    if (session.last_sequence < 2)
+      throw Hdf5Error("find a step before request " + std::to_string(session.last_sequence));
+    session.before_hash = number_of(group, "request_before_xxh3");
+    session.before_header = numbers_of<std::byte>(group, "reply_before_header");
+    session.before_payload = numbers_of<std::byte>(group, "reply_before_payload");
+  }
   session.state_version = number_of(group, "state_version");
   session.scene = text_in_dataset(group, "scene_toml");
   session.node_ids = ids_of(group);

@@ -59,7 +59,12 @@ struct SessionImage {
   std::optional<shard::States> trial;
   std::vector<std::byte> part_header;    // header frame of the last part of a step of which parts are missing, or empty
   std::vector<std::uint32_t> part_rows;  // rows of the nodes of the parts that have come, ascending
-  std::vector<MarkImage> marks;          // marks of the session, oldest first
+  // The request before the last one, if the last one is a part that follows it: hash of its bytes and its reply, whose
+  // header frame is empty otherwise.
+  std::uint64_t before_hash = 0;
+  std::vector<std::byte> before_header;
+  std::vector<std::byte> before_payload;
+  std::vector<MarkImage> marks;  // marks of the session, oldest first
 };
 
 // One column of a capsule. A capsule records a failed step of one node, with all inputs needed to repeat the step for

@@ -2,6 +2,8 @@
 // of a server that never dies.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <optional>
 #include <vector>
 
 #include "tests/support/durable_server.hpp"
@@ -39,6 +41,11 @@ wire::Request request_at(Strategy strategy, std::uint64_t sequence) {
   return request;
 }
 
+bool is_later_part(const wire::Request& request) {
+  const auto* step = std::get_if<wire::Downscale>(&request.body);
+  return step != nullptr && step->part > 1;
+}
+
 class PartsOfAStep : public testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(Strategies, PartsOfAStep, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
                          [](const auto& strategy) {
@@ -68,6 +75,54 @@ TEST_P(PartsOfAStep, SurviveTheDeathOfTheServerBetweenAnyTwo) {
       if (i % checkpoint_every == 0) {
         ASSERT_TRUE(server.service.checkpoint()) << "request " << i;
       }
+    }
+  }
+}
+
+// Each later part follows the one before, as if it had been sent before that was answered: a server that comes back
+// must answer both again.
+TEST_P(PartsOfAStep, SentAheadAreBothAnsweredByAServerThatComesBack) {
+  constexpr std::uint64_t kRequests = 28;
+  const wire::Request opening = ServiceHarness::opening(support::scene_of(GetParam()), support::node_ids(kNodes));
+  for (const std::uint64_t checkpoint_every : {1000, 1, 2, 3}) {
+    MemoryStorage disk, calm_disk;
+    ASSERT_EQ(DurableServer(disk).ask(opening).code(), Code::kOk);
+    DurableServer reference(calm_disk);
+    ASSERT_EQ(reference.ask(opening).code(), Code::kOk);
+    wire::Request before;
+    std::vector<std::byte> answer_before;
+    for (std::uint64_t i = 1; i <= kRequests; ++i) {
+      wire::Request request = request_at(GetParam(), i);
+      const bool later = is_later_part(request);
+      const Answer expected = reference.ask(request);
+      if (later) {
+        const std::string header = wire::encode_header(before);
+        const std::array<std::span<const std::byte>, 1> frames = {std::as_bytes(std::span(header))};
+        std::get<wire::Downscale>(request.body).follows = wire::hash_of(frames);
+      }
+      {
+        DurableServer server(disk, store::Durability::kProcess, 77 + 2 * i);
+        const Answer answer = server.ask(request);
+        ASSERT_EQ(answer.code(), Code::kOk) << "request " << i << ": " << describe(answer.reply.status);
+        ASSERT_EQ(answer.payload(), expected.payload()) << "request " << i;
+        if (i % checkpoint_every == 0) {
+          ASSERT_TRUE(server.service.checkpoint()) << "request " << i;
+        }
+      }
+      DurableServer server(disk, store::Durability::kProcess, 78 + 2 * i);
+      const Answer again = server.ask(request);
+      ASSERT_TRUE(again.reply.replayed);
+      ASSERT_EQ(again.payload(), expected.payload());
+      if (later) {
+        const Answer first = server.ask(before);
+        ASSERT_EQ(first.code(), Code::kOk) << "before request " << i << ": " << describe(first.reply.status);
+        ASSERT_TRUE(first.reply.replayed);
+        ASSERT_EQ(first.payload(), answer_before);
+      } else if (i > 1) {
+        ASSERT_EQ(server.ask(before).code(), Code::kStaleSequence);
+      }
+      answer_before = expected.payload();
+      before = std::move(request);
     }
   }
 }

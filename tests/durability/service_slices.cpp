@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -176,6 +177,87 @@ TEST(Slices, OthersAreAnsweredAndTheSessionItselfWaitsInLine) {
   EXPECT_EQ(first->payload(), answer_of_twin(1, 1));
   EXPECT_TRUE(server.ask(repeat)->reply.replayed);
   EXPECT_EQ(std::get<wire::SessionResumed>(server.ask(successor)->reply.body).last_sequence, 1u);
+}
+
+// Parts of one step, each sent before the part before it is answered; part 1 may be refused.
+std::vector<wire::Request> parts_ahead(bool refused) {
+  constexpr std::uint32_t kParts = 3;
+  const auto ids = support::node_ids(kNodes);
+  std::vector<wire::Request> parts;
+  for (std::uint32_t i = 0; i < kParts; ++i) {
+    const auto few = std::span(ids).subspan(13 * i, i + 1 < kParts ? 13 : kNodes - 26);
+    parts.push_back(ServiceHarness::step(1 + i, support::step_columns(Strategy::kVelocityDriven, few, 1, true)));
+    auto& body = std::get<wire::Downscale>(parts.back().body);
+    body.part = 1 + i;
+    body.parts = kParts;
+    if (refused && i == 0) {
+      body.policy = wire::Policy::kAllOrNothing;
+      parts.back().batch.f64(wire::Field::kPressure)[2] = -std::numeric_limits<double>::infinity();
+    }
+    if (i == 0) continue;
+    const std::string header = wire::encode_header(parts[i - 1]);
+    const std::array<std::span<const std::byte>, 1> frames = {std::as_bytes(std::span(header))};
+    body.follows = wire::hash_of(frames);
+  }
+  return parts;
+}
+
+TEST(Slices, APartSentAheadWaitsForThePartBefore) {
+  MemoryStorage disk, other_disk;
+  SlicedServer server(disk);
+  DurableServer whole(other_disk);
+  server.insist(opening(1));
+  whole.ask(opening(1));
+  const std::vector<wire::Request> parts = parts_ahead(false);
+  std::vector<std::unique_ptr<Message>> messages;
+  for (const wire::Request& part : parts) messages.push_back(std::make_unique<Message>(part));
+  Turn turn{};
+  const auto finish = [&](const Message& message) {
+    while (!server.service.work()) {
+    }
+    return server.ask(message);
+  };
+  ASSERT_FALSE(server.ask(*messages[0], &turn));
+  EXPECT_EQ(turn, Turn::kComputing);
+  ASSERT_FALSE(server.ask(*messages[1], &turn));
+  EXPECT_EQ(turn, Turn::kWaiting);
+  wire::Request stranger = std::move(parts_ahead(false)[1]);
+  ++std::get<wire::Downscale>(stranger.body).follows;
+  EXPECT_EQ(server.ask(Message(stranger))->code(), Code::kSequenceGap) << "it follows another part";
+  stranger.sequence = 3;
+  stranger.body = parts[1].body;
+  EXPECT_EQ(server.ask(Message(stranger))->code(), Code::kSequenceGap) << "it has another place";
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const auto answer = finish(*messages[i]);
+    ASSERT_TRUE(answer);
+    ASSERT_EQ(answer->code(), Code::kOk) << describe(answer->reply.status);
+    EXPECT_EQ(answer->payload(), whole.ask(parts[i]).payload());
+    if (i + 1 == parts.size()) break;
+    ASSERT_FALSE(server.ask(*messages[i + 1], &turn));
+    EXPECT_EQ(turn, Turn::kComputing);
+    if (i + 2 < parts.size()) {
+      ASSERT_FALSE(server.ask(*messages[i + 2], &turn));
+      EXPECT_EQ(turn, Turn::kWaiting);
+    }
+    EXPECT_TRUE(server.ask(*messages[i])->reply.replayed) << "while the next part is computed";
+  }
+  EXPECT_TRUE(server.ask(*messages[1])->reply.replayed);
+  EXPECT_TRUE(server.ask(*messages[2])->reply.replayed);
+  EXPECT_EQ(server.insist(step(4, 1)).payload(), whole.ask(step(4, 1)).payload());
+}
+
+TEST(Slices, APartSentAheadOfARefusedOneIsRefused) {
+  MemoryStorage disk, other_disk;
+  SlicedServer server(disk);
+  DurableServer whole(other_disk);
+  server.insist(opening(1));
+  whole.ask(opening(1));
+  const std::vector<wire::Request> parts = parts_ahead(true);
+  EXPECT_EQ(server.insist(parts[0]).code(), Code::kInvalidValue);
+  EXPECT_EQ(server.insist(parts[1]).code(), Code::kSequenceGap);
+  EXPECT_EQ(server.insist(step(1, 1)).payload(), whole.ask(step(1, 1)).payload());
+  EXPECT_EQ(server.insist(parts[1]).code(), Code::kSequenceGap) << "a late copy";
+  EXPECT_EQ(server.insist(step(2, 1)).payload(), whole.ask(step(2, 1)).payload());
 }
 
 // A server that dies in the middle of a step, while other sessions went on, with and without a checkpoint in between.

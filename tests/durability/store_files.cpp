@@ -102,6 +102,25 @@ TEST(Checkpoint, ComesBackAsItWent) {
   }
 }
 
+// The reply to the part before the last one, which a client may lack, too.
+TEST(Checkpoint, TheReplyToAPartBeforeComesBackAndNeedsAPlaceBefore) {
+  Snapshot snapshot = small_snapshot();
+  SessionImage& session = snapshot.sessions[1];
+  session.before_hash = 1234;
+  session.before_header = some_bytes(17, 5);
+  session.before_payload = some_bytes(64, 6);
+  const auto bytes = checkpoint_bytes(snapshot, 3);
+  const SessionImage back = read_checkpoint(bytes, "file", 3).sessions[1];
+  EXPECT_EQ(back.before_hash, session.before_hash);
+  EXPECT_EQ(back.before_header, session.before_header);
+  EXPECT_EQ(back.before_payload, session.before_payload);
+  EXPECT_TRUE(read_checkpoint(checkpoint_bytes(small_snapshot(), 3), "file", 3).sessions[1].before_header.empty());
+  for (const std::uint64_t first : {0, 1}) {
+    session.last_sequence = first;
+    EXPECT_ANY_THROW(read_checkpoint(checkpoint_bytes(snapshot, 3), "file", 3)) << first;
+  }
+}
+
 TEST(Checkpoint, SameSnapshotIsTheSameBytes) {
   EXPECT_EQ(checkpoint_bytes(small_snapshot(), 3), checkpoint_bytes(small_snapshot(), 3));
 }

@@ -2,6 +2,7 @@
 // nodes of several pairs, a step in parts, offered nodes.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -51,7 +52,16 @@ inline std::vector<std::byte> sample_checkpoint() {
       ServiceHarness::step(2, support::step_columns(wire::Strategy::kForceDriven, std::span(nodes).first(1), 2, true),
                            wire::Mode::kAdvance, 5);
   std::get<wire::Downscale>(part.body).part = 1;
-  std::get<wire::Downscale>(part.body).parts = 2;
+  std::get<wire::Downscale>(part.body).parts = 3;
+  const std::string header = wire::encode_header(part);
+  const std::array<std::span<const std::byte>, 1> frames = {std::as_bytes(std::span(header))};
+  ask(std::move(part));
+  part = ServiceHarness::step(
+      3, support::step_columns(wire::Strategy::kForceDriven, std::span(nodes).subspan(1, 1), 2, true),
+      wire::Mode::kAdvance, 5);
+  std::get<wire::Downscale>(part.body).part = 2;
+  std::get<wire::Downscale>(part.body).parts = 3;
+  std::get<wire::Downscale>(part.body).follows = wire::hash_of(frames);
   ask(std::move(part));
   if (!server.service.checkpoint()) throw std::logic_error("the sample's checkpoint could not be written");
   return disk.bytes(store::checkpoint_name(kSampleGeneration));

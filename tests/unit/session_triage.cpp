@@ -60,6 +60,33 @@ TEST(Session, ARefusedRequestLeavesItsSequenceFree) {
   EXPECT_EQ(session.triage(5, kHash).triage, Triage::kResend);
 }
 
+TEST(Session, BehindAPartTheReplyToTheOneBeforeIsKeptUntilTheNextStepBegins) {
+  const auto first = std::make_shared<wire::Reply>(), second = std::make_shared<wire::Reply>();
+  const auto ahead = [&] {
+    Session session = session_at(4);
+    session.complete(5, 50, first);
+    EXPECT_EQ(session.complete(6, 60, second, true), nullptr) << "both replies are kept";
+    return session;
+  };
+  Session session = ahead();
+  EXPECT_EQ(session.triage(5, 50).reply, first);
+  EXPECT_EQ(session.triage(6, 60).reply, second);
+  EXPECT_EQ(session.triage(5, 60).status.code, wire::Code::kSequenceReused);
+  EXPECT_EQ(session.triage(6, 50).status.code, wire::Code::kSequenceReused);
+  EXPECT_EQ(session.triage(4, kHash).status.code, wire::Code::kStaleSequence);
+  EXPECT_EQ(session.triage(7, 70).triage, Triage::kProcess);
+  EXPECT_EQ(session.forget_before(), first);
+  EXPECT_EQ(session.triage(5, 50).status.code, wire::Code::kStaleSequence);
+  EXPECT_EQ(session.triage(6, 60).reply, second);
+  session.complete(7, 70, std::make_shared<wire::Reply>(), true);
+  EXPECT_EQ(session.triage(6, 60).reply, second);
+
+  session = ahead();
+  EXPECT_EQ(session.complete(7, 70, std::make_shared<wire::Reply>()), second) << "an ordinary request ends both";
+  EXPECT_EQ(session.triage(6, 60).status.code, wire::Code::kStaleSequence);
+  EXPECT_EQ(session.triage(5, 50).status.code, wire::Code::kStaleSequence);
+}
+
 TEST(Session, LargestSequenceDoesNotWrapAround) {
   const Session session = session_at(~std::uint64_t{0});
   EXPECT_EQ(session.triage(0, kOtherHash).triage, Triage::kReject);

@@ -220,7 +220,7 @@ OPEN_SESSION = Message("OpenSession", ("scene", 1, "string"), ("session_id", 2, 
 DOWNSCALE = Message("Downscale", ("dt_s", 1, "double"), ("time_s", 2, "double"), ("step", 3, "uint"),
                     ("attempt", 4, "uint"), ("mode", 5, "uint"), ("commit_previous", 6, "bool"),
                     ("wanted", 7, "numbers"), ("policy", 8, "uint"), ("part", 9, "uint"), ("parts", 10, "uint"),
-                    ("absent_nodes", 11, "uint"))
+                    ("absent_nodes", 11, "uint"), ("follows", 12, "fixed64"))
 COMMIT = Message("Commit")
 ROLLBACK = Message("Rollback", ("to_mark", 1, "string"))
 CLOSE_SESSION = Message("CloseSession", ("reason", 1, "string"))
