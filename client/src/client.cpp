@@ -33,6 +33,8 @@ Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(c
     welcome_ = std::move(body_of<wire::Welcome>(received));
     connection_->set_durable(welcome_.durability != "none");
     connection_->set_max_rows(welcome_.limits.max_rows_per_message);
+    connection_->set_parts_ahead(std::ranges::find(welcome_.capabilities, "parts_ahead") !=
+                                 welcome_.capabilities.end());
   } catch (const Error& fault) {
     if (fault.status().code != Code::kUnknownOutcome) throw;
     // `hello` changes nothing on the server, so its unknown outcome means that no server answered.

@@ -459,15 +459,34 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
 
 void SocketConnection::post(const wire::Request& request) {
   posted_.reset();
+  behind_.reset();
   try {
     if (!socket_ && !connect()) return;
     const auto now = Clock::now();
     header_ = wire::encode_header(request, std::move(header_));
     if (send(header_, request.batch)) posted_ = Posted{request.request_id, now};
   } catch (...) {
-    socket_.reset();  // the socket may hold a part of the request
+    drop_socket();  // the socket may hold a part of the request
     throw;
   }
+}
+
+void SocketConnection::post_behind(const wire::Request& request) {
+  if (!socket_ || !posted_) return;
+  try {
+    const auto now = Clock::now();
+    if (send(wire::encode_header(request), request.batch)) behind_ = Posted{request.request_id, now};
+  } catch (...) {
+    drop_socket();  // it may hold a part of the request
+    throw;
+  }
+}
+
+// What was sent and not called yet may be lost with the socket, and is sent again when it is called.
+void SocketConnection::drop_socket() {
+  socket_.reset();
+  posted_.reset();
+  behind_.reset();
 }
 
 Received SocketConnection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
@@ -476,10 +495,14 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
   try {
     received = exchange(request, deadline);
   } catch (...) {
-    socket_.reset();  // the socket may hold a part of the request or of the reply
+    drop_socket();  // the socket may hold a part of the request or of the reply
     throw;
   }
-  if (!received.reply.status.ok()) throw Error(received.reply.status);
+  posted_ = std::exchange(behind_, std::nullopt);
+  if (!received.reply.status.ok()) {
+    posted_.reset();  // what was sent behind a refused request may be refused, too, and is sent again when it is called
+    throw Error(received.reply.status);
+  }
   return received;
 }
 
@@ -490,6 +513,7 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
   bool under_way = posted_ && posted_->request_id == request.request_id;
   const auto asked = under_way ? posted_->at : started;
   posted_.reset();
+  if (!under_way) behind_.reset();
   bool sent = under_way;
   for (;;) {
     while (!socket_ && !connect()) {
@@ -503,7 +527,7 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
       if (wait(ZMQ_POLLOUT, look)) continue;
       if (refusal_.ok() && Clock::now() < last_moment) {
         if (!server_has_moved()) continue;
-        socket_.reset();
+        drop_socket();
         break;
       }
       if (sent) record(header, request.batch);
@@ -519,13 +543,14 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
         // The server is at work and answers when it has recovered: the deadline begins anew.
         recovering(received.reply.status);
         last_moment = Clock::now() + deadline;
+        behind_.reset();
         continue;
       }
       received.round_trip = Clock::now() - asked;
       if (recorder_) record(header, request.batch, view_of(reply_header_frame_), view_of(received.payload_frame));
       return received;
     }
-    socket_.reset();
+    drop_socket();
     if (!refusal_.ok() || Clock::now() >= last_moment) record(header, request.batch);
     if (!refusal_.ok()) refused(sent);
     if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);

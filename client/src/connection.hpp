@@ -47,6 +47,10 @@ class Connection {
   // for the reply.
   virtual void post(const wire::Request& /*request*/) {}
 
+  // Sends `request`, too, behind the one that was posted last and has no reply yet, if that is possible without waiting.
+  // The caller must then call() both, in this order.
+  virtual void post_behind(const wire::Request& /*request*/) {}
+
   // Sends `request` if that is possible without waiting; nobody reads its reply.
   virtual void say(const wire::Request& request) noexcept = 0;
 
@@ -76,11 +80,16 @@ class Connection {
   bool durable() const { return durable_; }  // true if the server's welcome says that sessions outlive the server
   void set_durable(bool durable) { durable_ = durable; }
 
+  // True if the server's welcome says that a part of a step may be sent before the part before it is answered.
+  bool parts_ahead() const { return parts_ahead_; }
+  void set_parts_ahead(bool ahead) { parts_ahead_ = ahead; }
+
  private:
   ClientOptions options_;
   std::uint64_t last_request_id_ = 0;  // 0: no first id has been chosen yet
   std::uint64_t claimant_ = 0;
   bool durable_ = false;
+  bool parts_ahead_ = false;
   std::size_t max_rows_ = wire::kMaxRowsPerMessage;
 };
 
@@ -91,6 +100,7 @@ class SocketConnection final : public Connection {
 
   Received call(const wire::Request& request, std::chrono::milliseconds deadline) override;
   void post(const wire::Request& request) override;
+  void post_behind(const wire::Request& request) override;
   void say(const wire::Request& request) noexcept override;
 
  private:
@@ -117,6 +127,7 @@ class SocketConnection final : public Connection {
               std::span<const std::byte> reply_payload = {}) noexcept;
   bool by_file() const;
   bool find_server();
+  void drop_socket();
   bool server_has_moved() const;
   bool connect();
   void watch_handshakes();
@@ -142,6 +153,7 @@ class SocketConnection final : public Connection {
   std::shared_ptr<void> reply_header_frame_;  // of the last reply; only for the recorder
   std::string header_;                        // of the last request
   std::optional<Posted> posted_;
+  std::optional<Posted> behind_;  // sent behind the request that is posted or called
   Waiting waiting_{};
   bool answered_ = false;                       // true once the server has answered
   std::unique_ptr<void, CloseSocket> monitor_;  // receives the handshake events of socket_

@@ -208,15 +208,19 @@ void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
 // A restarted server answers the last request of a session in any epoch. It refuses the next request with EPOCH; the
 // client then claims the session, checks its last sequence number and sends the request again with the new epoch. The
 // deadline begins anew: the restarted server is at work. A request that is SUPERSEDED after a claim of unknown outcome
-// may have met a late copy of this client's own claim.
+// may have met a late copy of this client's own claim. A part that was sent ahead may have overtaken the part before it,
+// which has been answered by now.
 Received Session::Impl::call(wire::Request& request) {
   auto started = connection->now();
+  const auto* step = std::get_if<wire::Downscale>(&request.body);
+  bool may_have_overtaken = step != nullptr && step->follows != 0;
   for (int restarts = 0;;) {
     const auto left = connection->left_since(started);
     try {
       return connection->call(request, left);
     } catch (const Error& fault) {
       const Code code = fault.status().code;
+      if (code == Code::kSequenceGap && std::exchange(may_have_overtaken, false)) continue;
       const bool restarted = (code == Code::kEpoch || (code == Code::kSuperseded && claim_in_doubt.number != 0)) &&
                              request.epoch != 0 && restarts < kMostRestarts;
       const bool stopping =
@@ -349,6 +353,24 @@ wire::Request Session::Impl::part_request(Batch rows, const wire::Downscale& ste
   return request;
 }
 
+// The part behind `before`, to be sent before that one is answered.
+wire::Request Session::Impl::part_behind(const wire::Request& before, Batch rows) {
+  const auto& step = std::get<wire::Downscale>(before.body);
+  wire::Request request = part_request(std::move(rows), step, step.part + 1, step.parts);
+  StepInParts::Sent& sent = in_parts->behind;
+  // A part of another epoch cannot have run, because the part before it has not.
+  if (sent.request_id == 0 || sent.epoch != before.epoch) {
+    const std::string header = wire::encode_header(before);
+    const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
+    sent = {.request_id = connection->next_request_id(), .epoch = before.epoch, .follows = wire::hash_of(bytes)};
+  }
+  request.sequence = before.sequence + 1;
+  request.request_id = sent.request_id;
+  request.epoch = sent.epoch;
+  std::get<wire::Downscale>(request.body).follows = sent.follows;
+  return request;
+}
+
 // Copies the answers of a part to their rows of the whole reply.
 void Session::Impl::copy_part(const Received& part, std::size_t first_row) noexcept {
   Batch& whole = in_parts->reply.batch;
@@ -382,10 +404,11 @@ void Session::Impl::add_part(const Received& part) {
   ++in_parts->answered;
 }
 
-// A step of more rows than a message holds. While the server computes a part, the answers of the part before it are
-// copied and the rows of the next part are gathered; one request at a time is under way, since the server keeps one
-// reply. If a part has no answer in time, a repetition of the call goes on with that part. If a part is refused, the
-// parts before it are dropped. `first`: part 1, if it was posted.
+// A step of more rows than a message holds. While the server computes a part, the rows of the next part are gathered and
+// sent, if the server takes parts ahead, and the answers of the part before it are copied. If a part has no answer in
+// time, a repetition of the call goes on with that part, and sends what was sent before with the same bytes. If a part
+// is refused, the parts before it are dropped; the part behind it was refused, too, because it follows that part.
+// `first`: part 1, if it was posted.
 const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
                                                std::optional<wire::Request> first) {
   const auto step = std::get<wire::Downscale>(first ? first->body : step_request(columns, options, mode).body);
@@ -407,23 +430,41 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
     if (to_copy) copy_part(*to_copy, (in_parts->answered - 1) * connection->max_rows());
     to_copy.reset();
   };
-  Batch next;  // rows of the next part; without columns if they are not gathered yet
+  Batch next;                           // rows of the next part; without columns if they are not gathered yet
+  std::optional<wire::Request> behind;  // the next part, if it was sent ahead
+  auto answered_at = Connection::Clock::time_point();  // of the last part
   try {
     while (in_parts->answered < parts) {
       const std::uint32_t part = in_parts->answered + 1;
       wire::Request request;
       if (first) {
         request = *std::exchange(first, std::nullopt);
+      } else if (behind) {
+        request = *std::exchange(behind, std::nullopt);
       } else {
         request = part_request(next.columns().empty() ? part_rows(columns, part) : std::move(next), whole, part, parts);
+        if (const auto& sent = in_parts->next; sent.request_id != 0) {
+          if (!in_doubt) {
+            request.request_id = sent.request_id;
+            request.epoch = sent.epoch;
+          }
+          std::get<wire::Downscale>(request.body).follows = sent.follows;
+        }
         post(request);
       }
+      in_parts->next = {.request_id = request.request_id,
+                        .epoch = request.epoch,
+                        .follows = std::get<wire::Downscale>(request.body).follows};
       try {
+        next = part < parts ? part_rows(columns, part + 1) : Batch();
+        if (part < parts && connection->parts_ahead()) {
+          behind = part_behind(request, std::move(next));
+          connection->post_behind(*behind);
+        }
         Batch& answers = in_parts->reply.batch;
         if (answers.columns().empty())
           answers = Batch::of(wanted.empty() ? opened.reply_columns : wanted, rows, opened.tangential_components);
         copy();
-        next = part < parts ? part_rows(columns, part + 1) : Batch();
       } catch (const std::bad_alloc&) {
         in_doubt = InDoubt{request.request_id, request.epoch};
         throw;
@@ -433,7 +474,15 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
         if (body_of<wire::Upscale>(reply).nodes != count)
           throw Error({.code = Code::kUnexpectedReply, .text = "the reply to a part of a step has other rows"});
       });
+      if (behind && request.epoch != behind->epoch) {  // after a restart, which the part behind did not survive
+        behind.reset();
+        in_parts->behind = {};
+      }
+      const auto now = connection->now();
+      received.round_trip = std::min<std::chrono::nanoseconds>(received.round_trip, now - answered_at);
+      answered_at = now;
       add_part(received);
+      in_parts->next = std::exchange(in_parts->behind, {});
       to_copy = std::move(received);
     }
     copy();

@@ -114,8 +114,16 @@ struct Session::Impl {
 
   // A step in parts that began and has not ended.
   struct StepInParts {
+    // A part that may have been sent and was not answered: it must be sent again with the same bytes.
+    struct Sent {
+      std::uint64_t request_id = 0;  // 0: the part was not sent
+      std::uint64_t epoch = 0;
+      std::uint64_t follows = 0;
+    };
     std::uint64_t hash = 0;      // of the step, to recognise its repetition
     std::uint32_t answered = 0;  // number of parts
+    Sent next;                   // the part behind the answered ones
+    Sent behind;                 // the part behind that one
     wire::Reply reply;           // to the whole step, as far as it was answered
     std::chrono::nanoseconds round_trip{0};
   };
@@ -132,6 +140,7 @@ struct Session::Impl {
   std::uint32_t parts_of(std::size_t rows) const;
   Batch part_rows(const Batch& columns, std::uint32_t part) const;
   wire::Request part_request(Batch rows, const wire::Downscale& step, std::uint32_t part, std::uint32_t parts) const;
+  wire::Request part_behind(const wire::Request& before, Batch rows);
   const StepResult& step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
                                   std::optional<wire::Request> first);
   void copy_part(const Received& part, std::size_t first_row) noexcept;

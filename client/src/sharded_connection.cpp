@@ -129,6 +129,8 @@ Received ShardedConnection::hello(const wire::Request& request) {
     links_[k]->set_durable(welcome.durability != "none");
     links_[k]->set_max_rows(welcome.limits.max_rows_per_message);
     if (k == 0) {
+      // A part is divided over the shards when all of them have answered the part before.
+      std::erase(welcome.capabilities, "parts_ahead");
       joined.reply.body = std::move(welcome);
       continue;
     }

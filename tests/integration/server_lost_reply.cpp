@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstring>
+#include <deque>
 #include <string>
 #include <thread>
 #include <vector>
@@ -44,6 +45,8 @@ class LossyBus {
   std::atomic<int> replies_to_pass{0};  // before the first that is lost
   std::atomic<int> replies_to_lose{0};
   std::atomic<int> requests_seen{0};
+  // From the next request on, so many replies wait until a request more than the replies has come.
+  std::atomic<int> replies_to_keep_behind{0};
 
  private:
   using Message = std::vector<zmq::message_t>;
@@ -72,12 +75,15 @@ class LossyBus {
   // routing id, followed by the request.
   void run(const std::string& server) {
     std::vector<std::pair<std::string, zmq::socket_t>> links;
+    std::deque<Message> kept;
+    int ahead = 0;  // requests without a reply, while replies are kept behind
     while (!stopping_) {
       zmq::pollitem_t item{front_.handle(), 0, ZMQ_POLLIN, 0};
       zmq::poll(&item, 1, 2ms);
       Message message;
       while (receive(front_, message)) {
         ++requests_seen;
+        if (replies_to_keep_behind > 0) ++ahead;
         const std::string peer = message.front().to_string();
         message.erase(message.begin());
         if (take(requests_to_lose)) continue;
@@ -94,8 +100,13 @@ class LossyBus {
         while (receive(link, message)) {
           if (!take(replies_to_pass) && take(replies_to_lose)) continue;
           message.insert(message.begin(), zmq::message_t(peer));
-          send(front_, message);
+          kept.push_back(std::move(message));
         }
+      while (!kept.empty() && (replies_to_keep_behind <= 0 || ahead > 1)) {
+        if (take(replies_to_keep_behind)) --ahead;
+        send(front_, kept.front());
+        kept.pop_front();
+      }
     }
   }
 
@@ -172,6 +183,34 @@ TEST_F(LostReply, AStepInPartsGoesOnWithThePartWhoseAnswerWasLost) {
     EXPECT_TRUE(same(found.outcome(), expected.outcome())) << "part " << lost + 1;
     EXPECT_EQ(session.close().node_steps, nodes.size());
   }
+}
+
+// Each answer but the last is kept until the part behind it has come: a client that waited for it would wait in vain.
+TEST_F(LostReply, APartIsOnItsWayBeforeThePartBeforeItIsAnswered) {
+  constexpr std::uint64_t kParts = 3;
+  const auto nodes = support::node_ids((kParts - 1) * wire::kMaxRowsPerMessage + 1'000);
+  const std::string scene = support::text_of(support::force_scene(1));
+  ClientOptions patient = options();
+  patient.reply_deadline = 30s;
+  patient.retry_after = 60s;
+  patient.check_closure = CheckClosure::kOff;
+  Client client(patient);
+  Session session = client.open(scene, "scene", nodes);
+  Session twin = direct_.open(scene, "scene", nodes);
+  const auto replayed = direct_.server_status().replayed;
+  for (int i = 0; i < 2; ++i) {
+    const Batch step = support::step_columns(Strategy::kForceDriven, nodes, i);
+    const StepResult& expected = twin.advance(step, {.dt_s = 1e-9});
+    bus_.replies_to_keep_behind = kParts - 1;
+    const int seen = bus_.requests_seen;
+    if (i == 1) session.start_advance(step, {.dt_s = 1e-9});
+    const StepResult& found = i == 1 ? session.finish_trial() : session.advance(step, {.dt_s = 1e-9});
+    EXPECT_EQ(bus_.requests_seen, seen + static_cast<int>(kParts));
+    EXPECT_TRUE(std::ranges::equal(found.shear_stress_pa(), expected.shear_stress_pa()));
+    EXPECT_TRUE(std::ranges::equal(found.interface_temperature_k(), expected.interface_temperature_k()));
+    EXPECT_EQ(found.upscale().state_version, static_cast<std::uint64_t>(i + 1));
+  }
+  EXPECT_EQ(direct_.server_status().replayed, replayed);
 }
 
 // start_trial() and finish_trial() together make one request. If the request or its reply is lost, the client repeats

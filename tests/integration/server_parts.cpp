@@ -34,11 +34,14 @@ double resident(pid_t process) {
 }
 
 // The memory that deploy/SCALE.md promises for a session beyond an empty server: the states, and of the rows of the
-// largest message the request, the kept reply and one earlier reply.
+// largest message the request, the kept reply and one earlier reply; in parts also the request that comes ahead and
+// memory for one that the next one will need.
 double promised(std::size_t nodes, std::uint64_t bytes_per_node) {
   constexpr double kReply = 42.0, kRequest = 56.0;
   const double rows = static_cast<double>(std::min(nodes, wire::kMaxRowsPerMessage));
-  return static_cast<double>(nodes) * (static_cast<double>(bytes_per_node) - kReply) + rows * (2 * kReply + kRequest);
+  const double requests = nodes > wire::kMaxRowsPerMessage ? 3 : 1;
+  return static_cast<double>(nodes) * (static_cast<double>(bytes_per_node) - kReply) +
+         rows * (2 * kReply + requests * kRequest);
 }
 
 TEST(LargeSteps, TakeTheMemoryThatTheFormulaPromises) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <deque>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -20,16 +21,23 @@ class SimulatedConnection final : public Connection {
   explicit SimulatedConnection(World& world)
       : Connection({.reply_deadline = 20s, .retry_after = 100ms}), world_(world) {}
 
+  void post(const wire::Request& request) override {
+    posted_.clear();
+    send(request, world_.new_socket());
+  }
+  // The network may deliver it before the request that was posted last.
+  void post_behind(const wire::Request& request) override {
+    if (!posted_.empty()) send(request, posted_.back().socket);
+  }
+
   Received call(const wire::Request& request, std::chrono::milliseconds deadline) override {
-    const Packet packet{.to_server = true,
-                        .socket = 0,
-                        .header = wire::encode_header(request),
-                        .payload = support::bytes_of(request.batch)};
     const auto last_moment = now() + deadline;
+    if (!posted_.empty() && posted_.front().request_id != request.request_id) posted_.clear();
+    bool under_way = !posted_.empty();
     do {
-      Packet sent = packet;
-      const std::uint64_t socket = sent.socket = world_.new_socket();
-      world_.transmit(std::move(sent));
+      if (!under_way) post(request);
+      under_way = false;
+      const std::uint64_t socket = posted_.front().socket;
       if (dies_next) break;
       while (auto got = world_.next(socket, std::min(last_moment, now() + options().retry_after))) {
         auto payload = std::make_shared<std::vector<std::byte>>(std::move(got->payload));
@@ -37,10 +45,15 @@ class SimulatedConnection final : public Connection {
         const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(got->header)), *payload};
         wire::decode(std::span(frames, wire::declares_payload(frames[0]) ? 2 : 1), received.reply);
         if (received.reply.request_id != request.request_id) continue;
-        if (!received.reply.status.ok()) throw Error(received.reply.status);
+        posted_.pop_front();
+        if (!received.reply.status.ok()) {
+          posted_.clear();
+          throw Error(received.reply.status);
+        }
         return received;
       }
     } while (now() < last_moment);
+    posted_.clear();
     throw Error({.code = Code::kUnknownOutcome, .text = "no answer"});
   }
   void say(const wire::Request&) noexcept override {}
@@ -50,7 +63,21 @@ class SimulatedConnection final : public Connection {
   bool dies_next = false;  // the client dies right after it has sent the next request
 
  private:
+  struct Posted {
+    std::uint64_t request_id;
+    std::uint64_t socket;
+  };
+
+  void send(const wire::Request& request, std::uint64_t socket) {
+    world_.transmit({.to_server = true,
+                     .socket = socket,
+                     .header = wire::encode_header(request),
+                     .payload = support::bytes_of(request.batch)});
+    posted_.push_back({request.request_id, socket});
+  }
+
   World& world_;
+  std::deque<Posted> posted_;  // requests that were sent and not answered yet, at most two
 };
 
 // A connection that calls a service directly: no message is lost, and the service never dies.

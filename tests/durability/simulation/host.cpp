@@ -7,21 +7,25 @@
 namespace shearbus::simulation {
 
 Host::Host(World& world, Tally& tally, Ledger& ledger, support::ServiceHarness& reference, unsigned number,
-           Strategy strategy)
+           Strategy strategy, std::size_t rows)
     : world_(world),
       tally_(tally),
       ledger_(ledger),
       number_(number),
+      rows_(rows),
       strategy_(strategy),
       connection_(std::make_shared<SimulatedConnection>(world)),
       client_(insist([&] { return Client(std::shared_ptr<Connection>(connection_)); })),
-      reference_client_(std::make_shared<DirectConnection>(reference)),
+      reference_connection_(std::make_shared<DirectConnection>(reference)),
+      reference_client_(std::shared_ptr<Connection>(reference_connection_)),
       session_(insist([&] {
         return client_.open(support::text_of(support::scene_of(strategy_)), "scene", first_nodes(), {.domain = "run"});
       })),
       reference_(reference_client_.open(support::text_of(support::scene_of(strategy_)), "scene", first_nodes(),
                                         {.domain = "run"})) {
   ledger_.add(reference_.node_ids());
+  connection_->set_max_rows(rows_);
+  reference_connection_->set_max_rows(rows_);
 }
 
 void Host::act() {
@@ -184,6 +188,7 @@ void Host::die_and_be_succeeded() {
   const Batch columns = support::step_columns(strategy_, nodes(), steps_++);
   const auto offered = world_.chance(2) ? some_nodes() : std::vector<std::uint64_t>();
   const std::uint64_t before = session_.last_sequence();
+  connection_->set_max_rows(wire::kMaxRowsPerMessage);  // so that its last step is one request
   connection_->dies_next = true;
   try {
     if (offered.empty())
@@ -196,9 +201,11 @@ void Host::die_and_be_succeeded() {
   session_.leave();
   connection_ = std::make_shared<SimulatedConnection>(world_);
   client_ = insist([&] { return Client(std::shared_ptr<Connection>(connection_)); });
+  connection_->set_max_rows(rows_);
   session_ = insist([&] { return client_.resume(ticket); });
   ASSERT_LE(session_.last_sequence(), before + 1);
   ASSERT_GE(session_.last_sequence(), before);
+  reference_connection_->set_max_rows(wire::kMaxRowsPerMessage);
   if (session_.last_sequence() == before + 1) {
     if (offered.empty())
       reference_.advance(columns, {.dt_s = 1e-9});
@@ -208,6 +215,7 @@ void Host::die_and_be_succeeded() {
                                 .of_reference = reference_.offer_nodes(offered),
                                 .nodes = offered});
   }
+  reference_connection_->set_max_rows(rows_);
   std::vector<TransferId> waiting;
   for (const Ledger::Offer& offer : ledger_.offers)
     if (offer.giver == number_ && offer.waits) waiting.push_back(offer.transfer);

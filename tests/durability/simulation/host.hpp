@@ -41,8 +41,9 @@ struct Ledger {
 
 class Host {
  public:
+  // rows: a step of more nodes is sent in parts, one of them ahead.
   Host(World& world, Tally& tally, Ledger& ledger, support::ServiceHarness& reference, unsigned number,
-       Strategy strategy);
+       Strategy strategy, std::size_t rows);
 
   void act();
   const std::vector<std::uint64_t>& nodes() const { return session_.node_ids(); }
@@ -100,9 +101,11 @@ class Host {
   Tally& tally_;
   Ledger& ledger_;
   unsigned number_;
+  std::size_t rows_;
   Strategy strategy_;
   std::shared_ptr<SimulatedConnection> connection_;
   Client client_;
+  std::shared_ptr<DirectConnection> reference_connection_;
   Client reference_client_;
   Session session_;
   Session reference_;
