@@ -110,6 +110,10 @@ inline double strain_scale(const Material& m) {
 // Relative rounding error that the checks allow for a stress or a temperature: 16 ulps.
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
+// Relative error of the searches for the strain of each vertex, with which a flow that depends on its rate is summed
+// (solver/flow/searched_flow.cpp). The balance of a step is closed to another of the same size.
+inline constexpr double kSearchedDigits = 1e-14;
+
 // Returns the uncertainty of a layer's flow, the integral of the plastic strain increment [m]: the change of the flow
 // if stress and temperatures change in their last digits. Near melting, or if strain follows a high power of the
 // stress, no answer is more accurate. `grain` [K] is an additional error of the temperatures.
@@ -121,17 +125,19 @@ inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, doub
   const Material soft = at_pressure(rig.model.options().soft, P);
   const std::vector<double> no_response(grid.num_vertices(), 0.0);
   const std::vector<double> profile = rig.layer_temperatures(lane);
-  const auto flow = [&](double scale, double shift) {
+  const double searched = properties_of(soft.flow_law).depends_on_rate ? kSearchedDigits : kDigits;
+  const auto flow = [&](double sign) {
+    const double scale = 1.0 + sign * kDigits, shift = sign * grain;
     std::vector<double> T(place(0, grid.num_vertices(), 0)), ep(T.size());
     for (int i = 0; i < grid.num_vertices(); ++i) {
       T[i * kLanes + lane] = profile[i] * scale + shift;
       ep[i * kLanes + lane] = ep_old[i];
     }
     FlowLoad load;
-    set_load(soft, P, std::abs(stress) * scale, 0.0, lane, load);
+    set_load(soft, P, std::abs(stress) * (1.0 + sign * searched), 0.0, lane, load);
     return flow_of_lane({&soft, &grid, no_response.data(), T.data(), ep.data(), 0, dt}, load, lane, nullptr);
   };
-  return flow(1.0 + kDigits, grain) - flow(1.0 - kDigits, -grain);
+  return flow(1.0) - flow(-1.0);
 }
 
 inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) {

@@ -19,9 +19,10 @@ struct Limits {
 };
 
 // Returns the change of the interface temperature T0 [K] if the velocity jump, and so the friction heat, has a rounding
-// error. The change matters only for bodies of almost no mass, which have enormous velocity jumps.
+// error: four sums of terms as large as `size`, DLP (61) and the mean of the jumps, each rounded to half an ulp. The
+// change matters only for bodies of almost no mass, which have enormous velocity jumps.
 inline double heat_grain(const ModelOptions& options, const Answered& a, double size) {
-  const double flux = std::numeric_limits<double>::epsilon() * size * std::abs(a.stress);
+  const double flux = 2.0 * std::numeric_limits<double>::epsilon() * size * std::abs(a.stress);
   return flux * std::sqrt(options.soft.diffusivity * a.dt) / options.soft.conductivity;
 }
 
@@ -61,7 +62,7 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
 // stress. Both occur for bodies of almost no mass.
 inline bool is_resolved(const ModelOptions& options, const Answered& a, double size) {
   // largest change of T0 by a rounding error of the jump at which the slip still counts as determined  [K]
-  constexpr double kGrain = 1e-9;
+  constexpr double kGrain = 2e-9;
   // largest change of the strength by rounding errors at which the slip still counts as determined, over the stress
   constexpr double kShare = 1e-3;
   const Limits limit = interface_limits(options, a, size);

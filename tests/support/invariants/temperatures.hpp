@@ -62,9 +62,10 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
       const double heated = forced ? heat_grain(options, a, a.size()) : 0.0;
       require_solid(T, T_melt, hottest + grain + (heated > 1.0 ? heated : 0.0), figures);
     }
-    // Far from the interface, where T is uniform, a node that has slept keeps the last digits of its modes.
-    const double digits = options.sleep ? 1e-14 : 1e-15;
-    require(i <= interface || !falls_inwards || T <= after[i - 1] * (1 + digits) + grain,
+    // Far from the interface, where T is uniform, a node that has slept keeps the last digits of its modes, which are
+    // digits of the hottest temperature that they ever added up to.
+    const double kept = options.sleep ? 1e-15 * T_melt : 0.0;
+    require(i <= interface || !falls_inwards || T <= after[i - 1] * (1 + 1e-15) + kept + grain,
             "T rises with z at vertex {}: {:.17g} K", vertex, T);
   }
 }

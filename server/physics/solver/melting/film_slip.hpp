@@ -59,9 +59,10 @@ struct FilmSlip {
   double root_below_hottest(const Respond& respond) const {
     const auto spare = [&](double a) { return carried(respond(flux(a))) - a; };
     double top = std::min(hottest, carried(respond(0.0)));
-    double above = top > 0.0 ? spare(top) : 0.0;
+    const double least = top > 0.0 ? carried(respond(flux(top))) : 0.0;
+    double above = least - top;
     if (above >= 0.0) return top;
-    double bottom = std::max(top + above, kLeast * top);
+    double bottom = std::max(least, kLeast * top);  // `top + above` would have lost the digits of a small stress
     double below = spare(bottom);
     while (below > 0.0 && top > 4.0 * bottom) {  // they may be many powers of ten apart
       const double middle = std::sqrt(bottom) * std::sqrt(top);
