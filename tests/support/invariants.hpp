@@ -43,6 +43,7 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
 inline void require_invariants(const Rig& rig, int lane, double dt, Figures& figures) {
   const ModelOptions& options = rig.model.options();
   const Answered a = answered(rig, lane, dt);
+  if ((a.outcome & kFailed) != 0 && may_lack_an_answer(rig, a, lane)) return require_kept(rig, lane);
   require_sound(rig, a, lane, figures);
   if (options.strategy == Strategy::kVelocityDriven) {
     require_complementary_flow(rig, a, lane, rig.slept(lane) ? kSleeperGrain : 0.0, figures);
