@@ -442,7 +442,8 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
       } else if (behind) {
         request = *std::exchange(behind, std::nullopt);
       } else {
-        request = part_request(next.columns().empty() ? part_rows(columns, part) : std::move(next), whole, part, parts);
+        request = part_request(next.columns().empty() ? part_rows(columns, part) : std::exchange(next, {}), whole, part,
+                               parts);
         if (const auto& sent = in_parts->next; sent.request_id != 0) {
           if (!in_doubt) {
             request.request_id = sent.request_id;
@@ -458,7 +459,7 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
       try {
         next = part < parts ? part_rows(columns, part + 1) : Batch();
         if (part < parts && connection->parts_ahead()) {
-          behind = part_behind(request, std::move(next));
+          behind = part_behind(request, std::exchange(next, {}));
           connection->post_behind(*behind);
         }
         Batch& answers = in_parts->reply.batch;
@@ -474,6 +475,7 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
         if (body_of<wire::Upscale>(reply).nodes != count)
           throw Error({.code = Code::kUnexpectedReply, .text = "the reply to a part of a step has other rows"});
       });
+      // exchange() leaves the request as it was sent. NOLINTNEXTLINE(bugprone-use-after-move)
       if (behind && request.epoch != behind->epoch) {  // after a restart, which the part behind did not survive
         behind.reset();
         in_parts->behind = {};

@@ -2,8 +2,6 @@
 // of a server that never dies.
 #include <gtest/gtest.h>
 
-#include <array>
-#include <optional>
 #include <vector>
 
 #include "tests/support/durable_server.hpp"
@@ -95,11 +93,7 @@ TEST_P(PartsOfAStep, SentAheadAreBothAnsweredByAServerThatComesBack) {
       wire::Request request = request_at(GetParam(), i);
       const bool later = is_later_part(request);
       const Answer expected = reference.ask(request);
-      if (later) {
-        const std::string header = wire::encode_header(before);
-        const std::array<std::span<const std::byte>, 1> frames = {std::as_bytes(std::span(header))};
-        std::get<wire::Downscale>(request.body).follows = wire::hash_of(frames);
-      }
+      if (later) request = ServiceHarness::ahead(std::move(request), before);
       {
         DurableServer server(disk, store::Durability::kProcess, 77 + 2 * i);
         const Answer answer = server.ask(request);

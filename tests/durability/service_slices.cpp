@@ -194,10 +194,7 @@ std::vector<wire::Request> parts_ahead(bool refused) {
       body.policy = wire::Policy::kAllOrNothing;
       parts.back().batch.f64(wire::Field::kPressure)[2] = -std::numeric_limits<double>::infinity();
     }
-    if (i == 0) continue;
-    const std::string header = wire::encode_header(parts[i - 1]);
-    const std::array<std::span<const std::byte>, 1> frames = {std::as_bytes(std::span(header))};
-    body.follows = wire::hash_of(frames);
+    if (i > 0) parts[i] = ServiceHarness::ahead(std::move(parts[i]), parts[i - 1]);
   }
   return parts;
 }

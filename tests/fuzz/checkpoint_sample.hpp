@@ -2,8 +2,9 @@
 // nodes of several pairs, a step in parts, offered nodes.
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "tests/fuzz/pairs_sample.hpp"
@@ -48,21 +49,16 @@ inline std::vector<std::byte> sample_checkpoint() {
   offer.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, 1);
   offer.batch.u64(wire::Field::kNodeId)[0] = nodes.back();
   ask(std::move(offer));
-  wire::Request part =
-      ServiceHarness::step(2, support::step_columns(wire::Strategy::kForceDriven, std::span(nodes).first(1), 2, true),
-                           wire::Mode::kAdvance, 5);
-  std::get<wire::Downscale>(part.body).part = 1;
-  std::get<wire::Downscale>(part.body).parts = 3;
-  const std::string header = wire::encode_header(part);
-  const std::array<std::span<const std::byte>, 1> frames = {std::as_bytes(std::span(header))};
-  ask(std::move(part));
-  part = ServiceHarness::step(
-      3, support::step_columns(wire::Strategy::kForceDriven, std::span(nodes).subspan(1, 1), 2, true),
-      wire::Mode::kAdvance, 5);
-  std::get<wire::Downscale>(part.body).part = 2;
-  std::get<wire::Downscale>(part.body).parts = 3;
-  std::get<wire::Downscale>(part.body).follows = wire::hash_of(frames);
-  ask(std::move(part));
+  const auto part = [&](std::uint32_t number) {
+    const auto one = std::span(nodes).subspan(number - 1, 1);
+    wire::Request request = ServiceHarness::step(
+        1 + number, support::step_columns(wire::Strategy::kForceDriven, one, 2, true), wire::Mode::kAdvance, 5);
+    std::get<wire::Downscale>(request.body).part = number;
+    std::get<wire::Downscale>(request.body).parts = 3;
+    return request;
+  };
+  ask(part(1));
+  ask(ServiceHarness::ahead(part(2), part(1)));
   if (!server.service.checkpoint()) throw std::logic_error("the sample's checkpoint could not be written");
   return disk.bytes(store::checkpoint_name(kSampleGeneration));
 }

@@ -1,7 +1,9 @@
 // A service without a socket. Requests and replies pass through the codec as on the wire; the clock is a counter.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -75,6 +77,14 @@ struct ServiceHarness {
     wire::Request request = in_session(wire::Downscale{.dt_s = 1e-9, .mode = mode}, sequence, session);
     request.batch = std::move(batch);
     return request;
+  }
+
+  // `part`, a part of a step, as it is sent before the part before it is answered.
+  static wire::Request ahead(wire::Request part, const wire::Request& before) {
+    const std::string header = wire::encode_header(before);
+    const std::array<std::span<const std::byte>, 1> frames = {std::as_bytes(std::span(header))};
+    std::get<wire::Downscale>(part.body).follows = wire::hash_of(frames);
+    return part;
   }
 
   std::uint64_t clock = 0;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <random>
 #include <vector>
@@ -200,14 +199,6 @@ TEST_P(Parts, ARefusedPartChangesNothingAndThePartsBeforeStand) {
   EXPECT_EQ(probe(harness, 4, 1), probe(harness, 2, 2));
 }
 
-// The part `behind`, sent before the answer to `before`.
-wire::Request ahead(wire::Request behind, const wire::Request& before) {
-  const std::string header = wire::encode_header(before);
-  const std::array<std::span<const std::byte>, 1> frames = {std::as_bytes(std::span(header))};
-  std::get<wire::Downscale>(behind.body).follows = wire::hash_of(frames);
-  return behind;
-}
-
 TEST_P(Parts, OfWhichOneWasSentAheadAreBothAnsweredAgain) {
   ServiceHarness harness;
   open(harness);
@@ -215,7 +206,8 @@ TEST_P(Parts, OfWhichOneWasSentAheadAreBothAnsweredAgain) {
   const auto part = [&](std::uint32_t number) {
     return part_of(GetParam(), number, ids.subspan(15 * (number - 1), 15), {.part = number, .parts = 3});
   };
-  const wire::Request first = part(1), second = ahead(part(2), first), third = ahead(part(3), second);
+  const wire::Request first = part(1), second = ServiceHarness::ahead(part(2), first),
+                      third = ServiceHarness::ahead(part(3), second);
   const Answer one = harness.ask(first);
   const Answer two = harness.ask(second);
   ASSERT_TRUE(two.reply.status.ok()) << describe(two.reply.status);
@@ -240,7 +232,7 @@ TEST_P(Parts, SentAheadRunBehindTheirOwnPartOnly) {
                    {.part = number, .parts = 2, .step = step});
   };
   wire::Request given_up = whole(1, 1);
-  const wire::Request late = ahead(whole(1, 2), given_up);
+  const wire::Request late = ServiceHarness::ahead(whole(1, 2), given_up);
   EXPECT_EQ(harness.ask(late).code(), Code::kSequenceGap) << "it has overtaken the part before";
   given_up.batch.f64(Field::kPressure)[3] = -std::numeric_limits<double>::infinity();
   EXPECT_EQ(harness.ask(given_up).code(), Code::kInvalidValue);
@@ -252,9 +244,10 @@ TEST_P(Parts, SentAheadRunBehindTheirOwnPartOnly) {
   const Answer refused = harness.ask(late);
   EXPECT_EQ(refused.code(), Code::kSequenceGap);
   EXPECT_EQ(refused.reply.status.field, "downscale.follows");
-  ASSERT_TRUE(harness.ask(ahead(whole(1, 2), renamed)).reply.status.ok());
+  ASSERT_TRUE(harness.ask(ServiceHarness::ahead(whole(1, 2), renamed)).reply.status.ok());
   wire::Request begins = part_of(GetParam(), 3, ids, {.part = 1, .parts = 2});
-  EXPECT_EQ(harness.ask(ahead(std::move(begins), late)).code(), Code::kInvalidValue) << "a first part follows nothing";
+  EXPECT_EQ(harness.ask(ServiceHarness::ahead(std::move(begins), late)).code(), Code::kInvalidValue)
+      << "a first part follows nothing";
   ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
   EXPECT_EQ(probe(harness, 3, 1), probe(harness, 2, 2));
   const Answer welcome = harness.ask({.body = wire::Hello{}});

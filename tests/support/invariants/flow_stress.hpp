@@ -34,7 +34,8 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     // dep / dt is an upper bound of the strain rate: all the strain may have grown in the last of several substeps.
     // `dep` has the rounding error of a difference of strains. At a rate that is too small to matter in the flow law
     // the strain follows from the stress by hardening alone; the rounding error of the stress then adds to that of
-    // `dep`.
+    // `dep`. A strain that grows by less than its last digit in the last of several substeps may do so at any rate up
+    // to that.
     const double dep = a.parts() * (ep - ep_old);
     const double T = profile[static_cast<std::size_t>(i)];
     const bool rated = properties_of(soft.flow_law).depends_on_rate;
@@ -44,7 +45,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     const auto limit = [&](double temperature, double increment) {
       return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
     };
-    const double most = limit(T * (1 - kDigits) - grain, dep + noise);
+    const double most = limit(T * (1 - kDigits) - grain, dep + noise + (a.parts() - 1) * (4e-16 * ep));
     // A molten vertex among waves may keep what is no stress.
     const double nothing = options.inertia ? 1e-40 : 0.0;  // [Pa]
     require(carried <= most * (1 + 1e-10) + nothing,
