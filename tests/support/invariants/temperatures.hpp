@@ -63,8 +63,8 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
       require_solid(T, T_melt, hottest + grain + (heated > 1.0 ? heated : 0.0), figures);
     }
     // Far from the interface, where T is uniform, a node that has slept keeps the last digits of its modes, which are
-    // digits of the hottest temperature that they ever added up to; each sleep adds some.
-    const double kept = options.sleep ? 1e-14 * T_melt : 0.0;
+    // digits of the hottest temperature that they ever added up to; each of tens of thousands of sleeps adds some.
+    const double kept = options.sleep ? 1e-13 * T_melt : 0.0;
     require(i <= interface || !falls_inwards || T <= after[i - 1] * (1 + 1e-15) + kept + grain,
             "T rises with z at vertex {}: {:.17g} K", vertex, T);
   }
