@@ -15,6 +15,9 @@ constexpr double kLeastHeat = 0.03;   // least scale of the heat of a step, rela
 constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
 // The largest error that backward Euler leaves of a change of T0, or of what a sudden change of the flux makes of T0.
 constexpr double kFirstOrderShare = 0.15;
+// The error that the last stress, held throughout, leaves of the time integral, relative to the change of the stress. It
+// would be a half on a straight path and a third on one that falls like sqrt(t); rises and falls partly cancel.
+constexpr double kHeldShare = 0.4;
 // The error of T0 of second order, relative to its distance from backward Euler: the most where friction starts.
 constexpr double kPieceShare = 1.25;
 // The error that two halves leave of heat and impulse, relative to their distance from one piece, where both are of
@@ -133,7 +136,7 @@ double SubstepErrors::corner_of_flux(const Substep& substep, const SubstepAnswer
 
 double SubstepErrors::of_first_order(const Substep& substep, const SubstepAnswer& answer) const {
   const double dt = substep.length * dt_;
-  const double off = 0.5 * std::abs(answer.stress - start_of(substep, answer));
+  const double off = kHeldShare * std::abs(answer.stress - start_of(substep, answer));
   // T0 may hardly change though the flux does, if the layer goes on heating.
   const double sudden = response_ / dt_ * std::abs(answer.heat - substep.flux_before * dt);
   return largest(substep, answer.stress,
