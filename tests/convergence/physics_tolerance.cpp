@@ -7,13 +7,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <functional>
-#include <random>
-#include <utility>
 #include <vector>
 
 #include "tests/support/fine_layer.hpp"
 #include "tests/support/physics_rig.hpp"
+#include "tests/support/turning_histories.hpp"
 
 namespace shearbus::testing {
 namespace {
@@ -115,166 +113,23 @@ std::vector<Body> bodies() {
           {"two-sided", two_sided(half_space(Strategy::kVelocityDriven))}};
 }
 
-// Velocity-driven histories in which the jump turns while the pressure falls and returns, in steps of changing length.
-// Each lane has a history of its own.
-struct TurningHistory {
-  explicit TurningHistory(unsigned seed) : random(seed) {
-    for (int l = 0; l < kLanes; ++l) {
-      swing[l] = between(20.0, 200.0);
-      drift[l] = between(-50.0, 50.0);
-      period[l] = between(0.3e-6, 2e-6);
-      phase[l] = between(0.0, 6.28);
-      pressure[l] = between(2e9, 12e9);
-      lowest[l] = between(-0.1, 0.9);
-      returns[l] = between(0.3e-6, 1.5e-6);  // some pressures return suddenly within the run, others do not
-    }
-  }
-  double between(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); }
-  void load(double time, TileInputs& inputs) const {
-    inputs.active = (1u << kLanes) - 1u;
-    for (int l = 0; l < kLanes; ++l) {
-      inputs.velocity_jump[l] = swing[l] * std::cos(6.28 * time / period[l] + phase[l]) + drift[l];
-      const double fallen = time < returns[l] ? (1.0 - lowest[l]) * std::min(1.0, time / 0.6e-6) : 0.0;
-      inputs.pressure[l] = pressure[l] * (1.0 - fallen);
-    }
-  }
-  std::mt19937 random;
-  double swing[kLanes], drift[kLanes], period[kLanes], phase[kLanes], pressure[kLanes], lowest[kLanes], returns[kLanes];
-};
-
-// A tile of a model, advanced by steps of any length.
-struct Layer {
-  explicit Layer(const ModelOptions& options) : model(options), state(model.layout().doubles), next(state.size()) {
-    double temperature[kLanes];
-    std::fill_n(temperature, kLanes, options.initial_temperature);
-    model.initialise(state.data(), temperature);
-  }
-  void step(double dt, int times, const TileInputs& load) {
-    TileInputs inputs = load;
-    inputs.effort = &effort;
-    const auto operators = model.operators(dt);
-    for (int i = 0; i < times; ++i, std::swap(state, next)) {
-      model.advance(*operators, inputs, state.data(), next.data(), outputs);
-      for (int l = 0; l < kLanes; ++l) {
-        impulse[l] += outputs.mean_shear_stress[l] * dt;
-        heat[l] += outputs.friction_heat[l];
-      }
-    }
-  }
-  Model model;
-  std::vector<double> state, next;
-  TileOutputs outputs{};
-  SearchEffort effort;
-  double impulse[kLanes] = {};  // of the mean stress since the start  [Pa s]
-  double heat[kLanes] = {};     // friction heat since the start  [J/m2]
-};
-
-// The largest errors of one history: of T0, relative to what the layer has to melting, and of the sums of impulse and
-// heat, relative to the sums of their scales over the steps (METHODS.md, "Error of a substep").
-struct Delivered {
-  double T0 = 0.0, impulse = 0.0, heat = 0.0;
-  double largest() const { return std::max({T0, impulse, heat}); }
-  void take(const Layer& found, const Layer& exact, int l, double impulse_scale, double heat_scale) {
-    const double off = std::abs(found.outputs.interface_temperature[l] - exact.outputs.interface_temperature[l]);
-    T0 = std::max(T0, off / kToMelting);
-    impulse = std::max(impulse, std::abs(found.impulse[l] - exact.impulse[l]) / impulse_scale);
-    heat = std::max(heat, std::abs(found.heat[l] - exact.heat[l]) / heat_scale);
-  }
-};
-
-// The answers to one request in all histories, and what they cost.
-struct Answers {
-  double request;
-  std::vector<Delivered> delivered;  // one per history
-  double sums = 0.0;                 // of the flow over the layer of a tile, per step of the host, added up over seeds
-
-  // Median and largest over the histories, relative to the request.
-  template <typename Error>
-  std::pair<double, double> over_request(const Error& error) const {
-    std::vector<double> all;
-    for (const Delivered& one : delivered) all.push_back(std::invoke(error, one) / request);
-    std::ranges::sort(all);
-    return {all[all.size() / 2], all.back()};
-  }
-};
-
-// Runs the histories of one seed with each request on the grid that the request chooses, and a reference on the grid of
-// a tenth of the smallest request, with many substeps: four times as many below 1e-4. The reference begins each step of
-// the host with a very short substep: the pressure of the step holds from its start, and a stress above the new yield
-// stress relaxes at once. A step in which a stress turns or falls has more substeps.
-void run_histories(unsigned seed, std::vector<Answers>& answers) {
-  constexpr int kSteps = 60;
-  constexpr double kShortest = 0x1p-24, kLeastHeat = 0.03;
-  const ModelOptions scene = half_space(Strategy::kVelocityDriven);
-  const double smallest = answers.back().request;
-  const int substeps = smallest < 1e-4 ? 1024 : 256, substeps_of_turn = smallest < 1e-4 ? 8192 : 4096;
-  ModelOptions reference = discretised(scene, 0.1 * smallest);
-  reference.tolerance.reset();
-  Layer fine(reference);
-  std::vector<Layer> asked;
-  for (const Answers& answer : answers) asked.emplace_back(discretised(scene, answer.request));
-  std::vector<std::vector<Delivered>> own(answers.size(), std::vector<Delivered>(kLanes));
-  const double yield_stress = scene.soft.yield_strength / kSqrt3;
-  const double beta_T = heat_partition(scene.soft, scene.hard);
-  double impulse_scale[kLanes] = {}, heat_scale[kLanes] = {}, time = 0.0;
-  TurningHistory history(seed);
-  for (int n = 0; n < kSteps; ++n) {
-    const double dt = 1e-8 * std::exp2(std::floor(history.between(-1.0, 2.0)));
-    time += dt;
-    TileInputs inputs;
-    history.load(time, inputs);
-    inputs.wants_mean_stress = true;
-    bool turns = n == 0;
-    for (int l = 0; l < kLanes; ++l) {
-      const double before = fine.outputs.shear_stress[l];
-      turns = turns || before * inputs.velocity_jump[l] < 0.0 || before == 0.0;
-    }
-    for (Layer& layer : asked) layer.step(dt, 1, inputs);
-    const int parts = turns ? substeps_of_turn : substeps;
-    fine.step(dt * kShortest, 1, inputs);
-    fine.step(dt / parts, parts, inputs);
-    const double response = fine.model.operators(dt)->heat().layer_response()[0];
-    for (int l = 0; l < kLanes; ++l) {
-      const double most = std::max(yield_stress, std::abs(fine.outputs.shear_stress[l]));
-      impulse_scale[l] += dt * most;
-      heat_scale[l] +=
-          dt * std::max(beta_T * std::abs(inputs.velocity_jump[l]) * most, kLeastHeat * kToMelting / response);
-      for (std::size_t i = 0; i < asked.size(); ++i)
-        own[i][static_cast<std::size_t>(l)].take(asked[i], fine, l, impulse_scale[l], heat_scale[l]);
-    }
-  }
-  for (std::size_t i = 0; i < asked.size(); ++i) {
-    answers[i].delivered.insert(answers[i].delivered.end(), own[i].begin(), own[i].end());
-    answers[i].sums += static_cast<double>(asked[i].effort.layer_sums) / kSteps;
-  }
-}
-
 double from_environment(const char* name, double otherwise) {
   const char* text = std::getenv(name);
   return text != nullptr ? std::atof(text) : otherwise;
 }
 
 // T0, impulse and heat of every history, all of which slip, are within every request, and no request is answered with
-// many times the accuracy. SHEARBUS_SEEDS sets the number of seeds, of eight histories each, SHEARBUS_LEAST_TOLERANCE the
-// smallest request.
+// many times the accuracy. SHEARBUS_SEEDS sets the number of seeds, of eight histories each,
+// SHEARBUS_LEAST_TOLERANCE the smallest request.
 TEST(DeliveredTolerance, HistoriesThatTurnWhileThePressureChangesAreKept) {
   const auto seeds = static_cast<unsigned>(from_environment("SHEARBUS_SEEDS", 4));
   const double least = from_environment("SHEARBUS_LEAST_TOLERANCE", 1e-4);
-  std::vector<Answers> answers;
-  for (const double request : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6})
-    if (request >= 0.99 * least) answers.push_back({.request = request});
-  for (unsigned seed = 1; seed <= seeds; ++seed) run_histories(seed, answers);
-  for (const Answers& answer : answers) {
-    const auto [median, worst] = answer.over_request(&Delivered::largest);
-    std::printf("requested %.0e, %.0f sums a step, delivered of it (median, worst): %.3f %.2f", answer.request,
-                answer.sums / seeds, median, worst);
-    const std::pair<const char*, double Delivered::*> parts[] = {
-        {"T0", &Delivered::T0}, {"impulse", &Delivered::impulse}, {"heat", &Delivered::heat}};
-    for (const auto& [name, error] : parts) {
-      const auto [of_median, of_worst] = answer.over_request(error);
-      std::printf(", %s %.3f %.2f", name, of_median, of_worst);
-    }
-    std::printf("\n");
+  std::vector<double> requests = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
+  std::erase_if(requests, [&](double request) { return request < 0.99 * least; });
+  for (const TurningAnswers& answers : run_turning_histories(seeds, requests)) {
+    const auto [median, worst] = answers.over_request(&TurningErrors::largest);
+    std::printf("requested %.0e, %.0f sums a step: median %.3f of it delivered, at most %.2f\n", answers.request,
+                answers.sums, median, worst);
     EXPECT_LE(worst, 1.0);
     EXPECT_GE(median, 0.1);
   }

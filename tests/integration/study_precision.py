@@ -90,6 +90,12 @@ def main():
             assert loose["temperature_error"] < 1e-2 and strict["temperature_error"] < 1e-4, problem
             assert strict["temperature_error"] < loose["temperature_error"], problem
             assert f"\n{problem['name']}\n" in text
+        loose, strict = kept["histories"]
+        assert (loose["requested"], strict["requested"]) == (1e-1, 1e-2) and loose["sums_per_step"] < strict["sums_per_step"], kept
+        for run in (loose, strict):
+            assert 0 < run["median_of_request"] < run["largest_of_request"] < 1 and run["histories"] == 8, run
+            assert run["largest_of_request"] == max(error["largest_of_request"] for error in run["errors"].values()), run
+        assert "\n8 random histories" in text
         # With zones of 2 mm and 1 mm, the error of 80 cells is smaller than the error of the zones.
         ran = subprocess.run([sys.executable, options.cone_sweep, "--hydro", options.hydro, "--zones", "2e-3,1e-3", "--layers", "80 cells",
                               "--end", "6e-6", "--out", out], capture_output=True, text=True)

@@ -43,6 +43,7 @@ struct Options : CommandOptions {
   double pressure = 11.2e9;
   double end = 1e-6;
   SweepOptions sweep;
+  unsigned seeds = 1;
 };
 
 std::vector<StudyCase> cases_of(const Options& options) {
@@ -75,7 +76,14 @@ void precision(const Options& options) {
 void tolerance(const Options& options) {
   const auto tracked = track_tolerances(cases_of(options), options.sweep);
   fmt::print("{}", table(tracked));
-  write_study(options, "tolerance", json(tracked, options.sweep.repeats));
+  static_cast<void>(std::fflush(stdout));
+  nlohmann::ordered_json study = json(tracked, options.sweep.repeats);
+  if (options.scene.empty() && options.seeds > 0) {
+    const auto histories = track_histories(options.seeds, options.sweep.quick);
+    fmt::print("{}", table(histories));
+    study["histories"] = json(histories);
+  }
+  write_study(options, "tolerance", study);
 }
 
 // Replaces this program by the program of the fit, which has its own options.
@@ -113,7 +121,9 @@ int main(int argc, char** argv) {
   };
   const CLI::App* of_precision =
       add("precision", "Error against run time: the fixed problems, or SCENE under a fixed jump and pressure");
-  add("tolerance", "Error delivered against error requested, of scenes with a tolerance");
+  add("tolerance", "Error delivered against error requested: the fixed problems and random histories, or SCENE")
+      ->add_option("--seeds", options.seeds, "of random histories, eight each; a seed takes minutes, 0: none")
+      ->capture_default_str();
   StabilityOptions stability;
   const CLI::App* of_stability = add_stability(app, stability);
   shearbus::map::CommandOptions map;

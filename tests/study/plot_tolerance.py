@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Draws the delivered against the requested error from tolerance.json, one line per problem, the largest over its
-numbers of host steps; below the diagonal the request is met. Left: the error of T0; right: its cost.
+numbers of host steps; below the diagonal the request is met. Left: the error of T0, and of random histories the largest of T0, impulse
+and heat (bars from the median to the largest); right: the cost.
 plot_tolerance.py tolerance.json [--out FILE.png]"""
 from pictures import arguments, save, style
 
@@ -19,6 +20,9 @@ def main():
         for axes, values, ends in zip((errors, costs), (worst, cost), labels):
             axes.plot(requests, values, color=colour, marker="o", markersize=4, linewidth=1.8)
             ends.append((requests[-1], values[-1], problem["name"], colour))
+    for run in study.get("histories", []):
+        median, largest = (run["requested"] * run[key] for key in ("median_of_request", "largest_of_request"))
+        errors.plot([run["requested"] * 1.12] * 2, (median, largest), color=style.FAINT, linewidth=5, solid_capstyle="butt", zorder=1)
     span = [run["requested"] for problem in study["problems"] for run in problem["runs"]]
     errors.plot((min(span), max(span)), (min(span), max(span)), color=style.FAINT, linewidth=1.2, linestyle="--")
     errors.annotate("requested", (max(span), max(span)), color=style.FAINT, fontsize=9, va="bottom", ha="left")
@@ -28,7 +32,10 @@ def main():
         axes.set(xscale="log", yscale="log", xlabel="tolerance requested")
         axes.invert_xaxis()
         axes.grid()
-    errors.legend(handles=[style.plt.Line2D([], [], color=colour, linewidth=1.8, label=label) for _, _, label, colour in labels[0]], loc="lower left")
+    handles = [style.plt.Line2D([], [], color=colour, linewidth=1.8, label=label) for _, _, label, colour in labels[0]]
+    if "histories" in study:
+        handles.append(style.plt.Line2D([], [], color=style.FAINT, linewidth=5, label=f"{study['histories'][0]['histories']} random histories"))
+    errors.legend(handles=handles, loc="lower left")
     save(figure, out, study)
 
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <span>
+#include <utility>
 
 #include "server/service/scene_model.hpp"
 #include "tests/support/fine_layer.hpp"
@@ -15,6 +16,7 @@ namespace {
 
 constexpr double kRequests[] = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
 constexpr double kQuickRequests[] = {1e-2, 1e-4};
+constexpr double kQuickHistoryRequests[] = {1e-1, 1e-2};  // references of smaller requests take long
 constexpr int kSteps[] = {10, 100, 1000};
 constexpr int kQuickSteps[] = {20};
 
@@ -85,6 +87,12 @@ Reference solved_finely(const StudyCase& study_case, int steps, bool quick) {
   return reference;
 }
 
+// Each error of random histories with its name.
+constexpr std::pair<const char*, double testing::TurningErrors::*> kHistoryErrors[] = {
+    {"T0", &testing::TurningErrors::T0},
+    {"impulse", &testing::TurningErrors::impulse},
+    {"heat", &testing::TurningErrors::heat}};
+
 }  // namespace
 
 std::vector<Tracked> track_tolerances(const std::vector<StudyCase>& cases, const SweepOptions& options) {
@@ -112,6 +120,11 @@ std::vector<Tracked> track_tolerances(const std::vector<StudyCase>& cases, const
   return all;
 }
 
+std::vector<testing::TurningAnswers> track_histories(unsigned seeds, bool quick) {
+  const auto requests = quick ? std::span<const double>(kQuickHistoryRequests) : std::span<const double>(kRequests);
+  return testing::run_turning_histories(seeds, {requests.begin(), requests.end()});
+}
+
 std::string table(const std::vector<Tracked>& tracked) {
   std::string text;
   for (const Tracked& one : tracked) {
@@ -125,6 +138,27 @@ std::string table(const std::vector<Tracked>& tracked) {
                           found.work_error, found.ns_per_node_step, found.state_bytes,
                           found.failure.empty() ? "" : "  FAILED: " + found.failure);
     }
+  }
+  return text;
+}
+
+std::string table(const std::vector<testing::TurningAnswers>& histories) {
+  if (histories.empty()) return {};
+  std::string text = fmt::format(
+      "\n{} random histories that turn while the pressure changes: error of request, median and largest\n"
+      "  reference: the grid of {:.0e}; sums of the flow over the layer of a tile in a step of the host\n"
+      "  {:>10} {:>8} {:>15}",
+      histories.front().errors.size(), 0.1 * histories.back().request, "requested", "sums", "largest of all");
+  for (const auto& [name, error] : kHistoryErrors) text += fmt::format(" {:>15}", name);
+  text += '\n';
+  for (const testing::TurningAnswers& one : histories) {
+    const auto column = [](const std::pair<double, double>& found) {
+      return fmt::format(" {:8.3f} {:6.3f}", found.first, found.second);
+    };
+    text += fmt::format("  {:10.0e} {:8.0f}{}", one.request, one.sums,
+                        column(one.over_request(&testing::TurningErrors::largest)));
+    for (const auto& [name, error] : kHistoryErrors) text += column(one.over_request(error));
+    text += '\n';
   }
   return text;
 }
@@ -144,6 +178,23 @@ nlohmann::ordered_json json(const std::vector<Tracked>& tracked, int repeats) {
                                {"ns_per_node_step", found.ns_per_node_step},
                                {"state_bytes", found.state_bytes},
                                {"failure", found.failure}});
+  }
+  return out;
+}
+
+nlohmann::ordered_json json(const std::vector<testing::TurningAnswers>& histories) {
+  nlohmann::ordered_json out = nlohmann::ordered_json::array();
+  for (const testing::TurningAnswers& one : histories) {
+    const auto [median, worst] = one.over_request(&testing::TurningErrors::largest);
+    out.push_back({{"requested", one.request},
+                   {"histories", one.errors.size()},
+                   {"sums_per_step", one.sums},
+                   {"median_of_request", median},
+                   {"largest_of_request", worst}});
+    for (const auto& [name, error] : kHistoryErrors) {
+      const auto [of_median, of_worst] = one.over_request(error);
+      out.back()["errors"][name] = {{"median_of_request", of_median}, {"largest_of_request", of_worst}};
+    }
   }
   return out;
 }
