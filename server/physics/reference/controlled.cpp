@@ -98,7 +98,7 @@ double start_of(double s_old, const NodeOutputs& out) {
 // Error of a whole step by backward Euler, `early` its flux before the step; and of the same step of second order.
 double first_order_error(const ModelOptions& options, const NodeInputs& in, const Scales& scales, double early,
                          const NodeState& before, const NodeOutputs& out) {
-  const double off = 0.5 * std::abs(out.shear_stress - start_of(before.shear_stress, out));
+  const double off = 0.4 * std::abs(out.shear_stress - start_of(before.shear_stress, out));
   const double sudden = scales.response / scales.dt * std::abs(out.friction_heat - early * scales.dt);
   const double moved = std::abs(out.interface_temperature - before.temperature[0]);
   return scales.largest(
