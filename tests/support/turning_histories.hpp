@@ -106,11 +106,11 @@ struct TurningAnswers {
 
 // Runs eight histories for each of the seeds 1 to `seeds` with each request, the smallest of which is the last. The
 // reference has the grid of a tenth of the smallest request, and 256 substeps in a step of the host (1,024 below 1e-4),
-// more where a stress turns or falls. It begins each step with a very short substep: the pressure of the step holds from
+// more where a stress turns or falls or a pressure returns. It begins each step with a very short substep: the pressure of the step holds from
 // its start, and a stress above the new yield stress relaxes at once.
 inline std::vector<TurningAnswers> run_turning_histories(unsigned seeds, const std::vector<double>& requests) {
   constexpr int kSteps = 60;
-  constexpr double kShortest = 0x1p-24, kLeastHeat = 0.03;
+  constexpr double kShortest = 0x1p-24, kLeastHeat = 0.03, kReturned = 1.01;
   const bool strict = requests.back() < 0.99e-4;
   const int substeps = strict ? 1024 : 256, substeps_of_turn = strict ? 8192 : 4096;
   ModelOptions scene = paper_options();
@@ -129,14 +129,16 @@ inline std::vector<TurningAnswers> run_turning_histories(unsigned seeds, const s
     for (TurningAnswers& one : answers) one.errors.resize(one.errors.size() + kLanes);
     double impulse_scale[kLanes] = {}, heat_scale[kLanes] = {}, time = 0.0;
     TurningHistories histories(seed);
+    TileInputs inputs;
     for (int n = 0; n < kSteps; ++n) {
       const double dt = histories.next_dt();
       time += dt;
-      const TileInputs inputs = histories.load(time);
+      const TileInputs last = std::exchange(inputs, histories.load(time));
       bool turns = n == 0;
       for (int l = 0; l < kLanes; ++l) {
         const double before = fine.outputs.shear_stress[l];
-        turns = turns || before * inputs.velocity_jump[l] < 0.0 || before == 0.0;
+        const bool returns = inputs.pressure[l] > kReturned * last.pressure[l];
+        turns = turns || returns || before * inputs.velocity_jump[l] < 0.0 || before == 0.0;
       }
       for (SummedLayer& layer : asked) layer.step(dt, 1, inputs);
       const int parts = turns ? substeps_of_turn : substeps;
