@@ -193,6 +193,14 @@ void PosixStorage::remove(const std::string& name) {
   if (::unlinkat(directory_, name.c_str(), 0) < 0) throw StorageError("cannot remove " + name, errno);
 }
 
+void PosixStorage::sync(const std::string& name) {
+  const int file = ::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (file < 0) throw StorageError("cannot open " + name, errno);
+  const int done = ::fdatasync(file), fault = errno;
+  ::close(file);
+  if (done < 0) throw StorageError("cannot bring " + name + " to the disk", fault);
+}
+
 void PosixStorage::sync_directory() {
   if (::fsync(directory_) < 0)
     throw StorageError("cannot bring the state directory " + path_.string() + " to the disk", errno);

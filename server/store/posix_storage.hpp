@@ -24,6 +24,7 @@ class PosixStorage final : public Storage {
   std::unique_ptr<File> create(const std::string& name) override;
   void rename(const std::string& from, const std::string& to) override;
   void remove(const std::string& name) override;
+  void sync(const std::string& name) override;
   void sync_directory() override;
 
  private:

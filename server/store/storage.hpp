@@ -49,7 +49,8 @@ class Storage {
   virtual std::unique_ptr<File> create(const std::string& name) = 0;        // fails if the name exists
   virtual void rename(const std::string& from, const std::string& to) = 0;  // replaces an existing `to`
   virtual void remove(const std::string& name) = 0;
-  virtual void sync_directory() = 0;  // after the call the names survive a loss of power
+  virtual void sync(const std::string& name) = 0;  // brings the content to the disk
+  virtual void sync_directory() = 0;               // after the call the names survive a loss of power
 };
 
 // Removes a file that its writer could not finish. A file that cannot be removed stays.

@@ -280,13 +280,13 @@ std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t 
     Segment segment = read_segment(bytes, file);
     if (segment.sound_bytes == 0) {
       if (noted)
-        missed = {.text = file + " is empty or zeroed", .cause = {}};
+        missed.note(file + " is empty or zeroed");
       else
         log(file + " holds no record and is left alone");
       return {};
     }
     if (is_foreign(segment.store, file)) {
-      if (noted) missed = {.text = file + " is a file of another directory", .cause = {}};
+      if (noted) missed.note(file + " is a file of another directory");
       return {};
     }
     if (segment.number != number)
@@ -294,7 +294,7 @@ std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t 
     return segment;
   } catch (const std::exception& why) {
     if (noted)
-      missed = {.text = why.what(), .cause = std::current_exception()};
+      missed.note(why.what(), std::current_exception());
     else
       log(std::string(why.what()) + "; it is no file of this server and left alone");
     return {};
@@ -363,6 +363,8 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
       log(file + ": it ends in the middle of a record, whose request was never answered");
     bytes_since_checkpoint_ += segment->sound_bytes;
     segments_.push_back({number, segment->first_index});
+    // A server that died may have left records that only the cache of the machine holds. Later records follow them.
+    if (options_.durability == Durability::kPower) storage_.sync(file);
   }
   changed_ = counters_.replayed != 0;
   if (changed_) log("replayed " + std::to_string(counters_.replayed) + " requests from the journal");

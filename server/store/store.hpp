@@ -117,6 +117,10 @@ class Store {
  private:
   struct Found;
   struct Missed {  // a journal segment that cannot be used; `cause` is null if it is empty or of another directory
+    // Of several segments one with a cause counts, and then the first.
+    void note(const std::string& fault, const std::exception_ptr& why = {}) {
+      if (text.empty() || (why && !cause)) *this = {.text = fault, .cause = why};
+    }
     std::string text;
     std::exception_ptr cause;
   };

@@ -215,6 +215,51 @@ TEST(Store, LossOfPowerAtTheNthCallLosesNothingThatWasAnswered) {
   RecordProperty("deaths", deaths);
 }
 
+// The server dies before the sync of a record, the next one reads it from the machine's cache and goes on after it, and
+// then the power fails.
+TEST(Store, ARecordThatTheNextServerReadsIsDurable) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    MemoryStorage disk;
+    std::mt19937 random(seed);
+    {
+      Server server(disk);
+      server.run(1);
+      disk.plan({.at_call = 1, .of = Call::kSync});
+      EXPECT_THROW(server.run(2), StorageError);
+    }
+    disk.die_of_process();
+    {
+      Server server(disk);
+      ASSERT_EQ(server.counter.seen, up_to(2));
+      server.run(3);
+    }
+    disk.die_of_power(random);
+    EXPECT_EQ(Server(disk).counter.seen, up_to(3)) << "seed " << seed;
+  }
+}
+
+TEST(Store, AReadThatFailsIsToldAlthoughAnEmptySegmentFollows) {
+  MemoryStorage disk;
+  Server(disk).run(1);
+  disk.put(segment_name(2), {});
+  Server(disk).run(2);
+  ASSERT_TRUE(disk.exists(segment_name(3)));
+  int failed = 0;
+  for (std::uint64_t n = 1;; ++n) {
+    disk.plan({.at_call = n, .code = EIO, .of = Call::kRead});
+    try {
+      EXPECT_EQ(Server(disk).counter.seen, up_to(2));
+    } catch (const StorageError& fault) {
+      EXPECT_EQ(fault.code(), EIO);
+      ++failed;
+    } catch (const std::exception& fault) {
+      ADD_FAILURE() << "read " << n << ": " << fault.what();
+    }
+    if (!disk.fired()) break;
+  }
+  EXPECT_GE(failed, 3);
+}
+
 TEST(Store, NothingIsAnsweredAfterAFailedSync) {
   MemoryStorage disk;
   Server server(disk);

@@ -124,6 +124,11 @@ class MemoryStorage final : public store::Storage {
     find(name);
     change([=](Names& names) { names.erase(name); });
   }
+  void sync(const std::string& name) override {
+    const auto turn = enter(Call::kSync);
+    const auto file = find(name);
+    file->synced = file->written;
+  }
   void sync_directory() override {
     const auto turn = enter(Call::kSyncDirectory);
     durable_names_ = names_;
