@@ -1,5 +1,5 @@
-// Study of tolerances: runs scenes that request a tolerance at several step lengths of the host, and random histories, and
-// compares the error of each run with the requested tolerance.
+// Study of tolerances: runs scenes that request a tolerance at several step lengths of the host, and random histories,
+// and compares the error of each run with the requested tolerance.
 #pragma once
 
 #include <filesystem>

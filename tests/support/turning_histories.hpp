@@ -106,8 +106,8 @@ struct TurningAnswers {
 
 // Runs eight histories for each of the seeds 1 to `seeds` with each request, the smallest of which is the last. The
 // reference has the grid of a tenth of the smallest request, and 256 substeps in a step of the host (1,024 below 1e-4),
-// more where a stress turns or falls or a pressure returns. It begins each step with a very short substep: the pressure of the step holds from
-// its start, and a stress above the new yield stress relaxes at once.
+// more where a stress turns or falls or a pressure returns. It begins each step with a very short substep: the pressure
+// of the step holds from its start, and a stress above the new yield stress relaxes at once.
 inline std::vector<TurningAnswers> run_turning_histories(unsigned seeds, const std::vector<double>& requests) {
   constexpr int kSteps = 60;
   constexpr double kShortest = 0x1p-24, kLeastHeat = 0.03, kReturned = 1.01;
