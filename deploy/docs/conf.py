@@ -1,5 +1,6 @@
 # Configuration of Sphinx for the pages that stage.py has staged. deploy/docs/build gives the places by environment variables.
 import os
+import pathlib
 import re
 import sys
 
@@ -34,6 +35,13 @@ cpp_id_attributes = ["SHEARBUS_API"]
 autodoc_member_order = "bysource"
 
 html_theme = "furo"
+# Debian's sheet has the colours of a dark screen for the switch alone, not for a system that is dark.
+_dark = {"problematic": "#f28b82", "foreground-primary": "#d6d8da", "foreground-secondary": "#a4a8ad", "foreground-muted": "#8d9298", "foreground-border": "#666a6e",
+         "background-primary": "#121416", "background-secondary": "#1a1d20", "background-hover": "#22262a", "background-hover--transparent": "#22262a00",
+         "background-border": "#33383c", "background-item": "#444a4f", "brand-primary": "#5aa9f5", "brand-content": "#6bb2f6", "highlighted-background": "#0c3a66",
+         "highlight-on-target": "#3a3a00", "guilabel-background": "#08356380", "guilabel-border": "#13395f80", "api-keyword": "var(--color-foreground-secondary)",
+         "admonition-background": "#18181a"}
+html_theme_options = {"dark_css_variables": {f"color-{name}": colour for name, colour in _dark.items()}}
 html_title = f"shearbus {release}"
 html_static_path = [os.path.join(os.path.dirname(__file__), "static")]
 html_css_files = ["site.css"]
@@ -41,6 +49,7 @@ html_show_sphinx = False
 html_show_copyright = False  # the owners have chosen no licence yet
 smartquotes = False  # quotes in tables are those of TOML
 html_copy_source = False
+html_show_search_summary = False  # a page that is opened as a file may not read others
 
 
 def plain(app, what, name, obj, options, lines):
@@ -61,5 +70,19 @@ def plain(app, what, name, obj, options, lines):
     lines[:] = text
 
 
+def complete_theme(app, fault):
+    """Makes the scripts and styles of Debian's furo whole, which are those of its sources: a script imports another, which a browser takes
+    from modules alone, and the sheet imports one from the root of a web server."""
+    if fault is not None or app.builder.name != "html":
+        return
+    static = pathlib.Path(app.outdir, "_static")
+    script, sheet = static / "scripts/furo.js", static / "styles/furo.css"
+    text, imports = re.subn(r'^import Gumshoe from "./(gumshoe-patched\.js)";$', "", script.read_text(), flags=re.M)
+    if imports:  # gumshoe defines window.Gumshoe
+        script.write_text((static / "scripts/gumshoe-patched.js").read_text() + text)
+    sheet.write_text(re.sub(r"@import url\(/javascript/(.*?)\);", lambda match: pathlib.Path("/usr/share/javascript", match[1]).read_text(), sheet.read_text()))
+
+
 def setup(app):
     app.connect("autodoc-process-docstring", plain)
+    app.connect("build-finished", complete_theme)
