@@ -1,4 +1,5 @@
 # Configuration of Sphinx for the pages that stage.py has staged. deploy/docs/build gives the places by environment variables.
+import inspect
 import os
 import pathlib
 import re
@@ -52,21 +53,58 @@ html_copy_source = False
 html_show_search_summary = False  # a page that is opened as a file may not read others
 
 
+def marked(line):
+    """Returns a line of plain text as reStructuredText: marks are text."""
+    words = re.split(r"(`[^`]+`)", line)
+    return "".join(f"`{w}`" if w.startswith("`") else re.sub(r"([\\*`|_])", r"\\\1", w).replace("://", r"\://") for w in words)
+
+
+def known_names(what, obj):
+    """Returns the names that a docstring may explain: the parameters of a function, the attributes of a class."""
+    if what in ("class", "exception"):
+        try:
+            return set(re.findall(r"\b[a-z]\w*", inspect.getsource(obj).replace(obj.__doc__ or "", "")))
+        except (OSError, TypeError):
+            return set()
+    try:
+        return set(inspect.signature(obj).parameters) if callable(obj) else set()
+    except (TypeError, ValueError):
+        return set()
+
+
+def with_fields(what, obj, paragraph):
+    """Returns a paragraph whose sentences explain parameters ("name: meaning. other (unit): meaning.") as text and a list of fields."""
+    names = known_names(what, obj)
+    start = r"(?:(?<=[.;] )|^)((?:\w+, )*(?:\w+ and )?\w+)((?:, shape)? \([^)]*\))?: "
+    found = [m for m in re.finditer(start, paragraph) if set(re.findall(r"\w+", m[1])) - {"and"} <= names]
+    if not found:
+        return [marked(paragraph), ""]
+    field = "ivar" if what in ("class", "exception") else "param"
+    lead = paragraph[: found[0].start()].strip()
+    lines, returns = [marked(lead), ""] if lead else [], []
+    for this, following in zip(found, [*found[1:], None]):
+        meaning = paragraph[this.end() : following.start() if following else len(paragraph)].strip()
+        if match := re.search(r"(?:^|(?<=[.;] ))Returns .*$", meaning):  # of the call, not of its last parameter
+            meaning, returns = meaning[: match.start()].strip(), [f":returns: {marked(match[0][8:])}"]
+        unit = f"{this[2].strip(', ')} " if this[2] else ""
+        lines += [f":{field} {name}: \\{marked(unit + meaning.rstrip(';'))}" for name in re.findall(r"\w+", this[1]) if name != "and"]
+    return [*lines, *returns, ""]
+
+
 def plain(app, what, name, obj, options, lines):
-    """Makes a docstring, which is plain text, reStructuredText: marks are text, indented lines are code."""
-    text, indented = [], False
-    for line in lines:
-        if line.startswith("    "):
-            if not indented:
-                text += ["", "::", ""]
-            indented = True
-            text.append(line)
-        else:
-            if indented and line:
-                text.append("")
-                indented = False
-            words = re.split(r"(`[^`]+`)", line)
-            text.append("".join(f"`{w}`" if w.startswith("`") else re.sub(r"([\\*`|_])", r"\\\1", w).replace("://", r"\://") for w in words))
+    """Makes a docstring, which is plain text, reStructuredText: indented lines are code, explained parameters a list."""
+    text, paragraph, indented = [], [], False
+    for line in [*lines, ""]:
+        is_code = line.startswith("    ") and not paragraph
+        if paragraph and not line.strip():
+            text += with_fields(what, obj, " ".join(paragraph))
+            paragraph = []
+        elif is_code or (indented and not line.strip()):
+            text += ([] if indented else ["::", ""]) + [line]
+        elif line.strip():
+            text += [""] if indented else []
+            paragraph.append(line.strip())
+        indented = is_code or (indented and not line.strip())
     lines[:] = text
 
 

@@ -28,6 +28,13 @@ WIDE = r"""
     if (r.width > 0 && r.height > 0 && r.right > width + 1 && !scrolls(e.parentElement) && getComputedStyle(e).position !== "fixed" && !e.closest("svg"))
       faults.push(e.tagName.toLowerCase() + " ends at " + Math.round(r.right) + ": " + e.textContent.trim().slice(0, 40));
   }
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node; (node = texts.nextNode());) {  // one word of a table's head on several lines
+    const line = document.createRange();
+    line.selectNodeContents(node);
+    if (node.parentElement.closest("th") && !/[\s-]/.test(node.data.trim()) && new Set([...line.getClientRects()].map(r => Math.round(r.top))).size > 1)
+      faults.push("a word is broken: " + node.data.trim());
+  }
   return faults.slice(0, 3);
 })()
 """
@@ -105,7 +112,7 @@ def site_faults(site):
 def self_test():
     """Returns the checks that did not fail."""
     pages = {"<div style='width:1500px'>wide</div>": "1400 pixels: the page is", "<div style='overflow:hidden'><p style='width:1200px'>cut</p></div>": "1000 pixels: p ends at 12",
-             "<script>import x from './x.js'</script>": "import", "<script>throw new Error('torn')</script>": "torn", "<link rel=stylesheet href=gone.css>": "gone.css was not loaded",
+             "<article><table><tr><th style='width:1em;overflow-wrap:anywhere'><div style='width:1em'>broken</div>": "a word is broken: broken", "<script>import x from './x.js'</script>": "import", "<script>throw new Error('torn')</script>": "torn", "<link rel=stylesheet href=gone.css>": "gone.css was not loaded",
              "<style>@import url(/gone.css)</style>": "gone.css was not loaded", "<script>console.error('said')</script>": "said"}
     faults = []
     with tempfile.TemporaryDirectory() as scratch:
