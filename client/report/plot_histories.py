@@ -64,7 +64,9 @@ def panels_of(runs):
 def colours(runs):
     """Returns the colours of the lines by their jump, neither too dark nor too light for any paper."""
     jumps = np.concatenate([jump(run) for run in runs])
-    return plt.cm.ScalarMappable(Normalize(jumps.min(), jumps.max() if jumps.max() > jumps.min() else jumps.min() + 1.0), LINES)
+    scale = plt.cm.ScalarMappable(Normalize(jumps.min(), jumps.max() if jumps.max() > jumps.min() else jumps.min() + 1.0), LINES)
+    scale.by_jump = any(np.ptp(jump(run)) > 0 for run in runs)  # else each run has its own colour
+    return scale
 
 
 def quantities(runs):
@@ -83,7 +85,7 @@ def draw_history(axis, run, columns, name, scale):
             warnings.simplefilter("ignore", RuntimeWarning)
             axis.fill_between(run.time, np.nanmin(values[:, columns], axis=1), np.nanmax(values[:, columns], axis=1), color=BAND, lw=0)
     for column in chosen:
-        axis.plot(run.time, values[:, column], color=scale.to_rgba(jump(run)[column]) if np.ptp(jump(run)) > 0 else run.colour, lw=1.4)
+        axis.plot(run.time, values[:, column], color=scale.to_rgba(jump(run)[column]) if scale.by_jump else run.colour, lw=1.4)
     melting = run.scene.get("soft", {}).get("melting_temperature_k")
     melts = name == "interface_temperature" and melting and run.scene["soft"].get("melting_curve", "constant") == "constant"
     if melts:
@@ -99,7 +101,7 @@ def histories(runs):
     panels, left_out = panels_of(runs)
     names = quantities(runs)
     figure, axes = style.figure(len(names), len(panels), (1.6 + max(2.7 * len(panels), 5.0), 2.2 * len(names) + 1.0), legend=True,
-                                sharex=True, sharey="row", squeeze=False)
+                                sharex="col", sharey="row", squeeze=False)  # runs may end at other times
     scale = colours(runs)
     found = np.array([draw_history(axis, run, columns, name, scale) for p, (run, _, columns) in enumerate(panels) for axis, name in zip(axes[:, p], names)])
     for p, (_, title, _) in enumerate(panels):
@@ -107,7 +109,7 @@ def histories(runs):
         axes[-1, p].set_xlabel("time (µs)")
         for axis in axes[:, p] if p > 0 else ():
             axis.set_ylabel("")
-    if any(np.ptp(jump(run)) > 0 for run in runs):
+    if scale.by_jump:
         figure.colorbar(scale, ax=list(axes[:, -1]), label=jump_label(runs), shrink=0.6, pad=0.03)
     banded, melts = found.any(axis=0)
     handles = [Patch(color=BAND, label="range of all columns")] * bool(banded)

@@ -374,7 +374,7 @@ def history_fields(runs):
         found.append({"title": style.QUANTITIES[name][0].split(" (")[0], "text": " ".join(dict.fromkeys(notes)), "columns": columns,
                       "panels": [svg(figure, f"history-{name}-{i}", f"{name.replace('_', ' ')} against time") for i, (figure, _) in enumerate(figures)]})
     low, high = scale.get_clim()
-    if any(np.ptp(plot_histories.jump(run)) > 0 for run in runs):
+    if scale.by_jump:
         stops = ", ".join(matplotlib.colors.to_hex(plot_histories.LINES(x)) for x in np.linspace(0, 1, 6))
         found[0]["scale"] = {"stops": stops, "low": number(low), "high": number(high), "label": label}
     if plot_histories.has_many(runs):

@@ -164,6 +164,13 @@ class Report(unittest.TestCase):
         page = self.reports["two"] = self.path / "two.html"
         for label in ("soft.yield_strength_pa = 1e+08", "soft.yield_strength_pa = 2e+08"):
             self.assertIn(f"<strong>{label}</strong>", page.read_text())
+        # Runs that end at other times are drawn to their own ends.
+        import plot_histories
+
+        figure, _ = plot_histories.histories(runs.read([self.column, others[0]]))
+        ends = [axis.get_xlim()[1] for axis in figure.axes[:2]]
+        plot_histories.plt.close(figure)
+        self.assertEqual(ends, [runs.Run(path).time[-1] for path in (self.column, others[0])])
         # Drawn over each other they are another picture than either of them.
         pictures = []
         for i, files in enumerate(([others[0]], [others[1]], others, [*others, self.path / "history.h5"])):
