@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <filesystem>
@@ -119,7 +120,9 @@ void describe(CLI::App& app, Command& command) {
       app.add_subcommand("compare", "the first step, node and quantity in which two logs or results differ");
   compare->add_option("A", command.a)->required()->type_name("");
   compare->add_option("B", command.b)->required()->type_name("");
-  compare->add_option("--rtol", command.rtol, "largest relative difference of equal numbers; default: same bits");
+  compare->add_option("--rtol", command.rtol,
+                      "largest relative difference of equal numbers, of tables with the largest difference of each "
+                      "column; default: same bits, up to the first that differs");
   compare->footer("Exit code: 0 equal, 1 different, 2 trouble.");
   CLI::App* const exported = app.add_subcommand("export", "the committed steps of an event log as a table");
   exported->add_option("LOG", command.exported.log)->required()->type_name("");
@@ -129,9 +132,9 @@ void describe(CLI::App& app, Command& command) {
   exported->add_option("--node", command.node, "the steps of this node alone")->type_name("ID");
   CLI::App* const plot = app.add_subcommand("plot", "a picture of a history, a result or an event log");
   plot->add_option("FILES", command.plot.files,
-                   "HDF5 files of the same steps, such as a history and its result; or a log")
+                   "results, which are drawn over each other, and a history that completes them; or a log")
       ->required()
-      ->expected(1, 2)
+      ->expected(1, 8)
       ->type_name("");
   plot->add_option("--out", command.plot.out, "the picture")->required()->type_name("PICTURE.png");
   plot->add_option("--node", command.plot.node, "the node to draw; default: the hottest")
@@ -157,6 +160,8 @@ void check(const CLI::App& app, Command& command) {
   if (command.rtol < 0) throw CLI::ValidationError("--rtol", "expected a number from 0 on");
   const replay::Options& run = command.run;
   const bool has_history = !command.inputs.empty() || !run.scene.empty() || !run.out.empty();
+  if (std::ranges::count_if(command.plot.files, wire::is_event_log) > 1)
+    throw CLI::ValidationError("FILES", "expected one event log; of several make tables first: shearbus-replay export");
   if (!app.get_subcommands().empty()) {
     if (has_history) throw CLI::ExcludesError(app.get_subcommands().front()->get_name(), "options of a replay");
     return;

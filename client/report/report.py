@@ -78,7 +78,7 @@ def main(version, programs):
             raise runs.Fault(f"{options.out}: there is no directory {options.out.parent}")
         template = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).resolve().parent), autoescape=True, trim_blocks=True,
                                       lstrip_blocks=True, undefined=jinja2.StrictUndefined).get_template("report.html")
-        page = template.render(sections.report(options.runs, options.figures, pathlib.Path(programs) / "shearbus-ctl", shlex.join(["shearbus-report", *sys.argv[1:]])))
+        page = template.render(sections.report(options.runs, options.figures, pathlib.Path(programs) / "shearbus-ctl", shlex.join(["shearbus-report", *sys.argv[1:]]), options.out))
         partial.write_text(page, encoding="utf-8")
         os.replace(partial, options.out)
     except (runs.Fault, OSError) as fault:

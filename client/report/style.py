@@ -23,7 +23,7 @@ REGIMES = {
     "MELTING": ("Tresca, melting", "#4a0012"),
 }
 OPEN, MELTING = REGIMES["OPEN"][1], REGIMES["MELTING"][1]
-MELTING_LABEL = "T0 = 0.99 T_melt"
+MELTING_LABEL = "within 1 % of the melting temperature"
 # Interface laws of shearbus-hydro by their name in a scene: label and colour of a line.
 LAWS = {
     "subgrid": ("subgrid server", INK),
@@ -57,6 +57,10 @@ def law_label(law):
 
 def law_colour(law):
     return LAWS[law][1] if law in LAWS else FAINT
+
+
+# Lines of runs that the law does not tell apart: far from each other, and from the paper, light or dark.
+RUNS = (INK, SECOND, "#2a8fbd", "#8a5ba6", "#3f9b4f", "#b58900", "#d45fa0", "#8a7f2d")
 
 
 def regime_colours():
@@ -108,8 +112,9 @@ def figure(rows, columns, size, legend=False, **options):
 
 def legend_below(made, handles):
     """Puts one legend below all axes of a figure made with `legend`, in as many rows as its width needs."""
-    columns = min(len(handles), max(2, int(made.get_figwidth() / 1.6)))
-    rows = -(-len(handles) // columns)
+    most = min(len(handles), max(2, int(made.get_figwidth() / 1.6)))
+    rows = -(-len(handles) // most)
+    columns = -(-len(handles) // rows)  # none alone in the last row
     strip = (0.55 + 0.22 * (rows - 1)) / made.get_figheight()
     made.get_layout_engine().set(rect=(0.006, strip, 0.988, 0.99 - strip))
     made.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.17 / made.get_figheight()), ncols=columns, borderaxespad=0.0)
@@ -148,5 +153,6 @@ def label_ends(axis, ends, size=9):
     for i in reversed(range(len(heights))):
         heights[i] = heights[i] - excess if i == len(heights) - 1 else min(heights[i], heights[i + 1] - gap)
     for (x, y, label, colour), height in zip(ends, heights):
-        axis.annotate(label, (x, y), xytext=(axis.get_xlim()[1] + 0.015 * np.diff(axis.get_xlim())[0], height), color=colour, fontsize=size, va="center",
-                      annotation_clip=False, arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.6, "shrinkA": 0, "shrinkB": 0})
+        # The leader ends before the text, and crosses no other one: those lie in the same order at both ends.
+        axis.annotate(label, (x, y), xytext=(axis.get_xlim()[1] + 0.05 * np.diff(axis.get_xlim())[0], height), color=colour, fontsize=size, va="center",
+                      annotation_clip=False, arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.6, "relpos": (0.0, 0.5), "shrinkA": 2, "shrinkB": 0})
