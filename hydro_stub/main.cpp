@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <exception>
 #include <memory>
 #include <utility>
@@ -22,6 +21,7 @@
 #include "proto/scene/scene.hpp"
 #include "proto/wire/program.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
@@ -32,7 +32,7 @@ constexpr int kInterrupted = 3;
 std::filesystem::path output_directory(const Options& options, const guest::HydroScene& scene) {
   if (!options.out.empty()) return options.out;
   std::string plain = scene.scene().name();
-  for (char& c : plain) c = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '-' ? c : '_';
+  for (char& c : plain) c = wire::is_ascii_alphanumeric(c) || c == '.' || c == '-' ? c : '_';
   return std::filesystem::path("out") / fmt::format("{}-{}", plain, name(scene.hydro().interface_law()));
 }
 

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
+#include <locale>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -62,6 +63,7 @@ std::string found(const toml::node& node) {
   constexpr std::size_t kShown = 40;
   if (node.is_table() || node.is_array()) return "found " + kind_of(node);
   std::ostringstream text;
+  text.imbue(std::locale::classic());  // whatever locale the host has chosen
   if (const toml::value<std::string>* string = node.as_string())
     text << '"' << as_utf8(string->get(), kShown) << '"';
   else
@@ -486,6 +488,7 @@ std::string with_value(std::string_view text, const std::string& origin, std::st
   if (rest.empty()) refuse("it has an empty name");
   given["value"].visit([&](const auto& node) { table->insert_or_assign(rest, node); });
   std::ostringstream out;
+  out.imbue(std::locale::classic());
   out << root << '\n';
   return out.str();
 }

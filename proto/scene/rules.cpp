@@ -6,10 +6,10 @@
 #include <google/protobuf/message.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 
 #include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::scene {
 namespace {
@@ -366,7 +366,7 @@ std::vector<std::string> choices_of(const FieldDescriptor& field) {
   std::vector<std::string> choices;
   for (int i = 1; i < type.value_count(); ++i) {
     std::string choice = type.value(i)->name().substr(prefix);
-    for (char& c : choice) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    for (char& c : choice) c = wire::ascii_lower(c);
     choices.push_back(std::move(choice));
   }
   return choices;
