@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <exception>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -22,6 +23,7 @@
 #include "proto/wire/program.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
+#include "proto/wire/whole_file.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
@@ -78,7 +80,9 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   if (from != nullptr && run.server.empty()) run.server = from->text("server");
   SubgridServer server{.address = options.server, .state_dir = {}, .check_closure = false};
   server.address.endpoint = run.server;
+  std::optional<wire::OneWriter> writer;
   if (!options.check) {
+    writer.emplace(run.out);
     if (from == nullptr) make_room_for_dumps(run.out);
     // A server in this process keeps its journal next to the dumps, so that its sessions outlive the process.
     const bool subgrid = scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID;
@@ -129,6 +133,7 @@ void carry_out(const Options& options, SceneFile& file) {
     return;
   }
   const std::filesystem::path out = output_directory(options, scene);
+  const wire::OneWriter writer(out);
   run(scene, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
       options.progress);
   if (options.plot) plot(out);

@@ -77,7 +77,6 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
 
 void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
          const std::filesystem::path& out, const server::Entries& provenance, bool progress) {
-  std::filesystem::create_directories(out);
   const std::string law_name = name(scene.hydro().interface_law());
   ShearColumn column(problem);
   History history(out / "history.h5", problem, column, scene::to_toml(effective_scene(scene, problem)), law_name,
@@ -111,13 +110,13 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
   time.solver = law_time.solver;
   time.bus = law_time.bus;
   summary.finish(column, time);
-  wire::write_whole(out / "summary.json", summary.json());
+  wire::write_whole(out / "summary.json", wire::kSummaryFile, summary.json());
   fmt::print("{}", summary.text());
   law.close();
   const OmittedCost omitted = law.omitted_cost();
   for (const auto& [label, value] : omitted.lines) fmt::print("  {:<24}{}\n", label, value);
   summary.omitted(omitted);
-  wire::write_whole(out / "summary.json", summary.json());
+  wire::write_whole(out / "summary.json", wire::kSummaryFile, summary.json());
 }
 
 namespace {

@@ -209,12 +209,12 @@ class Run {
                                .output = seconds(output_),
                                .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
                                .law = law_.time_spent()}};
-    wire::write_whole(options_.out / "summary.json", summary.json());
+    wire::write_whole(options_.out / "summary.json", wire::kSummaryFile, summary.json());
     fmt::print("{}", summary.text());
     law_.close();
     summary.omitted = law_.omitted_cost();
     for (const auto& [label, value] : summary.omitted.lines) fmt::print("  {:<24}{}\n", label, value);
-    wire::write_whole(options_.out / "summary.json", summary.json());
+    wire::write_whole(options_.out / "summary.json", wire::kSummaryFile, summary.json());
     dumps_.remove();
   }
 

@@ -7,9 +7,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
+#include <array>
 #include <limits>
 #include <locale>
 #include <memory>
@@ -17,6 +15,7 @@
 #include <sstream>
 #include <utility>
 
+#include "proto/wire/input_file.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
@@ -381,22 +380,21 @@ void mark_all(const toml::key& key, const toml::node& node, std::vector<bool>& l
 }  // namespace
 
 std::string read_file(const std::filesystem::path& path) {
-  const auto fail = [&](const char* what) {
-    refuse(fmt::format("{}: {}: {}", path.string(), what, std::strerror(errno)));
-  };
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored))
     refuse(fmt::format("{}: is a directory, expected a scene file", path.string()));
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), std::fclose);
-  if (!file) fail("cannot be opened");
   std::string text;
-  char block[65536];
-  while (const std::size_t size = std::fread(block, 1, sizeof block, file.get())) {
-    text.append(block, size);
-    if (text.size() > wire::kMaxSceneBytes)
-      refuse(fmt::format("{}: larger than {} bytes: not a scene", path.string(), wire::kMaxSceneBytes));
+  try {
+    const wire::RegularFile file(path);
+    std::array<char, 65536> block{};
+    while (const std::size_t size = file.read(block.data(), block.size(), path)) {
+      text.append(block.data(), size);
+      if (text.size() > wire::kMaxSceneBytes)
+        refuse(fmt::format("{}: larger than {} bytes: not a scene", path.string(), wire::kMaxSceneBytes));
+    }
+  } catch (const wire::Error& fault) {
+    refuse(fault.status().text);
   }
-  if (std::ferror(file.get())) fail("cannot be read");
   return text;
 }
 
