@@ -2,12 +2,18 @@
 """Parameters of a scene from measured curves: least squares through runs of shearbus-hydro, or of shearbus-replay.
 
     shearbus-study fit SCENE.toml --curve MEASURED.csv --parameter KEY=LOW:HIGH [--parameter ...] --out DIR
+    shearbus-study fit SCENE.toml --stress-strain MEASURED.csv --parameter soft.KEY=LOW:HIGH [...] --out DIR
     shearbus-study fit SCENE.toml --parameter KEY=LOW:HIGH [...] --out DIR          sensitivities alone
 
 A parameter is a key of the scene with its table, for instance interface.friction_coefficient=0.1:0.6, and the range
 in which it is sought. A curve is a CSV file in SI units with a header: time_s, a quantity of the run's history.h5
 (free_surface_velocity, velocity_jump_new, interface_temperature, ...) or slip_distance, and, as far as there are,
 sigma (the standard deviation of the measurement) and node_id.
+
+Curves of stress against strain need no run: the scene's soft metal is strained at a constant rate by shearbus-study
+curve. Their file has plastic_strain, stress_pa, rate_per_s, temperature_k (at the start) and taylor_quinney (the
+fraction of the work that heats the metal; 0: isothermal), any number of curves one after another. Their residuals are
+relative to the measured stress.
 
 DIR gets fit.json, fitted.toml, the scene with the fitted values, and fit.png. The intervals hold 95 % of the
 probability for a model that is linear over them and errors that are normal and independent; without a sigma their
@@ -105,6 +111,68 @@ class Curve:
             raise Fault(f"{self.path}: the run has {len(run.node_id)} nodes; expected a column node_id")
         return run.node_id[0]
 
+    @property
+    def weight(self):
+        """Returns by what the residuals are divided."""
+        return np.ones(len(self.time)) if self.sigma is None else self.sigma
+
+
+class StressStrain:
+    """Measured curves of stress against plastic strain; `node_id` numbers the curves."""
+
+    HEADER = ["plastic_strain", "stress_pa", "rate_per_s", "temperature_k", "taylor_quinney"]
+    quantity, sigma = "stress", None
+
+    def __init__(self, path):
+        with open(path, newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
+        if not rows or [name.strip() for name in rows[0]] != self.HEADER:
+            raise Fault(f"{path}: expected the header {','.join(self.HEADER)}; found {','.join(rows[0]) if rows else 'nothing'}")
+        try:
+            numbers = np.array(rows[1:], float).reshape(-1, len(self.HEADER))
+        except ValueError:
+            raise Fault(f"{path}: expected {len(self.HEADER)} numbers in every row") from None
+        self.path, self.time, self.values = path, numbers[:, 0], numbers[:, 1]
+        self.conditions, self.node_id = np.unique(numbers[:, 2:], axis=0, return_inverse=True)
+        if not np.isfinite(numbers).all() or len(numbers) == 0 or (self.values <= 0).any():
+            raise Fault(f"{path}: expected finite numbers, with stresses above 0")
+
+    def of(self, run):
+        """Returns the stresses of a metal at the measured strains."""
+        result = np.empty(len(self.time))
+        for i, condition in enumerate(self.conditions):
+            here = np.flatnonzero(self.node_id == i)
+            here = here[np.argsort(self.time[here])]
+            result[here] = run.stress(self.time[here], *condition)
+        return result
+
+    @property
+    def weight(self):
+        return self.values
+
+
+class Metal:
+    """The soft metal of a scene, as a run that StressStrain looks at."""
+
+    units = {"stress": "Pa"}
+    provenance = {"program": "shearbus-study curve"}
+
+    def __init__(self, program, scene):
+        self.program, self.scene, self.done = program, scene, {}
+
+    def stress(self, strain, rate, temperature, taylor_quinney):
+        key = (strain.tobytes(), rate, temperature, taylor_quinney)
+        if key not in self.done:
+            with tempfile.NamedTemporaryFile("w", suffix=".toml") as scene:
+                scene.write(self.scene)
+                scene.flush()
+                made = subprocess.run([self.program, "curve", scene.name, "--rate", repr(float(rate)), "--temperature", repr(float(temperature)), "--taylor-quinney",
+                                       repr(float(taylor_quinney)), "--plastic-strain", ",".join(repr(float(x)) for x in strain)], capture_output=True, text=True, check=False)
+                if made.returncode != 0:
+                    raise Fault(made.stderr.strip().replace(scene.name, "the scene with these parameters"))
+            self.done[key] = np.array([float(row.split(",")[1]) for row in made.stdout.splitlines()[1:]])
+        return self.done[key]
+
 
 class Run:
     """The history of a run; `nodes`, `node_id`: columns of the file and the ids of these nodes, where it holds several runs."""
@@ -178,7 +246,8 @@ class Model:
     def __init__(self, options, parameters, work):
         self.parameters, self.work, self.history = parameters, work, options.history
         self.check, self.replays = options.bin / "shearbus-ctl", 0
-        self.program = options.bin / ("shearbus-replay" if options.history else "shearbus-hydro")
+        self.of_metal = bool(options.stress_strain)
+        self.program = options.bin / ("shearbus-study" if self.of_metal else "shearbus-replay" if options.history else "shearbus-hydro")
         self.scene_path, self.done = options.scene, {}
         try:
             self.text = options.scene.read_text(encoding="utf-8")
@@ -195,6 +264,9 @@ class Model:
         return text
 
     def _run(self, x):
+        if self.of_metal:
+            self.replays += 1
+            return Metal(self.program, self.scene(x))
         with tempfile.TemporaryDirectory(dir=self.work) as where:
             scene, out = pathlib.Path(where) / "scene.toml", pathlib.Path(where) / "out"
             scene.write_text(self.scene(x), encoding="utf-8")
@@ -268,7 +340,7 @@ class Model:
 
 def fit(model, curves, starts):
     """Returns the best point, its derivatives in standard deviations, the residuals and their scale."""
-    sigma = np.concatenate([np.full(len(curve.time), 1.0) if curve.sigma is None else curve.sigma for curve in curves])
+    sigma = np.concatenate([curve.weight for curve in curves])
     measured = np.concatenate([curve.values for curve in curves])
     if len(measured) <= len(model.parameters):
         raise Fault(f"{len(measured)} measured values for {len(model.parameters)} parameters: expected more values than parameters")
@@ -330,25 +402,32 @@ def table(found, directions):
     return "\n".join(lines)
 
 
+def label_of(curve, node):
+    if isinstance(curve, StressStrain):
+        return "fitted, {:g} 1/s from {:g} K".format(*curve.conditions[node])
+    return "fitted" if curve.node_id is None else f"fitted, node {node:g}"
+
+
 def draw(path, curves, run):
     sys.path.insert(0, str(ROOT / "client/report"))
     import style
     made, axes = style.figure(2, len(curves), (4.7 * len(curves) + 0.6, 5.0), squeeze=False, sharex="col", height_ratios=(3, 1))
     for (upper, lower), curve in zip(axes.T, curves):
+        strained = isinstance(curve, StressStrain)
         lower.axhline(0.0, color=style.GRID)
         model, nodes = curve.of(run), np.zeros(len(curve.time)) if curve.node_id is None else curve.node_id
         for k, node in enumerate(np.unique(nodes)):
             here = np.flatnonzero(nodes == node)
             here = here[np.argsort(curve.time[here])]
-            time, colour = curve.time[here] * 1e6, f"C{k % 5}"
+            time, colour = curve.time[here] * (1.0 if strained else 1e6), f"C{k % 5}"
             upper.plot(time, curve.values[here], ".", ms=3, color=style.FAINT, label="measured" if k == 0 else None)
-            upper.plot(time, model[here], lw=1.6, color=colour, label=f"fitted, node {node:g}" if curve.node_id is not None else "fitted")
+            upper.plot(time, model[here], lw=1.6, color=colour, label=label_of(curve, node))
             lower.plot(time, curve.values[here] - model[here], ".", ms=3, color=colour)
         upper.set_ylabel(f"{curve.quantity.replace('_', ' ')} ({run.units[curve.quantity]})")
         upper.set_ylim(bottom=min(0.0, upper.get_ylim()[0]))
         upper.legend()
         lower.set_ylabel("measured - fitted")
-        lower.set_xlabel("time (µs)")
+        lower.set_xlabel("plastic strain" if strained else "time (µs)")
     style.save(made, path, style.provenance_text(run.provenance))
 
 
@@ -373,6 +452,7 @@ def main():
     parser = argparse.ArgumentParser(prog="shearbus-study fit", description=__doc__, formatter_class=Help)
     parser.add_argument("scene", type=pathlib.Path)
     parser.add_argument("--curve", type=pathlib.Path, action="append", default=[], metavar="CSV", help="a measured curve; repeatable")
+    parser.add_argument("--stress-strain", type=pathlib.Path, action="append", default=[], metavar="CSV", help="measured curves of stress against strain; repeatable")
     parser.add_argument("--parameter", action="append", required=True, metavar="KEY=LOW:HIGH", help="a key of the scene and its range; repeatable")
     parser.add_argument("--history", type=pathlib.Path, help="a recorded history, which shearbus-replay sends; without one shearbus-hydro runs SCENE")
     parser.add_argument("--starts", type=int, default=3, help="searches from so many points, of which the best counts (default 3)")
@@ -381,7 +461,9 @@ def main():
     options = parser.parse_args()
     try:
         parameters = [Parameter(text) for text in options.parameter]
-        curves = [Curve(path) for path in options.curve]
+        if options.stress_strain and (options.curve or options.history):
+            raise Fault("--stress-strain goes without --curve and --history: it needs no run")
+        curves = [Curve(path) for path in options.curve] + [StressStrain(path) for path in options.stress_strain]
         options.out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="shearbus-fit-") as work:
             model = Model(options, parameters, work)
@@ -392,12 +474,12 @@ def main():
             x, jacobian, residuals, quality = fit(model, curves, max(1, options.starts))
             found, directions = judged(parameters, x, jacobian, quality["freedom"])
             (options.out / "fitted.toml").write_text(model.scene(x), encoding="utf-8")
-            report = {"scene": str(options.scene), "curves": [str(path) for path in options.curve], "runs": len(model.done), "replays": model.replays, **quality,
+            report = {"scene": str(options.scene), "curves": [str(path) for path in options.curve + options.stress_strain], "runs": len(model.done), "replays": model.replays, **quality,
                       "parameters": found, "directions": directions}
             (options.out / "fit.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
             draw(options.out / "fit.png", curves, model.runs([x])[0])
         print(table(found, directions))
-        print(f"residuals: {np.sqrt(np.mean(residuals**2)):.3g} {'sigma' if quality['sigma_known'] else '(SI)'} rms of {quality['values']} values; "
+        print(f"residuals: {np.sqrt(np.mean(residuals**2)):.3g} {'of the stress' if options.stress_strain else 'sigma' if quality['sigma_known'] else '(SI)'} rms of {quality['values']} values; "
               f"{len(model.done)} runs\nwritten: {options.out}/fit.json, fitted.toml, fit.png")
     except (Fault, OSError) as fault:
         sys.exit(f"shearbus-study fit: {fault}")

@@ -1,6 +1,6 @@
-// shearbus-study has five studies: the cost of accuracy, the errors of runs with a tolerance, stability at extreme
-// inputs, the map of pressures and velocities in which the velocity-driven model is valid, and the fit of a scene's
-// parameters to measured curves. A study runs on fixed problems or on a user's scene.
+// shearbus-study has six studies: the cost of accuracy, the errors of runs with a tolerance, stability at extreme
+// inputs, the map of pressures and velocities in which the velocity-driven model is valid, the fit of a scene's
+// parameters to measured curves, and the curves of stress against strain of its metal. A study runs on fixed problems or on a user's scene.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -24,6 +24,7 @@
 #include "tests/study/map/command.hpp"
 #include "tests/study/option_rows.hpp"
 #include "tests/study/precision.hpp"
+#include "tests/study/stress_strain.hpp"
 #include "tests/study/tolerance.hpp"
 
 namespace {
@@ -131,13 +132,17 @@ int main(int argc, char** argv) {
   CLI::App* of_fit = app.add_subcommand(
       "fit", "Parameters of a scene from measured curves, or sensitivities; fit --help lists its own options");
   of_fit->prefix_command()->set_help_flag();
+  CurveOptions curve;
+  const CLI::App* of_curve = add_curve(app, curve);
   options.arguments = stability.arguments = map.arguments = {argv, static_cast<std::size_t>(argc)};
   shearbus::wire::complete(app, "shearbus-study", shearbus::server::version_text, kFooter);
   if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
   try {
     if (of_stability->parsed()) return shearbus::wire::end_program("shearbus-study", run_stability(stability));
     if (of_fit->parsed()) become_fit(of_fit->remaining());
-    if (of_map->parsed()) {
+    if (of_curve->parsed()) {
+      run_curve(curve);
+    } else if (of_map->parsed()) {
       shearbus::map::run(map);
     } else {
       of_precision->parsed() ? precision(options) : tolerance(options);
