@@ -19,6 +19,7 @@
 #include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/verification/problems.hpp"
+#include "hydro_stub/wall_zones.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/program.hpp"
 #include "proto/wire/status.hpp"
@@ -60,7 +61,22 @@ std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d
                                           const std::vector<double>& temperature, const SubgridServer& server,
                                           const std::string& kept) {
   if (temperature.empty()) return std::make_unique<FreeSlipLaw>();
-  return make_law(file, problem.soft, problem.hard, temperature, server, kept);
+  return make_law(file, problem.soft, problem.hard, temperature, problem.layer_thickness, server, kept);
+}
+
+// Sets what follows from the mesh and the metals together: thickness of plastic layers, depth of friction heat, limits of
+// the soft metal. Warns of an interface that slips on coarse zones only.
+void couple(const SceneFile& file, Problem2d& problem) {
+  const guest::Hydro& hydro = file.scene.hydro();
+  if (interface_nodes(problem.bodies) == 0) return;
+  problem.layer_thickness = plastic_layers(file, half_wall_zones(problem.bodies));
+  problem.strength = interface_strength(file.scene, problem.soft);
+  if (const std::string warning = strength_warning(*problem.strength); !warning.empty())
+    fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
+  if (hydro.interface_law() == guest::INTERFACE_LAW_COULOMB_TRESCA &&
+      hydro.coulomb_tresca().heat_depth() == guest::HEAT_DEPTH_DIFFUSION)
+    problem.bodies.contact.heat_depth.emplace(problem.bodies.mesh, problem.bodies.slide_lines, problem.soft.diffusivity,
+                                              problem.hard.diffusivity);
 }
 
 void carry_out_2d(const Options& options, const SceneFile& file, const wire::DumpReader* from) {
@@ -69,6 +85,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   Problem2d problem = cone ? make_problem2d(make_cone_target(scene)) : make_verification(scene);
   problem.bodies.contact.overlap = options.overlap;
   choose_threads();
+  couple(file, problem);
   check_layer_start(scene, interface_nodes(problem.bodies));
   if (options.explain)
     return fmt::print("{}", explain({file.server_text(), file.document.file}, interface_nodes(problem.bodies)));
@@ -125,6 +142,7 @@ void carry_out(const Options& options, SceneFile& file) {
   if (options.explain) return fmt::print("{}", explain({file.server_text(), file.document.file}, problem.columns));
   const std::unique_ptr<InterfaceLaw> law =
       make_law(file, problem.soft_material, problem.hard_material, problem.initial_temperature,
+               plastic_layers(file, std::vector<double>(problem.columns, 0.5 * problem.soft.zone_width)),
                {.address = options.server, .state_dir = {}});
   if (options.check) {
     profile_record(scene, problem.columns, *law);

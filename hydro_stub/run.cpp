@@ -41,7 +41,8 @@ guest::HydroScene effective_scene(guest::HydroScene scene, const ColumnProblem& 
 
 std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
-                                       const SubgridServer& server, const std::string& kept) {
+                                       std::span<const double> layer_thickness, const SubgridServer& server,
+                                       const std::string& kept) {
   const guest::HydroScene& scene = file.scene;
   switch (scene.hydro().interface_law()) {
     case guest::INTERFACE_LAW_COULOMB_TRESCA:
@@ -68,8 +69,9 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
          .field = "strategy"});
   }
   if (!kept.empty()) return std::make_unique<SubgridLaw>(kept, server);
-  auto law = std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
-                                          node_ids(initial_temperature.size()), initial_temperature, server);
+  auto law =
+      std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
+                                   node_ids(initial_temperature.size()), initial_temperature, server, layer_thickness);
   for (const std::string& warning : law->warnings())
     fmt::print(stderr, "shearbus-hydro: {}\n", wire::labelled(warning));
   return law;

@@ -2,8 +2,10 @@
 import argparse
 import json
 import pathlib
+import re
 import subprocess
 import tempfile
+import tomllib
 import unittest
 
 import h5py
@@ -36,6 +38,19 @@ far_end = "free"
 velocity_jump_m_per_s = [30.0, 100.0]
 pressure_pa = [0.15e9, 6e9]
 """
+METAL = """
+name = "metal"
+strategy = "velocity_driven"
+[soft]
+material = "{metal}"
+[hard]
+material = "steel_dlp"
+[layer]
+cells = 30
+[velocity_driven]
+drive = "layer_shear"
+"""
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 MU, YIELD = "interface.friction_coefficient=0.1:0.6", "interface.yield_strength_pa=5e7:4e8"
 
 
@@ -155,6 +170,50 @@ class Fit(unittest.TestCase):
         printed, found = self.sensitivities(history, scene, "layer.grading=1.1:1.18")
         self.assertIn("5 sets of parameters by 5 runs of shearbus-replay", printed)
         self.assertGreater(np.abs(found["layer.grading/interface_temperature"]).max(), 0.5)
+
+    def test_the_catalog_has_the_fit_to_the_curves_of_aluminium_5083(self):
+        curves = ROOT / "tests/study/curves"
+        keys = {"yield_strength_pa": (1e8, 4e8), "hardening_modulus_pa": (1e8, 9e8), "hardening_exponent": (0.1, 0.9), "rate_coefficient": (0.001, 0.06),
+                "thermal_softening_exponent": (0.5, 3.0)}
+        words = [word for key, (low, high) in keys.items() for word in ("--parameter", f"soft.{key}={low}:{high}")]
+        done = subprocess.run([OPTIONS.study, "fit", curves / "al5083.toml", "--stress-strain", curves / "al5083.csv", "--starts", "1", "--out", self.here / "out", *words],
+                              capture_output=True, text=True, timeout=600)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual((self.here / "out/fit.png").read_bytes()[:4], b"\x89PNG")
+        catalog = self.constants_of("aluminium_5083")
+        for row in json.loads((self.here / "out/fit.json").read_text())["parameters"]:
+            self.assertFalse(row["at_end_of_range"], done.stdout)
+            self.assertAlmostEqual(catalog[row["key"].removeprefix("soft.")] / row["value"], 1.0, delta=1e-3, msg=row["key"])
+        self.assertAlmostEqual(float(re.search(r"residuals: (\S+) of the stress rms", done.stdout)[1]), 0.0362, delta=1e-4)
+
+    # Root mean square of (catalog - measured) / measured. The entries say what they are; these numbers hold what the pages tell of them.
+    def test_catalog_entries_are_as_far_from_measured_curves_as_told(self):
+        for metal, file, told in (("aluminium_5083", "al5083.csv", 0.0362), ("titanium_6al_4v", "ti64.csv", None), ("aluminium_dlp", "al5083.csv", None),
+                                  ("aluminium_6061_t6", "al5083.csv", None)):
+            found = self.residual(metal, ROOT / "tests/study/curves" / file)
+            self.assertAlmostEqual(found, told, delta=5e-4, msg=metal)
+
+    def residual(self, metal, path):
+        scene = self.here / f"{metal}.toml"
+        scene.write_text(METAL.format(metal=metal))
+        with open(path) as file:
+            rows = np.array([[float(x) for x in line.split(",")] for line in file if line[0] in "0123456789"])
+        errors = []
+        for condition in np.unique(rows[:, 2:], axis=0):
+            rate, temperature, heated = condition
+            here = rows[(rows[:, 2:] == condition).all(1)]
+            here = here[np.argsort(here[:, 0])]
+            printed = subprocess.run([OPTIONS.study, "curve", scene, "--rate", repr(float(rate)), "--temperature", repr(float(temperature)), "--taylor-quinney",
+                                      repr(float(heated)), "--plastic-strain", ",".join(map(str, here[:, 0]))], capture_output=True, text=True, check=True).stdout
+            stress = np.array([float(line.split(",")[1]) for line in printed.splitlines()[1:]])
+            errors.extend(stress / here[:, 1] - 1.0)
+        return float(np.sqrt(np.mean(np.square(errors))))
+
+    def constants_of(self, metal):
+        scene = self.here / "metal.toml"
+        scene.write_text(METAL.format(metal=metal))
+        printed = subprocess.run([OPTIONS.study.replace("shearbus-study", "shearbus-ctl"), "check", scene], capture_output=True, text=True, check=True).stdout
+        return tomllib.loads(printed)["soft"]
 
     def test_wrong_input_is_refused_in_a_sentence(self):
         curve = self.here / "c.csv"
