@@ -173,7 +173,8 @@ typedef void (*shearbus_log_fn)(void* user, const char* line);
  * the mistake of the host that explains it. */
 enum {
   SHEARBUS_CHECK_WARN = 0,
-  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface */
+  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface; also no
+                              warnings about the inputs of steps */
   SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED */
 };
 
