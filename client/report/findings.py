@@ -93,9 +93,14 @@ def five_numbers(runs):
             return (run.summary["solver_time_s"] + run.summary["bus_time_s"]) / run.summary["run_time_s"]
         return run.summary.get("waiting_share", run.summary.get("service_share")) if run.law == "subgrid" else None
 
+    def displaced(run):
+        bands = [band for band in run.summary.get("displacement", []) if band["band_m"] == 1e-3]
+        return 1e3 * bands[0]["mean_m"] if bands and "mean_m" in bands[0] else None
+
     percent = lambda value: None if value is None else 100 * value
     unit = {"friction_heat_j": "J", "friction_heat_j_per_m": "J/m"}.get(heat_key, "J/m²")
     rows = [("slip", "mm", "mean over the nodes", lambda run: run.slip().mean() * 1e3),
+            ("displacement", "mm", "metal against metal over ±1 mm, mean over the nodes", displaced),
             ("hottest", "K", "interface temperature", hottest),
             ("friction heat", unit, "of the whole interface" if heat_key and "work" not in heat_key else "into the layers, mean over the nodes", heat),
             ("at melting", "%", "of the nodes came within 1 % of the melting temperature", lambda run: 100 * float((run.molten_time() > 0).mean())),

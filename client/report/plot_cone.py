@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Pictures of one or more runs of cone_target: the cone's free-surface velocity; shape and temperature at the end,
-two laws left and right of the axis, with the temperature of the flank on its own scale; and space-time maps along the
+two laws left and right of the axis, with the temperature of the flank on its own scale; slip and displacement of metal
+against metal along the flank; and space-time maps along the
 interface (regime, interface temperature, sliding speed, shear stress: DLP Figs 16-22; pressure) up to the last
 contact. Runs with free slip or stick appear only in the first picture, unless there are no other runs.
 
@@ -104,6 +105,21 @@ def shape_and_flank(runs):
     flank.set_title("the flank, on a scale of its own", fontsize=10)
     style.legend_below(figure, [Line2D([], [], color=run.colour, lw=1.8, label=run.label + WHERE.get(run.law, "")) for run in runs] +
                        [Line2D([], [], color=style.FAINT, lw=1.8, label="highest"), Line2D([], [], color=style.FAINT, ls="--", label=f"at {time:.1f} µs")])
+    return figure
+
+
+def displacement(runs):
+    """Draws, along the flank, how far each run slipped and how far metal moved against metal over bands around it."""
+    figure, axis = style.figure(1, 1, (7.5, 4.2), legend=True)
+    bands = (("slip_distance", "-", "slip of the interface"), ("displacement_half_mm", "--", "metal against metal over ±0.5 mm"),
+             ("displacement_one_mm", ":", "over ±1 mm"))
+    for run in runs:
+        for name, dashes, _ in bands:
+            axis.plot(run.place * 1e3, run[name][-1] * 1e3, dashes, color=style.law_colour(run.law), lw=1.6)
+    axis.set(xlabel=NODES.format(runs[0].place_name), ylabel="distance at the end (mm)", ylim=(0, None))
+    axis.grid()
+    style.legend_below(figure, [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label) for run in runs] +
+                       [Line2D([], [], color=style.FAINT, ls=dashes, lw=1.8, label=label) for _, dashes, label in bands])
     return figure
 
 
@@ -244,6 +260,8 @@ def pictures(runs):
     """Yields (name of the file, figure) of all pictures of these runs."""
     if main := main_runs([run for run in runs if run.table is not None]):
         yield "cone_temperature.png", shape_and_flank(main)
+        if all("displacement_one_mm" in run for run in main):
+            yield "cone_displacement.png", displacement(main)
         for name in MAPS:
             yield f"cone_{name}.png", space_time(main, name)
     if any(run.surface is not None for run in runs):

@@ -66,8 +66,8 @@ class Site:
         listed = subprocess.run(["git", "-C", root, "ls-files", "-co", "--exclude-standard"], capture_output=True, text=True)
         names = listed.stdout.splitlines() if listed.returncode == 0 else [p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()]
         self.files = {n for n in names if (root / n).is_file() and not re.match(r"build|out/|\.git/", n)}
-        # Templates of issues are forms, no pages; the corpora of fuzzing are no text.
-        self.pages = {n for n in self.files if n.endswith(".md") and "ISSUE_TEMPLATE" not in n and "corpus" not in n}
+        # Templates of issues are forms, no pages.
+        self.pages = {n for n in self.files if n.endswith(".md") and "ISSUE_TEMPLATE" not in n}
 
     def place(self, name):
         """Returns where a file of the tree stands in the site."""

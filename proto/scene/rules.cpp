@@ -6,10 +6,10 @@
 #include <google/protobuf/message.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 
 #include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::scene {
 namespace {
@@ -88,6 +88,30 @@ std::string unit_of(const FieldDescriptor& field) {
 
 bool is_table(const FieldDescriptor& field) {
   return field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
+}
+
+// Adds the warnings of one table and of the tables in it.
+void add_unusual(const Message& table, const std::string& path, std::vector<std::string>& found) {
+  const auto& reflection = *table.GetReflection();
+  for (int i = 0; i < table.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor& field = *table.GetDescriptor()->field(i);
+    const std::string name = path_of(path, field);
+    if (has_named_tables(field)) {
+      for (int at = 0; at < reflection.FieldSize(table, &field); ++at) {
+        const Message& named = reflection.GetRepeatedMessage(table, &field, at);
+        add_unusual(named, name + "." + named.GetReflection()->GetString(named, &name_field(*named.GetDescriptor())),
+                    found);
+      }
+    } else if (is_table(field)) {
+      if (reflection.HasField(table, &field)) add_unusual(reflection.GetMessage(table, &field), name, found);
+    } else if (rule_of(field).has_usual_from() && reflection.HasField(table, &field)) {
+      const v1::Rule& rule = rule_of(field);
+      const double value = reflection.GetDouble(table, &field);
+      if (value == 0.0 || (value >= rule.usual_from() && value <= rule.usual_to())) continue;
+      found.push_back(fmt::format("{0} = {1} {2} is unusual: values {3} are expected. Is it in {2}?", name,
+                                  number_text(value), rule.unit(), usual_of(field)));
+    }
+  }
 }
 
 std::string shown(const FieldDescriptor& field, const std::string& name) {
@@ -322,6 +346,18 @@ std::string bounds_of(const FieldDescriptor& field) {
   return parts.empty() ? std::string() : fmt::format("{}{}", fmt::join(parts, " and "), unit_of(field));
 }
 
+std::string usual_of(const FieldDescriptor& field) {
+  const v1::Rule& rule = rule_of(field);
+  if (!rule.has_usual_from()) return {};
+  return fmt::format("from {} to {}{}", number_text(rule.usual_from()), number_text(rule.usual_to()), unit_of(field));
+}
+
+std::vector<std::string> unusual_values(const Message& root) {
+  std::vector<std::string> found;
+  add_unusual(root, "", found);
+  return found;
+}
+
 std::vector<std::string> choices_of(const FieldDescriptor& field) {
   const google::protobuf::EnumDescriptor& type = *field.enum_type();
   // The first name of an enum, for example FAR_BOUNDARY_UNSPECIFIED, begins with the prefix that all its names share.
@@ -330,7 +366,7 @@ std::vector<std::string> choices_of(const FieldDescriptor& field) {
   std::vector<std::string> choices;
   for (int i = 1; i < type.value_count(); ++i) {
     std::string choice = type.value(i)->name().substr(prefix);
-    for (char& c : choice) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    for (char& c : choice) c = wire::ascii_lower(c);
     choices.push_back(std::move(choice));
   }
   return choices;

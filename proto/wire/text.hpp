@@ -10,12 +10,31 @@ namespace shearbus::wire {
 
 bool is_utf8(std::string_view text);
 
+// Letters of ASCII, whatever the locale of the process is: tolower() of a Turkish one leaves I as it is.
+constexpr char ascii_lower(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+constexpr char ascii_upper(char c) {
+  return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+}
+constexpr bool is_ascii_alphanumeric(char c) {
+  return (c >= '0' && c <= '9') || (ascii_lower(c) >= 'a' && ascii_lower(c) <= 'z');
+}
+
 // The present time in UTC, to a second, by ISO 8601: "2026-01-31T12:00:00Z".
 std::string utc_now();
 
 // Returns true if a valid UTF-8 text has a control character: U+0000 to U+001F or U+007F to U+009F. Names must have
 // none.
 bool has_control_character(std::string_view text);
+
+// The server's warnings about a scene that only inform begin with this; the others tell of a probable mistake.
+inline constexpr std::string_view kNote = "note: ";
+
+// Returns a warning about a scene as a line to show: a note as it is, another text after "warning: ".
+inline std::string labelled(const std::string& warning) {
+  return warning.starts_with(kNote) ? warning : "warning: " + warning;
+}
 
 // Returns `text` with every invalid byte replaced by '?', cut at a character boundary to at most `max_bytes`; a text
 // that was cut ends in "...".

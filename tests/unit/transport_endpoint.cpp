@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <stdexcept>
+#include <string>
 
 namespace shearbus::transport {
 namespace {
@@ -20,6 +21,17 @@ TEST(Endpoint, PartsAreFound) {
   EXPECT_EQ(tcp.host, "::1");
   EXPECT_EQ(tcp.port, "5555");
   EXPECT_EQ(Endpoint::parse("ipc:///run/bus").path, "/run/bus");
+}
+
+TEST(Endpoint, NamesTheLongestPathOfASocket) {
+  EXPECT_EQ(Endpoint::parse("ipc:///" + std::string(106, 'd')).path.size(), 107U);
+  try {
+    Endpoint::parse("ipc:///" + std::string(107, 'd'));
+    FAIL() << "a path of 108 bytes is accepted";
+  } catch (const std::invalid_argument& refusal) {
+    EXPECT_NE(std::string(refusal.what()).find("has a path of 108 bytes"), std::string::npos);
+    EXPECT_NE(std::string(refusal.what()).find("at most 107"), std::string::npos);
+  }
 }
 
 }  // namespace
