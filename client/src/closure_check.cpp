@@ -43,7 +43,7 @@ void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> 
   if (mode_ == CheckClosure::kError)
     throw Error({.code = Code::kNotClosed,
                  .text = found,
-                 .remedy = "The step was not sent. Correct the host, or set ClientOptions::check_closure to kWarn.",
+                 .remedy = "The step was not sent. Correct the host, or open the session with check_closure = warn.",
                  .field = wire::name(Field::kVelocityJump)});
   done_ = true;
   warn(found);
