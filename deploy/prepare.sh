@@ -1,4 +1,6 @@
-# Sourced by run, test, fuzz, sanitize and docs/build: installs packages, configures and builds. Not a command of its own.
+# Sourced by run, test, fuzz, sanitize and docs/build: installs packages, configures and builds. Not a command of its own: in the shell of a
+# user, set -e would end that shell with the next command that fails.
+case $- in *i*) echo "deploy/prepare.sh is a part of the commands in deploy/; to build the programs: deploy/build programs" >&2; return 2 ;; esac
 set -euo pipefail
 
 # A command that is asked for --help prints the comment at its beginning.
@@ -30,7 +32,7 @@ install_packages() {
   apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 }
 
-# build_programs TARGET: what a run needs (run), or all programs (programs). No package of test.txt is looked for. A build
+# build_programs TARGET: what a run needs (run), or all programs and libraries (programs). No package of test.txt is looked for. A build
 # with tests stays one.
 build_programs() {
   [ -f "$build/build.ninja" ] || configure release OFF

@@ -21,6 +21,7 @@
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
 #include "proto/wire/whole_file.hpp"
 
 namespace shearbus::hydro {
@@ -69,7 +70,8 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
   if (!kept.empty()) return std::make_unique<SubgridLaw>(kept, server);
   auto law = std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
                                           node_ids(initial_temperature.size()), initial_temperature, server);
-  for (const std::string& warning : law->warnings()) fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
+  for (const std::string& warning : law->warnings())
+    fmt::print(stderr, "shearbus-hydro: {}\n", wire::labelled(warning));
   return law;
 }
 

@@ -26,6 +26,7 @@
 #include "proto/wire/command_line.hpp"
 #include "proto/wire/key_file.hpp"
 #include "proto/wire/program.hpp"
+#include "proto/wire/text.hpp"
 #include "server/embedded.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
@@ -119,7 +120,8 @@ void check(const Options& options) {
   const std::array<std::uint64_t, 1> node = {0};
   shearbus::Session session = client.open(shearbus::scene::load_text(options.scene), file, node);
   fmt::print("{}", session.effective_scene());
-  for (const std::string& warning : session.warnings()) fmt::print(stderr, "{}: warning: {}\n", file, warning);
+  for (const std::string& warning : session.warnings())
+    fmt::print(stderr, "{}: {}\n", file, shearbus::wire::labelled(warning));
   fmt::print(stderr, "{}: valid; {} bytes of state per node\n", file, session.bytes_per_node());
   session.close();
 }

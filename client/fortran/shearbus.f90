@@ -15,6 +15,48 @@
 ! fails changes nothing; after SHEARBUS_UNKNOWN_OUTCOME (501) the same call with the same values is the same request. All
 ! quantities are in SI units. An input that the host has not set is refused by name: it is NaN after open.
 !
+! Arguments of the calls:
+!
+!   ranks                  state of the MPI helpers, made by shearbus_mpi_open or shearbus_mpi_restart
+!   comm                   communicator of the ranks, as the integer of the module mpi
+!   bus                    interface of this rank
+!   nodes                  ids of nodes, whole numbers from 0 on of 32 or 64 bits; of an opening also the order of the columns
+!   scene                  path of a scene, a TOML file; or give scene_text
+!   scene_text             text of a scene
+!   endpoint               tcp://host:port, ipc://path or file://path of a server's endpoint file; several servers, with a comma
+!                          between two of them or as the directory of their endpoint files, file://DIR, share the nodes; absent: the
+!                          server runs in this process
+!   domain                 sessions of one domain have distinct nodes, which can move between them
+!   initial_temperature    K, one value per node; absent: that of the scene
+!   name                   of the client, for the log of the server; of mark and rollback_to: of the mark
+!   server_key_file        by tcp: file of the server's public key
+!   secret_key_file        by tcp: file of the client's own secret key
+!   connect_deadline       s, of the opening
+!   reply_deadline         s, of every call, with its repetitions
+!   state_dir              directory in which a server in this process keeps its states
+!   threads                number of threads of a server in this process
+!   check_closure          'warn', 'error' or 'off': what a force-driven host meets whose jump is not the one that was answered
+!   idle_limit             s, after which the server closes a session without requests; 0 or absent: never
+!   pair                   name of a table [pair.NAME] of the scene for each node, blank for the tables outside of them
+!   parameters             keys of the scene that have a value for each node, such as 'interface.friction_coefficient'
+!   values                 (n, size(parameters)), in the units of the keys
+!   ticket                 of the session that is to be continued
+!   dt                     s, length of the step
+!   time                   s, at the end of the step, for messages and recordings
+!   n                      number of the host's step, for messages and recordings
+!   trial                  the step waits for commit or rollback
+!   commit_previous        keeps the trial that stands before this step
+!   all_or_nothing         one node without an answer refuses the step for all
+!   mask                   the rows that are stepped, one per node; absent: all
+!   open_absent            the other rows are stepped without contact, so that they cool; absent: they stay as they are
+!   transfer               32 hexadecimal digits, by which another session of the domain accepts what was offered
+!   on_root                rank 0 alone has a session, and steps the nodes of all ranks
+!   manifest               file with the tickets of all sessions, beside the host's dump
+!   new_owner              rank of each node of bus, in the order of bus%nodes
+!   mark                   name under which the server keeps the states
+!   stat                   0, or the code of the fault
+!   msg                    what was expected and found, and what to do
+!
 ! A session that is not closed stays open on the server when its variable goes out of scope, so that its ticket can resume it.
 ! A copy of an interface has the columns, but no session.
 module shearbus
@@ -60,7 +102,7 @@ module shearbus
     real(real64), allocatable :: stress_per_jump(:), stress_per_pressure(:) ! Pa s/m, 1
     real(real64), allocatable :: time_to_melting(:)                         ! s
     real(real64), allocatable :: film_thickness(:)                          ! m, of the melt; scenes with [melt_film]
-    integer, allocatable :: regime(:), outcome(:)
+    integer, allocatable :: regime(:), outcome(:)    ! values and bits above: what held the stress, what is remarkable of it
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
     real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
     real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
@@ -71,29 +113,40 @@ module shearbus
   contains
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
                           offer_32, offer_64, copy
-    ! open(nodes, scene | scene_text [, endpoint, domain, initial_temperature, name, server_key_file, secret_key_file,
-    !      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg]);
-    !      endpoint: of a server, or of several, with a comma between two of them or as the directory of their endpoint files,
-    !      file://DIR. pair(n): name of a table [pair.NAME] of the scene for each node, blank for the tables outside of them.
-    !      parameters: keys of the scene that have a value for each node, values(n, size(parameters)), in the keys' units
+    ! Opens a session with a layer for each node. Needs scene or scene_text.
     generic :: open => open_32, open_64
-    ! resume(ticket [, endpoint, ..., nodes, pair, parameters, values, stat, msg]) continues a session of a process that has
-    ! ended; where nodes are given, they must be in the session with these pairs and parameters
+    ! Continues the session of a process that has ended. Nodes that are given must be in it with these pairs and parameters.
     procedure :: resume
-    ! step(dt [, time [, n]] [, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg]); mask: the rows that
-    ! are stepped; open_absent: the others are stepped without contact, so that they cool
+    ! Makes one step of length dt with the columns of the interface.
     generic :: step => step_plain, step_32, step_64
-    procedure :: commit, rollback                    ! of a trial
-    procedure :: mark, rollback_to                   ! (name [, stat, msg]) states on the server, beside the host's dump
-    ! (nodes [, initial_temperature, pair, parameters, values, stat, msg]); parameters: those of the opening
+    ! Keeps the result of the trial.
+    procedure :: commit
+    ! Drops the trial.
+    procedure :: rollback
+    ! Keeps nodes and states on the server under a name, such as that of the host's dump.
+    procedure :: mark
+    ! Brings back the nodes and states of a mark.
+    procedure :: rollback_to
+    ! Adds nodes behind the present ones. parameters: those of the opening.
     generic :: register => register_32, register_64
-    generic :: retire => retire_32, retire_64        ! (nodes [, stat, msg])
-    generic :: offer => offer_32, offer_64           ! (nodes, transfer [, stat, msg])
-    procedure :: accept                              ! (transfer [, stat, msg])
-    procedure :: ticket                              ! a secret by which another process resumes the session; blank: no session
-    procedure :: effective_scene, warnings           ! texts of the server
+    ! Removes nodes and their states.
+    generic :: retire => retire_32, retire_64
+    ! Offers nodes with their states to another session of the domain.
+    generic :: offer => offer_32, offer_64
+    ! Takes the nodes of an offer, behind the present ones.
+    procedure :: accept
+    ! Returns a secret by which another process resumes the session; blank: there is no session.
+    procedure :: ticket
+    ! Returns the scene with all defaults, as the server read it.
+    procedure :: effective_scene
+    ! Returns what the server remarks on the scene, a line each.
+    procedure :: warnings
+    ! Returns whether there is a session.
     procedure :: is_open
-    procedure :: leave, close
+    ! Leaves the session open on the server, to be resumed by its ticket.
+    procedure :: leave
+    ! Closes the session and frees its states.
+    procedure :: close
     generic :: assignment(=) => copy
     final :: finalise
   end type
@@ -111,6 +164,7 @@ module shearbus
   public :: shearbus_mpi_open, shearbus_mpi_restart, shearbus_mpi_redistribute, shearbus_mpi_dump, shearbus_mpi_agree, &
             shearbus_mpi_close
   interface
+    ! Opens sessions of all ranks in one domain, in which nodes can move.
     module subroutine shearbus_mpi_open(ranks, comm, bus, nodes, scene, scene_text, endpoint, domain, initial_temperature, &
                                         name, server_key_file, secret_key_file, connect_deadline, reply_deadline, state_dir, &
                                         threads, check_closure, idle_limit, on_root, stat, msg)
@@ -126,6 +180,7 @@ module shearbus
       integer, intent(out), optional :: stat
       character(len=*), intent(inout), optional :: msg
     end subroutine
+    ! Goes on from a dump, on any number of ranks; the ranks together ask for each node of the dump once.
     module subroutine shearbus_mpi_restart(ranks, comm, bus, manifest, nodes, endpoint, name, server_key_file, &
                                            secret_key_file, connect_deadline, reply_deadline, check_closure, idle_limit, &
                                            stat, msg)
@@ -140,6 +195,7 @@ module shearbus
       integer, intent(out), optional :: stat
       character(len=*), intent(inout), optional :: msg
     end subroutine
+    ! Moves nodes with their states to other ranks; what has come by a move has the input NaN until the host sets it.
     module subroutine shearbus_mpi_redistribute(ranks, bus, new_owner, stat, msg)
       type(shearbus_ranks), intent(in) :: ranks
       type(shearbus_interface), intent(inout) :: bus
@@ -147,6 +203,7 @@ module shearbus
       integer, intent(out), optional :: stat
       character(len=*), intent(inout), optional :: msg
     end subroutine
+    ! Marks the states of all sessions and writes the manifest for a restart.
     module subroutine shearbus_mpi_dump(ranks, bus, mark, manifest, stat, msg)
       type(shearbus_ranks), intent(in) :: ranks
       type(shearbus_interface), intent(inout) :: bus
@@ -154,11 +211,13 @@ module shearbus
       integer, intent(out), optional :: stat
       character(len=*), intent(inout), optional :: msg
     end subroutine
+    ! Gives all ranks the stat and msg of the lowest rank that was refused.
     module subroutine shearbus_mpi_agree(ranks, stat, msg)
       type(shearbus_ranks), intent(in) :: ranks
       integer, intent(inout) :: stat
       character(len=*), intent(inout) :: msg
     end subroutine
+    ! Closes the sessions of all ranks.
     module subroutine shearbus_mpi_close(ranks, bus, stat, msg)
       type(shearbus_ranks), intent(inout) :: ranks
       type(shearbus_interface), intent(inout) :: bus
@@ -412,6 +471,7 @@ contains
 
   ! ---- texts and faults ----
 
+  ! Returns the version of the library.
   function shearbus_version() result(text)
     character(len=:), allocatable :: text
     text = text_at(c_version())

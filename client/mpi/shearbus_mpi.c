@@ -98,7 +98,7 @@ static shearbus_status* usable(shearbus_status* given, shearbus_status* own) {
 static int missing(const shearbus_mpi* ranks, shearbus_status* status) {
   return ranks != NULL ? SHEARBUS_OK
                        : refuse(status, SHEARBUS_INVALID_VALUE, "ranks", "Call shearbus_mpi_open() first.",
-                                "there are no ranks: the handle is NULL");
+                                "there are no ranks: they were not opened");
 }
 
 /* ---- the ranks of a run ---- */

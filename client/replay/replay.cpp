@@ -16,11 +16,13 @@
 #include "client/replay/node_properties.hpp"
 #include "client/replay/tally.hpp"
 #include "client/src/client.hpp"
+#include "client/src/input_check.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/profile_record.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/recording.hpp"
+#include "proto/wire/text.hpp"
 #include "server/embedded.hpp"
 #include "server/explain.hpp"
 #include "server/version.hpp"
@@ -111,12 +113,17 @@ void record_profiles(Session& session, const Table& history, std::size_t step, c
   profiles.add(history.times_s()[step], session.profiles(profiles.node_ids(), pressure).rows, pressure);
 }
 
+void warn(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
+}
+
 void replay(const Options& options, const Table& history, HistoryInput& input, Session& session,
             wire::HistoryWriter& writer, wire::ProfileRecord& profiles, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", options.progress);
   Batch request = session.request(input.optional_columns(), input.form());
   const std::vector<ResultColumn> columns = result_columns(session.opened());
   input.prepare(request);
+  InputCheck inputs;
   for (std::size_t step = 0; step < history.steps(); ++step) {
     if (wire::interrupted())
       throw std::runtime_error(
@@ -134,11 +141,13 @@ void replay(const Options& options, const Table& history, HistoryInput& input, S
     const double dt_s = history.dt_s()[step];
     write_row(writer, request, result, history.times_s()[step], dt_s, columns);
     time.writing += Clock::now() - answered;
-    tally.add(result, history.times_s()[step], dt_s);
+    warn(inputs.add(request, dt_s));
+    tally.add(request, result, history.times_s()[step], dt_s);
     input.feed_back(result, request);
     if (profiles.due(history.times_s()[step])) record_profiles(session, history, step, request, profiles);
     progress.at(step + 1, history.steps());
   }
+  warn(inputs.end());
 }
 
 // Whether a history is replayed a second time in half steps. A history without /dt was not recorded by a host that
@@ -254,7 +263,8 @@ void run(const Options& options) {
   if (!options.profile_nodes.empty()) session.profiles(options.profile_nodes);  // what cannot be read is refused here
   if (options.check) input.check_all_rows();
   session.want_energy_ledger();
-  for (const std::string& warning : session.warnings()) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
+  for (const std::string& warning : session.warnings())
+    fmt::print(stderr, "shearbus-replay: {}\n", wire::labelled(warning));
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),
                   history.start_time_s(), history.times_s().back());

@@ -27,7 +27,22 @@ double mean(const std::vector<double>& values) {
 Tally::Tally(const std::vector<std::uint64_t>& node_ids)
     : node_ids_(node_ids), slip_(node_ids.size(), 0.0), peaks_k_(node_ids.size(), 0.0), heat_(node_ids.size(), 0.0) {}
 
-void Tally::add(const StepResult& result, double time_s, double dt_s) {
+void Tally::Range::add(std::span<const double> values) {
+  for (const double value : values) {
+    lowest = std::min(lowest, value);
+    highest = std::max(highest, value);
+  }
+}
+
+std::string Tally::Range::text(const char* unit) const {
+  const std::string low = fmt::format("{:.6g}", lowest), high = fmt::format("{:.6g}", highest);
+  return low == high ? fmt::format("{} {}", low, unit) : fmt::format("{} to {} {}", low, high, unit);
+}
+
+void Tally::add(const Batch& request, const StepResult& result, double time_s, double dt_s) {
+  pressure_.add(request.f64(Field::kPressure));
+  for (const std::uint32_t component : {0U, 1U}) jump_.add(request.f64(Field::kVelocityJump, component));
+  dt_.add({&dt_s, 1});
   const auto temperature = result.interface_temperature_k();
   const auto velocity = result.sliding_velocity_m_per_s();
   const auto second_velocity = result.sliding_velocity_m_per_s(1);  // empty if slip has one component
@@ -82,8 +97,10 @@ std::string Tally::outcomes_text() const {
 std::string Tally::text(const RunTime& time) const {
   const auto most_slip = std::max_element(slip_.begin(), slip_.end());
   const auto id = [&](std::size_t node) { return node_ids_[node]; };
-  std::string text = fmt::format("  peak interface temperature  {:.3f} K, node {}, at {:.6g} s\n", peak_temperature_k_,
-                                 id(peak_node_), peak_time_s_);
+  std::string text = fmt::format("  inputs                      P {}; [V] {}; dt {}\n", pressure_.text("Pa"),
+                                 jump_.text("m/s"), dt_.text("s"));
+  text += fmt::format("  peak interface temperature  {:.3f} K, node {}, at {:.6g} s\n", peak_temperature_k_,
+                      id(peak_node_), peak_time_s_);
   if (first_melting_s_)
     text +=
         fmt::format("  0.99 T_melt first reached   at {:.6g} s, node {}\n", *first_melting_s_, id(first_melting_node_));
@@ -103,6 +120,11 @@ std::string Tally::text(const RunTime& time) const {
 void Tally::add_to(nlohmann::ordered_json& summary, const RunTime& time) const {
   const auto most_slip = std::max_element(slip_.begin(), slip_.end());
   const auto id = [&](std::size_t node) { return node_ids_[node]; };
+  for (const auto& [name, range] :
+       {std::pair("pressure_pa", &pressure_), {"velocity_jump_m_per_s", &jump_}, {"dt_s", &dt_}}) {
+    summary["inputs"][name]["lowest"] = range->lowest;
+    summary["inputs"][name]["highest"] = range->highest;
+  }
   summary["peak_interface_temperature_k"] = peak_temperature_k_;
   summary["peak_node"] = id(peak_node_);
   summary["peak_time_s"] = peak_time_s_;

@@ -7,6 +7,7 @@
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,7 +28,7 @@ class Tally {
  public:
   explicit Tally(const std::vector<std::uint64_t>& node_ids);
 
-  void add(const StepResult& result, double time_s, double dt_s);
+  void add(const Batch& request, const StepResult& result, double time_s, double dt_s);
 
   const std::vector<double>& peaks_k() const { return peaks_k_; }  // highest temperature of each node
   std::uint64_t failed_node_steps() const { return outcomes_[kFailedBit]; }
@@ -36,11 +37,17 @@ class Tally {
 
  private:
   static constexpr std::size_t kFailedBit = 7;
+  struct Range {
+    double lowest = std::numeric_limits<double>::infinity(), highest = -std::numeric_limits<double>::infinity();
+    void add(std::span<const double> values);
+    std::string text(const char* unit) const;
+  };
   std::string regimes_text() const;
   std::string outcomes_text() const;
 
   const std::vector<std::uint64_t>& node_ids_;
-  std::vector<double> slip_;  // path length of the slip of each node  [m]
+  Range pressure_, jump_, dt_;  // of the inputs of all steps
+  std::vector<double> slip_;    // path length of the slip of each node  [m]
   std::vector<double> peaks_k_;
   std::vector<double> heat_;  // friction heat of each node  [J/m2]
   std::array<std::uint64_t, wire::kRegimeCount> regimes_{};

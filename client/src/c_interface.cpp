@@ -22,6 +22,7 @@
 #include "proto/wire/enum_names.hpp"
 #include "proto/wire/key_file.hpp"
 #include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 
 using namespace shearbus;
 
@@ -195,7 +196,9 @@ CheckClosure check_of(int option) {
       return CheckClosure::kError;
     default:
       refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0, 1 or 2", option),
-             "Use SHEARBUS_CHECK_WARN, _OFF or _ERROR; in Fortran 'warn', 'off' or 'error'.", "check_closure");
+             "Use 'warn', 'off' or 'error' (in C and C++ SHEARBUS_CHECK_WARN, SHEARBUS_CHECK_OFF or "
+             "SHEARBUS_CHECK_ERROR).",
+             "check_closure");
   }
 }
 
@@ -273,7 +276,7 @@ Session::Ticket ticket_of(std::string_view text) {
     refuse(Code::kInvalidValue,
            fmt::format("the ticket is no ticket: {} characters, expected {} of which 64 are hexadecimal digits",
                        text.size(), 2 * kDigits + 1),
-           "Give the text of shearbus_ticket() unchanged.", "ticket");
+           "Give the ticket of the session unchanged.", "ticket");
   return ticket;
 }
 
@@ -388,10 +391,14 @@ struct shearbus_session {
     resumed = names_of(*session);
     warnings.clear();
     for (const std::string& warning : session->warnings()) warnings += warning + '\n';
-    if (!log.wanted()) return;
+    if (!log.wanted()) {
+      for (const std::string& warning : session->warnings())
+        if (!warning.starts_with(wire::kNote)) fmt::print(stderr, "shearbus: warning: {}\n", warning);
+      return;
+    }
     log(fmt::format("session of {} nodes, scene \"{}\", server {}", session->node_ids().size(),
                     session->opened().scene_name, where));
-    for (const std::string& warning : session->warnings()) log("warning: " + warning);
+    for (const std::string& warning : session->warnings()) log(wire::labelled(warning));
   }
 
   LineLog log;
@@ -418,16 +425,15 @@ namespace {
 // unfinished step if `started` is false, and one without an unfinished step if it is true.
 const Session& session_of(const shearbus_session* handle) {
   if (handle == nullptr || !handle->session)
-    refuse(Code::kInvalidValue, "there is no session: the handle is NULL, or its opening failed",
-           "Open a session first with shearbus_open().");
+    refuse(Code::kInvalidValue, "there is no session: none was opened, or its opening failed", "Open a session first.");
   return *handle->session;
 }
 Session& session_of(shearbus_session* handle, bool started = false) {
   session_of(static_cast<const shearbus_session*>(handle));
   if (handle->started != started)
     refuse(Code::kInvalidValue,
-           started ? "shearbus_finish() without shearbus_start()" : "a started step has not been finished",
-           started ? "Start a step first, and finish it once." : "Call shearbus_finish() before any other call.");
+           started ? "a step is finished that was not started" : "a started step has not been finished",
+           started ? "Start a step first, and finish it once." : "Finish it before any other call.");
   return *handle->session;
 }
 
@@ -608,8 +614,7 @@ std::string name_of(const char* text, const char* what) {
 }
 
 TransferId transfer_of(const std::uint8_t* bytes) {
-  if (bytes == nullptr)
-    refuse(Code::kInvalidValue, "transfer is NULL", "Give the 16 bytes of shearbus_offer().", "transfer");
+  if (bytes == nullptr) refuse(Code::kInvalidValue, "transfer is NULL", "Give the 16 bytes of the offer.", "transfer");
   TransferId id;
   std::copy_n(bytes, id.size(), id.begin());
   return id;

@@ -126,7 +126,7 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
   }
   impl->epoch = received.reply.epoch;
   impl->opened = std::move(body_of<wire::SessionOpened>(received));
-  impl->check_closure();
+  impl->start_checks(true);
   return Session(std::move(impl));
 }
 
@@ -150,7 +150,7 @@ Session Client::resume(const Session::Ticket& ticket, const ExpectedNodes& expec
   impl->opened = std::move(body_of<wire::SessionResumed>(received).session);
   impl->resumed = resumed_nodes(received.reply.batch, impl->opened);
   impl->adopt_position(received);
-  impl->check_closure();
+  impl->start_checks(false);
   return Session(std::move(impl));
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <utility>
 
 namespace shearbus {
@@ -22,32 +23,72 @@ std::size_t components_of(const Batch& request) {
   return request.has(Field::kVelocityJump, 1) ? 2 : 1;
 }
 
+// Of one row: what the host's own stresses add to the jump in this step, or the jump without friction in stick form.
+double coming(const Batch& request, double dt, std::size_t component, std::size_t row) {
+  const auto value = [&](Field field, std::size_t of) {  // the request is not checked yet: a column may be missing
+    const auto values = column(request, field, of);
+    return row < values.size() ? values[row] : std::numeric_limits<double>::quiet_NaN();
+  };
+  if (request.has(Field::kImpedance)) return value(Field::kStickStress, component) / value(Field::kImpedance, 0);
+  return dt * (value(Field::kStressSoft, component) / value(Field::kMassSoft, 0) +
+               value(Field::kStressHard, component) / value(Field::kMassHard, 0));
+}
+
 }  // namespace
+
+void show_warning(const std::function<void(const std::string&)>& log, const std::string& warning) {
+  if (log)
+    log("warning: " + warning);
+  else
+    fmt::print(stderr, "shearbus: warning: {}\n", warning);
+}
 
 ClosureCheck::ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> log)
     : mode_(mode), log_(std::move(log)) {}
 
-void ClosureCheck::warn(const std::string& warning) const {
-  if (log_)
-    log_("warning: " + warning);
-  else
-    fmt::print(stderr, "shearbus: warning: {}\n", warning);
+// Describes a difference. Mistakes that explain it are alternatives.
+std::string ClosureCheck::text_of(const Difference& found) {
+  if (found.mistakes.empty())
+    return found.text +
+           "No single mistake in signs, sides, masses, time levels or dt_s explains it. Are stresses in Pa and masses "
+           "in kg/m2, is the answer applied times the area, is the jump that before the forces act? The guide's table "
+           "of hosts (client/README.md) has hosts that change velocities in other ways.";
+  return fmt::format("{}One change explains it: {}.", found.text, fmt::join(found.mistakes, "; or: "));
+}
+
+void ClosureCheck::warn_once(const Difference& found) {
+  done_ = true;
+  show_warning(log_, text_of(found));
+  waiting_.reset();
+  last_ = trial_ = {};
 }
 
 void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step) {
   if (!watches()) return;
   const Kept& last = step.commit_previous ? trial_ : last_;
   if (!last.known) return;
-  const std::string found = difference(last, request, node_ids, step.dt_s);
-  if (found.empty()) return;
+  const bool goes_on = waiting_ && last.number != waiting_since_;
+  std::optional<Difference> found = difference(last, request, node_ids, step.dt_s);
+  if (!found) {
+    if (goes_on) warn_once(*waiting_);
+    return;
+  }
   if (mode_ == CheckClosure::kError)
     throw Error({.code = Code::kNotClosed,
-                 .text = found,
-                 .remedy = "The step was not sent. Correct the host, or open the session with check_closure = warn.",
+                 .text = text_of(*found),
+                 .remedy = "The step was not sent. Correct the host, or open with check_closure = 'warn' (in C and C++ "
+                           "SHEARBUS_CHECK_WARN).",
                  .field = wire::name(Field::kVelocityJump)});
-  done_ = true;
-  warn(found);
-  last_ = trial_ = {};
+  if (found->mistakes.size() > 1 && !goes_on) {
+    waiting_ = std::move(found);
+    waiting_since_ = last.number;
+    return;
+  }
+  if (goes_on)
+    std::erase_if(found->mistakes, [&](const std::string& mistake) {
+      return std::ranges::find(waiting_->mistakes, mistake) == waiting_->mistakes.end();
+    });
+  warn_once(*found);
 }
 
 void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale,
@@ -56,7 +97,7 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     const std::string field = warning.substr(0, warning.find(':'));
     if (mode_ == CheckClosure::kOff || std::ranges::find(warned_, field) != warned_.end()) continue;
     warned_.push_back(field);
-    warn(warning);
+    show_warning(log_, warning);
   }
   if (!watches()) return;
   if (step.commit_previous) committed();
@@ -68,6 +109,7 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     trial_.known = true;
     trial_.sticks = request.has(Field::kImpedance);
     trial_.has_stress = reply.has(Field::kShearStress);
+    trial_.number = ++answered_;
     trial_.dt_before = last_.known ? last_.dt : 0.0;
     trial_.dt = step.dt_s;
     trial_.rows.resize(components * jump.size());
@@ -92,16 +134,39 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     const auto outcome = reply.u8(Field::kOutcome);
     trial_.failed.assign(jump.size(), outcome.empty() && upscale.flagged_nodes > 0);
     for (std::size_t row = 0; row < outcome.size(); ++row) trial_.failed[row] = (outcome[row] & wire::kFailed) != 0;
+    keep_before();
   }
   if (mode == wire::Mode::kAdvance) committed();
 } catch (const std::exception&) {
   forget();
 }
 
+void ClosureCheck::keep_before() {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  const bool first = steps_ == 0 && !last_.known;
+  const bool same = last_.known && last_.sticks == trial_.sticks && last_.rows.size() == trial_.rows.size() &&
+                    last_.node_ids == trial_.node_ids;
+  for (std::size_t i = 0; i < trial_.rows.size(); ++i) {
+    closure::Row& row = trial_.rows[i];
+    row.change_before = row.friction_before = first ? 0.0 : kUnknown;
+    row.answered_before = first ? row.jump : kUnknown;
+    if (!same || last_.failed[i % last_.failed.size()]) continue;
+    const closure::Row& before = last_.rows[i];
+    row.change_before = before.answered - before.jump;
+    row.friction_before = last_.dt * before.stress * (1.0 / before.mass_soft + 1.0 / before.mass_hard);
+    row.answered_before = before.answered;
+  }
+}
+
+void ClosureCheck::ended() {
+  if (waiting_) warn_once(*waiting_);
+}
+
 void ClosureCheck::committed() {
   std::swap(last_, trial_);
   trial_.known = false;
-  if (mode_ == CheckClosure::kError || ++steps_ < kStepsWatched) return;
+  ++steps_;
+  if (mode_ == CheckClosure::kError || steps_ < kStepsWatched || waiting_) return;
   done_ = true;
   last_ = trial_ = {};
 }
@@ -132,13 +197,14 @@ void ClosureCheck::match(const Kept& last, std::span<const std::uint64_t> now) {
   }
 }
 
-// Describes the largest difference between the host's jumps and the answered ones, with the mistakes that explain it.
-// Empty if no difference exceeds its tolerance.
-std::string ClosureCheck::difference(const Kept& last, const Batch& request, std::span<const std::uint64_t> node_ids,
-                                     double dt) {
+// Finds the largest difference between the host's jumps and the answered ones, with the mistakes that explain it. None
+// if no difference exceeds its tolerance.
+std::optional<ClosureCheck::Difference> ClosureCheck::difference(const Kept& last, const Batch& request,
+                                                                 std::span<const std::uint64_t> node_ids, double dt) {
   const auto jump = column(request, Field::kVelocityJump);
   const auto ids = request.has(Field::kNodeId) ? request.u64(Field::kNodeId) : node_ids;
-  if (last.node_ids.empty() != !request.has(Field::kNodeId)) return {};  // only one of the two steps names its nodes
+  if (last.node_ids.empty() != !request.has(Field::kNodeId))
+    return std::nullopt;  // only one of the two steps names its nodes
   match(last, request.u64(Field::kNodeId));
   const std::size_t rows_before = last.failed.size();
   const std::size_t components =
@@ -146,6 +212,8 @@ std::string ClosureCheck::difference(const Kept& last, const Batch& request, std
   const auto row_at = [&](std::size_t component, const auto& rows) {
     closure::Row row = last.rows[component * rows_before + rows.first];
     row.now = column(request, Field::kVelocityJump, component)[rows.second];
+    row.coming = last.sticks == request.has(Field::kImpedance) ? coming(request, dt, component, rows.second)
+                                                               : std::numeric_limits<double>::quiet_NaN();
     return row;
   };
   closure::Row worst;
@@ -168,27 +236,24 @@ std::string ClosureCheck::difference(const Kept& last, const Batch& request, std
     }
     wrong += most > 1.0;
   }
-  if (wrong == 0) return {};
+  if (wrong == 0) return std::nullopt;
 
   std::vector<closure::Row> rows = {worst};
   const std::size_t stride = matched_.size() / kRowsDiagnosed + 1;
   for (std::size_t i = 0; i < matched_.size(); i += stride)
     for (std::size_t c = 0; c < components && !last.failed[matched_[i].first]; ++c)
       rows.push_back(row_at(c, matched_[i]));
-  std::vector<std::string> mistakes;
+  Difference found{
+      .text = fmt::format(
+          "closure: the host brings a jump of {:.9g} m/s for node {}; its last step was answered with {:.9g} m/s, and "
+          "a host that applies the answered stress has that jump but for rounding ({} of {} nodes differ, this one by "
+          "{:.3g} m/s). ",
+          worst.now, ids[worst_row], worst.answered, wrong, compared, worst.difference()),
+      .mistakes = {}};
   if (last.has_stress)
-    mistakes =
+    found.mistakes =
         last.sticks ? closure::stick_mistakes(rows) : closure::far_field_mistakes(rows, {last.dt_before, last.dt, dt});
-  return fmt::format(
-      "closure: the host brings a jump of {:.9g} m/s for node {}; its last step was answered with {:.9g} m/s, and a "
-      "host that applies the answered stress has that jump but for rounding ({} of {} nodes differ, this one by "
-      "{:.3g} m/s). {}",
-      worst.now, ids[worst_row], worst.answered, wrong, compared, worst.difference(),
-      mistakes.empty()
-          ? "No single mistake in signs, sides, masses or dt_s explains it. Are stresses in Pa and masses in kg/m2, is "
-            "the answer applied times the area, is the jump that before the forces act? The guide's table "
-            "of hosts (client/README.md) has hosts that change velocities in other ways."
-          : fmt::format("One change explains it: {}.", fmt::join(mistakes, "; or: ")));
+  return found;
 }
 
 }  // namespace shearbus

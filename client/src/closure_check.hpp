@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -13,6 +14,9 @@
 #include "client/src/diagnosis.hpp"
 
 namespace shearbus {
+
+// Shows a warning: to `log`, or without it on standard error.
+void show_warning(const std::function<void(const std::string&)>& log, const std::string& warning);
 
 class ClosureCheck {
  public:
@@ -29,6 +33,7 @@ class ClosureCheck {
                 wire::Mode mode) noexcept;
   void committed();    // the kept trial step becomes the last step
   void rolled_back();  // drops the kept trial step
+  void ended();        // the session ends: shows a warning that waited for another step
   void forget();       // for new nodes or restored states: the next step is not compared
 
   static constexpr std::uint64_t kStepsWatched = 100;
@@ -38,22 +43,36 @@ class ClosureCheck {
     bool known = false;
     bool sticks = false;
     bool has_stress = false;
+    std::uint64_t number = 0;  // counts the answered steps
     double dt_before = 0.0, dt = 0.0;
     std::vector<closure::Row> rows;       // values of a node: [component of the jump][the request's row]
     std::vector<std::uint64_t> node_ids;  // node of each row; empty: all nodes of the session
     std::vector<bool> failed;             // true for rows without an answer
   };
 
-  void warn(const std::string& warning) const;
+  // The largest difference between the host's jumps and the answered ones, with the mistakes that explain all of them.
+  struct Difference {
+    std::string text;
+    std::vector<std::string> mistakes;
+  };
+  static std::string text_of(const Difference& found);
+
+  void warn_once(const Difference& found);
   bool watches() const { return mode_ != CheckClosure::kOff && !(mode_ == CheckClosure::kWarn && done_); }
-  std::string difference(const Kept& last, const Batch& request, std::span<const std::uint64_t> node_ids, double dt);
+  std::optional<Difference> difference(const Kept& last, const Batch& request, std::span<const std::uint64_t> node_ids,
+                                       double dt);
+  void keep_before();  // fills what the rows of the trial step say of the step before it
   void match(const Kept& last, std::span<const std::uint64_t> now);
 
   CheckClosure mode_;
   std::function<void(const std::string&)> log_;
-  bool done_ = false;  // mode kWarn: true after a warning about jumps or kStepsWatched steps; ends the check
-  std::uint64_t steps_ = 0;
+  bool done_ = false;           // mode kWarn: true after a warning about jumps or kStepsWatched steps; ends the check
+  std::uint64_t steps_ = 0;     // committed
+  std::uint64_t answered_ = 0;  // number of the newest answered step
   Kept last_, trial_;
+  // Mode kWarn: a difference that several mistakes explain. The next step tells which, so the warning waits for it.
+  std::optional<Difference> waiting_;
+  std::uint64_t waiting_since_ = 0;                             // number of the last step then
   std::vector<std::pair<std::uint64_t, std::uint32_t>> index_;  // (node id, row in the last step's request), sorted
   // For each node in both steps: its row in the last step's request, and that in the present request.
   std::vector<std::pair<std::uint32_t, std::uint32_t>> matched_;

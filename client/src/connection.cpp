@@ -66,8 +66,8 @@ void check_endpoint(const ClientOptions& options) {
                    "embedded server."});
   if (endpoint.starts_with("inproc://") && options.context == nullptr)
     throw Error({.code = Code::kUnreachable,
-                 .text = fmt::format("{} can be reached only through its server's context; none was given", endpoint),
-                 .remedy = "Set ClientOptions::context to Embedded::context()."});
+                 .text = fmt::format("{} can be reached only by the program that started the server", endpoint),
+                 .remedy = "Leave the endpoint out for a server in this process, or give that of another server."});
   if (options.server_key.empty() && options.secret_key.empty()) return;
   if (!file && !endpoint.starts_with("tcp://"))
     throw Error({.code = Code::kAuth,

@@ -24,6 +24,35 @@ struct FarField {
   }
 };
 
+// A host in far-field form that sends the jump of another time level. `coming`, `own`, ...: factors on what the jump has
+// beside the one of the last step: what the host's own stresses add in this step and in the last one, what friction
+// takes in the last step and in the one before, and the whole change of the step before.
+struct TimeLevel {
+  const char* text;
+  double coming = 0.0, own = 0.0, friction = 0.0, friction_before = 0.0, change_before = 0.0;
+
+  double new_jump(const Row& row, double dt) const {
+    const auto term = [](double factor, double value) { return factor == 0.0 ? 0.0 : factor * value; };
+    return row.jump + term(coming, row.coming) +
+           own * dt * (row.stress_soft / row.mass_soft + row.stress_hard / row.mass_hard) -
+           friction * dt * row.stress * (1.0 / row.mass_soft + 1.0 / row.mass_hard) -
+           term(friction_before, row.friction_before) + term(change_before, row.change_before);
+  }
+};
+
+constexpr const char* kEarlierStep =
+    "the jump sent is that of an earlier step: send the one to which the last answered stress was applied";
+constexpr const char* kForcesApplied =
+    "the jump sent is that after the forces of this step, without friction: send the one before the forces act";
+
+constexpr TimeLevel kTimeLevels[] = {
+    {.text = kEarlierStep, .change_before = 1.0},
+    {.text = "the jump sent is that without the friction of the last step: send the one with friction",
+     .own = 1.0,
+     .friction_before = 1.0},
+    {.text = kForcesApplied, .coming = 1.0, .friction = 1.0},
+};
+
 constexpr FarField kFarField[] = {
     {.text = "stress_soft has the wrong sign", .soft = -1.0},
     {.text = "stress_hard has the wrong sign", .hard = -1.0},
@@ -78,7 +107,7 @@ constexpr Stick kStick[] = {
     {.text =
          "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive",
      .answer = -1.0},
-    {.text = "the answered stress is not applied", .answer = 0.0},
+    {.text = "the answered stress is not applied, or the jump sent is that without friction", .answer = 0.0},
     {.text = "impedance must be twice that sent, or the answered stress is applied to one side only", .answer = 0.5},
     {.text = "impedance must be half of that sent", .answer = 2.0},
     {.text = "velocity_jump is that of the predictor of a Newmark scheme: send that of the whole step before",
@@ -108,6 +137,9 @@ std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Tim
   for (const FarField& mistake : kFarField)
     if (explains(rows, [&](const Row& row) { return mistake.new_jump(row, times.last); }))
       found.emplace_back(mistake.text);
+  for (const TimeLevel& mistake : kTimeLevels)
+    if (explains(rows, [&](const Row& row) { return mistake.new_jump(row, times.last); }))
+      found.emplace_back(mistake.text);
   const struct {
     double dt;
     const char* text;
@@ -132,6 +164,8 @@ std::vector<std::string> stick_mistakes(std::span<const Row> rows) {
   std::vector<std::string> found;
   for (const Stick& mistake : kStick)
     if (explains(rows, [&](const Row& row) { return mistake.new_jump(row); })) found.emplace_back(mistake.text);
+  if (explains(rows, [](const Row& row) { return row.answered_before; })) found.emplace_back(kEarlierStep);
+  if (explains(rows, [](const Row& row) { return row.coming; })) found.emplace_back(kForcesApplied);
   return found;
 }
 

@@ -25,6 +25,14 @@ struct Row {
   // Inputs of the last step, if it was in stick form:
   double stick_stress = 0.0;  // [Pa]
   double impedance = 1.0;     // [Pa s/m]
+  // Of the step before the last one, to recognise a jump of another time level; NaN: not known. The first step of a
+  // session follows a rest: no change, no friction, and the jump that it begins with.
+  double change_before = 0.0;    // new jump that was answered less the jump that was sent  [m/s]
+  double friction_before = 0.0;  // what the answered stress took from the jump, in far-field form  [m/s]
+  double answered_before = 0.0;  // new jump that was answered  [m/s]
+  // Of this step, NaN if it has another form: what the host's own stresses add to the jump in far-field form, or the jump
+  // without friction in stick form  [m/s].
+  double coming = 0.0;
 
   double difference() const { return now - answered; }
 };

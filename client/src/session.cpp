@@ -274,10 +274,28 @@ void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
   epoch = request.epoch = where.reply.epoch;
 }
 
-void Session::Impl::check_closure() {
+void Session::Impl::start_checks(bool from_the_start) {
   const ClientOptions& options = connection->options();
-  if (options.check_closure != CheckClosure::kOff && opened.strategy == wire::Strategy::kForceDriven)
-    closure.emplace(options.check_closure, options.log);
+  if (options.check_closure == CheckClosure::kOff) return;
+  closure.emplace(options.check_closure, options.log);
+  if (from_the_start) inputs.emplace();
+}
+
+// The step has run, so a check that has no memory is left out.
+void Session::Impl::check_answered(const Batch& request, const wire::Reply& reply, wire::Mode mode) noexcept try {
+  if (!closure) return;
+  closure->answered(request, reply.batch, std::get<wire::Upscale>(reply.body), step_options, mode);
+  if (!inputs) return;
+  for (const std::string& warning : inputs->add(request, step_options.dt_s))
+    show_warning(connection->options().log, warning);
+} catch (const std::exception&) {
+}
+
+void Session::Impl::end_checks() noexcept try {
+  if (closure) closure->ended();
+  if (!inputs) return;
+  for (const std::string& warning : inputs->end()) show_warning(connection->options().log, warning);
+} catch (const std::exception&) {
 }
 
 wire::Request Session::Impl::step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) {
@@ -301,9 +319,7 @@ const StepResult& Session::Impl::exchange_step(wire::Request request) {
   // exchange() leaves the request as it was sent. NOLINTBEGIN(bugprone-use-after-move)
   Received received = exchange(std::move(request), [](Received& reply) { body_of<wire::Upscale>(reply); });
   previous_committed = false;
-  if (closure)
-    closure->answered(request.batch, received.reply.batch, body_of<wire::Upscale>(received), step_options,
-                      std::get<wire::Downscale>(request.body).mode);
+  check_answered(request.batch, received.reply, std::get<wire::Downscale>(request.body).mode);
   // NOLINTEND(bugprone-use-after-move)
   state_version = body_of<wire::Upscale>(received).state_version;
   result.payload_frame_ = std::move(received.payload_frame);
@@ -509,9 +525,7 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
     throw;
   }
   previous_committed = false;
-  if (closure)
-    closure->answered(columns, in_parts->reply.batch, std::get<wire::Upscale>(in_parts->reply.body), step_options,
-                      mode);
+  check_answered(columns, in_parts->reply, mode);
   state_version = std::get<wire::Upscale>(in_parts->reply.body).state_version;
   result.payload_frame_.reset();
   result.reply_ = std::move(in_parts->reply);
@@ -610,8 +624,8 @@ const StepResult& Session::finish_trial() {
   }
   if (!impl_->posted)
     throw Error({.code = Code::kInvalidValue,
-                 .text = "finish_trial() without start_trial()",
-                 .remedy = "Start a trial first, and finish it once."});
+                 .text = "a step is finished that was not started",
+                 .remedy = "Start a step first, and finish it once."});
   wire::Request request = std::move(*impl_->posted);
   impl_->posted.reset();
   return impl_->exchange_step(std::move(request));
@@ -719,6 +733,7 @@ Profiles Session::profiles(std::span<const std::uint64_t> node_ids, std::span<co
 wire::SessionClosed Session::close() {
   const auto totals = impl_->exchange<wire::SessionClosed>(wire::CloseSession{});
   impl_->closed = true;
+  impl_->end_checks();
   return totals;
 }
 

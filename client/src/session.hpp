@@ -17,6 +17,7 @@
 #include "client/src/client.hpp"
 #include "client/src/closure_check.hpp"
 #include "client/src/connection.hpp"
+#include "client/src/input_check.hpp"
 
 namespace shearbus {
 
@@ -81,10 +82,13 @@ struct Session::Impl {
   std::optional<wire::Request> posted;  // request of start_trial(), whose reply finish_trial() will receive
   bool closed = false;
   StepResult result;
-  std::optional<ClosureCheck> closure;  // compares jumps of the host with answered ones; absent: not asked for
+  std::optional<ClosureCheck> closure;  // compares jumps of the host with answered ones; absent: switched off
+  std::optional<InputCheck> inputs;     // warns of doubtful inputs of a session that this client opened
   StepOptions step_options;             // options of the present step
 
-  void check_closure();  // starts the closure check if the options of the connection and the strategy ask for it
+  void start_checks(bool from_the_start);  // unless the options of the connection have check_closure = off
+  void end_checks() noexcept;
+  void check_answered(const Batch& request, const wire::Reply& reply, wire::Mode mode) noexcept;
   wire::Request next_request() const;
 
   // Sends the session's next request. The sequence number advances only when the reply has arrived and accept() has

@@ -70,8 +70,8 @@ void check_leaving(std::span<const std::uint64_t> leaving, std::span<const std::
            Field::kNodeId, {*twice});
   for (const std::uint64_t id : ids)
     if (!std::ranges::binary_search(known, id))
-      refuse(Code::kUnknownNode, fmt::format("node {} is not of this session", id),
-             "Name nodes of the session; node_ids() lists them.", Field::kNodeId, {id});
+      refuse(Code::kUnknownNode, fmt::format("node {} is not of this session", id), "Name nodes of the session.",
+             Field::kNodeId, {id});
 }
 
 }  // namespace

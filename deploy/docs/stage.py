@@ -21,6 +21,8 @@ import subprocess
 import sys
 import textwrap
 
+import fortran_page
+
 PAGES = "deploy/docs/pages"
 PYTHON_CLIENT = pathlib.Path(__file__).resolve().parents[2] / "client/python"
 PICTURES = {".png", ".svg"}
@@ -64,8 +66,8 @@ class Site:
         listed = subprocess.run(["git", "-C", root, "ls-files", "-co", "--exclude-standard"], capture_output=True, text=True)
         names = listed.stdout.splitlines() if listed.returncode == 0 else [p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()]
         self.files = {n for n in names if (root / n).is_file() and not re.match(r"build|out/|\.git/", n)}
-        # Templates of issues are forms, no pages; the corpora of fuzzing are no text.
-        self.pages = {n for n in self.files if n.endswith(".md") and "ISSUE_TEMPLATE" not in n and "corpus" not in n}
+        # Templates of issues are forms, no pages.
+        self.pages = {n for n in self.files if n.endswith(".md") and "ISSUE_TEMPLATE" not in n}
 
     def place(self, name):
         """Returns where a file of the tree stands in the site."""
@@ -202,6 +204,28 @@ def columns_page(root):
     return page + "".join(f"| {n} | `{name}` | {unit} | {kind} | {vector} | {meaning} |\n" for n, name, unit, kind, vector, meaning in sorted(rows))
 
 
+def python_page():
+    """Returns the page of the Python package, from what the package itself says is public."""
+    found = output_of(sys.executable, "-B", "-c", """
+import inspect, shearbus
+for name in shearbus.__all__:
+    what = getattr(shearbus, name)
+    print(name, "errors" if inspect.isclass(what) and issubclass(what, BaseException) else "classes" if inspect.isclass(what) else "functions" if callable(what) else "")
+""")
+    kinds = {"functions": "Functions", "classes": "Classes", "errors": "Errors and warnings"}
+    rows = [line.split() for line in found.splitlines() if len(line.split()) == 2]
+    if {kind for _, kind in rows} != set(kinds):
+        sys.exit(f"shearbus.__all__ has no functions, classes or errors: {found}")
+    page = "# Python interface\n\n```{eval-rst}\n.. automodule:: shearbus\n   :no-members:\n```\n"
+    for kind, title in kinds.items():
+        page += f"\n## {title}\n"
+        directive = {"functions": "autofunction", "classes": "autoclass", "errors": "autoexception"}[kind]
+        for name, _ in sorted((row for row in rows if row[1] == kind), key=lambda row: (row[0] not in ("open", "Session", "Error"), row[0])):
+            options = "   :members:\n" + ("   :show-inheritance:\n" if kind == "errors" else "")
+            page += f"\n### {name}\n\n```{{eval-rst}}\n.. {directive}:: shearbus.{name}\n{options if kind != 'functions' else ''}```\n"
+    return page
+
+
 def codes(root):
     """Returns the rows (number, name, cause, cure) of the tables in proto/WIRE.md, "Status", after a comparison with the codes of the
     server (proto/wire/status.hpp, proto/wire/enum_names.cpp) and of the C library (client/include/shearbus/shearbus.h)."""
@@ -255,6 +279,8 @@ def main():
                        ("reference/materials", materials_page(output_of(programs / "shearbus-ctl", "materials"))),
                        ("reference/programs", programs_page(programs)),
                        ("reference/columns", columns_page(root)),
+                       ("reference/fortran", site.linked(PAGES + "/reference/fortran" + ".md", fortran_page.page(root / "client/fortran/shearbus.f90"), "reference/fortran" + ".md")),
+                       ("reference/python", python_page()),
                        ("howto/errors", errors_page(site))):
         site.write(name + ".md", text)
     for name in site.wanted:

@@ -90,6 +90,30 @@ bool is_table(const FieldDescriptor& field) {
   return field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
 }
 
+// Adds the warnings of one table and of the tables in it.
+void add_unusual(const Message& table, const std::string& path, std::vector<std::string>& found) {
+  const auto& reflection = *table.GetReflection();
+  for (int i = 0; i < table.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor& field = *table.GetDescriptor()->field(i);
+    const std::string name = path_of(path, field);
+    if (has_named_tables(field)) {
+      for (int at = 0; at < reflection.FieldSize(table, &field); ++at) {
+        const Message& named = reflection.GetRepeatedMessage(table, &field, at);
+        add_unusual(named, name + "." + named.GetReflection()->GetString(named, &name_field(*named.GetDescriptor())),
+                    found);
+      }
+    } else if (is_table(field)) {
+      if (reflection.HasField(table, &field)) add_unusual(reflection.GetMessage(table, &field), name, found);
+    } else if (rule_of(field).has_usual_from() && reflection.HasField(table, &field)) {
+      const v1::Rule& rule = rule_of(field);
+      const double value = reflection.GetDouble(table, &field);
+      if (value == 0.0 || (value >= rule.usual_from() && value <= rule.usual_to())) continue;
+      found.push_back(fmt::format("{0} = {1} {2} is unusual: values {3} are expected. Is it in {2}?", name,
+                                  number_text(value), rule.unit(), usual_of(field)));
+    }
+  }
+}
+
 std::string shown(const FieldDescriptor& field, const std::string& name) {
   return is_table(field) ? "[" + name + "]" : name;
 }
@@ -320,6 +344,18 @@ std::string bounds_of(const FieldDescriptor& field) {
   if (rule.has_at_most()) parts.push_back("at most " + number_text(rule.at_most()));
   if (rule.has_below()) parts.push_back("below " + number_text(rule.below()));
   return parts.empty() ? std::string() : fmt::format("{}{}", fmt::join(parts, " and "), unit_of(field));
+}
+
+std::string usual_of(const FieldDescriptor& field) {
+  const v1::Rule& rule = rule_of(field);
+  if (!rule.has_usual_from()) return {};
+  return fmt::format("from {} to {}{}", number_text(rule.usual_from()), number_text(rule.usual_to()), unit_of(field));
+}
+
+std::vector<std::string> unusual_values(const Message& root) {
+  std::vector<std::string> found;
+  add_unusual(root, "", found);
+  return found;
 }
 
 std::vector<std::string> choices_of(const FieldDescriptor& field) {

@@ -71,6 +71,12 @@ std::vector<const google::protobuf::FieldDescriptor*> keys_of(const google::prot
 // Returns the bounds of a field as text: "above 0 and at most 1 m", "at least 1"; empty if the field has no bounds.
 std::string bounds_of(const google::protobuf::FieldDescriptor& field);
 
+// Returns the usual values of a field as text, "from 1e5 to 5e10 Pa"; empty if its rule names none.
+std::string usual_of(const google::protobuf::FieldDescriptor& field);
+
+// Describes every number that lies outside of the usual values of its key, as one line that names the key.
+std::vector<std::string> unusual_values(const google::protobuf::Message& root);
+
 // Returns the names of an enum field's values as scenes write them, in order: "velocity_driven", "force_driven".
 std::vector<std::string> choices_of(const google::protobuf::FieldDescriptor& field);
 

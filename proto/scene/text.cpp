@@ -154,8 +154,10 @@ void describe_table(const Descriptor& table, const std::string& path, const std:
   const std::vector<const FieldDescriptor*> keys = keys_of(table);
   for (const FieldDescriptor* field : keys) {
     if (field->message_type()) continue;
-    out += fmt::format("| `{}` | {} | {} | {} | {} | {} |\n", field->name(), type_text(*field), rule_of(*field).unit(),
-                       default_text(*field), bounds_of(*field), rule_of(*field).meaning());
+    const std::string usual = usual_of(*field);
+    out += fmt::format("| `{}` | {} | {} | {} | {}{} | {} |\n", field->name(), type_text(*field),
+                       rule_of(*field).unit(), default_text(*field), bounds_of(*field),
+                       usual.empty() ? usual : "; usually " + usual, rule_of(*field).meaning());
   }
   std::vector<const Descriptor*> described;
   for (const FieldDescriptor* first : keys) {

@@ -17,6 +17,14 @@ std::string utc_now();
 // none.
 bool has_control_character(std::string_view text);
 
+// The server's warnings about a scene that only inform begin with this; the others tell of a probable mistake.
+inline constexpr std::string_view kNote = "note: ";
+
+// Returns a warning about a scene as a line to show: a note as it is, another text after "warning: ".
+inline std::string labelled(const std::string& warning) {
+  return warning.starts_with(kNote) ? warning : "warning: " + warning;
+}
+
 // Returns `text` with every invalid byte replaced by '?', cut at a character boundary to at most `max_bytes`; a text
 // that was cut ends in "...".
 std::string as_utf8(std::string_view text, std::size_t max_bytes);

@@ -66,7 +66,7 @@ struct SessionPairs::Scenes {
 };
 
 SessionPairs::SessionPairs(const SceneModel& scene, std::vector<std::string> parameters)
-    : parameters_(std::move(parameters)) {
+    : parameters_(std::move(parameters)), warnings_(scene.warnings) {
   if (scene.pairs.empty() && parameters_.empty()) return;
   for (std::size_t i = 0; i < parameters_.size(); ++i) {
     if (!may_be_parameter(parameters_[i]))

@@ -27,7 +27,8 @@ class SessionPairs {
   bool several() const { return scenes_ != nullptr; }
   std::vector<std::string> names() const;  // of the pairs of the scene, without the tables outside
   const std::vector<std::string>& parameters() const { return parameters_; }
-  const std::vector<std::string>& warnings() const { return warnings_; }  // of the models of the named pairs
+  // of the values of the scene, and of the models of the named pairs
+  const std::vector<std::string>& warnings() const { return warnings_; }
 
   // A table of the first pair alone.
   shard::PairTable table(const physics::ModelOptions& first) const;

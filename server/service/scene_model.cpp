@@ -254,6 +254,7 @@ SceneModel convert(v1::Scene& scene) {
   if (scene.pair().empty()) {
     SceneModel made = convert_tables(scene);
     made.effective = scene::to_toml(scene);
+    made.warnings = scene::unusual_values(scene);
     return made;
   }
   if (static_cast<std::size_t>(scene.pair_size()) > wire::kMaxPairs)
@@ -280,6 +281,7 @@ SceneModel convert(v1::Scene& scene) {
            fmt::format("the scene with all constants of its pairs has {} bytes, at most {} are allowed",
                        made.effective.size(), wire::kMaxSceneBytes),
            "Divide the pairs over several sessions.");
+  made.warnings = scene::unusual_values(scene);
   return made;
 }
 

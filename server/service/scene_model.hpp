@@ -24,6 +24,8 @@ struct SceneModel {
   std::string name;              // name of the scene
   std::string effective;         // canonical TOML text with every default and material constant filled in
   std::vector<PairModel> pairs;  // in the order of the effective text
+  // values of the effective scene that were probably meant in another unit
+  std::vector<std::string> warnings;
 };
 
 // Reads, checks and converts a scene's text. Throws wire::Error{kInvalidScene} with a line "file:line:column: ..." for

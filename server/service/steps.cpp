@@ -145,12 +145,10 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   // The shard writes each row of each column.
   reply->batch = std::move(spare_batch_);
   reply->batch.reshape(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
-  auto& upscale = reply->body.emplace<wire::Upscale>();
+  reply->body.emplace<wire::Upscale>();
   shard::StepColumns& columns = running->columns =
       step_columns(request.batch, reply->batch, step.dt_s, std::move(running->columns));
   columns.host_time = step.time_s;
-  const std::uint64_t version_before = shard.state_version() + (commits ? 1 : 0);
-  if (shard.check_closure() && version_before == 0) upscale.warnings = unit_warnings(step, request.batch);
   if (!reply->batch.has(Field::kOutcome)) {
     running->unasked.resize(num_rows);
     columns.outputs.emplace_back(

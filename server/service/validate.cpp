@@ -517,41 +517,4 @@ std::span<const Field> check_wanted(const wire::Downscale& step, const physics::
   return step.wanted;
 }
 
-std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::Batch& batch) {
-  constexpr double kLongStep = 1e-6;    // a longer first step draws a warning  [s]
-  constexpr double kLowPressure = 1e3;  // a pressure in contact up to this draws a warning: 1 GPa in MPa  [Pa]
-  constexpr double kLargeChange = 1e3;  // a larger change of the jump in the first step draws a warning  [m/s]
-  std::vector<std::string> warnings;
-  if (step.dt_s > kLongStep)
-    warnings.push_back(
-        fmt::format("dt_s: the first step is {} s long; a step of a shock is rarely longer than {} s. "
-                    "Is dt_s in seconds?",
-                    step.dt_s, kLongStep));
-  const auto pressure = batch.f64(Field::kPressure);
-  if (const auto low = std::ranges::find_if(pressure, [&](double p) { return p > 0.0 && p <= kLowPressure; });
-      low != pressure.end())
-    warnings.push_back(
-        fmt::format("pressure_pa: row {} of the first step has {} Pa: in contact, and not above {} Pa. Is the "
-                    "pressure in pascal?",
-                    low - pressure.begin(), *low, kLowPressure));
-  const bool sticks = batch.has(Field::kImpedance);
-  const auto jump = batch.f64(Field::kVelocityJump), impedance = batch.f64(Field::kImpedance),
-             stick = batch.f64(Field::kStickStress), soft = batch.f64(Field::kStressSoft),
-             hard = batch.f64(Field::kStressHard), mass_soft = batch.f64(Field::kMassSoft),
-             mass_hard = batch.f64(Field::kMassHard);
-  for (std::size_t row = 0; row < jump.size(); ++row) {
-    const double change = sticks ? stick[row] / impedance[row] - jump[row]
-                                 : step.dt_s * (soft[row] / mass_soft[row] + hard[row] / mass_hard[row]);
-    const double to_stick = std::abs(jump[row] + change);
-    if (std::abs(change) <= kLargeChange && to_stick <= kLargeChange) continue;
-    warnings.push_back(
-        fmt::format("{}: without friction the jump of row {} changes from {} to {} m/s in the first step. "
-                    "Are stresses in pascal and {}?",
-                    wire::name(sticks ? Field::kStickStress : Field::kMassSoft), row, jump[row], jump[row] + change,
-                    sticks ? "the impedance in Pa s/m" : "masses per area in kg/m2"));
-    break;
-  }
-  return warnings;
-}
-
 }  // namespace shearbus::service

@@ -57,7 +57,4 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
 std::span<const wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
                                           bool check_closure);
 
-// Warnings about numbers of a checked first step that are possible, but more often in wrong units.
-std::vector<std::string> unit_warnings(const wire::Downscale& step, const wire::Batch& batch);
-
 }  // namespace shearbus::service

@@ -15,9 +15,14 @@ constexpr double kUnknown = std::numeric_limits<double>::infinity();
 constexpr double kTimeTolerance = 1e-6;
 // accepted rounding error of the host's time, relative to this time
 constexpr double kTimeDigits = 4.0 * std::numeric_limits<double>::epsilon();
+// The same for a clock in single precision: four roundings (of the time before and now, and of each in another unit) of
+// half a unit in the last place. Beyond this share of dt a difference is a mistake, whatever the clock.
+constexpr double kSingleDigits = 2.0 * std::numeric_limits<float>::epsilon();
+constexpr double kMostOfSingleDigits = 0.25;
 
 bool grew_by(double dt, double before, double now) {
-  return std::abs(now - before - dt) <= kTimeTolerance * dt + kTimeDigits * std::abs(now);
+  const double single = std::min(kSingleDigits * std::abs(now), kMostOfSingleDigits * dt);
+  return std::abs(now - before - dt) <= kTimeTolerance * dt + kTimeDigits * std::abs(now) + single;
 }
 
 }  // namespace

@@ -243,7 +243,7 @@ static void bad_steps(void) {
   request.node_ids = strangers;
   REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_UNKNOWN_NODE, "");
   REFUSED(shearbus_commit(session, &status), SHEARBUS_NOTHING_TO_COMMIT, "");
-  REFUSED(shearbus_finish(session, NULL, &status), SHEARBUS_INVALID_VALUE, "without shearbus_start");
+  REFUSED(shearbus_finish(session, NULL, &status), SHEARBUS_INVALID_VALUE, "a step is finished that was not started");
   REFUSED(shearbus_rollback_to(session, "never", &status), SHEARBUS_UNKNOWN_MARK, "never");
   REFUSED(shearbus_mark(session, "", &status), SHEARBUS_INVALID_VALUE, "name");
   CHECK(last_sequence(session) == before);                                             /* nothing of it counted */

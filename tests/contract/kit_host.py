@@ -35,6 +35,7 @@ FAULTS = {
     "one_side_only": ("closure", "two_half_spaces"),
     "masses_of_whole_zones": ("closure", "two_half_spaces"),
     "whole_first_step": ("first_step", "two_half_spaces"),
+    "whole_first_step_of_long_zones": ("first_step", "two_half_spaces"),  # the jump after it is right by chance
     "pressure_in_gpa": ("pressure", "two_half_spaces"),
     "stress_of_the_first_step_for_ever": ("closure", "finite_plate"),
     "plate_without_a_back": ("jump", "finite_plate"),
@@ -59,8 +60,9 @@ def run(endpoint, problem, fault=None):
     plate = problem == "finite_plate" and fault != "plate_without_a_back"
     if problem == "finite_plate":
         dt = DEPTH / PLATE_ZONES * numpy.sqrt(2703.0 / 27.6e9)
-    soft = example.Body(2703.0, 27.6e9, example.INITIAL_JUMP, +1, PLATE_ZONES if plate else steps, dt)
-    hard = example.Body(7900.0, 77e9, 0.0, -1, steps, dt)
+    transit = 2 * dt if fault == "whole_first_step_of_long_zones" else dt
+    soft = example.Body(2703.0, 27.6e9, example.INITIAL_JUMP, +1, PLATE_ZONES if plate else steps, transit)
+    hard = example.Body(7900.0, 77e9, 0.0, -1, steps, transit)
     masses = [body.half_mass * (2 if fault == "masses_of_whole_zones" else 1) for body in (soft, hard)]
     area = 0.9 if fault == "small_area" else 1.0  # that the host takes for the area of a node, relative to the true one
     masses = [mass / area for mass in masses]
@@ -81,7 +83,7 @@ def play(bus, fault, steps, dt, soft, hard, masses, area):
     """Plays a run of a host into a session."""
     nodes, first = slice(0, 3), None
     for step in range(steps):
-        length = dt if step > 0 or fault == "whole_first_step" else dt / 2
+        length = dt if step > 0 or (fault or "").startswith("whole_first_step") else dt / 2
         jump = (soft.velocity[:, 0] - hard.velocity[:, 0])[nodes]
         inputs = {"stress_soft": soft.stress[nodes, 0] / area * (-1 if fault == "sign_of_a_stress" else 1),
                   "stress_hard": hard.stress[nodes, 0] / area, "mass_soft": masses[0], "mass_hard": masses[1]}
@@ -143,6 +145,7 @@ class Spoiler:
     def __init__(self, server, fault):
         self.server, self.fault, self.seen, self.ids = server, fault, set(), []
         self.step, self.adopted = None, False
+        self.answered, self.late = set(), None  # ids of the requests that the client has an answer to; a second answer to one
         self.directory = tempfile.TemporaryDirectory(prefix="shearbus-")
         self.endpoint = f"ipc://{self.directory.name}/spoiler"
         self.over = threading.Event()
@@ -174,6 +177,9 @@ class Spoiler:
                         links[one] = context.socket(zmq.DEALER)
                         links[one].connect(self.server)
                     links[one].send_multipart(self.request(frames))
+                    if self.late:
+                        front.send_multipart([peer, *self.taken_for_the_last(self.late)])
+                        self.late = None
                 for one, socket in links.items():
                     if socket in ready:
                         frames = self.reply(socket.recv_multipart(), socket)
@@ -205,15 +211,20 @@ class Spoiler:
 
     def reply(self, frames, socket):
         """Returns the frames that the client takes for the reply to its last request; None for none."""
-        header, *payload = frames
+        header = frames[0]
         code = read(read(header)[STATUS][0])[1][0] if STATUS in read(header) else OK
         if self.fault == "goes_on_after_a_restart" and code == EPOCH:
             self.adopted = True
             socket.send_multipart([replaced(self.step[0], EPOCH_FIELD, None), *self.step[1:]])
             return None
-        if self.fault in ("same_request_id", "takes_any_reply"):
-            header = replaced(header, REQUEST_ID, self.ids[-1])
-        return [header, *payload]
+        if self.fault == "takes_any_reply" and read(header)[REQUEST_ID][0] in self.answered:
+            self.late = frames
+            return None
+        return self.taken_for_the_last(frames) if self.fault in ("same_request_id", "takes_any_reply") else frames
+
+    def taken_for_the_last(self, frames):
+        self.answered.add(self.ids[-1])
+        return [replaced(frames[0], REQUEST_ID, self.ids[-1]), *frames[1:]]
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 """Rehearses hosts with the installed shearbus-ctl, by the commands of the page client/README.md: hosts in C++ and Fortran that are
-listings of that page, the Python host of the kit, and a host with a wrong sign, which must fail.
+listings of that page, the Python host of the kit, a host of Godunov's kind, and a host with a wrong sign, which must fail.
 
 rehearse.py --build BUILD --page README.md --examples DIR"""
 import argparse
@@ -15,6 +15,7 @@ import time
 import coupling_page
 
 KIT_HOST = f"/usr/bin/python3 -B {pathlib.Path(__file__).with_name('kit_host.py')}"
+GODUNOV_HOST = f"/usr/bin/python3 -B {pathlib.Path(__file__).with_name('godunov_host.py')}"
 DELAY = "--delay 0.3 "  # s; the Python host of the kit repeats a request after 0.1 s
 
 
@@ -44,6 +45,9 @@ def faults(page, examples, endpoint):
     runs["plate"] = plate, lambda: coupling_page.run(*KIT_HOST.split(), endpoint, "finite_plate")
     runs["started"] = started.replace("your_host --server @endpoint --problem @problem", f"{KIT_HOST} @endpoint @problem").replace(
         "rehearse ", "rehearse " + DELAY), None
+    # Velocities at whole steps, in cells: both forms, and steps shorter than the time that a wave takes across a cell.
+    for form, scenarios in (("far_field", ""), ("stick", ""), ("far_field 0.4", "--scenario two_half_spaces ")):
+        runs[f"godunov {form}"] = f"rehearse {DELAY}{scenarios}-- {GODUNOV_HOST} @endpoint @problem {form}", None
     for name, (words, host) in runs.items():
         code, said = rehearse(page, words.split(), host)
         good = re.search(r"^your client: (\d+) of (\d+)$", said, re.M)

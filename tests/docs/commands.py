@@ -45,7 +45,7 @@ def untagged_commands(page):
 
 def pages_with_commands(root):
     """Returns the pages of the tree that have a block to run, or a command in a block without a tag."""
-    pages = sorted(p for house in (*COPIED, "tests", ".github") for p in ([root / house] if (root / house).is_file() else (root / house).rglob("*.md")) if "corpus" not in p.parts)
+    pages = sorted(p for house in (*COPIED, "tests", ".github") for p in ([root / house] if (root / house).is_file() else (root / house).rglob("*.md")))
     return [p.relative_to(root).as_posix() for p in pages
             if untagged_commands(p.read_text()) or any(kind in KINDS or "input" in comments for _, kind, comments, _ in blocks(p.read_text()))]
 

@@ -138,30 +138,40 @@ void replace(hid_t file, const Target& target, const Edit& edit) {
   if (!zeros.empty()) H5Dwrite(made, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, zeros.data());
 }
 
-// Changes one value of an attribute or a dataset; type and extent stay.
+// Changes one of the values of `size` bytes each in `bytes`. An attribute of eight bytes is a number, a dataset has reals.
+void change_one(std::string& bytes, std::size_t size, bool reals, Random& random) {
+  if (size != sizeof(double)) {
+    bytes[random.below(bytes.size())] = static_cast<char>(random.number());
+  } else if (reals) {
+    mutate_reals(bytes, random);
+  } else {
+    const std::uint64_t value = random.number();
+    std::memcpy(bytes.data() + size * random.below(bytes.size() / size), &value, size);
+  }
+}
+
+// Changes one value of an attribute or a dataset; type and extent stay. Reads and writes whole values of the type that the
+// file has: an earlier edit may have given the object another type and another number of values than the sample.
 void overwrite(hid_t file, const Target& target, const Edit& edit) {
   Random random(edit[3] + 256U * edit[4] + 65536U * edit[5]);
-  if (!target.attribute.empty()) {
-    const hdf5::Attribute attribute(
-        store::checked(H5Aopen_by_name(file, target.object.c_str(), target.attribute.c_str(), H5P_DEFAULT, H5P_DEFAULT),
-                       "open an attribute"));
-    const std::uint64_t value = random.number();
-    // HDF5 refuses to write a number to an attribute that is a text; the text then stays as it is.
-    H5Awrite(attribute, H5T_NATIVE_UINT64, &value);
-    return;
-  }
-  const hdf5::Dataset dataset(store::checked(H5Dopen2(file, target.object.c_str(), H5P_DEFAULT), "open a dataset"));
-  const hdf5::Type type(store::checked(H5Dget_type(dataset), "type a dataset"));
-  const hdf5::Space space(store::checked(H5Dget_space(dataset), "size a dataset"));
-  const std::size_t size = H5Tget_size(type);
+  const bool of_object = !target.attribute.empty();
+  const hdf5::Object object(store::checked(H5Oopen(file, target.object.c_str(), H5P_DEFAULT), "open an object"));
+  const hdf5::Attribute attribute(
+      of_object ? store::checked(H5Aopen(object, target.attribute.c_str(), H5P_DEFAULT), "open an attribute")
+                : H5I_INVALID_HID);
+  if (!of_object && H5Iget_type(object) != H5I_DATASET) return;
+  const hdf5::Type type(store::checked(of_object ? H5Aget_type(attribute) : H5Dget_type(object), "type values"));
+  const hdf5::Space space(store::checked(of_object ? H5Aget_space(attribute) : H5Dget_space(object), "size values"));
   std::string bytes = zeros_for(type, space);
   if (bytes.empty() || H5Tis_variable_str(type) > 0) return;
-  if (H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()) < 0) return;
-  if (size == sizeof(double))
-    mutate_reals(bytes, random);
+  const herr_t read = of_object ? H5Aread(attribute, type, bytes.data())
+                                : H5Dread(object, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data());
+  if (read < 0) return;
+  change_one(bytes, H5Tget_size(type), !of_object, random);
+  if (of_object)
+    H5Awrite(attribute, type, bytes.data());
   else
-    bytes[random.below(bytes.size())] = static_cast<char>(random.number());
-  H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data());
+    H5Dwrite(object, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data());
 }
 
 void carry_out(const Edit& edit, hid_t file) {

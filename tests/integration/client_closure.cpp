@@ -28,12 +28,17 @@ const std::vector<std::uint64_t> kNodes = support::node_ids(5);
 struct Host {
   std::vector<double> v_soft = {100.0, 40.0, 0.5, -60.0, 20.0}, v_hard = {0.0, 5.0, 0.0, 10.0, -3.0};
   double dt = 1e-9, time = 0.0;
+  bool starts_at_rest = false;  // true: the first step has no far stresses
 
   double mass_soft(std::size_t i) const { return 0.0135 * (1.0 + 0.1 * static_cast<double>(i)); }
   double mass_hard(std::size_t i) const { return 0.0395 * (1.0 - 0.05 * static_cast<double>(i)); }
-  double stress_soft(std::size_t i) const { return 2e8 * std::sin(1.0 + static_cast<double>(i) + 4e7 * time); }
-  double stress_hard(std::size_t i) const { return -1e8 * std::cos(2.0 * static_cast<double>(i) + 3e7 * time); }
+  double own() const { return starts_at_rest && time == 0.0 ? 0.0 : 1.0; }
+  double stress_soft(std::size_t i) const { return own() * 2e8 * std::sin(1.0 + static_cast<double>(i) + 4e7 * time); }
+  double stress_hard(std::size_t i) const { return own() * -1e8 * std::cos(2.0 * static_cast<double>(i) + 3e7 * time); }
   double jump(std::size_t i) const { return v_soft[i] - v_hard[i]; }
+  double without_friction(std::size_t i) const {  // the jump after the forces of this step
+    return jump(i) + dt * (stress_soft(i) / mass_soft(i) + stress_hard(i) / mass_hard(i));
+  }
 
   void ask(Batch& request) const {
     const bool sticks = request.has(Field::kImpedance);
@@ -67,6 +72,11 @@ void scale(Batch& request, Field field, double factor) {
   for (double& value : request.f64(field)) value *= factor;
 }
 
+// Of one node: the jump, that of the step before, and the jumps of both steps after their forces without friction.
+struct Levels {
+  double now, before, free_now, free_before;
+};
+
 struct Mistake {
   const char* name;
   const char* named;  // text that the warning must contain; null: no warning
@@ -75,6 +85,8 @@ struct Mistake {
   std::function<double(const Host&, int step)> dt_sent;  // dt that the host sends; absent: its own dt
   std::function<double(int step)> dt;                    // dt of each step of the host; absent: always the same dt
   bool unique = true;                                    // true: the warning must name one mistake only
+  std::function<double(const Levels&)> level;            // jump that the host sends; absent: its own jump
+  bool starts_at_rest = false;
 };
 
 struct Run {
@@ -89,17 +101,26 @@ Run run(RunningServer& server, const Mistake& mistake, Form form) {
   options.log = [&](const std::string& line) { run.warnings.push_back(line); };
   Client client(options);
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Host host;
+  Host host{.starts_at_rest = mistake.starts_at_rest};
+  Host before = host;
   Batch request = session.request({}, form);
   for (int step = 0; step < 8; ++step) {
     if (mistake.dt) host.dt = mistake.dt(step);
     host.ask(request);
+    for (std::size_t i = 0; mistake.level && i < kNodes.size(); ++i)
+      request.f64(Field::kVelocityJump)[i] =
+          mistake.level({.now = host.jump(i),
+                         .before = before.jump(i),
+                         .free_now = host.without_friction(i),
+                         .free_before = step == 0 ? host.jump(i) : before.without_friction(i)});
     if (mistake.in_request) mistake.in_request(request);
     const StepResult& result =
         session.advance(request, {.dt_s = mistake.dt_sent ? mistake.dt_sent(host, step) : host.dt});
     if (step < 3) run.closure = std::max(run.closure, result.upscale().largest_closure_m_per_s);
+    before = host;
     host.apply(result.shear_stress_pa(), mistake.to_soft, mistake.to_hard);
   }
+  session.close();
   return run;
 }
 
@@ -192,6 +213,30 @@ TEST(ClientClosure, NamesTheMistakeOfAFarFieldHost) {
        .named = "dt_s is the step of the positions before",
        .dt_sent = [](const Host&, int step) { return varying(step); },
        .dt = [](int step) { return 0.5 * (varying(step) + varying(step + 1)); }},
+      {.name = "none, from rest", .named = nullptr, .starts_at_rest = true},
+      {.name = "jump of the step before",
+       .named = "the jump sent is that of an earlier step",
+       .level = [](const Levels& jump) { return jump.before; }},
+      {.name = "jump without the last friction",
+       .named = "the jump sent is that without the friction of the last step",
+       .level = [](const Levels& jump) { return jump.free_before; }},
+      {.name = "jump after the forces of this step",
+       .named = "the jump sent is that after the forces of this step",
+       .level = [](const Levels& jump) { return jump.free_now; }},
+      // From rest these are one in the second step: the third tells them apart.
+      {.name = "answer not applied, from rest",
+       .named = "is not applied",
+       .to_soft = 0.0,
+       .to_hard = 0.0,
+       .starts_at_rest = true},
+      {.name = "jump of the step before, from rest",
+       .named = "the jump sent is that of an earlier step",
+       .level = [](const Levels& jump) { return jump.before; },
+       .starts_at_rest = true},
+      {.name = "jump without the last friction, from rest",
+       .named = "the jump sent is that without the friction of the last step",
+       .level = [](const Levels& jump) { return jump.free_before; },
+       .starts_at_rest = true},
       {.name = "two mistakes", .named = "No single mistake", .in_request = both_signs, .to_hard = 0.0},
   };
   expect_named(server, mistakes, Form::kFarField);
@@ -230,6 +275,12 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
        .to_soft = -1.0,
        .to_hard = -1.0},
       {.name = "answer not applied", .named = "is not applied", .to_soft = 0.0, .to_hard = 0.0},
+      {.name = "jump of the step before",
+       .named = "the jump sent is that of an earlier step",
+       .level = [](const Levels& jump) { return jump.before; }},
+      {.name = "jump after the forces of this step",
+       .named = "the jump sent is that after the forces of this step",
+       .level = [](const Levels& jump) { return jump.free_now; }},
       {.name = "impedance of half zones twice as heavy",
        .named = "impedance must be half of that sent",
        .in_request = impedance(2.0)},
@@ -317,6 +368,82 @@ TEST(ClientClosure, AnErrorIsThrownBeforeTheStepIsSent) {
   host.v_hard[1] -= 0.25;
   host.ask(request);
   EXPECT_EQ(session.advance(request, {.dt_s = host.dt}).upscale().state_version, 131U);
+}
+
+// A warning that waits for another step is shown at the end of the session; in mode kError nothing waits.
+TEST(ClientClosure, AlternativesAreAllNamedWhereNoFurtherStepTells) {
+  for (const CheckClosure mode : {CheckClosure::kWarn, CheckClosure::kError}) {
+    RunningServer server;
+    std::vector<std::string> said;
+    ClientOptions options = server.client_options("inproc");
+    options.check_closure = mode;
+    options.log = [&](const std::string& line) { said.push_back(line); };
+    Client client(options);
+    Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+    Host host{.starts_at_rest = true};
+    Batch request = session.request();
+    for (int step = 0; step < 2; ++step) {
+      host.ask(request);
+      try {
+        host.apply(session.advance(request, {.dt_s = host.dt}).shear_stress_pa(), 0.0, 0.0);
+      } catch (const Error& fault) {
+        said.push_back(fault.status().text);
+        EXPECT_THAT(fault.status().remedy, HasSubstr("check_closure = 'warn'"));
+      }
+    }
+    EXPECT_EQ(said.size(), mode == CheckClosure::kError ? 1U : 0U);
+    session.close();
+    ASSERT_EQ(said.size(), 1U);
+    EXPECT_THAT(said[0], HasSubstr("the answered stress is not applied; or: the jump sent is that of an earlier step"));
+    EXPECT_THAT(said[0], HasSubstr("; or: the jump sent is that without the friction of the last step"));
+  }
+}
+
+// Both strategies; a session that was resumed after its first steps begins with no contact or unit of its own.
+TEST(ClientClosure, DoubtfulInputsOfASessionAreNamedOnce) {
+  for (const bool force_driven : {true, false}) {
+    RunningServer server;
+    std::vector<std::string> said;
+    ClientOptions options = server.client_options("inproc");
+    options.check_closure = CheckClosure::kWarn;
+    options.log = [&](const std::string& line) { said.push_back(line); };
+    Client client(options);
+    const auto scene = support::text_of(force_driven ? support::force_scene() : support::velocity_scene());
+    const auto play = [&](Session& session, double pressure, double dt, int steps) {
+      Host host{.dt = dt};
+      Batch request = session.request();
+      for (int step = 0; step < steps; ++step) {
+        if (force_driven) host.ask(request);
+        for (std::size_t i = 0; i < kNodes.size(); ++i) {
+          request.f64(Field::kVelocityJump)[i] = host.jump(i);
+          request.f64(Field::kPressure)[i] = pressure;
+        }
+        const StepResult& result = session.advance(request, {.dt_s = host.dt});
+        if (force_driven) host.apply(result.shear_stress_pa());
+      }
+    };
+    for (const auto& [pressure, text] : {std::pair(11'200.0, "warning: pressure_pa: the highest pressure of the first"),
+                                         std::pair(-2e9, "warning: pressure_pa: no node was ever in contact in 12")}) {
+      said.clear();
+      Session session = client.open(scene, "scene", kNodes);
+      play(session, pressure, 1e-9, 12);
+      session.close();
+      EXPECT_THAT(said, ElementsAre(StartsWith(text)));
+    }
+    said.clear();
+    Session session = client.open(scene, "scene", kNodes);
+    play(session, 4e8, 1e-9, 12);
+    const Session::Ticket ticket = session.ticket();
+    session.leave();
+    Session later = client.resume(ticket);
+    Batch request = later.request();
+    for (double& value : request.f64(Field::kPressure)) value = -1e8;
+    if (force_driven)
+      for (const Field mass : {Field::kMassSoft, Field::kMassHard}) std::ranges::fill(request.f64(mass), 0.01);
+    later.advance(request, {.dt_s = 1e-9});
+    later.close();
+    EXPECT_THAT(said, IsEmpty());
+  }
 }
 
 TEST(ClientClosure, WatchesTheFirstHundredStepsAndPassesOnWhatTheServerSaysOnce) {

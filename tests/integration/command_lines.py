@@ -110,6 +110,13 @@ class Scripts(unittest.TestCase):
                 comment = re.match(r"#!.*\n((?:# ?.*\n)+)", file.read_text())[1]
                 self.assertEqual(done.stdout, re.sub("^# ?", "", comment, flags=re.M))
 
+    def test_sourced_by_a_user_prepare_changes_no_shell(self):
+        """With set -e the next command that fails would close the terminal."""
+        file = OPTIONS.source / "deploy/prepare.sh"
+        done = run("bash", "--norc", "-ic", f"source {file}; false; echo still here $-")
+        self.assertRegex(done.stdout, r"still here (?!\S*[eu])")
+        self.assertIn("deploy/build programs", done.stderr)
+
     def test_headings_have_no_colours_off_a_terminal_or_with_no_color(self):
         say = f"source {OPTIONS.source}/deploy/prepare.sh; say heading"
         self.assertEqual(run("bash", "-c", say).stdout, "\n== heading\n")

@@ -44,6 +44,36 @@ class Tool(support.ReplayTest):
             return {name: file[name][()] for name in file if name != "meta"}
 
 
+class Units(Tool):
+    def played(self, *arguments, **changes):
+        """Replays a history with changes. Returns what was printed, and the warnings."""
+        self.write(**velocity_history(**{"steps": 40, **changes}))
+        run = self.replay(*arguments)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        return run.stdout, [line for line in run.stderr.splitlines() if "warning" in line]
+
+    def test_inputs_in_other_units_draw_the_warnings_of_sessions(self):
+        out, warnings = self.played()
+        self.assertEqual(warnings, [])
+        self.assertIn("inputs                      P 1.12e+10 Pa; [V] 100 m/s; dt 1e-09 s", out)
+        for pascals in (11.2, 11.2e3, 112e3):
+            with self.subTest(pascals):
+                out, warnings = self.played(pressure=np.full((40, 3), pascals) * np.array([1.0, 0.5, 0.0]))
+                (warning,) = warnings
+                self.assertIn("shearbus-replay: warning: pressure_pa: the highest pressure of the first", warning)
+                self.assertIn("11.2 GPa", warning)
+                self.assertIn(f"P 0 to {pascals:.6g} Pa", out)
+        out, (warning,) = self.played(pressure=np.full((40, 3), -11.2e9))
+        self.assertIn("no node was ever in contact in 40 steps; lowest pressure -1.12e+10 Pa", warning)
+        _, warnings = self.played(time=1e-3 * np.arange(1, 41))
+        self.assertIn("shearbus-replay: warning: dt_s: the first step is 0.001 s long", warnings[0])
+
+    def test_the_json_summary_has_the_ranges(self):
+        out, _ = self.played("--json", velocity_jump=np.linspace(-3.0, 100.0, 120).reshape(40, 3))
+        self.assertEqual(json.loads(out)["inputs"]["velocity_jump_m_per_s"], {"lowest": -3.0, "highest": 100.0})
+        self.assertEqual(json.loads(out)["inputs"]["pressure_pa"], {"lowest": 11.2e9, "highest": 11.2e9})
+
+
 class Tables(Tool):
     def test_points_and_steps_are_an_explicit_choice(self):
         points = self.points()

@@ -5,27 +5,25 @@ Chromium is missing, only its part is skipped.
 report.py --hydro ... --replay ... --report ... --source ... [--screenshots DIR]      DIR keeps the pictures of the
 pages"""
 import argparse
-import base64
 import contextlib
 import importlib.util
 import io
 import json
-import os
 import pathlib
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 
 import h5py
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import browser as browsers  # noqa: E402
+
 OPTIONS = None
 LARGEST = 3_000_000  # bytes of a report
-CHROMIUM = ["/usr/bin/chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-            "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe"]
 # Returns the faults of a page: what is wider than the screen, pictures that are missing, texts that lie upon each
 # other.
 FAULTS = r"""
@@ -68,63 +66,6 @@ FAULTS = r"""
   return {faults, paper: getComputedStyle(document.body).backgroundColor, height: document.documentElement.scrollHeight, texts: texts.length, rows: Object.values(rows)};
 })()
 """
-
-
-class Browser:
-    """Chromium without a screen, driven by its protocol over a pipe."""
-
-    def __init__(self, profile):
-        to_it, self.commands = os.pipe()
-        self.answers, from_it = os.pipe()
-
-        # The browser reads commands from descriptor 3 and answers on 4.
-        renumber = ["bash", "-c", 'exec 3<&"$1" 4>&"$2"; shift 2; exec "$@"', "bash", str(to_it), str(from_it)]
-        self.process = subprocess.Popen([*renumber, *CHROMIUM, f"--user-data-dir={profile}", "about:blank"], pass_fds=(to_it, from_it),
-                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        os.close(to_it)
-        os.close(from_it)
-        self.sent, self.rest, self.session = 0, b"", None
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        self.call("Page.enable")
-
-    def message(self):
-        while b"\0" not in self.rest:
-            part = os.read(self.answers, 1 << 20)
-            if not part:
-                raise RuntimeError("the browser ended")
-            self.rest += part
-        found, self.rest = self.rest.split(b"\0", 1)
-        return json.loads(found)
-
-    def call(self, method, **parameters):
-        self.sent += 1
-        text = json.dumps({"id": self.sent, "method": method, "params": parameters, **({"sessionId": self.session} if self.session else {})})
-        os.write(self.commands, text.encode() + b"\0")
-        while (answer := self.message()).get("id") != self.sent:
-            pass
-        if "error" in answer:
-            raise RuntimeError(f"{method}: {answer['error']}")
-        return answer["result"]
-
-    def open(self, url, width, theme):
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
-        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
-        self.call("Page.navigate", url=url)
-        for _ in range(200):
-            ready = self.call("Runtime.evaluate", expression="document.readyState + location.protocol")["result"]["value"]
-            if ready == "completefile:":
-                break
-            time.sleep(0.05)
-        return self.call("Runtime.evaluate", expression=FAULTS, returnByValue=True)["result"]["value"]
-
-    def screenshot(self, path, width, height):
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
-
-    def close(self):
-        self.process.terminate()
-        self.process.wait(20)
 
 
 def run(*words, code=0):
@@ -238,9 +179,10 @@ class Report(unittest.TestCase):
         self.assertNotEqual(parser.errors, [])
 
     def test_layout_in_a_browser(self):
-        if not pathlib.Path(CHROMIUM[0]).exists():
+        if not browsers.CHROMIUM.exists():
             self.skipTest("chromium is missing")
-        browser = Browser(self.path / "profile")
+        browser = browsers.Browser(self.path / "profile")
+        look = lambda url, width, theme: (browser.resize(width, theme), browser.open(url), browser.value(FAULTS))[-1]
         try:
             for name, report in self.reports.items():
                 for width, theme in ((360, "light"), (360, "dark"), (1400, "light"), (1400, "dark")):
@@ -248,7 +190,7 @@ class Report(unittest.TestCase):
                         continue
                     if name in ("column", "replay") and (width < 1000) != (theme == "light") and not OPTIONS.screenshots:
                         continue
-                    found = browser.open(report.as_uri(), width, theme)
+                    found = look(report.as_uri(), width, theme)
                     self.assertEqual(found["faults"], [], f"{name} at {width} pixels, {theme}")
                     self.assertGreater(found["texts"], 50)
                     if name in ("cone", "one"):  # the maps fill the page, of one run and of two
@@ -261,7 +203,7 @@ class Report(unittest.TestCase):
             (self.path / "bad.html").write_text('<!DOCTYPE html><body style="margin:0"><svg width="100" height="50"><rect width="90" height="40" fill="#ffffff"/></svg>'
                                                 '<p style="width:100px;overflow-x:auto;white-space:nowrap">a line that is far too long</p><div style="width:2000px">wide</div><img src="gone.png" alt="gone">'
                                                 '<p style="position:absolute;top:50px">one text</p><p style="position:absolute;top:52px">other text</p>')
-            faults = " ".join(browser.open((self.path / "bad.html").as_uri(), 360, "dark")["faults"])
+            faults = " ".join(look((self.path / "bad.html").as_uri(), 360, "dark")["faults"])
             for fault in ("overflows to", "scrolls sideways: <p", "white box", "image is missing: gone", "texts overlap"):
                 self.assertIn(fault, faults)
         finally:

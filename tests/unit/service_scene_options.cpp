@@ -1,23 +1,29 @@
 // Tests the conversion of a scene's options into options of the model, and the refusals of options.
 #include <gmock/gmock.h>
+#include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "proto/scene/rules.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
+#include "server/physics/material/material.hpp"
 #include "server/service/scene_model.hpp"
 #include "tests/support/scenes.hpp"
 
 namespace shearbus::service {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 wire::Status refusal_of(const v1::Scene& scene) {
   try {
@@ -457,7 +463,7 @@ TEST(SceneOptions, FrictionThatSoftensComesWithItsOwnConstantsAndComesBack) {
 
 std::string costs_told(const v1::Scene& scene) {
   for (const std::string& warning : physics::Model(scene_model(scene).options).warnings())
-    if (warning.starts_with("costly: ")) return warning;
+    if (warning.starts_with("note: costly: ")) return warning;
   return "";
 }
 
@@ -474,6 +480,76 @@ TEST(SceneOptions, ACostlySceneIsWarnedOfWithWhatHelps) {
   EXPECT_EQ(costs_told(scene), "");
   scene.set_tolerance(1e-6);
   EXPECT_THAT(costs_told(scene), HasSubstr("a larger tolerance needs fewer cells and substeps"));
+}
+
+// Calls visit(key) for every number of a table and of the tables in it.
+void for_each_number(const google::protobuf::Descriptor& table,
+                     const std::function<void(const google::protobuf::FieldDescriptor&)>& visit) {
+  for (int i = 0; i < table.field_count(); ++i) {
+    const auto& field = *table.field(i);
+    if (field.message_type() != nullptr)
+      for_each_number(*field.message_type(), visit);
+    else if (field.cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_DOUBLE)
+      visit(field);
+  }
+}
+
+TEST(UsualValues, EveryNumberWithAUnitHasThemWithinItsBounds) {
+  int keys = 0;
+  for_each_number(*v1::Scene::descriptor(), [&](const google::protobuf::FieldDescriptor& field) {
+    SCOPED_TRACE(field.full_name());
+    const v1::Rule& rule = scene::rule_of(field);
+    const bool has_unit = rule.unit() != "1";
+    ASSERT_FALSE(rule.unit().empty());
+    EXPECT_EQ(rule.has_usual_from(), has_unit);
+    EXPECT_EQ(rule.has_usual_to(), has_unit);
+    if (!has_unit) return;
+    ++keys;
+    EXPECT_LT(rule.usual_from(), rule.usual_to());
+    EXPECT_GE(rule.usual_from(), rule.has_above() ? rule.above() : rule.at_least());
+    EXPECT_LE(rule.usual_to(), rule.at_most());
+  });
+  EXPECT_GT(keys, 40);
+}
+
+TEST(UsualValues, NoMaterialAndNoDefaultIsUnusual) {
+  for (const auto& entry : physics::catalog()) {
+    SCOPED_TRACE(entry.name);
+    for (v1::Scene scene : {support::velocity_scene(), support::force_scene()}) {
+      scene.mutable_soft()->set_material(std::string(entry.name));
+      EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
+    }
+  }
+}
+
+TEST(UsualValues, OtherUnitsAreNamedWithKeyValueAndRange) {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_interface()->set_yield_strength_pa(0.2);
+  scene.mutable_layer()->set_thickness_m(1.0);
+  scene.mutable_soft()->set_shear_modulus_pa(27.6);
+  EXPECT_THAT(
+      scene_model(scene).warnings,
+      ElementsAre("soft.shear_modulus_pa = 27.6 Pa is unusual: values from 1e6 to 1e12 Pa are expected. Is it in Pa?",
+                  "layer.thickness_m = 1 m is unusual: values from 1e-08 to 0.01 m are expected. Is it in m?",
+                  "interface.yield_strength_pa = 0.2 Pa is unusual: values from 1e5 to 5e10 Pa are expected. "
+                  "Is it in Pa?"));
+  // The effective scene, from which a recovered server makes its session, draws the same warnings.
+  const SceneModel made = scene_model(scene);
+  EXPECT_EQ(scene_model(made.effective, "effective").warnings, made.warnings);
+}
+
+TEST(UsualValues, AZeroThatSwitchesATermOffIsNoWarning) {
+  v1::Scene scene = support::velocity_scene();
+  scene.mutable_soft()->set_pressure_coefficient_per_pa(0.0);
+  scene.mutable_soft()->set_temperature_coefficient_per_k(0.0);
+  EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
+}
+
+TEST(UsualValues, APairIsNamedWithItsTable) {
+  const std::string text = support::text_of(support::force_scene()) +
+                           "[pair.a.interface]\nfriction_coefficient = 0.1\nyield_strength_pa = 200\n";
+  EXPECT_THAT(scene_model(text, "s").warnings,
+              ElementsAre(HasSubstr("pair.a.interface.yield_strength_pa = 200 Pa is unusual")));
 }
 
 // The words for flow laws and friction laws in a scene must be the names of the registered laws, in the same order.

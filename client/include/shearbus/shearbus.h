@@ -383,7 +383,8 @@ SHEARBUS_API const uint64_t* shearbus_node_ids(const shearbus_session* session);
 
 /* ---- what the server has understood ---- */
 
-/* The scene as TOML text with every default and constant; and the server's warnings about the scene, one per line.
+/* The scene as TOML text with every default and constant; and the server's warnings about the scene, one per line. A
+ * line that begins with "note: " only informs; the others go to the log or to standard error at the opening, too.
  * "" for a session that is NULL. */
 SHEARBUS_API const char* shearbus_effective_scene(const shearbus_session* session);
 SHEARBUS_API const char* shearbus_warnings(const shearbus_session* session);

@@ -172,7 +172,8 @@ class Host:
 
 
 def say(line):
-    log.log(logging.INFO if line.startswith(b"session of ") else logging.WARNING, "%s", line.decode(errors="replace"))
+    level = logging.INFO if line.startswith((b"session of ", b"note: ")) else logging.WARNING
+    log.log(level, "%s", line.decode(errors="replace"))
 
 
 def warn(text, kind):

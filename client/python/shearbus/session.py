@@ -227,7 +227,8 @@ class Session:
         if self.history is not None:
             self.history._several = bool(self.pairs or self.parameters)
         for warning in self.warnings:
-            _library.warn(warning, SceneWarning)
+            if not warning.startswith("note: "):  # which only informs
+                _library.warn(warning, SceneWarning)
 
     def _text(self, which):
         return self._library.shearbus_text(self._handle, which).decode()

@@ -94,17 +94,17 @@ std::vector<std::string> Model::warnings() const {
   }
   if (o.grid.far_boundary == FarBoundary::kInsulated) {
     const double h = o.grid.thickness;
-    warnings.push_back(text_of("the far face is insulated: heat reaches it (h = 3 sqrt(alpha t)) after ",
+    warnings.push_back(text_of("note: the far face is insulated: heat reaches it (h = 3 sqrt(alpha t)) after ",
                                Digits{3, h * h / (9.0 * o.soft.diffusivity)},
                                " s, for longer runs take a thicker layer than ", h,
                                " m or far_boundary = \"half_space\""));
   }
   if (o.hard_grid && o.hard_grid->far_boundary == FarBoundary::kInsulated) {
     const double h = o.hard_grid->thickness;
-    warnings.push_back(text_of("the hard body ends at an insulated face: heat reaches it (h = 3 sqrt(alpha t)) after ",
-                               Digits{3, h * h / (9.0 * o.hard.diffusivity)},
-                               " s, for longer runs take a thicker hard layer than ", h,
-                               " m or hard_layer.far_boundary = \"half_space\""));
+    warnings.push_back(
+        text_of("note: the hard body ends at an insulated face: heat reaches it (h = 3 sqrt(alpha t)) after ",
+                Digits{3, h * h / (9.0 * o.hard.diffusivity)}, " s, for longer runs take a thicker hard layer than ", h,
+                " m or hard_layer.far_boundary = \"half_space\""));
   }
   if (o.hard_grid && o.hard.melting_temperature < o.soft.melting_temperature) {
     warnings.push_back(text_of("the hard body melts at ", o.hard.melting_temperature, " K, below the soft body's ",
@@ -112,14 +112,15 @@ std::vector<std::string> Model::warnings() const {
   }
   if (o.taylor_quinney_factor) {
     warnings.emplace_back(
-        "plastic work heats the layer: once it softens faster than it hardens the flow gathers in a band, and where "
+        "note: plastic work heats the layer: once it softens faster than it hardens the flow gathers in a band, and "
+        "where "
         "and "
         "when that forms depends on cells and dt; compare several before trusting the stress after it");
   }
-  if (o.tolerance) warnings.push_back(discretisation_of(o, impl_->modes ? impl_->modes->rate.size() : 0));
+  if (o.tolerance) warnings.push_back("note: " + discretisation_of(o, impl_->modes ? impl_->modes->rate.size() : 0));
   constexpr double kCostlyStep = 3e5, kCostlyControlledStep = 3e7;  // about 3 ms and 0.3 s of a core
   if (const double work = hard_step_work(*impl_); work > (o.tolerance ? kCostlyControlledStep : kCostlyStep)) {
-    warnings.push_back(text_of("costly: a step may need ", Digits{2, work},
+    warnings.push_back(text_of("note: costly: a step may need ", Digits{2, work},
                                " evaluations of a cell for each node, of which a core makes some 1e8 a second; ",
                                o.tolerance ? "a larger tolerance needs fewer cells and substeps"
                                            : "fewer cells, graded towards the interface, need less"));

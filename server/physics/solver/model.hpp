@@ -46,7 +46,7 @@ class Model {
   const TileLayout& layout() const;
 
   // Warnings about this combination of options, one sentence each; for example that the hard body is weaker than the
-  // soft body.
+  // soft body. A text that begins with "note: " informs and needs no action.
   std::vector<std::string> warnings() const;
 
   // Interface temperature T0 of the node in one lane, which may be asleep (ModelOptions::sleep)  [K].

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "proto/scene/reader.hpp"
+#include "proto/wire/text.hpp"
 #include "tests/study/map/output.hpp"
 #include "tests/study/map/sweep.hpp"
 
@@ -75,7 +76,7 @@ void run(const CommandOptions& options) {
   const Axes axes{log_spaced(options.pressures_pa[0], options.pressures_pa[1], options.num_pressures),
                   log_spaced(options.velocities_m_per_s[0], options.velocities_m_per_s[1], options.num_velocities)};
   const Map map = sweep(scene, axes, options.times_s, options.dt_s);
-  for (const std::string& warning : map.warnings) fmt::print(stderr, "shearbus-study: warning: {}\n", warning);
+  for (const std::string& warning : map.warnings) fmt::print(stderr, "shearbus-study: {}\n", wire::labelled(warning));
   write(map, map.scene_name, server::provenance("shearbus-study", map.scene_name, options.arguments), options.out);
   fmt::print("{}{}: nodes.csv, map.json\n", summary(map), options.out.string());
 }

@@ -36,6 +36,9 @@ WIRE_TYPES = {  # field of a request's envelope -> wire type
 CLOSURE = 1e-6  # m/s: far above rounding, far below any mistake of form
 PHYSICS = 0.05  # error of the mean jump over the second half of a run, relative to what the friction has changed
 FIRST_STEP = 0.05  # accepted error of the ratio of the first two steps, for hosts whose step varies
+# Accepted errors of the jump after the first and the second step of a host with velocities at whole steps, relative to
+# what the friction has changed. A host with velocities at half steps that begins with a whole step misses one of them.
+WHOLE_STEPS = (0.05, 0.25)
 
 
 class Problem:
@@ -96,8 +99,8 @@ CHECKS = {
     "closed": "the session is closed at the end",
     "pressure": "the pressure is the problem's: Pa, compression positive",
     "first_jump": "the first jump is V_soft - V_hard, in m/s, with its sign",
-    "first_step": "the first step is half as long as the second: velocities live half a step before stresses. In stick form "
-                  "velocities may live at whole steps",
+    "first_step": "the first step is half as long as the second: velocities live half a step before stresses. Velocities "
+                  "may live at whole steps, in stick form or where the jump is exact from the first step on (Godunov)",
     "half_zones": "the masses are those of half zones of about the same transit time, the soft one's in column 14; an "
                   "impedance is that of such masses",
     "closure": "the jump of a request is the jump that was answered: the host has applied the stress to both bodies",
@@ -574,10 +577,19 @@ class MockServer:
                     f"{row[STRESS_SOFT]:g} and {row[STRESS_HARD]:g} Pa, "
                     f"expected about {problem.friction:g}: the sign of a stress is wrong"
                 )
-        if session.steps == 1:
-            parts = (0.5, 1.0) if sticks else (0.5,)
-            check("first_step", any(abs(session.dts[0] / dt - part) < FIRST_STEP for part in parts),
-                  f"{session.dts[0]:g} s, then {dt:g} s")
+            if session.steps == 2:
+                self.check_first_step(session, node, sticks)
+
+    def check_first_step(self, session, node, sticks):
+        """Checks the length of the first step, by that of the second and the jumps after both."""
+        first, second = session.dts[:2]
+        half, whole = (abs(first / second - part) < FIRST_STEP for part in (0.5, 1.0))
+        errors = [step[node] / self.problem.changed(0.0) for _, step in session.errors[:2] if node in step]
+        exact = len(errors) == 2 and all(abs(error) < most for error, most in zip(errors, WHOLE_STEPS))
+        found = f"{first:g} s, then {second:g} s"
+        if whole:
+            found += "; the jumps after them are off by " + " and ".join(f"{error:+.0%}" for error in errors)
+        self.report.check("first_step", half or whole and (sticks or exact), found)
 
     def end(self, session):
         """Judges a run when its session is closed."""
