@@ -132,7 +132,7 @@ def _is_field(data):
 
 
 MINOR, REQUEST_ID, SEQUENCE, EPOCH_FIELD, STATUS = 3, 4, 6, 7, 9  # fields of the envelope
-STEP = 18  # body of a request
+STEP = 18  # body of a request, and of the reply to it
 
 
 class Spoiler:
@@ -177,7 +177,7 @@ class Spoiler:
                         links[one] = context.socket(zmq.DEALER)
                         links[one].connect(self.server)
                     links[one].send_multipart(self.request(frames))
-                    if self.late:
+                    if self.late and STEP in read(frames[0]):
                         front.send_multipart([peer, *self.taken_for_the_last(self.late)])
                         self.late = None
                 for one, socket in links.items():
@@ -218,7 +218,7 @@ class Spoiler:
             socket.send_multipart([replaced(self.step[0], EPOCH_FIELD, None), *self.step[1:]])
             return None
         if self.fault == "takes_any_reply" and read(header)[REQUEST_ID][0] in self.answered:
-            self.late = frames
+            self.late = frames if STEP in read(header) else self.late
             return None
         return self.taken_for_the_last(frames) if self.fault in ("same_request_id", "takes_any_reply") else frames
 
