@@ -83,7 +83,7 @@ class EndpointFiles(unittest.TestCase):
         self.assertEqual(found["host"], os.uname().nodename)
         self.assertRegex(found["epoch"], r"^[0-9a-f]{16}$")
         self.assertIn("expects clients with keys", self.ctl("ping", "--server", self.endpoint, code=1))
-        with self.session(key=key) as session:
+        with self.session(secret_key_file=key) as session:
             self.step(session)
         os.environ["SHEARBUS_SECRET_KEY_FILE"] = str(key)
         self.addCleanup(os.environ.pop, "SHEARBUS_SECRET_KEY_FILE")
@@ -159,7 +159,7 @@ class EndpointFiles(unittest.TestCase):
         server = self.serve(*options, bind="tcp://127.0.0.1:0")
         self.wait("--key", key)
         before = listing(self.file)
-        with self.session(key=key, reply_deadline=30.0) as session:
+        with self.session(secret_key_file=key, reply_deadline=30.0) as session:
             self.step(session)
             server.kill()
             server.wait()

@@ -252,7 +252,7 @@ class Logs(Tool):
         self.log = self.path / "host.log"
         os.environ["SHEARBUS_RECORD"] = str(self.log)
         self.addCleanup(os.environ.pop, "SHEARBUS_RECORD")
-        self.server = shearbus.Server(support.PROGRAMS["server"])
+        self.server = support.Server()
         self.addCleanup(self.server.close)
 
     def host(self, scene=EXAMPLES / "force_driven.toml", steps=20, nodes=(4, 9, 2), drop_trial=True):

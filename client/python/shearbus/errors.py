@@ -1,6 +1,10 @@
 """The errors of the package: one exception class for each class of status codes (proto/WIRE.md, "Status")."""
 import enum
 
+__all__ = ["AuthError", "ClosureError", "ClosureWarning", "Code", "ContentError", "Error", "LibraryError", "MessageError",
+           "SceneWarning", "ServerError", "SessionError", "UnexpectedReply", "UnknownOutcome", "Unreachable", "WrongType",
+           "WrongValue"]
+
 
 class Code(enum.IntEnum):
     """Status codes of the protocol. The codes from 500 on exist on the client's side only."""
@@ -43,25 +47,34 @@ class Code(enum.IntEnum):
     UNEXPECTED_REPLY = 502
     AUTH = 503
     NOT_CLOSED = 504
+    NO_MEMORY = 510
+    LIBRARY_FAULT = 511
 
 
 class Error(Exception):
     """A refused or failed call. Nothing was changed, except where the class says otherwise.
 
     code: a Code, or a plain number that this version does not know; text: what was expected and what was found;
-    remedy: what to do; field: the field, column or keyword at fault; nodes: at most 16 node ids at fault;
-    last_sequence: the session's last request, where the code is about sequences."""
+    remedy: what to do; field: the field, column or keyword at fault; nodes: at most 16 node ids at fault."""
 
-    def __init__(self, code, text, remedy="", field="", nodes=(), last_sequence=0):
+    def __init__(self, code, text, remedy="", field="", nodes=()):
         self.code = Code(code) if code in Code._value2member_map_ else code
         self.text, self.remedy, self.field = text, remedy, field
-        self.nodes, self.last_sequence = list(nodes), last_sequence
+        self.nodes = list(nodes)
         name = self.code.name if isinstance(self.code, Code) else str(code)
         super().__init__(f"{name}: {text}" + (f" ({remedy})" if remedy else ""))
 
 
 class MessageError(Error):
     """1xx: the request is not as the protocol asks: missing, surplus or wrongly shaped columns."""
+
+
+class WrongType(MessageError, TypeError):
+    """An argument has a type that it cannot have."""
+
+
+class WrongValue(MessageError, ValueError):
+    """An argument has a value that it cannot have."""
 
 
 class SessionError(Error):
@@ -97,14 +110,26 @@ class ClosureError(Error):
     """The host's jump is not the jump that its last step answered; the step was not sent."""
 
 
+class LibraryError(Error, ImportError):
+    """The library libshearbus is not there, cannot be loaded, or is of another version than this package."""
+
+
+class ClosureWarning(UserWarning):
+    """The host's jump is not the jump that its last step answered, or a step has doubtful times or units."""
+
+
+class SceneWarning(UserWarning):
+    """The server has opened the session and doubts something of its scene."""
+
+
 _CLASSES = {1: MessageError, 2: SessionError, 3: ContentError, 4: ServerError}
 _CLIENT_SIDE = {
     Code.UNREACHABLE: Unreachable, Code.UNKNOWN_OUTCOME: UnknownOutcome, Code.UNEXPECTED_REPLY: UnexpectedReply,
-    Code.AUTH: AuthError
+    Code.AUTH: AuthError, Code.NOT_CLOSED: ClosureError
 }
 
 
-def error(code, text, remedy="", field="", nodes=(), last_sequence=0):
+def error(code, text, remedy="", field="", nodes=()):
     """Returns the exception of a status code. A code that this version does not know is treated as its class."""
     kind = _CLIENT_SIDE.get(code) or _CLASSES.get(int(code) // 100, Error)
-    return kind(code, text, remedy, field, nodes, last_sequence)
+    return kind(code, text, remedy, field, nodes)

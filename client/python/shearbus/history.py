@@ -5,7 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from .columns import BY_NAME, BY_NUMBER, NODE_ID
+from .answer import html_table, shown, unit_of
+from .columns import BY_NAME, BY_NUMBER
+
+__all__ = ["History"]
 
 MASSES = ("mass_soft", "mass_hard")
 REGIMES = {"OPEN": 0, "STICK": 1, "COULOMB": 2, "TRESCA": 3, "MELTING": 4}
@@ -40,9 +43,8 @@ class History:
         for row, node in enumerate(nodes.tolist()):
             self._own[node] = {name: values[row] for name, values in columns.items()}
 
-    def _add(self, body, columns, frame, answer, committed):
-        time = body["time_s"] or ((self._rows[-1].time if self._rows else 0.0) + body["dt_s"])
-        row = Row(body["dt_s"], time, body["step"], columns, frame, answer)
+    def _add(self, dt, time, step, columns, frame, answer, committed):
+        row = Row(dt, time or ((self._rows[-1].time if self._rows else 0.0) + dt), step, columns, frame, answer)
         self._standing = None if committed else row
         if committed:
             self._rows.append(row)
@@ -65,6 +67,26 @@ class History:
     def __len__(self):
         return len(self._rows)
 
+    def _ranges(self):
+        """Yields (column with its unit, smallest value, largest value)."""
+        for name in self.columns:
+            values = [self._values(row, name) for row in self._rows if len(row.answer.nodes)]
+            if values:
+                yield name + unit_of(name), shown(min(value.min() for value in values)), shown(max(value.max() for value in values))
+
+    def _title(self):
+        if not self._rows:
+            return "History of no steps"
+        counts = {len(row.answer.nodes) for row in self._rows}
+        return (f"History of {len(self)} steps of {' to '.join(str(n) for n in sorted({min(counts), max(counts)}))} nodes, "
+                f"t = {self._rows[-1].time:g} s at its end")
+
+    def __repr__(self):
+        return "\n".join([f"<{self._title()}", *(f"  {name:<24} {low} to {high}" for name, low, high in self._ranges())]) + ">"
+
+    def _repr_html_(self):
+        return html_table(self._title(), [("column", "smallest", "largest"), *self._ranges()])
+
     @property
     def nodes(self):
         first = self._rows[0].answer.nodes if self._rows else numpy.empty(0, numpy.uint64)
@@ -80,7 +102,7 @@ class History:
 
     @staticmethod
     def _names(row):
-        sent = dict.fromkeys(BY_NUMBER[number].name for number, _ in row.columns if number != NODE_ID.number)
+        sent = dict.fromkeys(BY_NUMBER[number].name for number, _ in row.columns)
         return (*sent, *row.answer.columns)
 
     @staticmethod
