@@ -47,6 +47,7 @@ Endpoint Endpoint::parse(std::string_view text) {
   if (scheme == "ipc") {
     // Wildcard ("*") and abstract ("@name") sockets have no file, so neither permissions nor a lock could protect them.
     if (address == "*" || address.front() == '@') refuse(text, "is not a path");
+    if (address.front() == '~') refuse(text, "begins with ~, which only a shell replaces by a home directory");
     endpoint.scheme = Scheme::kIpc;
     endpoint.path = address;
     return endpoint;
