@@ -11,7 +11,7 @@ import unittest
 import replay_support as support
 from replay_support import h5py, np
 
-support.PROGRAMS.update(ctl=None, study=None)
+support.PROGRAMS.update(ctl=None, report=None)
 PROBLEMS = pathlib.Path(__file__).resolve().parents[2] / "hydro_stub" / "problems"
 SCENE = support.EXAMPLES / "paper_velocity_driven_graded.toml"
 
@@ -71,6 +71,20 @@ class Outputs(Files):
         picture = self.path / "p.png"
         for _ in range(2):
             self.assertEqual(self.run_program("replay", "plot", self.out, "--out", picture).returncode, 0)
+
+    def test_a_report_replaces_only_a_report(self):
+        self.result(scene=self.scene)
+        self.assert_kept(self.out, "report", self.out, "-o", self.out, texts=["is an input"])
+        self.assert_kept(self.scene, "report", self.out, "-o", self.scene, texts=["is not a report of shearbus"])
+        page = self.path / "page.html"
+        for _ in range(2):
+            run = self.run_program("report", self.out, "-o", page)
+            self.assertEqual(run.returncode, 0, run.stderr)
+        for node in ("-1", "18446744073709551616", "1_0", ""):
+            run = subprocess.run(["/usr/bin/python3", support.EXAMPLES.parent / "report" / "plot_history.py", self.out, "--out", page, "--node", node],
+                                 capture_output=True, text=True, check=False)
+            self.assertEqual(run.returncode, 2, run.stderr)
+            self.assertIn("whole number", run.stderr)
 
     def test_an_endpoint_file_replaces_only_its_kind(self):
         for option in ("--endpoint-file", "--log-file"):
