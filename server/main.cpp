@@ -103,10 +103,11 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "Recover without this session, given by the first 8 or more digits of its id, repeatable. Its states "
                  "and requests are set aside in files dropped-*; the other sessions are untouched")
       ->type_name("ID");
-  app.add_option(
-         "--drop-record", options.drop_records,
-         "Recover without this record of the journal and the later ones of its session, repeatable: the session "
-         "stands before it")
+  shearbus::wire::whole_number(
+      app.add_option(
+          "--drop-record", options.drop_records,
+          "Recover without this record of the journal and the later ones of its session, repeatable: the session "
+          "stands before it"))
       ->type_name("NUMBER");
   app.add_flag("--accept-empty", options.accept_empty,
                "Where the state directory cannot be used, set its files aside and start without states");
@@ -119,8 +120,9 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "With --record: only sessions of this scene's name or domain, repeatable")
       ->type_name("NAME")
       ->needs(record);
-  app.add_option("--allow-uid", options.allow_uids,
-                 "Users who may connect by ipc, by number, repeatable; by default the one the server runs as")
+  shearbus::wire::whole_number(
+      app.add_option("--allow-uid", options.allow_uids,
+                     "Users who may connect by ipc, by number, repeatable; by default the one the server runs as"))
       ->type_name("UID");
   app.add_option("--curve-secret", options.curve_secret,
                  "File of the server's secret key, from shearbus-ctl keygen: tcp clients must have keys, too")

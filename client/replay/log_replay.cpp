@@ -19,6 +19,7 @@
 #include "client/replay/log_export.hpp"
 #include "client/src/connection.hpp"
 #include "client/src/session.hpp"
+#include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/codec.hpp"
 #include "proto/wire/interrupt.hpp"
@@ -279,11 +280,12 @@ class LogReplay {
     return id;
   }
 
-  std::string scene_of(std::string text) const {
+  // `file`: the recorded name of the scene's file.
+  std::string scene_of(std::string text, const std::string& file) {
     if (!branched_) return text;
     if (!options_.scene.empty()) text = scene::load_text(options_.scene);
-    for (const std::string& change : options_.set) text = scene::with_value(text, "--set", change);
-    return text;
+    changed_scene_ = scene::ChangedScene(text, options_.scene.empty() ? file : options_.scene.string(), options_.set);
+    return changed_scene_.text();
   }
 
   void replay(Replayed& session) {
@@ -294,7 +296,7 @@ class LogReplay {
     request.sequence = session.sequence;
     if (auto* open = std::get_if<wire::OpenSession>(&request.body)) {
       session.scene = open->scene;
-      open->scene = scene_of(open->scene);
+      open->scene = scene_of(open->scene, open->scene_file);
       session.id = open->session_id = random_bytes();
       open->resume_token = {};
       open->idle_limit_s = 0;
@@ -318,7 +320,7 @@ class LogReplay {
           replay::difference(log.reply(), reply, session.order.rows_of(log.request()), kNames, options_.rtol);
       if (what) difference_ = fmt::format("{}, {}: {}", log.name(), place, *what);
     } else if (log.reply().status.ok() && !reply.status.ok()) {
-      Status status = reply.status;
+      Status status = changed_scene_.placed(reply.status);
       status.text = fmt::format("{}, {}: {}", log.name(), place, status.text);
       throw Error(status);
     }
@@ -333,7 +335,7 @@ class LogReplay {
     branched_ = true;
     if (!changed_) return;
     try {
-      peer_->change_scene(session.id, scene_of(session.scene));
+      peer_->change_scene(session.id, scene_of(session.scene, {}));
     } catch (const std::invalid_argument& fault) {
       throw Error(
           {.code = Code::kOtherScene,
@@ -377,8 +379,9 @@ class LogReplay {
   const LogReplayOptions& options_;
   std::unique_ptr<Peer> peer_;
   std::optional<wire::PartialFile> table_;  // of --out, unless that is an event log
-  bool changed_ = false;                    // whether another scene is replayed
-  bool branched_ = false;                   // whether the changes hold for what is replayed now
+  scene::ChangedScene changed_scene_;
+  bool changed_ = false;   // whether another scene is replayed
+  bool branched_ = false;  // whether the changes hold for what is replayed now
   std::uint64_t branch_at_ = 0;
   std::array<std::uint8_t, 16> salt_ = random_bytes();
   std::map<std::string, std::string> domains_;

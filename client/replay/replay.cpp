@@ -18,6 +18,7 @@
 #include "client/replay/tally.hpp"
 #include "client/src/client.hpp"
 #include "client/src/input_check.hpp"
+#include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/profile_record.hpp"
@@ -172,6 +173,16 @@ void check_out(const Options& options) {
                  .remedy = "Name it .h5."});
 }
 
+// Opens a session; faults of the scene name their --set, or their line in the file.
+Session open(Client& client, const scene::ChangedScene& scene, const Options& options, const Table& history,
+             const OpenOptions& opening) {
+  try {
+    return client.open(scene.text(), options.scene.string(), history.node_ids(), opening);
+  } catch (const Error& fault) {
+    throw Error(scene.placed(fault.status()));
+  }
+}
+
 std::string plural(std::size_t count, const char* noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
@@ -208,8 +219,8 @@ void run(const Options& options) {
   const auto start = Clock::now();
   wire::stop_at_next_step();
   if (!options.check) check_out(options);
-  std::string scene = scene::load_text(options.scene);
-  for (const std::string& change : options.set) scene = scene::with_value(scene, "--set", change);
+  const scene::ChangedScene changed(scene::load_text(options.scene), options.scene.string(), options.set);
+  const std::string& scene = changed.text();
   const std::unique_ptr<Table> table = open_table(options.history, options.table);
   Table& history = *table;
   const NodeProperties properties = NodeProperties::of(history);
@@ -218,7 +229,7 @@ void run(const Options& options) {
 
   Service service(options.server);
   const OpenOptions opening = named.options();
-  Session session = service.client.open(scene, options.scene.string(), history.node_ids(), opening);
+  Session session = open(service.client, changed, options, history, opening);
   HistoryInput input(history, session.opened(), options.closed_loop);
   wire::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
   if (!options.profile_nodes.empty()) session.profiles(options.profile_nodes);  // what cannot be read is refused here

@@ -117,7 +117,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("files", nargs="+", help="HDF5 files: results, which are drawn over each other, and a history that completes them")
     parser.add_argument("--out", required=True, help="the picture, PNG")
-    parser.add_argument("--node", type=int, help="id of the node; default: the hottest")
+    parser.add_argument("--node", type=style.whole_number, help="id of the node; default: the hottest")
     options = parser.parse_args()
     try:
         files, node = read(options.files, options.node)

@@ -123,7 +123,7 @@ def main():
     parser.add_argument("subgrid", type=pathlib.Path)
     parser.add_argument("other", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
-    parser.add_argument("--time", type=float, default=4.0, help="µs, of the left picture (default 4)")
+    parser.add_argument("--time", type=style.real_number, default=4.0, help="µs, of the left picture (default 4)")
     options = parser.parse_args()
     try:
         runs = read([options.subgrid, options.other])

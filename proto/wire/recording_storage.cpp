@@ -103,7 +103,7 @@ StorageFault fault_of_storage(hid_t dataset) {
             .remedy = "Write it with smaller chunks."};
   hsize_t written = 0;
   const hsize_t expected = chunks_of(shape, chunk);
-  if (H5Dget_num_chunks(dataset, H5S_ALL, &written) >= 0 && written < expected)
+  if (H5Dget_num_chunks(dataset, space, &written) >= 0 && written < expected)
     return {.fault = fmt::format("has {} chunks, of which {} were never written", expected, expected - written),
             .remedy = "Write all values; was the program that wrote them interrupted?"};
   return {};

@@ -159,7 +159,7 @@ class Tables(Tool):
             (good.replace("0.1,11,100", "0.1,11"), ("line 3: 2 values, expected 3",)),
             (good.replace("0.1,11,", "0.1,nan,"), ('line 3: pressure is "nan"',)),
             (good.replace("0.1,11,", "0.1,1.1e,"), ('line 3: pressure is "1.1e"',)),
-            (good.replace("0.1,", "0,"), ("time 0 s of row 1 is not after",)),
+            (good.replace("0.1,", "0,"), ("line 3: time 0 s is not after",)),
             (good.replace("velocity_jump [m/s]", "speed [m/s]"), ("/velocity_jump [T,N]",)),
             (good.replace("pressure [GPa]", "time [s]"), ("time stands in two columns",)),
             ("", ("holds no table",)),
