@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <pthread.h>
 #include <sys/eventfd.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -14,12 +15,12 @@
 #include <stdexcept>
 #include <system_error>
 #include <utility>
-#include <vector>
 
 namespace shearbus::wire {
 namespace {
 
-constexpr unsigned kThreadsOfContext = 2;    // libzmq's for input and output, and the one that closes sockets
+constexpr std::size_t kThreadsOfContext = 2;  // libzmq's for input and output, and the one that closes sockets
+constexpr std::size_t kMemoryOfContext = std::size_t{32} << 20;  // of a context and an opening  [bytes]
 constexpr std::size_t kFilesOfContext = 12;  // of a context, its first socket, the monitor of that, and its connection
 
 std::optional<std::uint64_t> limit(__rlimit_resource which) {
@@ -60,12 +61,20 @@ std::string full_control_group() {
 std::string limit_of_threads() {
   if (std::string group = full_control_group(); !group.empty()) return group;
   std::string text;
-  if (const auto most = limit(RLIMIT_NPROC))
-    text = fmt::format("uid {} may have {} processes and threads (ulimit -u)", ::getuid(), *most);
   if (const auto memory = limit(RLIMIT_AS))
-    text += fmt::format("{}the process may use {} MB of memory (ulimit -v), of which the stack of a thread takes {} MB",
-                        text.empty() ? "" : ", and ", *memory >> 20, limit(RLIMIT_STACK).value_or(0) >> 20);
-  return text.empty() ? "the machine has as many threads as it may (kernel.threads-max, kernel.pid_max)" : text;
+    text =
+        fmt::format("the process may use {} MB of memory (ulimit -v), of which the stack of a thread takes {} MB, or ",
+                    *memory >> 20, limit(RLIMIT_STACK).value_or(0) >> 20);
+  if (const auto most = limit(RLIMIT_NPROC))
+    return text + fmt::format("uid {} may have {} processes and threads (ulimit -u)", ::getuid(), *most);
+  return text + "the machine has as many threads as it may (kernel.threads-max, kernel.pid_max)";
+}
+
+// Why this process gets no memory.
+std::string limit_of_memory() {
+  const auto most = limit(RLIMIT_AS);
+  return most ? fmt::format("the process may use {} MB of memory (ulimit -v)", *most >> 20)
+              : "the machine has none to give";
 }
 
 // Files that are opened to find out whether they can be.
@@ -77,6 +86,17 @@ struct Files {
   Files& operator=(const Files&) = delete;
   ~Files() {
     for (std::size_t i = 0; i < count; ++i) ::close(files[i]);
+  }
+};
+
+struct Threads {
+  std::array<std::thread, kThreadsOfContext> threads;
+  Threads() = default;
+  Threads(const Threads&) = delete;
+  Threads& operator=(const Threads&) = delete;
+  ~Threads() {
+    for (std::thread& thread : threads)
+      if (thread.joinable()) thread.join();
   }
 };
 
@@ -125,21 +145,18 @@ void check_room_for_sockets() {
                                    : fmt::format("no file can be opened: {}", std::system_category().message(errno)));
     files.files[files.count++] = file;
   }
-  // All of them at once, so they wait for each other.
+  // All of the threads at once, so they wait for each other.
   std::mutex gate;
-  std::vector<std::thread> threads;
-  std::string fault;
-  {
-    const std::lock_guard closed(gate);
-    try {
-      for (unsigned i = 0; i < kThreadsOfContext; ++i)
-        threads.push_back(own_thread([&gate] { const std::lock_guard passing(gate); }));
-    } catch (const std::exception& found) {
-      fault = found.what();
-    }
-  }
-  for (std::thread& thread : threads) thread.join();
-  if (!fault.empty()) throw std::runtime_error(fault);
+  Threads threads;
+  const std::lock_guard closed(gate);
+  for (std::thread& thread : threads.threads) thread = own_thread([&gate] { const std::lock_guard passing(gate); });
+  // While their stacks are in memory, too.
+  void* const memory =
+      ::mmap(nullptr, kMemoryOfContext, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (memory == MAP_FAILED)
+    throw std::runtime_error(
+        fmt::format("{} MB of memory are not to be had: {}", kMemoryOfContext >> 20, limit_of_memory()));
+  ::munmap(memory, kMemoryOfContext);
 }
 
 }  // namespace shearbus::wire

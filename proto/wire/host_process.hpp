@@ -60,7 +60,7 @@ auto uninterrupted(const Call& call) {
 
 inline constexpr std::size_t kLongestSocketPath = 107;  // [bytes] of an ipc socket in the file system
 
-// libzmq ends the process if it cannot make the threads and the files of a context. Called before the first socket of
+// libzmq ends the process if it cannot make the threads and the files of a context, or gets no memory. Called before the first socket of
 // each context: throws std::runtime_error, which names the limit, if there is no room for them.
 void check_room_for_sockets();
 
