@@ -184,7 +184,7 @@ CheckClosure check_of(int option) {
     case SHEARBUS_CHECK_ERROR:
       return CheckClosure::kError;
     default:
-      refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0, 1 or 2", option),
+      refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0 (warn), 1 (off) or 2 (error)", option),
              "Use 'warn', 'off' or 'error' (in C and C++ SHEARBUS_CHECK_WARN, SHEARBUS_CHECK_OFF or "
              "SHEARBUS_CHECK_ERROR).",
              "check_closure");
