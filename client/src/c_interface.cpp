@@ -458,9 +458,11 @@ bool contains(std::span<const Field> fields, Field field) {
 
 // Refuses values that overlap, as those of a stride that was meant in elements.
 void check_stride(std::uint32_t field, std::uint32_t component, std::ptrdiff_t stride_bytes) {
+  constexpr std::ptrdiff_t kLargestElement = sizeof(double);
+  if (stride_bytes == 0 || stride_bytes >= kLargestElement || stride_bytes <= -kLargestElement) return;
   const std::ptrdiff_t element =
-      wire::element_of(static_cast<Field>(field)) == wire::Element::kUint8 ? 1 : std::ptrdiff_t{sizeof(double)};
-  if (stride_bytes == 0 || stride_bytes >= element || stride_bytes <= -element) return;
+      wire::element_of(static_cast<Field>(field)) == wire::Element::kUint8 ? 1 : kLargestElement;
+  if (stride_bytes >= element || stride_bytes <= -element) return;
   const std::string name = column_name(field, component);
   refuse(Code::kInvalidValue,
          fmt::format("{}: stride_bytes is {}, expected 0 or at least {}, the size of a value, in bytes", name,
