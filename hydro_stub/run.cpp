@@ -19,6 +19,7 @@
 #include "hydro_stub/summary.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/interrupt.hpp"
+#include "proto/wire/program.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/whole_file.hpp"
@@ -69,7 +70,8 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
   if (!kept.empty()) return std::make_unique<SubgridLaw>(kept, server);
   auto law = std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
                                           node_ids(initial_temperature.size()), initial_temperature, server);
-  for (const std::string& warning : law->warnings()) fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
+  for (const std::string& warning : law->warnings())
+    wire::complain(fmt::format("shearbus-hydro: warning: {}", warning));
   return law;
 }
 

@@ -11,6 +11,7 @@ import sys
 import h5py
 import numpy as np
 import style
+from printable import complain
 from runs import text_of
 
 MOST_ROWS = 4000  # more would be finer than the pixels of the picture
@@ -75,7 +76,8 @@ def main():
         if not panels:
             raise ValueError(f"{options.files[0]}: has nothing to draw")
     except (OSError, ValueError) as fault:
-        sys.exit(f"plot_history.py: {fault}")
+        complain("plot_history.py", fault)
+        sys.exit(1)
     heights = [3] * len(panels) + [0.5] * ("regime" in values)
     figure, axes = style.figure(len(heights), 1, (8, 0.62 * sum(heights) + 1.2), legend="regime" in values, sharex=True, squeeze=False,
                                 gridspec_kw={"height_ratios": heights})

@@ -12,6 +12,8 @@ import shlex
 import subprocess
 import sys
 
+from printable import complain, printable
+
 
 EPILOG = """Examples:
   shearbus-report out/cone_al_steel-subgrid out/cone_al_steel-coulomb_tresca -o cone.html
@@ -83,7 +85,7 @@ def main(version, programs):
         os.replace(partial, options.out)
     except (runs.Fault, OSError) as fault:
         partial.unlink(missing_ok=True)
-        print(f"shearbus-report: {' '.join(str(fault).split())}", file=sys.stderr)
+        complain("shearbus-report", " ".join(str(fault).split()))
         return 1
-    print(f"  report                  {options.out}")
+    print(f"  report                  {printable(options.out)}")
     return 0
