@@ -4,6 +4,7 @@ import contextlib
 import logging
 import os
 import pathlib
+import socket as socket_library
 import stat
 import struct
 import time
@@ -126,6 +127,7 @@ class Connection:
         self.connect_deadline, self.reply_deadline, self.retry_after = connect_deadline, reply_deadline, retry_after
         self.server_key = self.secret_key = self.public_key = None
         self._where, self._file_fault = endpoint, None  # the server for messages; why its endpoint file cannot be used
+        self._connected_to = None  # endpoint to which the socket connects
         self._file_epoch = None  # epoch in the endpoint file when the socket was made
         if key is not None:
             self.server_key = None if server_key is None else key_in(server_key, False)
@@ -255,7 +257,7 @@ class Connection:
         endpoint, server_key = self._find_server()
         if endpoint is None or self._refusal:
             return False
-        self._proves_keys = bool(server_key)
+        self._proves_keys, self._connected_to = bool(server_key), endpoint
         path = endpoint.removeprefix("ipc://")
         if path != endpoint and os.path.exists(path) and not os.access(path, os.W_OK, effective_ids=True):
             raise AuthError(Code.AUTH, f"{self._where}: uid {os.geteuid()} may not connect there",
@@ -420,6 +422,10 @@ class Connection:
                               f"no endpoint file of a server within {waited:.1f} s: {self._file_fault}",
                               "Is a server running? It writes the file when it listens: shearbus-server "
                               "--endpoint-file FILE, for clients with file://FILE.")
+        if not sent and (fault := _fault_of_host_name(self._connected_to or "")):
+            raise Unreachable(Code.UNREACHABLE, f"no server was found at {self._where} within {waited:.1f} s: {fault}",
+                              "Write the address of the server's machine, or a name that \"getent ahostsv4 NAME\" "
+                              "knows here.")
         if not sent:
             raise Unreachable(Code.UNREACHABLE, f"no server answered at {self._where} within {waited:.1f} s",
                               "A server that is killed leaves its file behind: start it again, or remove the file."
@@ -428,6 +434,22 @@ class Connection:
         raise UnknownOutcome(
             Code.UNKNOWN_OUTCOME, f"{self._where} did not answer within {waited:.1f} s; the request may or may not "
             "have run", "Make the same call again: if it has run, it is not run a second time.")
+
+
+def _fault_of_host_name(endpoint):
+    """Looks up the name in tcp://NAME:PORT, which may take seconds. Returns why no connection can be made to it: it is
+    not known, or has IPv6 addresses alone, which libzmq reaches only by their numbers. None for any other endpoint."""
+    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+    if not endpoint.startswith("tcp://") or not host or host.startswith("["):
+        return None
+    try:
+        addresses = socket_library.getaddrinfo(host, None, type=socket_library.SOCK_STREAM)
+    except (OSError, UnicodeError) as fault:
+        return f"the host name \"{host}\" does not resolve: {getattr(fault, 'strerror', None) or fault}"
+    if any(family == socket_library.AF_INET for family, *_ in addresses):
+        return None
+    return (f"the host \"{host}\" has IPv6 addresses alone, which are reached by their numbers: "
+            f"tcp://[{addresses[0][4][0]}]:{port}")
 
 
 def _checked_payload(declared, frames):
