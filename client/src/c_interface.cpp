@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -133,12 +134,23 @@ std::string environment(const char* name) {
   return std::string(text_or(::secure_getenv(name)));  // NOLINT(concurrency-mt-unsafe)
 }
 
+constexpr std::size_t kLongestName = 1024;  // of a file, in a message
+
 // Writes log lines of a session to the host's callback and to the file that SHEARBUS_LOG names.
 class LineLog {
  public:
   LineLog() = default;
   LineLog(shearbus_log_fn function, void* user, std::string file)
-      : function_(function), user_(user), file_(std::move(file)) {}
+      : function_(function), user_(user), file_(std::move(file)) {
+    if (file_.empty() || file_ == "stderr") return;
+    if (std::FILE* opened = std::fopen(file_.c_str(), "ae")) {
+      static_cast<void>(std::fclose(opened));
+      return;
+    }
+    fmt::print(stderr, "shearbus: SHEARBUS_LOG: {} cannot be opened: {}; it gets no lines\n",
+               wire::printable(file_, kLongestName), std::strerror(errno));  // NOLINT(concurrency-mt-unsafe)
+    file_.clear();
+  }
 
   bool wanted() const { return function_ != nullptr || !file_.empty(); }
   void operator()(const std::string& line) const {
