@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "hydro_stub/grading.hpp"
 #include "hydro_stub/problem.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/material/strength.hpp"
@@ -15,6 +16,71 @@ namespace shearbus::hydro {
 
 using lagrange::Side;
 using lagrange::Vec2;
+
+namespace {
+
+double flank_radius(const guest::ConeTarget& cone, double z) {
+  return cone.front_radius_m() + (cone.back_radius_m() - cone.front_radius_m()) * z / cone.length_m();
+}
+
+// Thickness of the thinner of cone and confinement, normal to the flank  [m].
+double thinnest_at_flank(const guest::ConeTarget& cone) {
+  const double widest = std::max(cone.front_radius_m(), cone.back_radius_m());
+  return std::min({cone.front_radius_m(), cone.back_radius_m(), cone.confinement_radius_m() - widest});
+}
+
+Grading grading_of(const guest::ConeTarget& cone) {
+  return checked_grading("hydro.cone_target", cone.has_first_zone_m(), cone.first_zone_m(), cone.zone_growth(),
+                         cone.zone_width_m(), thinnest_at_flank(cone));
+}
+
+// Radial distances of nodes from the flank. Growing zones have the same thickness, normal to the flank, all along it;
+// the zones beyond share what remains of the body at each height.
+class FlankNodes {
+ public:
+  // `mean`, `thinnest`: mean and smallest radial thickness of the body  [m]
+  FlankNodes(const guest::ConeTarget& cone, double mean, double thinnest)
+      : nodes_(graded_nodes(mean, grading_of(cone))), mean_(mean) {
+    const double slope = (cone.back_radius_m() - cone.front_radius_m()) / cone.length_m();
+    along_radius_ = std::sqrt(1.0 + slope * slope);  // radial distance per distance normal to the flank
+    constexpr double kMostOfThinnest = 0.75;
+    while (nodes_.graded > 1 && along_radius_ * nodes_.distance[nodes_.graded] > kMostOfThinnest * thinnest)
+      --nodes_.graded;
+  }
+  int zones() const { return static_cast<int>(nodes_.distance.size()) - 1; }
+  // Radial distance of node k from the flank at a height where the body is `thick`.
+  double at(int k, double thick) const {
+    const std::size_t node = static_cast<std::size_t>(k);
+    if (node <= nodes_.graded) return along_radius_ * nodes_.distance[node];
+    const double begin = nodes_.distance[nodes_.graded];
+    const double share = (nodes_.distance[node] - begin) / (mean_ - begin);
+    return along_radius_ * begin + (thick - along_radius_ * begin) * share;
+  }
+
+ private:
+  GradedNodes nodes_;
+  double mean_;
+  double along_radius_;
+};
+
+void add_graded_blocks(lagrange::Mesh& mesh, const guest::ConeTarget& cone, int along) {
+  const double mean = 0.5 * (cone.front_radius_m() + cone.back_radius_m());
+  const double outer = cone.confinement_radius_m();
+  const FlankNodes inside(cone, mean, std::min(cone.front_radius_m(), cone.back_radius_m()));
+  const FlankNodes outside(cone, outer - mean, outer - std::max(cone.front_radius_m(), cone.back_radius_m()));
+  mesh.add_block(inside.zones(), along, [&](int i, int j) {
+    const double z = cone.length_m() * j / along;
+    const double flank = flank_radius(cone, z);
+    return Vec2{i == 0 ? 0.0 : flank - inside.at(inside.zones() - i, flank), z};
+  });
+  mesh.add_block(outside.zones(), along, [&](int i, int j) {
+    const double z = cone.length_m() * j / along;
+    const double flank = flank_radius(cone, z);
+    return Vec2{i == outside.zones() ? outer : flank + outside.at(i, outer - flank), z};
+  });
+}
+
+}  // namespace
 
 ConeTarget make_cone_target(const guest::HydroScene& scene) {
   ConeTarget problem{.scene = scene.hydro().cone_target(),
@@ -46,12 +112,19 @@ ConeTarget make_cone_target(const guest::HydroScene& scene) {
            fmt::format("zones of {} m do not go twice into the thinnest part, {} m", cone.zone_width_m(), thinnest),
            "lower zone_width_m");
   }
+  grading_of(cone);  // refuses what cannot be meshed
   constexpr double kMostZones = 5e6;
-  const double zones = cone.confinement_radius_m() * (cone.length_m() + cone.flyer_thickness_m()) /
-                       (cone.zone_width_m() * cone.zone_width_m());
+  double zones = cone.confinement_radius_m() * (cone.length_m() + cone.flyer_thickness_m()) /
+                 (cone.zone_width_m() * cone.zone_width_m());
+  if (cone.has_first_zone_m()) {
+    const double nodes =
+        static_cast<double>(graded_nodes(cone.confinement_radius_m(), grading_of(cone)).distance.size());
+    zones += 2.0 * nodes * cone.length_m() / cone.zone_width_m();
+  }
   if (zones > kMostZones) {
     refuse("hydro.cone_target.zone_width_m",
-           fmt::format("about {:.3g} zones, at most {:g} are allowed", zones, kMostZones), "raise zone_width_m");
+           fmt::format("about {:.3g} zones, at most {:g} are allowed", zones, kMostZones),
+           cone.has_first_zone_m() ? "raise zone_width_m, first_zone_m or zone_growth" : "raise zone_width_m");
   }
   return problem;
 }
@@ -61,21 +134,23 @@ lagrange::Bodies make_bodies(const ConeTarget& problem) {
   const auto zones = [&](double length) {
     return std::max(2, static_cast<int>(std::lround(length / cone.zone_width_m())));
   };
-  const auto flank = [&](double z) {
-    return cone.front_radius_m() + (cone.back_radius_m() - cone.front_radius_m()) * z / cone.length_m();
-  };
   lagrange::Mesh mesh(lagrange::Symmetry::kAxisymmetric);
   const int along = zones(cone.length_m());
-  const int across = zones(0.5 * (cone.front_radius_m() + cone.back_radius_m()));
-  const int outside = zones(cone.confinement_radius_m() - 0.5 * (cone.front_radius_m() + cone.back_radius_m()));
-  mesh.add_block(across, along, [&](int i, int j) {
-    const double z = cone.length_m() * j / along;
-    return Vec2{flank(z) * i / across, z};
-  });
-  mesh.add_block(outside, along, [&](int i, int j) {
-    const double z = cone.length_m() * j / along;
-    return Vec2{flank(z) + (cone.confinement_radius_m() - flank(z)) * i / outside, z};
-  });
+  if (cone.has_first_zone_m()) {
+    add_graded_blocks(mesh, cone, along);
+  } else {
+    const int across = zones(0.5 * (cone.front_radius_m() + cone.back_radius_m()));
+    const int outside = zones(cone.confinement_radius_m() - 0.5 * (cone.front_radius_m() + cone.back_radius_m()));
+    mesh.add_block(across, along, [&](int i, int j) {
+      const double z = cone.length_m() * j / along;
+      return Vec2{flank_radius(cone, z) * i / across, z};
+    });
+    mesh.add_block(outside, along, [&](int i, int j) {
+      const double z = cone.length_m() * j / along;
+      const double flank = flank_radius(cone, z);
+      return Vec2{flank + (cone.confinement_radius_m() - flank) * i / outside, z};
+    });
+  }
   const int thick = zones(cone.flyer_thickness_m());
   const int wide = zones(cone.confinement_radius_m());
   mesh.add_block(wide, thick, [&](int i, int j) {

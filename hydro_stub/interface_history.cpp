@@ -22,6 +22,8 @@ std::vector<wire::Quantity> interface_quantities(bool bound) {
       quantity_of_column(Field::kStressHard, 0, "sent: shear stress of the hard body's zones"),
       {.name = "zone_temperature", .units = "K", .long_name = "of the soft zones at the interface"},
       {.name = "slip_distance", .units = "m", .long_name = "integral of |sliding velocity| while closed"},
+      {.name = "displacement_half_mm", .units = "m", .long_name = "of metal against metal over +-0.5 mm while closed"},
+      {.name = "displacement_one_mm", .units = "m", .long_name = "of metal against metal over +-1 mm while closed"},
       {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
       {.name = "height", .units = "m", .long_name = "second coordinate of the node"},
       quantity_of_column(Field::kRegime)};
@@ -41,6 +43,10 @@ constexpr std::pair<const char*, std::vector<double> NodeTotals::*> kTotals[] = 
     {"interface_slip", &NodeTotals::slip},
     {"interface_highest_pressure", &NodeTotals::highest_pressure},
     {"interface_fastest_slip", &NodeTotals::fastest_slip},
+    {"interface_displacement_half_mm", &NodeTotals::displacement_half_mm},
+    {"interface_displacement_one_mm", &NodeTotals::displacement_one_mm},
+    {"interface_friction_impulse", &NodeTotals::friction_impulse},
+    {"interface_critical_jump_share", &NodeTotals::critical_jump_share},
     {"interface_pressure_impulse", &NodeTotals::pressure_impulse},
     {"interface_slip_time", &NodeTotals::slip_time},
     {"interface_friction_work", &NodeTotals::friction_work},
@@ -54,8 +60,8 @@ double mean_of(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-InterfaceHistory::InterfaceHistory(std::size_t nodes, std::optional<HeatBound> bound)
-    : rows_(interface_quantities(bound.has_value()), nodes), bound_(bound), totals_(nodes) {}
+InterfaceHistory::InterfaceHistory(std::size_t nodes, InterfaceFacts facts)
+    : rows_(interface_quantities(facts.bound.has_value()), nodes), facts_(std::move(facts)), totals_(nodes) {}
 
 void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
   const InterfaceInputs& in = cycle.contact().inputs();
@@ -71,22 +77,35 @@ void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
       regime_slip_[regime] += speed * in.dt;
       totals_.highest_pressure[i] = std::max(totals_.highest_pressure[i], in.pressure[i]);
       totals_.fastest_slip[i] = std::max(totals_.fastest_slip[i], speed);
+      totals_.friction_impulse[i] += answer.shear_stress[i] * in.dt;
+      if (facts_.bands) add_displacement(cycle, i);
+      if (facts_.critical_jump) {
+        const double share = std::abs(in.velocity_jump[i]) / facts_.critical_jump->at(in.pressure[i]);
+        totals_.critical_jump_share[i] = std::max(totals_.critical_jump_share[i], share);
+      }
     }
     if (in.pressure[i] > 0.0 && answer.regime[i] != static_cast<std::uint8_t>(wire::Regime::kStick)) {
       totals_.pressure_impulse[i] += in.pressure[i] * in.dt;
       totals_.slip_time[i] += in.dt;
     }
-    if (bound_) use_bound(i, answer.shear_stress[i] * answer.sliding_velocity[i] * in.dt, in);
+    if (facts_.bound) use_bound(i, answer.shear_stress[i] * answer.sliding_velocity[i] * in.dt, in);
   }
   energy_.add(answer.energy);
+}
+
+void InterfaceHistory::add_displacement(const lagrange::Cycle& cycle, std::size_t i) {
+  const double dt = cycle.contact().inputs().dt;
+  totals_.displacement_half_mm[i] += dt * facts_.bands->velocity_difference(cycle, 0, i);
+  totals_.displacement_one_mm[i] += dt * facts_.bands->velocity_difference(cycle, 1, i);
 }
 
 void InterfaceHistory::use_bound(std::size_t i, double work, const InterfaceInputs& in) {
   totals_.friction_work[i] += work;
   if (!(totals_.friction_work[i] > 0.0)) return;
   totals_.friction_time[i] += in.dt;
-  totals_.highest_melting[i] = std::max(totals_.highest_melting[i], bound_->melting_temperature(in.pressure[i]));
-  totals_.bound_used[i] = totals_.friction_work[i] / bound_->work(totals_.highest_melting[i], totals_.friction_time[i]);
+  totals_.highest_melting[i] = std::max(totals_.highest_melting[i], facts_.bound->melting_temperature(in.pressure[i]));
+  totals_.bound_used[i] =
+      totals_.friction_work[i] / facts_.bound->work(totals_.highest_melting[i], totals_.friction_time[i]);
   peaks_[kBoundUsed] = std::max(peaks_[kBoundUsed], totals_.bound_used[i]);
 }
 
@@ -104,11 +123,11 @@ void InterfaceHistory::record(const lagrange::Cycle& cycle) {
   for (const std::vector<double>* values : std::initializer_list<const std::vector<double>*>{
            &answer.shear_stress, &answer.sliding_velocity, &answer.interface_temperature, &answer.velocity_jump_new,
            &in.pressure, &in.velocity_jump, &in.stress_soft, &in.stress_hard, &in.zone_temperature, &totals_.slip,
-           &radius, &height}) {
+           &totals_.displacement_half_mm, &totals_.displacement_one_mm, &radius, &height}) {
     rows_.set(q++, *values);
   }
   rows_.set(q++, answer.regime);
-  if (bound_) rows_.set(q, totals_.bound_used);
+  if (facts_.bound) rows_.set(q, totals_.bound_used);
 }
 
 void InterfaceHistory::save(wire::DumpWriter& dump) const {
@@ -147,6 +166,21 @@ double InterfaceHistory::longest_slip() const {
 }
 double InterfaceHistory::mean_slip() const {
   return mean_of(totals_.slip);
+}
+std::size_t InterfaceHistory::nodes_above_critical_jump() const {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(totals_.critical_jump_share, [](double share) { return share > 1.0; }));
+}
+std::optional<double> InterfaceHistory::mean_displacement(std::size_t band) const {
+  double sum = 0.0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < nodes(); ++i) {
+    if (!facts_.bands || !facts_.bands->reaches(band, i)) continue;
+    sum += displacement(totals_, band)[i];
+    ++count;
+  }
+  if (count == 0) return std::nullopt;
+  return sum / static_cast<double>(count);
 }
 double InterfaceHistory::mean_pressure_root_time() const {
   std::vector<double> loads;

@@ -9,6 +9,8 @@
 #include "hydro_stub/heat_bound.hpp"
 #include "hydro_stub/history_rows.hpp"
 #include "hydro_stub/lagrange/cycle.hpp"
+#include "hydro_stub/metal_bands.hpp"
+#include "hydro_stub/shear_limits.hpp"
 #include "proto/wire/energy_totals.hpp"
 #include "proto/wire/messages.hpp"
 
@@ -18,6 +20,10 @@ namespace shearbus::hydro {
 struct NodeTotals {
   explicit NodeTotals(std::size_t nodes)
       : slip(nodes, 0.0),
+        displacement_half_mm(nodes, 0.0),
+        displacement_one_mm(nodes, 0.0),
+        friction_impulse(nodes, 0.0),
+        critical_jump_share(nodes, 0.0),
         highest_pressure(nodes, 0.0),
         fastest_slip(nodes, 0.0),
         pressure_impulse(nodes, 0.0),
@@ -28,6 +34,12 @@ struct NodeTotals {
         bound_used(nodes, 0.0) {}
 
   std::vector<double> slip;  // slip distance: integral of |sliding velocity| dt while the contact is closed  [m]
+  // displacement of the soft metal against the hard metal over +-0.5 and +-1 mm (metal_bands.hpp) while the contact is
+  // closed, positive along the tangent of the interface; 0 where a body is thinner  [m]
+  std::vector<double> displacement_half_mm, displacement_one_mm;
+  std::vector<double> friction_impulse;  // integral of the shear stress s dt  [Pa s]
+  std::vector<double>
+      critical_jump_share;               // largest |[V]| of a closed contact over the critical jump (shear_limits.hpp)
   std::vector<double> highest_pressure;  // [Pa]
   std::vector<double> fastest_slip;      // highest sliding velocity of a closed contact  [m/s]
   std::vector<double> pressure_impulse;  // integral of the pressure while the node slips  [Pa s]
@@ -40,11 +52,22 @@ struct NodeTotals {
 
 double mean_of(const std::vector<double>& values);
 
+// The displacement of the nodes over band `band` of MetalBands::kDistances.
+inline const std::vector<double>& displacement(const NodeTotals& totals, std::size_t band) {
+  return band == 0 ? totals.displacement_half_mm : totals.displacement_one_mm;
+}
+
+// What a history needs to know of its problem. Without a member nothing is said of it.
+struct InterfaceFacts {
+  std::optional<HeatBound> bound = {};
+  std::optional<MetalBands> bands = {};
+  std::optional<CriticalJump> critical_jump = {};
+};
+
 // The history of the interface nodes, and the totals over nodes and steps that the summary prints.
 class InterfaceHistory {
  public:
-  // Without a `bound`, nothing is said of it.
-  InterfaceHistory(std::size_t nodes, std::optional<HeatBound> bound);
+  InterfaceHistory(std::size_t nodes, InterfaceFacts facts);
 
   void observe(const lagrange::Cycle& cycle);  // adds the last step to the totals
   void record(const lagrange::Cycle& cycle);   // adds a row to the history
@@ -57,7 +80,12 @@ class InterfaceHistory {
 
   std::size_t nodes() const { return totals_.slip.size(); }
   const NodeTotals& totals() const { return totals_; }
-  bool has_bound() const { return bound_.has_value(); }
+  bool has_bound() const { return facts_.bound.has_value(); }
+  bool has_critical_jump() const { return facts_.critical_jump.has_value(); }
+  std::size_t nodes_above_critical_jump() const;
+  // Means over the nodes where both bodies reach as far as the band; absent if they do so nowhere.
+  std::optional<double> mean_displacement(std::size_t band) const;
+  double mean_friction_impulse() const { return mean_of(totals_.friction_impulse); }
   double most_bound_used() const { return peaks_[kBoundUsed]; }  // of all nodes and times
   double share(wire::Regime regime) const;          // share of all node-steps so far that were in this regime
   double share_of_slip(wire::Regime regime) const;  // share of the slip distance of all nodes
@@ -73,9 +101,10 @@ class InterfaceHistory {
   enum Peak : std::size_t { kTemperature, kPressure, kBoundUsed };
 
   void use_bound(std::size_t i, double work, const InterfaceInputs& in);
+  void add_displacement(const lagrange::Cycle& cycle, std::size_t i);
 
   HistoryRows rows_;
-  std::optional<HeatBound> bound_;
+  InterfaceFacts facts_;
   NodeTotals totals_;
   std::array<double, 5> regimes_{};      // number of node-steps in each regime
   std::array<double, 5> regime_slip_{};  // slip distance of all nodes in each regime  [m]

@@ -2,9 +2,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <exception>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -19,9 +19,12 @@
 #include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/verification/problems.hpp"
+#include "hydro_stub/wall_zones.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/program.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
+#include "proto/wire/whole_file.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
@@ -32,7 +35,7 @@ constexpr int kInterrupted = 3;
 std::filesystem::path output_directory(const Options& options, const guest::HydroScene& scene) {
   if (!options.out.empty()) return options.out;
   std::string plain = scene.scene().name();
-  for (char& c : plain) c = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '-' ? c : '_';
+  for (char& c : plain) c = wire::is_ascii_alphanumeric(c) || c == '.' || c == '-' ? c : '_';
   return std::filesystem::path("out") / fmt::format("{}-{}", plain, name(scene.hydro().interface_law()));
 }
 
@@ -58,7 +61,22 @@ std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d
                                           const std::vector<double>& temperature, const SubgridServer& server,
                                           const std::string& kept) {
   if (temperature.empty()) return std::make_unique<FreeSlipLaw>();
-  return make_law(file, problem.soft, problem.hard, temperature, server, kept);
+  return make_law(file, problem.soft, problem.hard, temperature, problem.layer_thickness, server, kept);
+}
+
+// Sets what follows from the mesh and the metals together: thickness of plastic layers, depth of friction heat, limits of
+// the soft metal. Warns of an interface that slips on coarse zones only.
+void couple(const SceneFile& file, Problem2d& problem) {
+  const guest::Hydro& hydro = file.scene.hydro();
+  if (interface_nodes(problem.bodies) == 0) return;
+  problem.layer_thickness = plastic_layers(file, half_wall_zones(problem.bodies));
+  problem.strength = interface_strength(file.scene, problem.soft);
+  if (const std::string warning = strength_warning(*problem.strength); !warning.empty())
+    fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
+  if (hydro.interface_law() == guest::INTERFACE_LAW_COULOMB_TRESCA &&
+      hydro.coulomb_tresca().heat_depth() == guest::HEAT_DEPTH_DIFFUSION)
+    problem.bodies.contact.heat_depth.emplace(problem.bodies.mesh, problem.bodies.slide_lines, problem.soft.diffusivity,
+                                              problem.hard.diffusivity);
 }
 
 void carry_out_2d(const Options& options, const SceneFile& file, const wire::DumpReader* from) {
@@ -67,6 +85,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   Problem2d problem = cone ? make_problem2d(make_cone_target(scene)) : make_verification(scene);
   problem.bodies.contact.overlap = options.overlap;
   choose_threads();
+  couple(file, problem);
   check_layer_start(scene, interface_nodes(problem.bodies));
   if (options.explain)
     return fmt::print("{}", explain({file.server_text(), file.document.file}, interface_nodes(problem.bodies)));
@@ -78,7 +97,9 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   if (from != nullptr && run.server.empty()) run.server = from->text("server");
   SubgridServer server{.address = options.server, .state_dir = {}, .check_closure = false};
   server.address.endpoint = run.server;
+  std::optional<wire::OneWriter> writer;
   if (!options.check) {
+    writer.emplace(run.out);
     if (from == nullptr) make_room_for_dumps(run.out);
     // A server in this process keeps its journal next to the dumps, so that its sessions outlive the process.
     const bool subgrid = scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID;
@@ -121,6 +142,7 @@ void carry_out(const Options& options, SceneFile& file) {
   if (options.explain) return fmt::print("{}", explain({file.server_text(), file.document.file}, problem.columns));
   const std::unique_ptr<InterfaceLaw> law =
       make_law(file, problem.soft_material, problem.hard_material, problem.initial_temperature,
+               plastic_layers(file, std::vector<double>(problem.columns, 0.5 * problem.soft.zone_width)),
                {.address = options.server, .state_dir = {}});
   if (options.check) {
     profile_record(scene, problem.columns, *law);
@@ -129,6 +151,7 @@ void carry_out(const Options& options, SceneFile& file) {
     return;
   }
   const std::filesystem::path out = output_directory(options, scene);
+  const wire::OneWriter writer(out);
   run(scene, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
       options.progress);
   if (options.plot) plot(out);

@@ -73,7 +73,10 @@ CommandLine parse_command_line(int argc, char** argv) {
                "show how far a long run is, on a terminal (default: yes)");
   wire::complete(app, "shearbus-hydro", server::version_text, kFooter);
   line.exit_code = wire::parse(app, argc, argv, [&] {
-    if (scene->empty() == restart->empty()) throw CLI::RequiredError("SCENE, or --restart DIR,");
+    if (scene->empty() && restart->empty()) throw CLI::RequiredError("SCENE, or --restart DIR,");
+    if (!scene->empty() && !restart->empty())
+      throw CLI::ValidationError("SCENE and --restart DIR",
+                                 "give one of them: the run of a directory goes on with the scene in its last dump");
   });
   if (line.exit_code) return line;
   wire::read_keys_into(options.server, server_key, key);

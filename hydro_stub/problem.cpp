@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "hydro_stub/grading.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/material/flow_laws.hpp"
@@ -82,9 +83,25 @@ BodyMesh mesh_of(const physics::Material& material, std::size_t columns, guest::
   return {.columns = columns, .density = material.density, .shear_modulus = material.shear_modulus, .far_end = far_end};
 }
 
+// Graded zones: the two bodies have equally many.
+void grade_bodies(const guest::ShearColumn& column, ColumnProblem& problem) {
+  const Grading grading = checked_grading("hydro.shear_column", true, column.first_zone_m(), column.zone_growth(),
+                                          column.length_m() / column.zones(), column.length_m());
+  const std::vector<double> nodes = graded_nodes(column.length_m(), grading).distance;
+  const double ratio = problem.hard.wave_speed() / problem.soft.wave_speed();
+  for (std::size_t j = 0; j + 1 < nodes.size(); ++j) {
+    problem.soft.widths.push_back(nodes[j + 1] - nodes[j]);
+    problem.hard.widths.push_back(ratio * problem.soft.widths.back());
+  }
+  problem.soft.zones = problem.hard.zones = problem.soft.widths.size();
+  problem.soft.zone_width = problem.soft.widths.front();
+  problem.hard.zone_width = problem.hard.widths.front();
+}
+
 // A shear wave crosses a zone of the hard body in the same time as a zone of the soft body. The number of zones of the
 // hard body is chosen so that the two bodies are as nearly as possible of equal length.
 void mesh_bodies(const guest::ShearColumn& column, ColumnProblem& problem) {
+  if (column.has_first_zone_m()) return grade_bodies(column, problem);
   problem.soft.zones = column.zones();
   problem.soft.zone_width = column.length_m() / column.zones();
   problem.hard.zone_width = problem.soft.transit_time() * problem.hard.wave_speed();
@@ -142,6 +159,9 @@ ColumnProblem make_problem(const guest::HydroScene& scene) {
   problem.soft = mesh_of(problem.soft_material, problem.columns, column.far_end());
   problem.hard = mesh_of(problem.hard_material, problem.columns, column.far_end());
   mesh_bodies(column, problem);
+  problem.yields = column.bulk() == guest::BULK_PLASTIC;
+  problem.law_has_layers = scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID;
+  problem.conducts_across = scene.hydro().interface_law() == guest::INTERFACE_LAW_STICK;
   choose_steps(scene.hydro(), problem);
   return problem;
 }

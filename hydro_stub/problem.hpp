@@ -21,8 +21,11 @@ struct ColumnProblem {
   physics::Material hard_material;
   BodyMesh soft;
   BodyMesh hard;
-  double dt = 0.0;        // step length  [s]
-  std::string dt_reason;  // the condition that limits dt
+  bool yields = false;           // the soft body yields, and both bodies have temperatures (shear_bulk.hpp)
+  bool law_has_layers = false;   // with `yields`: friction heat is the law's; otherwise the zones take it
+  bool conducts_across = false;  // with `yields`: heat crosses the interface
+  double dt = 0.0;               // step length  [s]
+  std::string dt_reason;         // the condition that limits dt
   // number of steps; velocities belong to the half steps, so the first step, from t = 0 to dt/2, has half the length
   std::uint64_t steps = 0;
   // initial velocity of the soft body, per column; the hard body starts at rest  [m/s]

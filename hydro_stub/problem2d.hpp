@@ -10,6 +10,7 @@
 
 #include "hydro_stub/heat_bound.hpp"
 #include "hydro_stub/lagrange/cycle.hpp"
+#include "hydro_stub/shear_limits.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::hydro {
@@ -20,6 +21,15 @@ struct Comparison {
   std::string units;
   double exact;
   double found;
+};
+
+// The strength of an interface and of the metal beside it (shear_limits.hpp).
+struct InterfaceStrength {
+  std::optional<double> cold;      // yield strength of the interface of a subgrid law when it is cold  [Pa]
+  AdiabaticPeak metal;             // largest flow stress of the soft metal
+  double start_temperature = 0.0;  // of the metal  [K]
+  bool flows_in_layer = false;  // the layer flows in addition to the slip, so that the answer hardly depends on zones
+  bool too_strong() const { return cold && *cold > metal.stress; }
 };
 
 // The largest pressure and sliding velocity that an experiment's publication gives for the interface.
@@ -39,8 +49,10 @@ struct Problem2d {
   std::uint32_t frames = 1;       // number of field outputs, at equal intervals up to the end
   physics::Material soft, hard;   // metals on the two sides of the interface, if there is one
 
-  std::vector<double> start_temperature;  // of each node's layer, where it is not that of the scene  [K]
-  std::optional<HeatBound> heat_bound;    // absent where the interface law or the scene does not obey it
+  std::vector<double> start_temperature;      // of each node's layer, where it is not that of the scene  [K]
+  std::vector<double> layer_thickness;        // of each node's layer, where it is not that of the scene  [m]
+  std::optional<HeatBound> heat_bound;        // absent where the interface law or the scene does not obey it
+  std::optional<InterfaceStrength> strength;  // absent where the metals do not yield
   std::optional<Envelope> published;
 
   std::function<bool(const lagrange::Cycle&)> over;                        // if set, ends the run by returning true

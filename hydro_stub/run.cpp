@@ -41,7 +41,8 @@ guest::HydroScene effective_scene(guest::HydroScene scene, const ColumnProblem& 
 
 std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
-                                       const SubgridServer& server, const std::string& kept) {
+                                       std::span<const double> layer_thickness, const SubgridServer& server,
+                                       const std::string& kept) {
   const guest::HydroScene& scene = file.scene;
   switch (scene.hydro().interface_law()) {
     case guest::INTERFACE_LAW_COULOMB_TRESCA:
@@ -68,8 +69,9 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
          .field = "strategy"});
   }
   if (!kept.empty()) return std::make_unique<SubgridLaw>(kept, server);
-  auto law = std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
-                                          node_ids(initial_temperature.size()), initial_temperature, server);
+  auto law =
+      std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
+                                   node_ids(initial_temperature.size()), initial_temperature, server, layer_thickness);
   for (const std::string& warning : law->warnings())
     fmt::print(stderr, "shearbus-hydro: {}\n", wire::labelled(warning));
   return law;
@@ -77,7 +79,6 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
 
 void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
          const std::filesystem::path& out, const server::Entries& provenance, bool progress) {
-  std::filesystem::create_directories(out);
   const std::string law_name = name(scene.hydro().interface_law());
   ShearColumn column(problem);
   History history(out / "history.h5", problem, column, scene::to_toml(effective_scene(scene, problem)), law_name,
@@ -111,13 +112,13 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
   time.solver = law_time.solver;
   time.bus = law_time.bus;
   summary.finish(column, time);
-  wire::write_whole(out / "summary.json", summary.json());
+  wire::write_whole(out / "summary.json", wire::kSummaryFile, summary.json());
   fmt::print("{}", summary.text());
   law.close();
   const OmittedCost omitted = law.omitted_cost();
   for (const auto& [label, value] : omitted.lines) fmt::print("  {:<24}{}\n", label, value);
   summary.omitted(omitted);
-  wire::write_whole(out / "summary.json", summary.json());
+  wire::write_whole(out / "summary.json", wire::kSummaryFile, summary.json());
 }
 
 namespace {

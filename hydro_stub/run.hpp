@@ -15,11 +15,13 @@
 
 namespace shearbus::hydro {
 
-// Makes the interface law of the scene, for nodes with these initial temperatures, or restores it from `kept`, the text
-// that InterfaceLaw::keep() returned. Prints the server's warnings to stderr. Throws wire::Error.
+// Makes the interface law of the scene, for nodes with these initial temperatures and layers of this thickness (empty: the
+// scene's), or restores it from `kept`, the text that InterfaceLaw::keep() returned. Prints the server's warnings to
+// stderr. Throws wire::Error.
 std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
-                                       const SubgridServer& server, const std::string& kept = {});
+                                       std::span<const double> layer_thickness, const SubgridServer& server,
+                                       const std::string& kept = {});
 
 // Runs the problem, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
 // std::exception; if a step fails, no file has the name of a complete result.

@@ -72,6 +72,14 @@ void write_fields(wire::FieldWriter& writer, const Cycle& cycle) {
   writer.frame(s.time, three(s.position), three(s.velocity), zones);
 }
 
+InterfaceFacts facts_of(const Problem2d& problem) {
+  InterfaceFacts facts{.bound = problem.heat_bound};
+  if (interface_nodes(problem.bodies) == 0) return facts;
+  facts.bands.emplace(problem.bodies);
+  if (problem.strength) facts.critical_jump.emplace(problem.soft, problem.hard, problem.strength->start_temperature);
+  return facts;
+}
+
 class Run {
  public:
   Run(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
@@ -88,7 +96,9 @@ class Run {
         dumps_(options.out, options.dumps),
         published_(problem.published),
         start_temperature_(std::move(problem.start_temperature)),
-        interface_(interface_nodes(problem.bodies), problem.heat_bound),
+        layer_thickness_(std::move(problem.layer_thickness)),
+        strength_(problem.strength),
+        interface_(interface_nodes(problem.bodies), facts_of(problem)),
         surface_(problem.free_surface),
         profiles_(profile_record(file.scene, interface_.nodes(), law)),
         fields_(field_writer(options.out / "fields.xmf", problem, effective_text_,
@@ -203,18 +213,20 @@ class Run {
                       .start = start_,
                       .interface = interface_,
                       .start_temperature = start_temperature_,
+                      .layer_thickness = layer_thickness_,
+                      .strength = strength_,
                       .published = published_,
                       .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
                       .time = {.total = seconds(Clock::now() - begun_),
                                .output = seconds(output_),
                                .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
                                .law = law_.time_spent()}};
-    wire::write_whole(options_.out / "summary.json", summary.json());
+    wire::write_whole(options_.out / "summary.json", wire::kSummaryFile, summary.json());
     fmt::print("{}", summary.text());
     law_.close();
     summary.omitted = law_.omitted_cost();
     for (const auto& [label, value] : summary.omitted.lines) fmt::print("  {:<24}{}\n", label, value);
-    wire::write_whole(options_.out / "summary.json", summary.json());
+    wire::write_whole(options_.out / "summary.json", wire::kSummaryFile, summary.json());
     dumps_.remove();
   }
 
@@ -230,6 +242,8 @@ class Run {
   RestartDumps dumps_;
   std::optional<Envelope> published_;
   std::vector<double> start_temperature_;  // of each node's layer, where it is not that of the scene  [K]
+  std::vector<double> layer_thickness_;    // of each node's layer, where it is not that of the scene  [m]
+  std::optional<InterfaceStrength> strength_;
   InterfaceHistory interface_;
   SurfaceHistory surface_;
   wire::ProfileRecord profiles_;

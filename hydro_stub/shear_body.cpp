@@ -7,7 +7,7 @@ namespace {
 
 // Advances the outer node of a free end, which has the mass of half a zone and no stress on its outer side.
 void accelerate_free_end(ShearBody& body, double dt) {
-  const double scale = dt / body.mesh.half_zone_mass();
+  const double scale = dt / body.mesh.last_half_zone_mass();
   double* end = body.velocity_at(body.mesh.zones);
   const double* inner = body.stress_at(body.mesh.zones - 1);
   for (std::size_t i = 0; i < body.mesh.columns; ++i) end[i] -= scale * inner[i];
@@ -22,7 +22,7 @@ void accelerate_free_end(ShearBody& body, double dt) {
 //     (cos(k dz/2) - cos(w dt/2)) / (cos(k dz/2) + cos(w dt/2)),   sin(w dt/2) = C sin(k dz/2),
 // that is, by about (w dt)^2 (1 - 1/C^2) / 16.
 void accelerate_transmitting_end(ShearBody& body, double dt) {
-  const double mass = body.mesh.half_zone_mass();
+  const double mass = body.mesh.last_half_zone_mass();
   const double impedance = body.mesh.impedance();
   const double inverse = 1.0 / (mass / dt + 0.5 * impedance);
   double* end = body.velocity_at(body.mesh.zones);
@@ -43,6 +43,9 @@ void accelerate_transmitting_end(ShearBody& body, double dt) {
 double BodyMesh::wave_speed() const {
   return std::sqrt(shear_modulus / density);
 }
+double BodyMesh::last_half_zone_mass() const {
+  return 0.5 * density * width(zones - 1);
+}
 double BodyMesh::impedance() const {
   return std::sqrt(shear_modulus * density);
 }
@@ -61,8 +64,8 @@ ShearBody::ShearBody(const BodyMesh& body_mesh, std::span<const double> velocity
 
 void accelerate(ShearBody& body, double dt) {
   const std::size_t columns = body.mesh.columns;
-  const double scale = dt / (body.mesh.density * body.mesh.zone_width);
   for (std::size_t j = 1; j < body.mesh.zones; ++j) {
+    const double scale = dt / (body.mesh.density * (0.5 * (body.mesh.width(j - 1) + body.mesh.width(j))));
     double* velocity = body.velocity_at(j);
     const double* inner = body.stress_at(j - 1);
     const double* outer = body.stress_at(j);
@@ -84,8 +87,8 @@ void accelerate_interface(ShearBody& body, double dt, std::span<const double> tr
 
 void strain(ShearBody& body, double dt) {
   const std::size_t columns = body.mesh.columns;
-  const double scale = dt * body.mesh.shear_modulus / body.mesh.zone_width;
   for (std::size_t j = 0; j < body.mesh.zones; ++j) {
+    const double scale = dt * body.mesh.shear_modulus / body.mesh.width(j);
     double* stress = body.stress_at(j);
     const double* inner = body.velocity_at(j);
     const double* outer = body.velocity_at(j + 1);
@@ -93,7 +96,28 @@ void strain(ShearBody& body, double dt) {
   }
 }
 
+std::optional<BodyPlace> place_at(const BodyMesh& mesh, double distance) {
+  double begin = 0.0;
+  for (std::size_t j = 0; j < mesh.zones; ++j) {
+    const double end = begin + mesh.width(j);
+    if (distance <= end) return BodyPlace{.node = j, .weight = (distance - begin) / mesh.width(j)};
+    begin = end;
+  }
+  return std::nullopt;
+}
+
+double velocity_at(const ShearBody& body, const BodyPlace& place, std::size_t column) {
+  const double inner = body.velocity_at(place.node)[column];
+  return inner + place.weight * (body.velocity_at(place.node + 1)[column] - inner);
+}
+
 double momentum(const ShearBody& body, std::size_t column) {
+  if (!body.mesh.widths.empty()) {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < body.mesh.zones; ++j)
+      sum += 0.5 * body.mesh.width(j) * (body.velocity_at(j)[column] + body.velocity_at(j + 1)[column]);
+    return body.mesh.density * sum;
+  }
   double sum = 0.0;
   for (std::size_t j = 1; j < body.mesh.zones; ++j) sum += body.velocity_at(j)[column];
   sum += 0.5 * (body.velocity_at(0)[column] + body.velocity_at(body.mesh.zones)[column]);
@@ -101,19 +125,17 @@ double momentum(const ShearBody& body, std::size_t column) {
 }
 
 double energy(const ShearBody& body, std::size_t column, double dt) {
-  const double scale = dt * body.mesh.shear_modulus / body.mesh.zone_width;
-  const auto squared = [&](std::size_t node) {
-    return body.velocity_at(node)[column] * body.velocity_at(node)[column];
-  };
-  double kinetic = 0.5 * (squared(0) + squared(body.mesh.zones));
+  double kinetic = 0.0;
   double elastic = 0.0;
   for (std::size_t j = 0; j < body.mesh.zones; ++j) {
-    if (j > 0) kinetic += squared(j);
+    const double inner = body.velocity_at(j)[column];
+    const double outer = body.velocity_at(j + 1)[column];
     const double stress = body.stress_at(j)[column];
-    const double stress_old = stress - scale * (body.velocity_at(j + 1)[column] - body.velocity_at(j)[column]);
-    elastic += stress * stress_old;
+    const double stress_old = stress - dt * body.mesh.shear_modulus / body.mesh.width(j) * (outer - inner);
+    kinetic += 0.25 * body.mesh.width(j) * (inner * inner + outer * outer);
+    elastic += 0.5 * body.mesh.width(j) * stress * stress_old;
   }
-  return body.mesh.zone_width * (0.5 * body.mesh.density * kinetic + 0.5 * elastic / body.mesh.shear_modulus);
+  return body.mesh.density * kinetic + elastic / body.mesh.shear_modulus;
 }
 
 }  // namespace shearbus::hydro

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -23,15 +24,18 @@ namespace shearbus::hydro {
 struct BodyMesh {
   std::size_t columns = 1;
   std::size_t zones = 2;
-  double zone_width = 0.0;     // [m]
-  double density = 0.0;        // [kg/m3]
-  double shear_modulus = 0.0;  // [Pa]
+  double zone_width = 0.0;          // width of the zone at the interface  [m]
+  std::vector<double> widths = {};  // widths of all zones from the interface outward; empty: all as the first  [m]
+  double density = 0.0;             // [kg/m3]
+  double shear_modulus = 0.0;       // [Pa]
   guest::FarEnd far_end = guest::FAR_END_TRANSMITTING;
 
+  double width(std::size_t zone) const { return widths.empty() ? zone_width : widths[zone]; }
   double wave_speed() const;                                            // [m/s]
   double impedance() const;                                             // shear impedance rho c  [Pa s/m]
   double transit_time() const { return zone_width / wave_speed(); }     // wave transit time of one zone  [s]
-  double half_zone_mass() const { return 0.5 * density * zone_width; }  // mass of half a zone per area  [kg/m2]
+  double half_zone_mass() const { return 0.5 * density * zone_width; }  // half the zone at the interface  [kg/m2]
+  double last_half_zone_mass() const;                                   // half the zone at the far end  [kg/m2]
 };
 
 struct ShearBody {
@@ -60,6 +64,15 @@ void accelerate_interface(ShearBody& body, double dt, std::span<const double> tr
 
 // Advances the stresses from time level n to n+1 with the velocities at n+1/2. The body is elastic.
 void strain(ShearBody& body, double dt);
+
+// A place in a body at a given distance from the interface, between nodes `node` and `node` + 1.
+struct BodyPlace {
+  std::size_t node = 0;
+  double weight = 0.0;  // of node + 1; the rest is that of `node`
+};
+// Returns the place; nothing if the body is shorter.
+std::optional<BodyPlace> place_at(const BodyMesh& mesh, double distance);
+double velocity_at(const ShearBody& body, const BodyPlace& place, std::size_t column);
 
 // Returns the momentum of one column  [Pa s].
 double momentum(const ShearBody& body, std::size_t column);

@@ -13,6 +13,7 @@ ShearColumn::ShearColumn(const ColumnProblem& problem)
       pressure_(problem.pressure),
       soft_(problem.soft, problem.initial_jump),
       hard_(problem.hard, std::vector<double>(problem.columns, 0.0)),
+      law_has_layers_(problem.law_has_layers),
       inputs_(problem.columns),
       answer_(problem.columns),
       friction_work_(problem.columns, 0.0),
@@ -23,6 +24,10 @@ ShearColumn::ShearColumn(const ColumnProblem& problem)
     inputs_.mass_soft[i] = soft_.mesh.half_zone_mass();
     inputs_.mass_hard[i] = hard_.mesh.half_zone_mass();
   }
+  if (!problem.yields) return;
+  bulk_.emplace(problem.soft_material, problem.hard_material, soft_, hard_, problem.initial_temperature,
+                problem.conducts_across);
+  inputs_.soft_plastic_strain_rate.assign(problem.columns, 0.0);
 }
 
 // Advances by one step. The run starts at t = 0 with velocities and stresses at the same time; the first half step
@@ -46,8 +51,13 @@ void ShearColumn::advance(InterfaceLaw& law) {
   accelerate(soft_, inputs_.dt);
   accelerate(hard_, inputs_.dt);
   apply_answer();
-  // 4. elastic stresses of both bodies from the new velocities                                         DLP (62)
-  strain(soft_, dt_);
+  // 4. stresses of both bodies from the new velocities                                                 DLP (62)
+  if (bulk_) {
+    bulk_->strain_soft(soft_, dt_, inputs_.pressure);
+    heat_zones();
+  } else {
+    strain(soft_, dt_);
+  }
   strain(hard_, dt_);
 }
 
@@ -56,6 +66,11 @@ void ShearColumn::gather_inputs() {
   inputs_.dt = step_length();
   inputs_.time = level + 0.5 * dt_;
   ++inputs_.step;
+  if (bulk_) {
+    inputs_.zone_temperature.assign(bulk_->temperature().begin(), bulk_->temperature().end());
+    inputs_.zone_plastic_strain.assign(bulk_->plastic_strain().begin(), bulk_->plastic_strain().end());
+    inputs_.soft_plastic_strain_rate.assign(bulk_->plastic_rate().begin(), bulk_->plastic_rate().end());
+  }
   const double* soft_stress = soft_.stress_at(0);
   const double* hard_stress = hard_.stress_at(0);
   for (std::size_t i = 0; i < inputs_.velocity_jump.size(); ++i) {
@@ -64,6 +79,17 @@ void ShearColumn::gather_inputs() {
     inputs_.stress_soft[i] = soft_stress[i];
     inputs_.stress_hard[i] = -hard_stress[i];  // tau of the hard body is -sigma_xz, as zeta = -z
   }
+}
+
+void ShearColumn::heat_zones() {
+  if (!law_has_layers_) {
+    std::vector<double> into_hard;
+    for (std::size_t i = 0; i < answer_.friction_heat.size(); ++i)
+      into_hard.push_back(answer_.shear_stress[i] * answer_.sliding_velocity[i] * inputs_.dt -
+                          answer_.friction_heat[i]);
+    bulk_->heat_interface(answer_.friction_heat, into_hard);
+  }
+  bulk_->conduct(dt_);
 }
 
 // Refuses answers of the interface law that are not finite or have an unknown regime. Without this check the fault
@@ -111,13 +137,15 @@ void ShearColumn::apply_answer() {
 }
 
 ShearColumn::Ledger ShearColumn::ledger(std::size_t column) const {
-  return {.momentum_start = momentum_start_[column],
-          .momentum_end = momentum(soft_, column) + momentum(hard_, column),
-          .impulse_of_far_ends = soft_.far_impulse[column] + hard_.far_impulse[column],
-          .energy_start = energy_start_[column],
-          .energy_end = energy(soft_, column, dt_) + energy(hard_, column, dt_),
-          .friction_work = friction_work_[column],
-          .work_of_far_ends = soft_.far_work[column] + hard_.far_work[column]};
+  return {
+      .momentum_start = momentum_start_[column],
+      .momentum_end = momentum(soft_, column) + momentum(hard_, column),
+      .impulse_of_far_ends = soft_.far_impulse[column] + hard_.far_impulse[column],
+      .energy_start = energy_start_[column],
+      .energy_end = (bulk_ ? bulk_->energy(soft_, column) : energy(soft_, column, dt_)) + energy(hard_, column, dt_),
+      .friction_work = friction_work_[column],
+      .plastic_work = bulk_ ? bulk_->plastic_work(column) : 0.0,
+      .work_of_far_ends = soft_.far_work[column] + hard_.far_work[column]};
 }
 
 }  // namespace shearbus::hydro

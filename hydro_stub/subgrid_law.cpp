@@ -140,9 +140,12 @@ std::string explain(const SceneText& scene, std::size_t nodes) {
 }
 
 SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
-                       std::span<const double> initial_temperature, const SubgridServer& server)
+                       std::span<const double> initial_temperature, const SubgridServer& server,
+                       std::span<const double> layer_thickness)
     : impl_(std::make_unique<Impl>(server, [&](Client& client) {
-        return client.open(scene.text, scene.file, node_ids, {.initial_temperature_k = initial_temperature});
+        OpenOptions options{.initial_temperature_k = initial_temperature};
+        if (!layer_thickness.empty()) options.parameters = {{.key = "layer.thickness_m", .values = layer_thickness}};
+        return client.open(scene.text, scene.file, node_ids, options);
       })) {}
 
 // Restores the layers from a mark (a named copy of their states in the server), then sets the same mark again. The

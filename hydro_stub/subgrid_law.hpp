@@ -37,8 +37,10 @@ std::string explain(const SceneText& scene, std::size_t nodes);
 class SubgridLaw : public InterfaceLaw {
  public:
   // Opens a session for the nodes. Throws wire::Error with the server's refusal.
+  // layer_thickness: of each node's layer; empty: the scene's  [m]
   SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
-             std::span<const double> initial_temperature, const SubgridServer& server = {});
+             std::span<const double> initial_temperature, const SubgridServer& server = {},
+             std::span<const double> layer_thickness = {});
   // Resumes the session of another process and restores the state `kept` that keep() saved there.
   SubgridLaw(const std::string& kept, const SubgridServer& server);
   ~SubgridLaw() override;  // a session that has a saved state and was not closed stays open

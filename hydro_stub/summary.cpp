@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <utility>
 
 #include "hydro_stub/summary_json.hpp"
@@ -17,6 +18,11 @@ namespace {
 constexpr std::array<const char*, 5> kRegimeNames = {"open", "stick", "Coulomb", "Tresca", "melting"};
 
 constexpr auto kCoulomb = static_cast<std::size_t>(wire::Regime::kCoulomb);
+
+double length_of(const BodyMesh& mesh) {
+  if (mesh.widths.empty()) return mesh.zone_width * static_cast<double>(mesh.zones);
+  return std::accumulate(mesh.widths.begin(), mesh.widths.end(), 0.0);
+}
 
 double seconds(std::chrono::nanoseconds time) {
   return std::chrono::duration<double>(time).count();
@@ -38,12 +44,22 @@ Summary::Summary(const ColumnProblem& problem, std::string interface_law, server
       dt_reason_(problem.dt_reason),
       soft_zones_(problem.soft.zones),
       hard_zones_(problem.hard.zones),
-      soft_length_(problem.soft.zone_width * static_cast<double>(problem.soft.zones)),
-      hard_length_(problem.hard.zone_width * static_cast<double>(problem.hard.zones)),
+      soft_length_(length_of(problem.soft)),
+      hard_length_(length_of(problem.hard)),
       soft_(problem.soft_material),
       heat_share_(physics::heat_partition(problem.soft_material, problem.hard_material)),
       melting_time_(problem.columns, -1.0),
-      slip_(problem.columns, 0.0) {}
+      slip_(problem.columns, 0.0),
+      friction_impulse_(problem.columns, 0.0),
+      yields_(problem.yields) {
+  for (std::size_t b = 0; b < kBands.size(); ++b) {
+    const auto soft = place_at(problem.soft, kBands[b]);
+    const auto hard = place_at(problem.hard, kBands[b]);
+    if (!soft || !hard) continue;
+    bands_[b].places = {*soft, *hard};
+    bands_[b].displacement.assign(problem.columns, 0.0);
+  }
+}
 
 double Summary::melting_threshold(double pressure) const {
   const bool rises = soft_.melting_curve != physics::MeltingCurve::kConstant;
@@ -60,8 +76,15 @@ void Summary::observe(const ShearColumn& column) {
     if (melting_time_[i] < 0.0 && temperature >= melting_threshold(column.inputs().pressure[i]))
       melting_time_[i] = column.time();
     slip_[i] += std::abs(answer.sliding_velocity[i]) * dt;
+    friction_impulse_[i] += answer.shear_stress[i] * dt;
     ++regime_count_[answer.regime[i]];
     heat_ += answer.friction_heat[i];
+  }
+  for (Band& band : bands_) {
+    if (!band.places) continue;
+    for (std::size_t i = 0; i < columns_; ++i)
+      band.displacement[i] +=
+          dt * (velocity_at(column.soft(), band.places->first, i) - velocity_at(column.hard(), band.places->second, i));
   }
   energy_.add(answer.energy);
   flagged_ += answer.flagged;
@@ -78,10 +101,10 @@ void Summary::finish(const ShearColumn& column, const RunTime& time) {
         std::max(momentum_residual_,
                  relative(ledger.momentum_residual(), std::abs(ledger.momentum_start) + std::abs(ledger.momentum_end) +
                                                           std::abs(ledger.impulse_of_far_ends)));
-    energy_residual_ =
-        std::max(energy_residual_, relative(ledger.energy_residual(), ledger.energy_start + ledger.energy_end +
-                                                                          std::abs(ledger.friction_work) +
-                                                                          std::abs(ledger.work_of_far_ends)));
+    energy_residual_ = std::max(
+        energy_residual_,
+        relative(ledger.energy_residual(), ledger.energy_start + ledger.energy_end + std::abs(ledger.friction_work) +
+                                               std::abs(ledger.plastic_work) + std::abs(ledger.work_of_far_ends)));
   }
 }
 
@@ -94,8 +117,9 @@ std::string Summary::text() const {
   out += fmt::format("{}, interface law {}\n", name_, interface_law_);
   line("columns, steps",
        fmt::format("{}, {} of {:.6g} ns ({}), to {:.6g} µs", columns_, steps_, dt_ * 1e9, dt_reason_, end_time_ * 1e6));
-  line("bodies", fmt::format("soft {:.4g} mm in {} zones, hard {:.4g} mm in {} zones; elastic", soft_length_ * 1e3,
-                             soft_zones_, hard_length_ * 1e3, hard_zones_));
+  line("bodies",
+       fmt::format("soft {:.4g} mm in {} zones, hard {:.4g} mm in {} zones; {}", soft_length_ * 1e3, soft_zones_,
+                   hard_length_ * 1e3, hard_zones_, yields_ ? "the soft one yields" : "elastic"));
   line("peak temperature",
        fmt::format("{:.2f} K in column {} at {:.6g} µs", peak_.value, peak_.node, peak_.time * 1e6));
   const auto melted = std::ranges::count_if(melting_time_, [](double t) { return t >= 0.0; });
@@ -106,9 +130,18 @@ std::string Summary::text() const {
   } else {
     line("0.99 T_melt", fmt::format("not reached ({:.1f} K at rest)", melting_threshold(0.0)));
   }
-  const auto [least, most] = std::ranges::minmax_element(slip_);
-  line("slip distance", columns_ == 1 ? fmt::format("{:.6g} µm", *least * 1e6)
-                                      : fmt::format("{:.6g} to {:.6g} µm", *least * 1e6, *most * 1e6));
+  const auto range = [&](const std::vector<double>& values, double scale, const char* unit) {
+    const auto [least, most] = std::ranges::minmax_element(values);
+    return columns_ == 1 ? fmt::format("{:.6g} {}", *least * scale, unit)
+                         : fmt::format("{:.6g} to {:.6g} {}", *least * scale, *most * scale, unit);
+  };
+  line("slip distance", range(slip_, 1e6, "µm"));
+  for (std::size_t b = 0; b < kBands.size(); ++b) {
+    if (bands_[b].places)
+      line("metal against metal",
+           fmt::format("{} over +-{:g} mm", range(bands_[b].displacement, 1e6, "µm"), kBands[b] * 1e3));
+  }
+  line("friction impulse", range(friction_impulse_, 1.0, "Pa s"));
   std::string shares;
   for (const std::size_t r : {1U, 2U, 3U, 4U, 0U}) {
     const char* regime = r == kCoulomb && slips_freely() ? "free slip" : kRegimeNames[r];
@@ -161,6 +194,11 @@ std::string Summary::json() const {
                                 {"friction_work_j_per_m2", friction_work_},
                                 {"heat_into_soft_body_j_per_m2", heat_},
                                 {"heat_partition", heat_share_}};
+  for (std::size_t b = 0; b < kBands.size(); ++b) {
+    if (bands_[b].places)
+      out["displacement"].push_back({{"band_m", kBands[b]}, {"displacement_m", bands_[b].displacement}});
+  }
+  out["friction_impulse_pa_s"] = friction_impulse_;
   if (!energy_.empty()) out["layer_energy"] = as_json(energy_);
   if (!omitted_.lines.empty()) out["omitted"] = as_json(omitted_);
   out["momentum_residual"] = momentum_residual_;

@@ -64,6 +64,16 @@ class Summary {
   // first time at which the interface temperature of each node reached melting_threshold(); negative: not reached  [s]
   std::vector<double> melting_time_;
   std::vector<double> slip_;  // slip distance of each node, the integral of |sliding velocity| dt  [m]
+  // Displacement of the soft against the hard metal over +-kBands of the interface, per column; empty where a body is
+  // shorter  [m]
+  static constexpr std::array<double, 3> kBands = {0.1e-3, 0.5e-3, 1e-3};  // [m]
+  struct Band {
+    std::optional<std::pair<BodyPlace, BodyPlace>> places;  // in the soft and in the hard body
+    std::vector<double> displacement;
+  };
+  std::array<Band, kBands.size()> bands_;
+  std::vector<double> friction_impulse_;  // integral of s dt of each column  [Pa s]
+  bool yields_;
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // friction heat that entered the soft bodies, sum over nodes  [J/m2]
   wire::EnergyTotals energy_;

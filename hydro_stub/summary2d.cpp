@@ -74,6 +74,41 @@ std::string Summary2d::flank_text() const {
   return out;
 }
 
+// The displacement of metal against metal, which converges where slip gives way to shear of the metal, and the impulse.
+std::string Summary2d::displacement_text() const {
+  std::string bands;
+  for (std::size_t band = 0; band < MetalBands::kDistances.size(); ++band) {
+    if (const std::optional<double> mean = interface.mean_displacement(band))
+      bands += fmt::format("{}{:.4f} mm over +-{:g} mm", bands.empty() ? "mean " : ", ", 1e3 * *mean,
+                           1e3 * MetalBands::kDistances[band]);
+  }
+  std::string out;
+  if (!bands.empty()) out += fmt::format("  metal against metal     {} of the interface\n", bands);
+  return out + fmt::format("  friction impulse        mean {:.1f} Pa s\n", interface.mean_friction_impulse());
+}
+
+// Whether the interface slips on every mesh, and what was set from the mesh.
+std::string Summary2d::strength_text() const {
+  std::string out;
+  if (strength && strength->cold) {
+    out += fmt::format(
+        "  interface strength      {:.0f} MPa cold; Y* {:.0f} MPa, which soft metal reaches at strain {:.2f}, {:.0f} "
+        "K: {}\n",
+        1e-6 * *strength->cold, 1e-6 * strength->metal.stress, strength->metal.strain, strength->metal.temperature,
+        strength->too_strong() ? "on fine zones the metal shears in place of slip"
+                               : "the interface slips on every mesh");
+  }
+  if (interface.has_critical_jump())
+    out += fmt::format("  jumps above V_crit      at {} of {} nodes, which plastic waves cannot take up\n",
+                       interface.nodes_above_critical_jump(), interface.nodes());
+  if (!layer_thickness.empty()) {
+    const auto [thinnest, thickest] = std::ranges::minmax(layer_thickness);
+    out += fmt::format("  layers                  half a wall zone thick, {:.4g} to {:.4g} um\n", 1e6 * thinnest,
+                       1e6 * thickest);
+  }
+  return out;
+}
+
 std::string Summary2d::text() const {
   const Ledger end = cycle.ledger();
   const bool has_axis = cycle.mesh().symmetry() == lagrange::Symmetry::kAxisymmetric;
@@ -91,17 +126,18 @@ std::string Summary2d::text() const {
         "  regime shares           open {:.1f} %, stick {:.1f} %, {} {:.1f} %, Tresca {:.1f} %, melting {:.1f} % of "
         "the node-steps\n"
         "  slip distance           mean {:.4f} mm, longest {:.4f} mm\n"
+        "{}"
         "  hottest interface       {:.1f} K; highest pressure {:.3f} GPa\n"
         "  friction heat           {:.4f} {} of {:.1f} kinetic at the start; closing the gaps {:.4f}\n",
         share(wire::Regime::kOpen), share(wire::Regime::kStick), sliding_name(), share(wire::Regime::kCoulomb),
         share(wire::Regime::kTresca), share(wire::Regime::kMelting), 1e3 * interface.mean_slip(),
-        1e3 * interface.longest_slip(), interface.hottest(), 1e-9 * interface.highest_pressure(),
+        1e3 * interface.longest_slip(), displacement_text(), interface.hottest(), 1e-9 * interface.highest_pressure(),
         turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
     if (!start_temperature.empty())
       out += fmt::format("  layers start            at the shocked zones' {:.1f} to {:.1f} K, mean {:.1f}\n",
                          *std::ranges::min_element(start_temperature), *std::ranges::max_element(start_temperature),
                          mean_of(start_temperature));
-    out += flank_text();
+    out += flank_text() + strength_text();
   }
   for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
   for (const Comparison& c : comparisons) {
@@ -147,6 +183,18 @@ std::string Summary2d::json() const {
     out["share_melting"] = interface.share(wire::Regime::kMelting);
     out["mean_slip_m"] = interface.mean_slip();
     out["longest_slip_m"] = interface.longest_slip();
+    for (std::size_t band = 0; band < MetalBands::kDistances.size(); ++band) {
+      if (const std::optional<double> mean = interface.mean_displacement(band))
+        out["displacement"].push_back({{"band_m", MetalBands::kDistances[band]}, {"mean_m", *mean}});
+    }
+    out["mean_friction_impulse_pa_s"] = interface.mean_friction_impulse();
+    if (strength) {
+      if (strength->cold) out["interface_strength_pa"] = *strength->cold;
+      out["metal_peak_strength"] = {{"stress_pa", strength->metal.stress},
+                                    {"strain", strength->metal.strain},
+                                    {"temperature_k", strength->metal.temperature}};
+    }
+    if (interface.has_critical_jump()) out["nodes_above_critical_jump"] = interface.nodes_above_critical_jump();
     out["peak_interface_temperature_k"] = interface.hottest();
     out["peak_pressure_pa"] = interface.highest_pressure();
     out[has_axis ? "friction_heat_j" : "friction_heat_j_per_m"] = turn * end.friction_heat;
@@ -162,7 +210,12 @@ std::string Summary2d::json() const {
     out["slip_pressure_root_time_pa_s_half"] = interface.mean_pressure_root_time();
     out["interface"] = {{"slip_m", nodes.slip},
                         {"peak_pressure_pa", nodes.highest_pressure},
-                        {"peak_sliding_velocity_m_per_s", nodes.fastest_slip}};
+                        {"peak_sliding_velocity_m_per_s", nodes.fastest_slip},
+                        {"displacement_half_mm_m", nodes.displacement_half_mm},
+                        {"displacement_one_mm_m", nodes.displacement_one_mm},
+                        {"friction_impulse_pa_s", nodes.friction_impulse}};
+    if (interface.has_critical_jump()) out["interface"]["critical_jump_share"] = nodes.critical_jump_share;
+    if (!layer_thickness.empty()) out["interface"]["layer_thickness_m"] = layer_thickness;
     if (!start_temperature.empty()) out["interface"]["start_temperature_k"] = start_temperature;
     if (interface.has_bound()) {
       out["bound_used_most"] = interface.most_bound_used();
@@ -179,6 +232,7 @@ std::string Summary2d::json() const {
   out["energy_residual"] = energy;
   out["momentum_residual"] = momentum;
   out["run_time_s"] = time.total;
+  out["cpu_time_s"] = time.cpu;
   return out.dump(2) + '\n';
 }
 

@@ -30,6 +30,8 @@ struct Summary2d {
   const lagrange::Ledger& start;
   const InterfaceHistory& interface;
   std::vector<double> start_temperature;  // of each node's layer, where it is not that of the scene  [K]
+  std::vector<double> layer_thickness;    // of each node's layer, where it is not that of the scene  [m]
+  std::optional<InterfaceStrength> strength;
   std::optional<Envelope> published;
   std::vector<Comparison> comparisons;
   RunTime2d time;
@@ -38,6 +40,8 @@ struct Summary2d {
   std::string text() const;
   std::string json() const;
 
+  std::string displacement_text() const;
+  std::string strength_text() const;
   std::string flank_text() const;  // the part of text() on an interface
   // Free slip has the regime code of Coulomb friction, with a limit of 0, and a name of its own.
   bool slips_freely() const { return interface_law == "free_slip"; }

@@ -1,14 +1,13 @@
 #include "server/embedded.hpp"
 
-#include <pthread.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <cstdint>
 #include <stdexcept>
 #include <thread>
 
+#include "proto/wire/host_process.hpp"
 #include "server/server.hpp"
 
 namespace shearbus::server {
@@ -16,27 +15,10 @@ namespace {
 
 constexpr const char* kEndpoint = "inproc://shearbus";  // one name suffices: each server has its own context
 
-// Blocks all signals for threads that are started during its lifetime, so that the signals go to
-// the threads of the host program.
-class SignalsBlocked {
- public:
-  SignalsBlocked() {
-    sigset_t all;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &previous_);
-  }
-  SignalsBlocked(const SignalsBlocked&) = delete;
-  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
-  ~SignalsBlocked() { pthread_sigmask(SIG_SETMASK, &previous_, nullptr); }
-
- private:
-  sigset_t previous_{};
-};
-
 class StopEvent {
  public:
   StopEvent() : file_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-    if (file_ < 0) throw std::runtime_error("the embedded server got no eventfd: too many open files");
+    if (file_ < 0) throw std::runtime_error("the embedded server got no eventfd: " + wire::limit_of_files());
   }
   StopEvent(const StopEvent&) = delete;
   StopEvent& operator=(const StopEvent&) = delete;
@@ -59,7 +41,7 @@ struct Embedded::Impl {
   explicit Impl(const ServerOptions& options) : server(options) {
     server.bind(kEndpoint);
     server.recover();
-    thread = std::thread([this] {
+    thread = wire::own_thread([this] {
       try {
         server.run(stop.file());
       } catch (const std::exception&) {
@@ -81,7 +63,9 @@ struct Embedded::Impl {
 };
 
 Embedded::Embedded(const ServerOptions& options) {
-  const SignalsBlocked blocked;
+  // What the constructors compute here, and the threads that libzmq starts, have no more of the host's than own threads.
+  const wire::SignalsBlocked blocked;
+  const wire::DefaultFloatingPoint floating_point;
   impl_ = std::make_unique<Impl>(options);
 }
 Embedded::Embedded(Embedded&&) noexcept = default;

@@ -16,7 +16,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
-#include <fstream>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -103,10 +103,11 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "Recover without this session, given by the first 8 or more digits of its id, repeatable. Its states "
                  "and requests are set aside in files dropped-*; the other sessions are untouched")
       ->type_name("ID");
-  app.add_option(
-         "--drop-record", options.drop_records,
-         "Recover without this record of the journal and the later ones of its session, repeatable: the session "
-         "stands before it")
+  shearbus::wire::whole_number(
+      app.add_option(
+          "--drop-record", options.drop_records,
+          "Recover without this record of the journal and the later ones of its session, repeatable: the session "
+          "stands before it"))
       ->type_name("NUMBER");
   app.add_flag("--accept-empty", options.accept_empty,
                "Where the state directory cannot be used, set its files aside and start without states");
@@ -119,8 +120,9 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "With --record: only sessions of this scene's name or domain, repeatable")
       ->type_name("NAME")
       ->needs(record);
-  app.add_option("--allow-uid", options.allow_uids,
-                 "Users who may connect by ipc, by number, repeatable; by default the one the server runs as")
+  shearbus::wire::whole_number(
+      app.add_option("--allow-uid", options.allow_uids,
+                     "Users who may connect by ipc, by number, repeatable; by default the one the server runs as"))
       ->type_name("UID");
   app.add_option("--curve-secret", options.curve_secret,
                  "File of the server's secret key, from shearbus-ctl keygen: tcp clients must have keys, too")
@@ -143,20 +145,48 @@ constexpr const char* kFooter = R"(Examples:
 Exit codes: 0 stopped, 1 a fault, 2 a wrong command line, 3 the time of a drain was over and
 sessions were open.)";
 
+// Every line of a log begins with its time.
+bool is_log(const std::filesystem::path& file) {
+  const std::string text = shearbus::wire::head_of(file, 11);
+  return text.size() == 11 && text[4] == '-' && text[7] == '-' && text[10] == 'T' &&
+         text.find_first_not_of("0123456789-T") == std::string::npos;
+}
+constexpr shearbus::wire::FileKind kLogFile = {"a log of shearbus-server", is_log};
+
+// Throws for an output that is an input, or that would write over or into a file of another kind.
+void check_outputs(const ServerOptions& options) {
+  const std::array<shearbus::wire::InputFile, 2> inputs = {
+      {{"--curve-secret", options.curve_secret}, {"--authorized-keys", options.authorized_keys}}};
+  shearbus::wire::refuse_inputs_as_output("--endpoint-file", options.endpoint_file, inputs);
+  shearbus::wire::refuse_inputs_as_output("--log-file", options.log_file, inputs);
+  if (!options.endpoint_file.empty())
+    shearbus::wire::check_output(options.endpoint_file, shearbus::wire::kEndpointFile);
+  std::error_code ignored;
+  const bool device = std::filesystem::is_character_file(options.log_file, ignored) ||
+                      std::filesystem::is_fifo(options.log_file, ignored);
+  if (!options.log_file.empty() && !device) shearbus::wire::check_output(options.log_file, kLogFile);
+}
+
+// A line that reports a failure begins with this word.
+spdlog::level::level_enum level_of(const std::string& line) {
+  return line.starts_with("FAILED: ") ? spdlog::level::err : spdlog::level::info;
+}
+
 void start_log(const ServerOptions& options) {
   spdlog::sink_ptr sink;
   if (options.log_file.empty()) {
     sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
   } else {
+    const std::string file = shearbus::wire::target_of_output(options.log_file).string();
     // The logging library would make the file with mode 0666.
-    const int made = ::open(options.log_file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0640);
+    const int made = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0640);
     if (made >= 0) ::close(made);
-    sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(options.log_file);
+    sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file);
   }
   auto logger = std::make_shared<spdlog::logger>("shearbus-server", std::move(sink));
   logger->set_level(spdlog::level::from_str(options.log_level));
   logger->flush_on(spdlog::level::info);
-  logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %^%l%$ %v");
+  logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
   spdlog::set_default_logger(std::move(logger));
 }
 
@@ -180,20 +210,21 @@ int block_stop_signals() {
 // there.
 class PublishedEndpoint {
  public:
-  PublishedEndpoint(std::string file, const shearbus::wire::EndpointFile& contents)
-      : file_(std::move(file)), text_(text_of(contents)) {
-    shearbus::wire::write_whole(file_, text_);
+  PublishedEndpoint(const std::string& file, const shearbus::wire::EndpointFile& contents)
+      : file_(shearbus::wire::target_of_output(file)), text_(text_of(contents)) {
+    shearbus::wire::write_whole(file_, shearbus::wire::kEndpointFile, text_);
   }
   PublishedEndpoint(const PublishedEndpoint&) = delete;
   PublishedEndpoint& operator=(const PublishedEndpoint&) = delete;
   ~PublishedEndpoint() {
-    std::string found(text_.size() + 1, '\0');
-    std::ifstream(file_).read(found.data(), static_cast<std::streamsize>(found.size()));
-    if (found.compare(0, text_.size(), text_) == 0) ::unlink(file_.c_str());
+    std::error_code ignored;
+    if (std::filesystem::symlink_status(file_, ignored).type() == std::filesystem::file_type::regular &&
+        shearbus::wire::head_of(file_, text_.size() + 1) == text_)
+      ::unlink(file_.c_str());
   }
 
  private:
-  std::string file_;
+  std::filesystem::path file_;
   std::string text_;
 };
 
@@ -205,6 +236,7 @@ std::string host_name() {
 
 // Returns the exit code.
 int run(const ServerOptions& options) {
+  check_outputs(options);
   const int stop_fd = block_stop_signals();
   start_log(options);
   ServiceManager manager;
@@ -223,7 +255,7 @@ int run(const ServerOptions& options) {
       options.record_dir.empty() ? "none" : options.record_dir, options.log_level);
   bool sessions_open = false;
   {
-    Server server(options, {.info = [](const std::string& line) { spdlog::info("{}", line); },
+    Server server(options, {.info = [](const std::string& line) { spdlog::log(level_of(line), "{}", line); },
                             .debug = [](const std::string& line) { spdlog::debug("{}", line); }});
     if (!options.curve_secret.empty())
       spdlog::info("clients by tcp need this server key: {}", server.access().public_key());

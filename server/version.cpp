@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <climits>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -39,9 +38,9 @@ std::string registers_text() {
 
 // A word as a shell reads it: in quotes if it has anything but letters, digits and harmless marks.
 std::string quoted(std::string_view word) {
-  const auto harmless = [](unsigned char c) {
-    return std::isalnum(c) != 0 || c >= 0x80 ||
-           std::string_view("_-+=:,./@%").find(static_cast<char>(c)) != std::string_view::npos;
+  const auto harmless = [](char c) {
+    return wire::is_ascii_alphanumeric(c) || static_cast<unsigned char>(c) >= 0x80 ||
+           std::string_view("_-+=:,./@%").find(c) != std::string_view::npos;
   };
   if (!word.empty() && std::ranges::all_of(word, harmless)) return std::string(word);
   std::string text = "'";

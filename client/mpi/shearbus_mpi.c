@@ -65,8 +65,8 @@ static int is_in_doubt(int code) {
 }
 
 /* Gives all ranks the fault of one: of the lowest rank whose request may have run, else of the lowest that was
- * refused. */
-static int agree(shearbus_mpi* ranks, int code, shearbus_status* status) {
+ * refused. The text names that rank, or `whose` if that is none of them: the rank whose values are at fault. */
+static int agree_on(shearbus_mpi* ranks, int code, shearbus_status* status, int whose) {
   if (code == SHEARBUS_OK && ranks->mpi_fault != MPI_SUCCESS) {
     char text[MPI_MAX_ERROR_STRING] = "";
     int length = 0;
@@ -80,7 +80,7 @@ static int agree(shearbus_mpi* ranks, int code, shearbus_status* status) {
   const int from = first % ranks->size;
   shearbus_status theirs = *status;
   if (ranks->rank == from) {
-    const int prefix = snprintf(theirs.text, sizeof theirs.text, "rank %d: ", from);
+    const int prefix = snprintf(theirs.text, sizeof theirs.text, "rank %d: ", whose < 0 ? from : whose);
     snprintf(theirs.text + prefix, sizeof theirs.text - (size_t)prefix, "%.*s", (int)(sizeof theirs.text - 32),
              status->code == code ? status->text : shearbus_code_name(code));
     theirs.code = code;
@@ -88,6 +88,10 @@ static int agree(shearbus_mpi* ranks, int code, shearbus_status* status) {
   mpi(ranks, MPI_Bcast(&theirs, (int)sizeof theirs, MPI_BYTE, from, ranks->comm));
   *status = theirs;
   return theirs.code;
+}
+
+static int agree(shearbus_mpi* ranks, int code, shearbus_status* status) {
+  return agree_on(ranks, code, status, -1);
 }
 
 /* The caller's status, or one of our own where there is none that can be filled. */
@@ -1008,6 +1012,19 @@ static int step_all(shearbus_session* session, const shearbus_request* request, 
   return shearbus_step(session, &whole, result, status);
 }
 
+/* Rank 0: the rank whose row has the first node that the fault of a step names; -1 if it names none. */
+static int rank_at_fault(const shearbus_mpi* ranks, const shearbus_session* session, const uint64_t* ids, size_t rows,
+                         const int* at, const shearbus_status* status) {
+  if (ids == NULL && shearbus_node_count(session) == rows) ids = shearbus_node_ids(session);
+  if (ids == NULL || status->n_nodes == 0) return -1;
+  size_t row = 0;
+  while (row < rows && ids[row] != status->nodes[0]) ++row;
+  if (row == rows) return -1;
+  int rank = ranks->size - 1;
+  while (rank > 0 && (size_t)at[rank] > row) --rank;
+  return rank;
+}
+
 int shearbus_mpi_step_on_root(shearbus_mpi* ranks, shearbus_session* session, const shearbus_request* request,
                               shearbus_result* result, shearbus_status* status) {
   shearbus_status own = SHEARBUS_STATUS_INIT;
@@ -1066,8 +1083,13 @@ int shearbus_mpi_step_on_root(shearbus_mpi* ranks, shearbus_session* session, co
       mpi(ranks, MPI_Gatherv(own_rows.in + c * size, n, MPI_DOUBLE, all.in + c * on_root, rows, at, MPI_DOUBLE, 0,
                              ranks->comm));
     }
-    if (ranks->rank == 0) code = step_all(session, request, on_root, &all, &answer, status);
-    code = agree(ranks, code, status);
+    int whose = -1;
+    if (ranks->rank == 0) {
+      code = step_all(session, request, on_root, &all, &answer, status);
+      if (code != SHEARBUS_OK)
+        whose = rank_at_fault(ranks, session, mine.with_node_ids ? all.ids : NULL, on_root, at, status);
+    }
+    code = agree_on(ranks, code, status, whose);
   }
   if (code == SHEARBUS_OK) {
     for (size_t c = 0; c < mine.n_outputs; ++c) {

@@ -4,19 +4,23 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
-#include <fstream>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "client/replay/table.hpp"
+#include "client/replay/text_lines.hpp"
 #include "proto/wire/columns.hpp"
 #include "proto/wire/limits.hpp"
+#include "proto/wire/numbers.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
+#include "proto/wire/units.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -24,44 +28,34 @@ namespace {
 using wire::Code;
 using wire::Error;
 
-struct Unit {
-  const char* name;
-  const char* si;
-  double factor;
-};
-constexpr std::array kUnits = {Unit{"s", "s", 1.0},           Unit{"ms", "s", 1e-3},
-                               Unit{"us", "s", 1e-6},         Unit{"\u00b5s", "s", 1e-6},
-                               Unit{"\u03bcs", "s", 1e-6},    Unit{"ns", "s", 1e-9},
-                               Unit{"ps", "s", 1e-12},        Unit{"Pa", "Pa", 1.0},
-                               Unit{"kPa", "Pa", 1e3},        Unit{"MPa", "Pa", 1e6},
-                               Unit{"GPa", "Pa", 1e9},        Unit{"bar", "Pa", 1e5},
-                               Unit{"kbar", "Pa", 1e8},       Unit{"Mbar", "Pa", 1e11},
-                               Unit{"m/s", "m/s", 1.0},       Unit{"mm/s", "m/s", 1e-3},
-                               Unit{"km/s", "m/s", 1e3},      Unit{"mm/us", "m/s", 1e3},
-                               Unit{"cm/us", "m/s", 1e4},     Unit{"kg/m2", "kg/m2", 1.0},
-                               Unit{"g/cm2", "kg/m2", 10.0},  Unit{"K", "K", 1.0},
-                               Unit{"1/s", "1/s", 1.0},       Unit{"1/ms", "1/s", 1e3},
-                               Unit{"1/us", "1/s", 1e6},      Unit{"1/ns", "1/s", 1e9},
-                               Unit{"Pa s/m", "Pa s/m", 1.0}, Unit{"MPa s/m", "Pa s/m", 1e6},
-                               Unit{"J/m2", "J/m2", 1.0}};
-
-// The SI unit of a quantity that a table may hold; null for any other name.
-const char* unit_of(std::string_view name) {
-  if (name == "time" || name == "dt") return "s";
-  if (name == "node_id" || name == "node") return "";
-  if (name == "initial_temperature") return "K";
-  if (name == "pair" || name.starts_with("parameter/")) return "";
-  if (name == "initial_velocity_jump" || name == "initial_velocity_jump_second") return "m/s";
-  for (const wire::ColumnRow& column : wire::column_rows())
-    for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
-      if (column.kind != wire::Kind::kNode && wire::quantity_of(column.field, component) == name) return column.unit;
-  return nullptr;
-}
-
 struct CsvColumn {
   std::string name;  // empty: the column is left out
   double factor = 1.0;
 };
+
+// The names that a replay reads, in the order of a table.
+const std::vector<std::string>& read_names() {
+  static const std::vector<std::string> kNames = [] {
+    std::vector<std::string> names = {"time", "dt", "node", "node_id", "pair", "initial_temperature"};
+    for (const char* name : {"initial_velocity_jump", "initial_velocity_jump_second"}) names.emplace_back(name);
+    for (const wire::ColumnRow& column : wire::column_rows())
+      for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
+        if (column.kind == wire::Kind::kInput) names.push_back(wire::quantity_of(column.field, component));
+    return names;
+  }();
+  return kNames;
+}
+
+// The name that was meant by one that no table has; empty: none is near.
+std::string near_name(std::string_view name) {
+  std::string lower(name);
+  std::ranges::transform(lower, lower.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c; });
+  std::ranges::replace(lower, ' ', '_');
+  const std::vector<std::string>& known = read_names();
+  constexpr std::size_t kShort = 5;  // of shorter words, most are near to each other
+  if (lower.size() < kShort) return std::ranges::find(known, lower) != known.end() ? lower : std::string();
+  return std::string(wire::nearest(lower, std::vector<std::string_view>(known.begin(), known.end())));
+}
 
 std::string_view trimmed(std::string_view text) {
   constexpr std::string_view kBlank = " \t\r\"";
@@ -80,31 +74,69 @@ std::vector<std::string_view> cells_of(std::string_view line, char separator) {
   }
 }
 
-std::optional<double> number_of(std::string_view text, bool decimal_comma) {
-  std::string copy(text);
-  if (decimal_comma) {
-    if (std::ranges::count(copy, ',') > 1 || (copy.find(',') != copy.npos && copy.find('.') != copy.npos))
-      return std::nullopt;
-    std::ranges::replace(copy, ',', '.');
+// "pressure [GPa]", "pressure (GPa)", "pressure_GPa" or, with the mark ':', "pressure:GPa", as name and unit.
+std::pair<std::string_view, std::string_view> parts_of(std::string_view cell, char mark) {
+  const auto at = mark == ':' ? cell.find(':') : cell.find_first_of("[(");
+  if (at != std::string_view::npos) {
+    std::string_view unit = trimmed(cell.substr(at + 1));
+    if (mark != ':' && !unit.empty()) unit = trimmed(unit.substr(0, unit.size() - 1));
+    return {trimmed(cell.substr(0, at)), unit};
   }
-  const char* first = copy.c_str() + (copy.starts_with('+') ? 1 : 0);
-  const char* const last = copy.c_str() + copy.size();
-  double value = 0.0;
-  const auto [end, fault] = std::from_chars(first, last, value);
-  if (fault != std::errc() || end != last || !std::isfinite(value)) return std::nullopt;
-  return value;
+  const auto line = cell.rfind('_');
+  if (wire::unit_of_quantity(cell) == nullptr && line != std::string_view::npos)
+    if (const std::string_view name = cell.substr(0, line);
+        wire::unit_of_quantity(name) != nullptr || !near_name(name).empty())
+      return {name, cell.substr(line + 1)};
+  return {cell, {}};
+}
+
+// A ready option for the columns of a first line, with what their names and units are near to.
+std::string columns_option(const std::vector<std::string_view>& cells) {
+  std::vector<std::string> words;
+  for (const std::string_view cell : cells) {
+    const auto [name, unit] = parts_of(cell, '[');
+    const std::string meant = wire::unit_of_quantity(name) != nullptr ? std::string(name) : near_name(name);
+    const char* const si = meant.empty() ? nullptr : wire::unit_of_quantity(meant);
+    if (si == nullptr)
+      words.emplace_back("-");
+    else if (*si == '\0')
+      words.push_back(meant);
+    else
+      words.push_back(fmt::format("{}:{}", meant, wire::factor_to_si(unit, si) ? std::string(unit) : si));
+  }
+  return fmt::format("--columns {}", fmt::join(words, ","));
+}
+
+std::optional<double> number_of(std::string_view text, bool decimal_comma) {
+  if (!decimal_comma || text.find(',') == text.npos) return wire::real_of(text);
+  if (std::ranges::count(text, ',') > 1 || text.find('.') != text.npos) return std::nullopt;
+  std::string copy(text);
+  std::ranges::replace(copy, ',', '.');
+  return wire::real_of(copy);
+}
+
+// An id: digits, or a whole number as other programs write it ("7.0"), which a double holds exactly.
+std::optional<std::uint64_t> id_of(std::string_view text, bool decimal_comma) {
+  constexpr double kMostExact = 9007199254740992.0;  // 2^53
+  if (const auto id = wire::count_of(text)) return id;
+  const auto value = number_of(text, decimal_comma);
+  if (!value || *value < 0 || *value > kMostExact || *value != std::floor(*value)) return std::nullopt;
+  return static_cast<std::uint64_t>(*value);
 }
 
 class CsvReader {
  public:
-  explicit CsvReader(std::filesystem::path file) : file_(std::move(file)), stream_(file_) {
-    if (!stream_) throw Error({.code = Code::kInvalidValue, .text = file_.string() + ": cannot be read"});
-  }
+  explicit CsvReader(const std::filesystem::path& file) : file_(file), lines_(file) {}
 
   MemoryTable read(const std::string& columns) {
     if (!next_line()) refuse("holds no table");
+    const bool separator_named = line_.size() == 5 && line_.starts_with("sep=");  // as Excel writes it
+    if (separator_named) {
+      separator_ = line_[4];
+      if (!next_line()) refuse("holds no table");
+    }
     for (const char separator : {';', '\t'})
-      if (line_.find(separator) != line_.npos) separator_ = separator;
+      if (!separator_named && line_.find(separator) != line_.npos) separator_ = separator;
     const bool has_names = !number_of(cells_of(line_, separator_).front(), separator_ != ',');
     if (!columns.empty())
       for (const std::string_view word : cells_of(columns, ',')) columns_.push_back(column_of(word, ':'));
@@ -112,7 +144,7 @@ class CsvReader {
       for (const std::string_view cell : cells_of(line_, separator_)) columns_.push_back(column_of(cell, '['));
     else
       refuse("the first line has no names", "Name the columns: --columns time:us,pressure:GPa,velocity_jump:m/s");
-    check_columns();
+    check_columns(columns.empty());
     if (has_names && !next_line()) refuse("has no rows");
     do read_row();
     while (next_line());
@@ -128,60 +160,95 @@ class CsvReader {
                  .remedy = remedy,
                  .field = field});
   }
+  [[noreturn]] void refuse_row(std::size_t row, const std::string& what, const std::string& remedy,
+                               const std::string& field) {
+    number_ = row_lines_[row];
+    refuse(what, remedy, field);
+  }
 
   // Skips empty lines and comments. Returns false at the end of the file.
   bool next_line() {
-    while (std::getline(stream_, line_)) {
-      if (++number_ == 1 && line_.starts_with("\xef\xbb\xbf")) line_.erase(0, 3);
+    while (lines_.next(line_)) {
+      number_ = lines_.number();
       if (const std::string_view text = trimmed(line_); !text.empty() && text.front() != '#') return true;
     }
     return false;
   }
 
-  // "pressure [GPa]", "pressure (GPa)", "pressure_GPa" or, in the option, "pressure:GPa".
   CsvColumn column_of(std::string_view cell, char mark) const {
-    std::string_view name = cell;
-    std::string_view unit;
-    if (const auto at = mark == ':' ? cell.find(':') : cell.find_first_of("[("); at != std::string_view::npos) {
-      name = trimmed(cell.substr(0, at));
-      unit = trimmed(cell.substr(at + 1));
-      if (mark != ':' && !unit.empty()) unit = trimmed(unit.substr(0, unit.size() - 1));
-    } else if (const auto line = cell.rfind('_'); unit_of(cell) == nullptr && line != std::string_view::npos) {
-      name = cell.substr(0, line);
-      unit = cell.substr(line + 1);
-    }
-    const char* const si = unit_of(name);
-    if (si == nullptr && mark != ':') return {};
-    if (si == nullptr && name == "-") return {};
-    if (si == nullptr)
-      refuse(fmt::format("--columns names \"{}\", which no step has", name),
+    const auto [name, unit] = parts_of(cell, mark);
+    const char* const si = wire::unit_of_quantity(name);
+    if (si == nullptr && (mark != ':' || name == "-")) return {};
+    if (si == nullptr) {
+      const std::string meant = near_name(name);
+      refuse(fmt::format("--columns names {}, which no step has{}", wire::in_quotes(name),
+                         meant.empty() ? "" : fmt::format("; did you mean {}?", meant)),
              "Use names such as time, pressure, velocity_jump, node; - leaves a column out.");
+    }
     if (name == "node" || name == "node_id") return {.name = "node_id"};
     if (*si == '\0' && !unit.empty())
-      refuse(fmt::format("{} has the unit \"{}\"", name, unit),
+      refuse(fmt::format("{} has the unit {}", name, wire::in_quotes(unit)),
              name == "pair" ? "A pair is a name."
                             : "A parameter has the unit of its key in the scene, and is written without.",
              std::string(name));
     if (*si == '\0' || std::string_view(si) == "1") return {.name = std::string(name)};
-    std::vector<std::string> known;
-    for (const Unit& one : kUnits) {
-      if (std::string_view(one.si) != si) continue;
-      if (unit == one.name) return {.name = std::string(name), .factor = one.factor};
-      known.emplace_back(one.name);
-    }
-    refuse(unit.empty() ? fmt::format("{} has no unit", name) : fmt::format("{} has the unit \"{}\"", name, unit),
-           fmt::format("Write the unit as {} [{}], or give it with --columns {}:{}; known are {}.", name, known.front(),
-                       name, known.front(), fmt::join(known, ", ")),
+    if (const auto factor = wire::factor_to_si(unit, si); factor && !unit.empty())
+      return {.name = std::string(name), .factor = *factor};
+    refuse(unit.empty() ? fmt::format("{} has no unit", name)
+                        : fmt::format("{} has the unit {}", name, wire::in_quotes(unit)),
+           fmt::format("Write the unit as {0} [{1}], or give it with --columns {0}:{1}; known are {2}.", name, si,
+                       wire::known_units(si)),
            std::string(name));
   }
 
-  void check_columns() {
+  bool has_column(std::string_view name) const {
+    return std::ranges::find(columns_, name, &CsvColumn::name) != columns_.end();
+  }
+
+  // `by_names`: the columns were named by the first line, in which a name may be misspelt.
+  void check_columns(bool by_names) {
     for (const CsvColumn& column : columns_)
       if (!column.name.empty() && std::ranges::count(columns_, column.name, &CsvColumn::name) > 1)
         refuse(fmt::format("{} stands in two columns", column.name), {}, column.name);
-    if (std::ranges::find(columns_, "time", &CsvColumn::name) == columns_.end())
-      refuse("there is no column of the time", "Name it \"time [s]\", or with --columns.", "time");
+    const auto cells = by_names ? cells_of(line_, separator_) : std::vector<std::string_view>();
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      const std::string_view name = parts_of(cells[i], '[').first;
+      const std::string meant = columns_[i].name.empty() ? near_name(name) : std::string();
+      if (!meant.empty() && !has_column(meant == "node" ? "node_id" : meant))
+        refuse(fmt::format("no step has {}; did you mean {}? {}", wire::in_quotes(name), meant, found_names(cells)),
+               fmt::format("Rename the column, or say {}, with the units that they have; - leaves a column out.",
+                           columns_option(cells)),
+               meant);
+    }
+    if (!has_column("time"))
+      refuse(fmt::format("there is no column of the time. {}", found_names(cells)),
+             by_names ? fmt::format("Name it \"time [s]\", or put time:s in its place in {}.", columns_option(cells))
+                      : "Put time:s in its place in --columns.",
+             "time");
     values_.resize(columns_.size());
+  }
+
+  static std::string found_names(const std::vector<std::string_view>& cells) {
+    constexpr std::size_t kMost = 40;
+    std::vector<std::string> names;
+    for (const std::string_view cell : cells)
+      if (names.size() < kMost) names.push_back(wire::in_quotes(cell));
+    if (cells.size() > kMost) names.push_back(fmt::format("and {} more", cells.size() - kMost));
+    return names.empty() ? "" : fmt::format("The first line has {}", fmt::join(names, ", "));
+  }
+
+  // A table has one decimal sign.
+  void check_decimal_sign(std::string_view cell) {
+    const auto at = cell.find_first_of(".,");
+    if (separator_ == ',' || at == std::string_view::npos) return;
+    if (decimal_ == 0) {
+      decimal_ = cell[at];
+      decimal_line_ = number_;
+    }
+    if (cell[at] != decimal_)
+      refuse(fmt::format("{} has a decimal {}, line {} a decimal {}", wire::in_quotes(cell),
+                         cell[at] == ',' ? "comma" : "point", decimal_line_, decimal_ == ',' ? "comma" : "point"),
+             "Write all numbers with one decimal sign, and none with a sign between thousands.");
   }
 
   void read_row() {
@@ -189,54 +256,51 @@ class CsvReader {
     if (cells.size() != columns_.size())
       refuse(fmt::format("{} values, expected {} as there are columns", cells.size(), columns_.size()),
              separator_ == ',' ? "With a decimal comma the values are separated by ; or tabs." : "");
+    if (row_lines_.size() == kMostRows)
+      refuse(fmt::format("more than {} rows", kMostRows), "Write the table as HDF5, which is read row by row.");
+    row_lines_.push_back(number_);
     for (std::size_t i = 0; i < cells.size(); ++i) {
-      if (columns_[i].name.empty()) continue;
-      if (columns_[i].name == "pair") {
+      const CsvColumn& column = columns_[i];
+      if (column.name.empty()) continue;
+      if (column.name == "pair") {
         pairs_.emplace_back(cells[i]);
-        continue;
+      } else if (column.name == "node_id") {
+        const auto id = id_of(cells[i], separator_ != ',');
+        if (!id)
+          refuse(fmt::format("node {} is no whole number from 0 to {}", wire::in_quotes(cells[i]), UINT64_MAX), {},
+                 "node_id");
+        ids_.push_back(*id);
+      } else {
+        const auto value = number_of(cells[i], separator_ != ',');
+        if (!value)
+          refuse(fmt::format("{} is {}, expected a finite number of at most {} characters", column.name,
+                             wire::in_quotes(cells[i]), wire::kMostNumberDigits),
+                 {}, column.name);
+        check_decimal_sign(cells[i]);
+        values_[i].push_back(*value * column.factor);
       }
-      const auto value = number_of(cells[i], separator_ != ',');
-      if (!value)
-        refuse(fmt::format("{} is \"{}\", expected a finite number", columns_[i].name, cells[i]), {}, columns_[i].name);
-      values_[i].push_back(*value * columns_[i].factor);
     }
   }
 
   // Sorts the rows by step and node: a file of several nodes has a row for each time and node.
   MemoryTable made() {
-    number_ = 0;
     MemoryTable table;
-    const auto find = [&](const char* name) -> const std::vector<double>* {
-      const auto at = std::ranges::find(columns_, name, &CsvColumn::name);
-      return at == columns_.end() ? nullptr : &values_[static_cast<std::size_t>(at - columns_.begin())];
-    };
-    const std::vector<double>& times = *find("time");
-    std::size_t nodes = 1;
-    if (const std::vector<double>* ids = find("node_id")) {
-      for (nodes = 1; nodes < times.size() && times[nodes] == times[0];) ++nodes;
-      for (std::size_t i = 0; i < ids->size(); ++i) {
-        const double id = (*ids)[i];
-        if (id < 0 || id > 9e15 || id != std::floor(id)) refuse(fmt::format("node {} is no whole number", id));
-        if (i < nodes) table.ids.push_back(static_cast<std::uint64_t>(id));
-        if (id != (*ids)[i % nodes] || times[i] != times[i - i % nodes])
-          refuse(fmt::format("row {} is of node {} at {} s; expected node {} at {} s", i, id, times[i],
-                             (*ids)[i % nodes], times[i - i % nodes]),
-                 "Each time has a row for each node, always in the same order.", "node_id");
-      }
-      std::vector<std::uint64_t> sorted = table.ids;
-      std::ranges::sort(sorted);
-      if (std::ranges::adjacent_find(sorted) != sorted.end()) refuse("a node has two rows at one time", {}, "node_id");
-      if (times.size() % nodes != 0) refuse("the last time has rows of some nodes only", {}, "node_id");
-    } else {
-      table.ids = {0};
+    const auto time_at = std::ranges::find(columns_, "time", &CsvColumn::name) - columns_.begin();
+    const std::vector<double>& times = values_[static_cast<std::size_t>(time_at)];
+    table.ids = {0};
+    const std::size_t nodes = has_column("node_id") ? take_nodes(times, table) : 1;
+    if (nodes > wire::kMaxNodesPerSession) {
+      number_ = 0;
+      refuse(fmt::format("{} nodes, more than a session takes", nodes));
     }
-    if (nodes > wire::kMaxNodesPerSession) refuse(fmt::format("{} nodes, more than a session takes", nodes));
     for (std::size_t i = 0; i < times.size(); i += nodes) table.times.push_back(times[i]);
     for (std::size_t i = nodes; i < pairs_.size(); ++i)
       if (pairs_[i] != pairs_[i % nodes])
-        refuse(fmt::format("pair of node {} changes from \"{}\" to \"{}\" at row {}; a node keeps its pair",
-                           table.ids[i % nodes], pairs_[i % nodes], pairs_[i], i / nodes),
-               {}, "pair");
+        refuse_row(
+            i,
+            fmt::format("pair of node {} changes from {} to {} at {} s; a node keeps its pair", table.ids[i % nodes],
+                        wire::in_quotes(pairs_[i % nodes]), wire::in_quotes(pairs_[i]), times[i]),
+            {}, "pair");
     if (!pairs_.empty()) {
       pairs_.resize(nodes);
       table.names["pair"] = pairs_;
@@ -246,22 +310,56 @@ class CsvReader {
       if (name == "dt")
         for (std::size_t row = 0; row < times.size(); row += nodes) {
           table.dts.push_back(values_[i][row]);
-          if (!(table.dts.back() > 0)) refuse(fmt::format("dt of row {} is {} s", row, table.dts.back()), {}, "dt");
+          if (!(table.dts.back() > 0))
+            refuse_row(row, fmt::format("dt is {} s, expected a length above 0", table.dts.back()), {}, "dt");
         }
       else if (!name.empty() && name != "time" && name != "node_id" && name != "pair")
         table.series[name] = std::move(values_[i]);
     }
+    table.lines = std::move(row_lines_);
     return table;
   }
 
+  // Checks that each time has a row of each node, in one order. Returns the number of nodes.
+  std::size_t take_nodes(const std::vector<double>& times, MemoryTable& table) {
+    std::size_t nodes = 1;
+    while (nodes < times.size() && times[nodes] == times[0]) ++nodes;
+    table.ids.assign(ids_.begin(), ids_.begin() + static_cast<std::ptrdiff_t>(nodes));
+    std::unordered_map<std::uint64_t, std::size_t> rows;
+    for (std::size_t i = 0; i < nodes; ++i)
+      if (const auto [at, fresh] = rows.emplace(ids_[i], i); !fresh)
+        refuse_row(i,
+                   fmt::format("node {} has a second row at {} s, after that of line {}", ids_[i], times[i],
+                               row_lines_[at->second]),
+                   {}, "node_id");
+    for (std::size_t i = 0; i < ids_.size(); ++i)
+      if (ids_[i] != ids_[i % nodes] || times[i] != times[i - i % nodes])
+        refuse_row(i,
+                   fmt::format("the row is of node {} at {} s; expected node {} at {} s", ids_[i], times[i],
+                               ids_[i % nodes], times[i - i % nodes]),
+                   "Each time has a row for each node, always in the same order.", "node_id");
+    if (const std::size_t rest = times.size() % nodes; rest != 0)
+      refuse_row(times.size() - 1,
+                 fmt::format("the last time, {} s, has rows of {} of {} nodes; that of node {} is the first missing",
+                             times.back(), rest, nodes, ids_[rest]),
+                 {}, "node_id");
+    return nodes;
+  }
+
+  static constexpr std::size_t kMostRows = 100'000'000;
+
   std::filesystem::path file_;
-  std::ifstream stream_;
+  TextLines lines_;
   std::string line_;
   std::size_t number_ = 0;  // of the line; 0: the whole file
   char separator_ = ',';
+  char decimal_ = 0;  // the decimal sign of the table; 0: none has been found
+  std::size_t decimal_line_ = 0;
   std::vector<CsvColumn> columns_;
+  std::vector<std::size_t> row_lines_;       // number of each row's line
+  std::vector<std::uint64_t> ids_;           // of the column node_id, in the order of the rows
   std::vector<std::string> pairs_;           // of the column pair, in the order of the rows
-  std::vector<std::vector<double>> values_;  // of each column, in the order of the rows
+  std::vector<std::vector<double>> values_;  // of each other column, in the order of the rows
 };
 
 }  // namespace

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <set>
 #include <string>
@@ -12,6 +12,7 @@
 #include <variant>
 #include <vector>
 
+#include "client/replay/csv_writer.hpp"
 #include "client/replay/log.hpp"
 #include "client/replay/node_properties.hpp"
 #include "proto/wire/columns.hpp"
@@ -31,7 +32,7 @@ struct Row {
   double time_s = 0.0;
 };
 
-using Place = std::pair<Field, std::uint32_t>;  // a component of a column
+using Place = ColumnPlace;
 
 bool is_mass(const Place& place) {
   return place.first == Field::kMassSoft || place.first == Field::kMassHard;
@@ -221,22 +222,8 @@ class TableWriter {
  public:
   TableWriter(const ExportOptions& options, const Plan& plan, std::vector<Place> columns)
       : columns_(std::move(columns)) {
-    if (options.out.extension() == ".csv") {
-      partial_ = options.out;
-      partial_ += ".partial";
-      file_ = std::fopen(partial_.c_str(), "we");
-      if (file_ == nullptr) wire::refuse_to_write(options.out, errno);
-      out_ = options.out;
-      fmt::print(file_, "time [s],dt [s],node_id");
-      for (const auto& [field, component] : columns_) {
-        const std::string unit = wire::column_row(field).unit;
-        fmt::print(file_, ",{}{}", wire::quantity_of(field, component),
-                   unit.empty() || unit == "1" ? "" : " [" + unit + "]");
-      }
-      if (!plan.properties.initial_temperature_k.empty()) fmt::print(file_, ",initial_temperature [K]");
-      if (!plan.properties.pair.empty()) fmt::print(file_, ",pair");
-      for (const auto& [key, values] : plan.properties.parameters) fmt::print(file_, ",parameter/{}", key);
-      fmt::print(file_, "\n");
+    if (is_text_result(options.like())) {
+      csv_.emplace(options.out, options.like(), columns_, plan.nodes, plan.properties);
       return;
     }
     std::vector<wire::Quantity> quantities;
@@ -252,18 +239,7 @@ class TableWriter {
     for (const auto& [place, values] : plan.masses)
       if (!plan.masses_change) hdf5_->add_static(wire::quantity_of_column(place.first, place.second), values);
   }
-  TableWriter(const TableWriter&) = delete;
-  TableWriter& operator=(const TableWriter&) = delete;
-  ~TableWriter() {
-    if (file_ == nullptr) return;
-    static_cast<void>(std::fclose(file_));
-    std::error_code ignored;
-    std::filesystem::remove(partial_, ignored);
-  }
-
-  bool is_csv() const { return file_ != nullptr; }
-
-  void row(const Row& row, const Plan& plan, const std::vector<std::vector<double>>& numbers) {
+  void row(const Row& row, const std::vector<std::vector<double>>& numbers) {
     if (hdf5_) {
       hdf5_->begin_row(row.time_s, row.dt_s);
       for (std::size_t i = 0; i < columns_.size(); ++i) {
@@ -277,50 +253,33 @@ class TableWriter {
       hdf5_->end_row();
       return;
     }
-    for (std::size_t node = 0; node < plan.nodes.size(); ++node) {
-      fmt::print(file_, "{},{},{}", row.time_s, row.dt_s, plan.nodes[node]);
-      for (const auto& values : numbers) fmt::print(file_, ",{}", values[node]);
-      const NodeProperties& own = plan.properties;
-      if (!own.initial_temperature_k.empty()) fmt::print(file_, ",{}", own.initial_temperature_k[node]);
-      if (!own.pair.empty()) fmt::print(file_, ",{}", own.pair[node]);
-      for (const auto& [key, values] : own.parameters) fmt::print(file_, ",{}", values[node]);
-      fmt::print(file_, "\n");
-    }
+    csv_->step(row.time_s, row.dt_s, numbers);
   }
 
   void close() {
-    if (hdf5_) return hdf5_->close();
-    const bool whole = std::ferror(file_) == 0;
-    const bool closed = std::fclose(std::exchange(file_, nullptr)) == 0;
-    if (!whole || !closed) {
-      const int fault = errno;
-      std::error_code ignored;
-      std::filesystem::remove(partial_, ignored);
-      wire::refuse_to_write(out_, fault);
-    }
-    wire::publish(partial_, out_);
+    if (hdf5_)
+      hdf5_->close();
+    else
+      csv_->close();
   }
 
  private:
   std::vector<Place> columns_;
   std::optional<wire::HistoryWriter> hdf5_;
-  std::FILE* file_ = nullptr;
-  std::filesystem::path partial_, out_;
+  std::optional<CsvWriter> csv_;
 };
 
 }  // namespace
 
 std::size_t export_log(const ExportOptions& options) {
-  std::error_code ignored;
-  if (std::filesystem::equivalent(options.log, options.out, ignored))
-    throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("--out {} is the log itself", options.out.string()),
-                 .remedy = "Name another file."});
+  const std::array<wire::InputFile, 1> read = {{{"the log", options.log}}};
+  wire::refuse_inputs_as_output("--out", options.out, read);
+  refuse_ending_of_text(options.like());
   Plan plan;
   Planner planner(options, plan);
   planner.run();
   std::vector<Place> columns;
-  const bool csv = options.out.extension() == ".csv";
+  const bool csv = is_text_result(options.like());
   for (const Place& place : plan.inputs)
     if (csv || !is_mass(place) || plan.masses_change) columns.push_back(place);
   const std::size_t inputs = columns.size();
@@ -343,7 +302,7 @@ std::size_t export_log(const ExportOptions& options) {
           planner.values_of(batch, columns[i], ids, numbers[i]);
         }
       }
-      writer.row(*row, plan, numbers);
+      writer.row(*row, numbers);
       ++row;
     }
     order.follow(log.request(), log.reply());

@@ -10,10 +10,13 @@ namespace shearbus::replay {
 
 struct ExportOptions {
   std::filesystem::path log;
-  std::filesystem::path out;              // HDF5, or CSV if it ends in .csv
+  std::filesystem::path out;              // HDF5, or CSV if it ends in .csv or .tsv
   std::optional<std::uint64_t> node;      // the steps of this node alone
   std::optional<std::string> after_mark;  // only the steps after the mark was last set
   std::string version;                    // of this program, for /meta
+  std::filesystem::path final_name = {};  // tells HDF5 or CSV in place of `out`, which is renamed to it later; or empty
+
+  const std::filesystem::path& like() const { return final_name.empty() ? out : final_name; }
 };
 
 // Writes the steps that lead to the session's last state: trials that were rolled back and steps before a rollback to a

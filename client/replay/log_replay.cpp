@@ -14,16 +14,20 @@
 #include <variant>
 
 #include "client/replay/compare.hpp"
+#include "client/replay/csv_writer.hpp"
 #include "client/replay/log.hpp"
 #include "client/replay/log_export.hpp"
 #include "client/src/connection.hpp"
 #include "client/src/session.hpp"
+#include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/codec.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/program.hpp"
 #include "proto/wire/progress.hpp"
+#include "proto/wire/recording.hpp"
 #include "proto/wire/session_recorder.hpp"
+#include "proto/wire/whole_file.hpp"
 #include "server/in_process.hpp"
 
 namespace shearbus::replay {
@@ -157,7 +161,7 @@ class LogReplay {
       check_branch();
       branch_at_ = last_mark(files.front());
     }
-    const fs::path record = prepare_out(files.size());
+    const fs::path record = prepare_out(files);
     if (options_.server.endpoint.empty())
       peer_ = std::make_unique<InProcessPeer>(record);
     else
@@ -218,17 +222,21 @@ class LogReplay {
   }
 
   // Checks --out, and returns the place of the event log that the replay writes; empty: none.
-  fs::path prepare_out(std::size_t logs) const {
+  fs::path prepare_out(const std::vector<fs::path>& files) {
+    const std::size_t logs = files.size();
     if (options_.out.empty()) return {};
+    std::vector<wire::InputFile> inputs = {{"the scene", options_.scene}};
+    for (const fs::path& file : files) inputs.push_back({"the log", file});
+    wire::refuse_inputs_as_output("--out", options_.out, inputs);
     if (is_table(options_.out)) {
       if (logs > 1)
         throw Error({.code = Code::kUnsupported,
                      .text = fmt::format("--out {} is one table, and there are {} logs", options_.out.string(), logs),
                      .remedy = "Name a directory, and export its logs one by one."});
-      fs::path log = options_.out;
-      log += ".log.partial";
-      std::error_code ignored;
-      fs::remove(log, ignored);
+      table_.emplace(options_.out, is_text_result(options_.out) ? wire::kTableFile : wire::kHistoryFile,
+                     wire::PartialFile::Writers::kOne);
+      fs::path log = table_->path();
+      log.replace_extension(".log.partial");
       return log;
     }
     if (!options_.from_mark.empty())
@@ -240,9 +248,9 @@ class LogReplay {
     return logs > 1 ? options_.out / "" : options_.out;
   }
 
-  static bool is_table(const fs::path& out) { return out.extension() == ".h5" || out.extension() == ".csv"; }
+  static bool is_table(const fs::path& out) { return out.extension() == ".h5" || is_text_result(out); }
 
-  void finish_out(const fs::path& record) const {
+  void finish_out(const fs::path& record) {
     try {
       std::uint64_t recorded = 0;
       for (const fs::path& file : logs_below({record}))
@@ -253,10 +261,12 @@ class LogReplay {
                                          recorded, exchanges_)});
       if (!is_table(options_.out)) return;
       export_log({.log = record,
-                  .out = options_.out,
+                  .out = table_->path(),
                   .node = {},
                   .after_mark = options_.from_mark.empty() ? std::nullopt : std::optional(options_.from_mark),
-                  .version = options_.version});
+                  .version = options_.version,
+                  .final_name = options_.out});
+      table_->publish();
     } catch (...) {
       if (is_table(options_.out)) fs::remove(record);
       throw;
@@ -270,11 +280,12 @@ class LogReplay {
     return id;
   }
 
-  std::string scene_of(std::string text) const {
+  // `file`: the recorded name of the scene's file.
+  std::string scene_of(std::string text, const std::string& file) {
     if (!branched_) return text;
     if (!options_.scene.empty()) text = scene::load_text(options_.scene);
-    for (const std::string& change : options_.set) text = scene::with_value(text, "--set", change);
-    return text;
+    changed_scene_ = scene::ChangedScene(text, options_.scene.empty() ? file : options_.scene.string(), options_.set);
+    return changed_scene_.text();
   }
 
   void replay(Replayed& session) {
@@ -285,7 +296,7 @@ class LogReplay {
     request.sequence = session.sequence;
     if (auto* open = std::get_if<wire::OpenSession>(&request.body)) {
       session.scene = open->scene;
-      open->scene = scene_of(open->scene);
+      open->scene = scene_of(open->scene, open->scene_file);
       session.id = open->session_id = random_bytes();
       open->resume_token = {};
       open->idle_limit_s = 0;
@@ -309,7 +320,7 @@ class LogReplay {
           replay::difference(log.reply(), reply, session.order.rows_of(log.request()), kNames, options_.rtol);
       if (what) difference_ = fmt::format("{}, {}: {}", log.name(), place, *what);
     } else if (log.reply().status.ok() && !reply.status.ok()) {
-      Status status = reply.status;
+      Status status = changed_scene_.placed(reply.status);
       status.text = fmt::format("{}, {}: {}", log.name(), place, status.text);
       throw Error(status);
     }
@@ -324,7 +335,7 @@ class LogReplay {
     branched_ = true;
     if (!changed_) return;
     try {
-      peer_->change_scene(session.id, scene_of(session.scene));
+      peer_->change_scene(session.id, scene_of(session.scene, {}));
     } catch (const std::invalid_argument& fault) {
       throw Error(
           {.code = Code::kOtherScene,
@@ -367,6 +378,8 @@ class LogReplay {
 
   const LogReplayOptions& options_;
   std::unique_ptr<Peer> peer_;
+  std::optional<wire::PartialFile> table_;  // of --out, unless that is an event log
+  scene::ChangedScene changed_scene_;
   bool changed_ = false;   // whether another scene is replayed
   bool branched_ = false;  // whether the changes hold for what is replayed now
   std::uint64_t branch_at_ = 0;

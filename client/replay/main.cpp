@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <filesystem>
@@ -62,14 +63,16 @@ void describe_replay(CLI::App& app, Command& command) {
   app.add_option("--capsule", command.capsule,
                  "instead of a history: run the node of this failure capsule again, alone, and compare every column")
       ->type_name("FILE.h5");
-  app.add_option(
-         "--out", command.run.out,
-         "file for the answers, replaced once the run has succeeded: HDF5; of event logs also .csv, or a new log")
+  app.add_option("--out", command.run.out,
+                 "file for the answers, an older one is replaced once the run has succeeded: HDF5, or CSV if it ends "
+                 "in .csv; of "
+                 "event logs also a new log")
       ->type_name("RESULT.h5");
   auto* const points = app.add_flag("--points", command.points, "rows are values at instants, linear in between");
   app.add_flag("--steps", command.steps, "rows are steps: their values hold since the time of the row before")
       ->excludes(points);
-  app.add_option("--dt", command.run.table.dt_s, "largest length of a step, in s: the history is resampled")
+  wire::real_number(
+      app.add_option("--dt", command.run.table.dt_s, "largest length of a step, in s: the history is resampled"))
       ->type_name("SECONDS");
   app.add_option("--columns", command.run.table.columns, "names and units of a CSV file's columns; - leaves one out")
       ->type_name("time:us,pressure:GPa,...");
@@ -90,12 +93,13 @@ void describe_replay(CLI::App& app, Command& command) {
                "with --scene alone: which parts of the model it switches on, what each costs on this machine");
   app.add_flag("--closed-loop", command.run.closed_loop,
                "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
-  auto* const nodes = app.add_option("--profile-nodes", command.run.profile_nodes,
-                                     "of a history: record the profiles of these nodes, in the group /profiles")
-                          ->delimiter(',')
-                          ->type_name("ID,...");
-  app.add_option("--profile-times", command.run.profile_times_s,
-                 "times of the profiles, in s: each is of the end of the first step at or after it")
+  auto* const nodes =
+      wire::whole_number(app.add_option("--profile-nodes", command.run.profile_nodes,
+                                        "of a history: record the profiles of these nodes, in the group /profiles"))
+          ->delimiter(',')
+          ->type_name("ID,...");
+  wire::real_number(app.add_option("--profile-times", command.run.profile_times_s,
+                                   "times of the profiles, in s: each is of the end of the first step at or after it"))
       ->delimiter(',')
       ->needs(nodes)
       ->type_name("SECONDS,...");
@@ -119,23 +123,24 @@ void describe(CLI::App& app, Command& command) {
       app.add_subcommand("compare", "the first step, node and quantity in which two logs or results differ");
   compare->add_option("A", command.a)->required()->type_name("");
   compare->add_option("B", command.b)->required()->type_name("");
-  compare->add_option("--rtol", command.rtol, "largest relative difference of equal numbers; default: same bits");
+  compare->add_option("--rtol", command.rtol,
+                      "largest relative difference of equal numbers, of tables with the largest difference of each "
+                      "column; default: same bits, up to the first that differs");
   compare->footer("Exit code: 0 equal, 1 different, 2 trouble.");
   CLI::App* const exported = app.add_subcommand("export", "the committed steps of an event log as a table");
   exported->add_option("LOG", command.exported.log)->required()->type_name("");
   exported->add_option("--out", command.exported.out, "HDF5, or CSV if it ends in .csv")
       ->required()
       ->type_name("HISTORY");
-  exported->add_option("--node", command.node, "the steps of this node alone")->type_name("ID");
+  wire::whole_number(exported->add_option("--node", command.node, "the steps of this node alone"))->type_name("ID");
   CLI::App* const plot = app.add_subcommand("plot", "a picture of a history, a result or an event log");
   plot->add_option("FILES", command.plot.files,
-                   "HDF5 files of the same steps, such as a history and its result; or a log")
+                   "results, which are drawn over each other, and a history that completes them; or a log")
       ->required()
-      ->expected(1, 2)
+      ->expected(1, 8)
       ->type_name("");
   plot->add_option("--out", command.plot.out, "the picture")->required()->type_name("PICTURE.png");
-  plot->add_option("--node", command.plot.node, "the node to draw; default: the hottest")
-      ->check(CLI::NonNegativeNumber)
+  wire::whole_number(plot->add_option("--node", command.node, "the node to draw; default: the hottest"))
       ->type_name("ID");
   wire::complete(app, "shearbus-replay", shearbus::server::version_text, kFooter);
 }
@@ -157,6 +162,8 @@ void check(const CLI::App& app, Command& command) {
   if (command.rtol < 0) throw CLI::ValidationError("--rtol", "expected a number from 0 on");
   const replay::Options& run = command.run;
   const bool has_history = !command.inputs.empty() || !run.scene.empty() || !run.out.empty();
+  if (std::ranges::count_if(command.plot.files, wire::is_event_log) > 1)
+    throw CLI::ValidationError("FILES", "expected one event log; of several make tables first: shearbus-replay export");
   if (!app.get_subcommands().empty()) {
     if (has_history) throw CLI::ExcludesError(app.get_subcommands().front()->get_name(), "options of a replay");
     return;
@@ -210,6 +217,7 @@ int run(const CLI::App& app, Command& command) {
     return 0;
   }
   if (app.got_subcommand("plot")) {
+    if (app.get_subcommand("plot")->count("--node") > 0) command.plot.node = command.node;
     replay::plot(command.plot);
     return 0;
   }

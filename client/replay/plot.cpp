@@ -7,12 +7,16 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <optional>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "client/replay/log_export.hpp"
 #include "proto/wire/event_log.hpp"
+#include "proto/wire/input_file.hpp"
+#include "proto/wire/recording.hpp"
+#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -27,6 +31,9 @@ fs::path script() {
   const fs::path installed = program.parent_path().parent_path() / "share" / "shearbus" / "report" / name;
   return fs::exists(installed, ignored) ? installed : fs::path(SHEARBUS_REPLAY_SOURCE) / ".." / "report" / name;
 }
+
+constexpr wire::FileKind kPictureFile = {
+    "a picture (PNG)", [](const fs::path& file) { return wire::head_of(file, 8) == "\x89PNG\r\n\x1a\n"; }};
 
 void run(std::vector<std::string> words) {
   std::vector<char*> arguments;
@@ -44,33 +51,32 @@ void run(std::vector<std::string> words) {
     throw std::runtime_error("the picture could not be drawn (see the lines above)");
 }
 
-// A table of an event log, removed at the end.
-struct Exported {
-  explicit Exported(fs::path file) : table(std::move(file)) {}
-  Exported(const Exported&) = delete;
-  Exported& operator=(const Exported&) = delete;
-  ~Exported() {
-    std::error_code ignored;
-    fs::remove(table, ignored);
-  }
-  fs::path table;
-};
-
 }  // namespace
 
 void plot(const PlotOptions& options) {
   std::vector<std::string> words = {SHEARBUS_PYTHON, script().string(), "--out", options.out.string()};
-  if (!options.node.empty()) words.insert(words.end(), {"--node", options.node});
-  Exported exported(fs::path(options.out.string() + ".h5.partial"));
+  if (options.node) words.insert(words.end(), {"--node", std::to_string(*options.node)});
+  std::vector<wire::InputFile> inputs;
+  for (const fs::path& file : options.files) {
+    const wire::RegularFile regular(file);  // a pipe is refused, which would keep the program waiting
+    inputs.push_back({"an input", file});
+  }
+  wire::refuse_inputs_as_output("--out", options.out, inputs);
+  wire::check_output(options.out, kPictureFile);
+  std::optional<wire::PartialFile> exported;  // the table of an event log, which is not published
   for (const fs::path& file : options.files) {
     if (!wire::is_event_log(file)) {
       words.push_back(file.string());
       continue;
     }
-    ExportOptions table{.log = file, .out = exported.table, .node = {}, .after_mark = {}, .version = {}};
-    if (!options.node.empty()) table.node = std::stoull(options.node);
-    export_log(table);
-    words.push_back(exported.table.string());
+    exported.emplace(options.out.string() + ".h5", wire::kHistoryFile, wire::PartialFile::Writers::kAny);
+    export_log({.log = file,
+                .out = exported->path(),
+                .node = options.node,
+                .after_mark = {},
+                .version = {},
+                .final_name = exported->file()});
+    words.push_back(exported->path().string());
   }
   run(std::move(words));
   fmt::print("{}\n", options.out.string());

@@ -1,8 +1,9 @@
 // shearbus-replay plot: draws a history with plot_history.py.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
-#include <string>
+#include <optional>
 #include <vector>
 
 namespace shearbus::replay {
@@ -10,7 +11,7 @@ namespace shearbus::replay {
 struct PlotOptions {
   std::vector<std::filesystem::path> files;  // HDF5 files of the same steps, or one event log
   std::filesystem::path out;                 // a PNG file
-  std::string node;                          // empty: the hottest
+  std::optional<std::uint64_t> node;         // none: the hottest
 };
 
 // Throws std::runtime_error if the picture cannot be drawn.

@@ -3,20 +3,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
-#include <system_error>
 #include <utility>
 
 #include "client/replay/history_input.hpp"
 #include "client/replay/node_properties.hpp"
+#include "client/replay/result_file.hpp"
 #include "client/replay/tally.hpp"
 #include "client/src/client.hpp"
 #include "client/src/input_check.hpp"
+#include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/profile_record.hpp"
@@ -49,48 +51,6 @@ struct Service {
   Client client;
 };
 
-// A column of the result file: one component of a column of the requests or of the replies.
-struct ResultColumn {
-  Field field;
-  std::uint32_t component;
-  bool is_input;
-};
-
-// The velocity jump and the pressure that were sent, so that a result can be drawn and understood without its history,
-// and everything that was answered. The other columns of the requests are in the history alone.
-std::vector<ResultColumn> result_columns(const wire::SessionOpened& session) {
-  std::vector<ResultColumn> columns;
-  const auto add = [&](Field field, bool is_input) {
-    for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? session.tangential_components : 1);
-         ++component)
-      columns.push_back({field, component, is_input});
-  };
-  for (const Field field : {Field::kPressure, Field::kVelocityJump}) add(field, true);
-  for (const Field field : session.reply_columns) add(field, false);
-  return columns;
-}
-
-std::vector<wire::Quantity> quantities(const wire::SessionOpened& session) {
-  std::vector<wire::Quantity> all;
-  for (const ResultColumn& column : result_columns(session))
-    all.push_back(wire::quantity_of_column(column.field, column.component));
-  return all;
-}
-
-void write_row(wire::HistoryWriter& writer, const Batch& request, const StepResult& result, double time_s, double dt_s,
-               std::span<const ResultColumn> columns) {
-  writer.begin_row(time_s, dt_s);
-  for (std::size_t i = 0; i < columns.size(); ++i) {
-    const auto [field, component, is_input] = columns[i];
-    const Batch& batch = is_input ? request : result.batch();
-    if (wire::element_of(field) == wire::Element::kUint8)
-      writer.set(i, batch.u8(field, component));
-    else
-      writer.set(i, batch.f64(field, component));
-  }
-  writer.end_row();
-}
-
 const StepResult& advance(Session& session, const Batch& request, const Table& history, std::size_t step) {
   const double time_s = history.times_s()[step];
   try {
@@ -118,10 +78,9 @@ void warn(const std::vector<std::string>& warnings) {
 }
 
 void replay(const Options& options, const Table& history, HistoryInput& input, Session& session,
-            wire::HistoryWriter& writer, wire::ProfileRecord& profiles, Tally& tally, RunTime& time) {
+            ResultFile& result_file, wire::ProfileRecord& profiles, Tally& tally, RunTime& time) {
   wire::Progress progress("replay", options.progress);
   Batch request = session.request(input.optional_columns(), input.form());
-  const std::vector<ResultColumn> columns = result_columns(session.opened());
   input.prepare(request);
   InputCheck inputs;
   for (std::size_t step = 0; step < history.steps(); ++step) {
@@ -139,7 +98,7 @@ void replay(const Options& options, const Table& history, HistoryInput& input, S
 
     const auto answered = Clock::now();
     const double dt_s = history.dt_s()[step];
-    write_row(writer, request, result, history.times_s()[step], dt_s, columns);
+    result_file.step(request, result, history.times_s()[step], dt_s);
     time.writing += Clock::now() - answered;
     warn(inputs.add(request, dt_s));
     tally.add(request, result, history.times_s()[step], dt_s);
@@ -203,12 +162,25 @@ void check_steps(const Options& options, const Table& history, HistoryInput& inp
              : "Divide them with --dt");
 }
 
-void refuse_to_write_over_the_history(const Options& options) {
-  std::error_code ignored;
-  if (fs::equivalent(options.history, options.out, ignored))
-    throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("--out {} is the history itself", options.out.string()),
-                 .remedy = "Name another file."});
+// Refuses, before any work, what could not be written at the end.
+void check_out(const Options& options) {
+  const std::array<wire::InputFile, 2> inputs = {{{"the history", options.history}, {"the scene", options.scene}}};
+  wire::refuse_inputs_as_output("--out", options.out, inputs);
+  refuse_ending_of_text(options.out);
+  if (is_text_result(options.out) && !options.profile_nodes.empty())
+    throw Error({.code = Code::kUnsupported,
+                 .text = fmt::format("--out {} is CSV, which has no place for --profile-nodes", options.out.string()),
+                 .remedy = "Name it .h5."});
+}
+
+// Opens a session; faults of the scene name their --set, or their line in the file.
+Session open(Client& client, const scene::ChangedScene& scene, const Options& options, const Table& history,
+             const OpenOptions& opening) {
+  try {
+    return client.open(scene.text(), options.scene.string(), history.node_ids(), opening);
+  } catch (const Error& fault) {
+    throw Error(scene.placed(fault.status()));
+  }
 }
 
 std::string plural(std::size_t count, const char* noun) {
@@ -246,18 +218,18 @@ void explain(const fs::path& scene) {
 void run(const Options& options) {
   const auto start = Clock::now();
   wire::stop_at_next_step();
-  std::string scene = scene::load_text(options.scene);
-  for (const std::string& change : options.set) scene = scene::with_value(scene, "--set", change);
+  if (!options.check) check_out(options);
+  const scene::ChangedScene changed(scene::load_text(options.scene), options.scene.string(), options.set);
+  const std::string& scene = changed.text();
   const std::unique_ptr<Table> table = open_table(options.history, options.table);
   Table& history = *table;
-  if (!options.check) refuse_to_write_over_the_history(options);
   const NodeProperties properties = NodeProperties::of(history);
   const NodeOpening named(properties);
   RunTime time{.reading = Clock::now() - start};
 
   Service service(options.server);
   const OpenOptions opening = named.options();
-  Session session = service.client.open(scene, options.scene.string(), history.node_ids(), opening);
+  Session session = open(service.client, changed, options, history, opening);
   HistoryInput input(history, session.opened(), options.closed_loop);
   wire::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
   if (!options.profile_nodes.empty()) session.profiles(options.profile_nodes);  // what cannot be read is refused here
@@ -274,7 +246,6 @@ void run(const Options& options) {
     return;
   }
 
-  const bool replaced = fs::exists(options.out);
   const server::Entries provenance =
       server::provenance("shearbus-replay", session.opened().scene_name, options.arguments);
   const std::map<std::string, std::string> meta = {
@@ -288,15 +259,13 @@ void run(const Options& options) {
       {"machine", server::value_of(provenance, "machine")},
       {"command", server::value_of(provenance, "command")},
   };
-  wire::HistoryWriter writer(options.out, history.node_ids(), quantities(session.opened()), meta,
-                             history.start_time_s());
-  properties.write(writer);
+  ResultFile result(options.out, session, history.node_ids(), properties, meta, history.start_time_s());
+  const bool replaced = result.replaces();
   Tally tally(history.node_ids());
-  replay(options, history, input, session, writer, profiles, tally, time);
+  replay(options, history, input, session, result, profiles, tally, time);
   const wire::SessionClosed totals = session.close();
   const auto replayed = Clock::now();
-  profiles.write(writer);
-  writer.close();
+  result.close(profiles);
   time.writing += Clock::now() - replayed;
   time.total = Clock::now() - start;
 

@@ -31,6 +31,7 @@ class Hdf5Table final : public Table {
     history_.row(name, step, values);
   }
   bool is_recorded() const override { return history_.has("dt"); }
+  bool tells_start() const { return history_.tells_start(); }
 
  private:
   wire::HistoryReader history_;
@@ -79,6 +80,20 @@ class Means {
                .field = name});
 }
 
+// Refuses a first step that begins at 0, because nothing tells its start, and is out of all proportion to the others.
+void refuse_late_clock(const std::string& place, const std::vector<double>& times, const std::string& remedy) {
+  constexpr double kMost = 10.0;
+  double longest = 0.0;
+  for (std::size_t i = 1; i < times.size(); ++i) longest = std::max(longest, times[i] - times[i - 1]);
+  if (times.size() < 2 || times.front() <= kMost * longest) return;
+  throw Error({.code = Code::kInvalidValue,
+               .text = fmt::format("{}: the first step would last from 0 to {} s, {:.3g} times as long as the longest "
+                                   "other one, {:.6g} s; does the clock begin later?",
+                                   place, times.front(), times.front() / longest, longest),
+               .remedy = remedy,
+               .field = "time"});
+}
+
 }  // namespace
 
 bool MemoryTable::has(std::string_view name) const {
@@ -107,8 +122,9 @@ std::vector<double> MemoryTable::per_node(std::string_view name) const {
   for (std::size_t i = 0; i < found->second.size(); ++i)
     if (found->second[i] != first[i % nodes()])
       throw Error({.code = Code::kInvalidValue,
-                   .text = fmt::format("{} of node {} changes from {} to {} at row {}; it is one value per node", name,
-                                       ids[i % nodes()], first[i % nodes()], found->second[i], i / nodes()),
+                   .text = fmt::format("{}{} of node {} changes from {} to {} at {} s; it is one value per node",
+                                       lines.empty() ? "" : fmt::format("line {}: ", lines[i]), name, ids[i % nodes()],
+                                       first[i % nodes()], found->second[i], times[i / nodes()]),
                    .field = std::string(name)});
   return first;
 }
@@ -145,7 +161,7 @@ MemoryTable resampled(Table& table, Rows rows, double dt_s) {
     }
   }
   if (points && dt_s > 0) {
-    const double parts = std::ceil((times.back() - made.start) / dt_s * (1 - 1e-9));
+    const double parts = std::max(1.0, std::ceil((times.back() - made.start) / dt_s * (1 - 1e-9)));
     if (parts > 1e8)
       throw Error({.code = Code::kLimit, .text = fmt::format("--dt {} s makes more than 1e8 steps", dt_s)});
     const int count = static_cast<int>(parts);
@@ -195,6 +211,10 @@ std::unique_ptr<Table> open_table(const std::filesystem::path& file, const Table
                    .text = fmt::format("--columns is for CSV files; {} is read as HDF5", file.string()),
                    .remedy = "CSV files end in .csv, .tsv, .txt or .dat."});
     auto table = std::make_unique<Hdf5Table>(file);
+    if (options.rows != Rows::kPoints && !table->tells_start())
+      refuse_late_clock(file.string(), table->times_s(),
+                        "Give the start of the first step as the attribute t0 of /time, in its unit, or the lengths of "
+                        "all steps as /dt.");
     if (options.rows != Rows::kPoints && options.dt_s == 0.0) return table;
     return std::make_unique<MemoryTable>(resampled(*table, options.rows, options.dt_s));
   }
@@ -208,8 +228,8 @@ std::unique_ptr<Table> open_table(const std::filesystem::path& file, const Table
   for (std::size_t i = 1; i < table->steps(); ++i)
     if (table->times[i] <= table->times[i - 1])
       throw Error({.code = Code::kInvalidValue,
-                   .text = fmt::format("{}: time {} s of row {} is not after {} s of the row before", file.string(),
-                                       table->times[i], i, table->times[i - 1]),
+                   .text = fmt::format("{}, line {}: time {} s is not after {} s of the row before", file.string(),
+                                       table->lines[i * table->nodes()], table->times[i], table->times[i - 1]),
                    .field = "time"});
   if (options.rows == Rows::kPoints)
     return std::make_unique<MemoryTable>(resampled(*table, Rows::kPoints, options.dt_s));
@@ -217,10 +237,14 @@ std::unique_ptr<Table> open_table(const std::filesystem::path& file, const Table
     table->start = table->times.front() - table->dts.front();
   else if (table->times.front() <= 0.0)
     throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("{}: the first step ends at {} s, not after its start at 0 s", file.string(),
-                                     table->times.front()),
+                 .text = fmt::format("{}, line {}: the first step ends at {} s, not after its start at 0 s",
+                                     file.string(), table->lines.front(), table->times.front()),
                  .remedy = "With --steps a time is the end of its row's step. Are the rows --points?",
                  .field = "time"});
+  else
+    refuse_late_clock(fmt::format("{}, line {}", file.string(), table->lines.front()), table->times,
+                      "Give the lengths of the steps in a column \"dt [s]\", or say --points if the rows are values "
+                      "at instants.");
   for (std::size_t i = table->dts.size(); i < table->steps(); ++i)
     table->dts.push_back(table->times[i] - (i == 0 ? table->start : table->times[i - 1]));
   if (options.dt_s > 0) return std::make_unique<MemoryTable>(resampled(*table, Rows::kSteps, options.dt_s));

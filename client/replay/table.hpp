@@ -41,6 +41,7 @@ class MemoryTable final : public Table {
   std::map<std::string, std::vector<double>, std::less<>> series;      // [T,N], row after row
   std::map<std::string, std::vector<double>, std::less<>> constants;   // [N]
   std::map<std::string, std::vector<std::string>, std::less<>> names;  // texts, [N]
+  std::vector<std::size_t> lines;  // of a text file: number of the line of each step and node
 
   double start_time_s() const override { return start; }
   const std::vector<double>& times_s() const override { return times; }

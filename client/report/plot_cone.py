@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Pictures of one or more runs of cone_target: the cone's free-surface velocity; shape and temperature at the end,
-two laws left and right of the axis, with the temperature of the flank on its own scale; and space-time maps along the
+two laws left and right of the axis, with the temperature of the flank on its own scale; slip and displacement of metal
+against metal along the flank; and space-time maps along the
 interface (regime, interface temperature, sliding speed, shear stress: DLP Figs 16-22; pressure) up to the last
 contact. Runs with free slip or stick appear only in the first picture, unless there are no other runs.
 
@@ -16,11 +17,12 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
-from runs import Fault, Run, style_text
+from runs import Fault, read, style_text
 
 NODES = "interface node: its {} at the start (mm)"
 LEVELS = (350, 500, 750, 1000, 1250)  # contours of the interface temperature (K)
-FRONT = {"color": "white", "lw": 1.0, "path_effects": [withStroke(linewidth=2.4, foreground="black")]}
+ISOLINES = "#7fd6ff"  # seen on the dark and on the bright end of the scale, and no other line
+FRONT = {"color": "white", "lw": 1.2, "ls": (0, (4, 1.6)), "path_effects": [withStroke(linewidth=2.8, foreground="black")]}
 WHERE = {"coulomb_tresca": ", of the zones at the flank"}  # what the temperature of a law without a layer is
 SURFACE = {0.0: "on the axis", 0.5: "at half the radius"}  # by the share of the radius
 SURFACE_LABEL = "velocity of the cone's free surface (m/s)"
@@ -34,9 +36,7 @@ def main_runs(runs):
 
 def shown(run, name):
     """Returns a map [T, N] in the unit of the pictures, masked where the contact is open; sliding as a speed."""
-    values = run[name] * style.QUANTITIES[name][1]
-    values = np.abs(values) if name == "sliding_velocity" else values
-    return np.ma.masked_where(run["regime"] == 0, values)
+    return np.ma.masked_where(run["regime"] == 0, run.drawn(name))
 
 
 def zones(axis, run, frame, values, side, **colours):
@@ -67,11 +67,11 @@ def sides(runs):
     return [(runs[0], -1), (runs[1] if len(runs) > 1 else runs[0], 1)]
 
 
-def mirrored(axis, runs, time=None, name="temperature", scale=1.0):
-    """Draws one zone quantity, the first run left of the axis and the second right of it. Returns what a colour bar
-    needs, and the arrows."""
+def mirrored(axis, runs, time=None, name="temperature", scale=1.0, limits=None):
+    """Draws one zone quantity, the first run left of the axis and the second right of it. limits: of style.limits(), of
+    this picture if none are given. Returns what a colour bar needs, and the arrows."""
     frames = [(run, run.frame(time), side) for run, side in sides(runs)]
-    span, extend = style.limits("temperature", *(frame[name] * scale for _, frame, _ in frames), percentile=99.7)
+    span, extend = limits or style.limits("temperature", *(frame[name] * scale for _, frame, _ in frames), percentile=99.7)
     for run, frame, side in frames:
         drawn = zones(axis, run, frame, frame[name] * scale, side, cmap=style.COLOUR_MAPS["temperature"], clim=(span["vmin"], span["vmax"]))
         for loop in outlines(run, frame).values():
@@ -82,14 +82,14 @@ def mirrored(axis, runs, time=None, name="temperature", scale=1.0):
     axis.set_ylabel("z (mm)")
     axis.xaxis.set_major_formatter(lambda x, _: f"{abs(x):g}")
     for run, _, side in frames if len(runs) > 1 else ():
-        axis.text(0.25 if side < 0 else 0.75, 1.01, run.label, transform=axis.transAxes, ha="center", va="bottom", fontsize=10)
+        axis.text(0.25 if side < 0 else 0.75, 1.01, run.label.replace(" (", "\n("), transform=axis.transAxes, ha="center", va="bottom", fontsize=9)
     return drawn, extend, frames[0][1]["time"]
 
 
 def draw_flank(axis, runs):
     """Draws the temperature of the interface along the flank: highest, and dashed at the end."""
     for run in runs:
-        heat, colour = run["interface_temperature"], style.law_colour(run.law)
+        heat, colour = run["interface_temperature"], run.colour
         axis.plot(run.place * 1e3, heat.max(axis=0), color=colour, lw=1.8)
         axis.plot(run.place * 1e3, heat[-1], "--", color=colour, lw=1.2)
     axis.set(xlabel=NODES.format(runs[0].place_name), ylabel="temperature of the flank (K)", ylim=(280, None))
@@ -103,8 +103,23 @@ def shape_and_flank(runs):
     figure.colorbar(drawn, ax=shape, label=f"temperature of the zones at {time:.1f} µs (K)", extend=extend, shrink=0.85)
     draw_flank(flank, runs)
     flank.set_title("the flank, on a scale of its own", fontsize=10)
-    style.legend_below(figure, [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label + WHERE.get(run.law, "")) for run in runs] +
+    style.legend_below(figure, [Line2D([], [], color=run.colour, lw=1.8, label=run.label + WHERE.get(run.law, "")) for run in runs] +
                        [Line2D([], [], color=style.FAINT, lw=1.8, label="highest"), Line2D([], [], color=style.FAINT, ls="--", label=f"at {time:.1f} µs")])
+    return figure
+
+
+def displacement(runs):
+    """Draws, along the flank, how far each run slipped and how far metal moved against metal over bands around it."""
+    figure, axis = style.figure(1, 1, (7.5, 4.2), legend=True)
+    bands = (("slip_distance", "-", "slip of the interface"), ("displacement_half_mm", "--", "metal against metal over ±0.5 mm"),
+             ("displacement_one_mm", ":", "over ±1 mm"))
+    for run in runs:
+        for name, dashes, _ in bands:
+            axis.plot(run.place * 1e3, run[name][-1] * 1e3, dashes, color=style.law_colour(run.law), lw=1.6)
+    axis.set(xlabel=NODES.format(runs[0].place_name), ylabel="distance at the end (mm)", ylim=(0, None))
+    axis.grid()
+    style.legend_below(figure, [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label) for run in runs] +
+                       [Line2D([], [], color=style.FAINT, ls=dashes, lw=1.8, label=label) for _, dashes, label in bands])
     return figure
 
 
@@ -127,7 +142,7 @@ def difference(run, other, name):
     """Returns the map of `run` less that of `other` at the times of `run`, masked where either is open."""
     on_time = lambda values: np.column_stack([np.interp(run.time, other.time, values[:, i]) for i in range(values.shape[1])])
     both = (run["regime"] > 0) & (on_time((other["regime"] > 0).astype(float)) > 0.99)
-    return np.ma.masked_where(~both, shown(run, name).data - on_time(shown(other, name).data))
+    return np.ma.masked_where(~both, np.nan_to_num(shown(run, name).data) - on_time(np.nan_to_num(shown(other, name).data)))
 
 
 def map_scale(runs, name):
@@ -152,7 +167,7 @@ def draw_map(axis, run, name, span):
     image = axis.pcolormesh(run.time, nodes, values.T, shading="nearest", rasterized=True, **colours)
     if name != "regime":
         levels = [level for level in LEVELS if values.min() < level < values.max()] if name == "interface_temperature" else []
-        lines = axis.contour(run.time, nodes, values.T, levels=levels, colors="white", linewidths=0.7) if levels else None
+        lines = axis.contour(run.time, nodes, values.T, levels=levels, colors=ISOLINES, linewidths=0.9) if levels else None
         molten = melting_outline(axis, run)
     axis.plot(front(run), nodes, **FRONT)
     return image, lines, molten
@@ -168,6 +183,11 @@ def draw_difference(axis, runs, name):
 
 def have_difference(runs, name):
     return name in ("sliding_velocity", "pressure") and len(runs) == 2 and np.array_equal(runs[0].nodes, runs[1].nodes)
+
+
+def difference_title(runs):
+    """Returns the title of the difference of two runs, the first less the second."""
+    return f"{runs[0].label}\nless {runs[1].label}"
 
 
 def last_time(runs):
@@ -192,7 +212,7 @@ def space_time(runs, name):
                 bar.add_lines(lines, erase=False)
     if compared:
         image, extend = draw_difference(axes[0][-1], runs, name)
-        axes[0][-1].set_title("left minus middle")
+        axes[0][-1].set_title(difference_title(runs))
         figure.colorbar(image, ax=axes[0][-1], label=f"difference of {label}", extend=extend)
     for axis in axes[0]:
         axis.set_xlim(0.0, last_time(runs))
@@ -218,7 +238,7 @@ def draw_surface(axis, runs, begin, where):
     """Draws the velocity of the free surface of these runs at a share of its radius."""
     for run in runs:
         time, speed = run.surface
-        axis.plot(time, speed[:, int(where * (speed.shape[1] - 1))], color=style.law_colour(run.law), lw=1.5)
+        axis.plot(time, speed[:, int(where * (speed.shape[1] - 1))], color=run.colour, lw=1.5)
     axis.set(xlabel="time (µs)", title=SURFACE[where], xlim=(0.9 * begin, max(run.surface[0][-1] for run in runs)))
     axis.grid()
 
@@ -231,7 +251,7 @@ def free_surface(runs):
     axes[0].set_ylabel(SURFACE_LABEL)
     figure.canvas.draw()
     for axis, where in zip(axes, SURFACE):
-        style.label_ends(axis, [(run.surface[0][-1], run.surface[1][-1, int(where * (run.surface[1].shape[1] - 1))], run.label, style.law_colour(run.law))
+        style.label_ends(axis, [(run.surface[0][-1], run.surface[1][-1, int(where * (run.surface[1].shape[1] - 1))], run.label, run.colour)
                                 for run in runs])
     return figure
 
@@ -240,6 +260,8 @@ def pictures(runs):
     """Yields (name of the file, figure) of all pictures of these runs."""
     if main := main_runs([run for run in runs if run.table is not None]):
         yield "cone_temperature.png", shape_and_flank(main)
+        if all("displacement_one_mm" in run for run in main):
+            yield "cone_displacement.png", displacement(main)
         for name in MAPS:
             yield f"cone_{name}.png", space_time(main, name)
     if any(run.surface is not None for run in runs):
@@ -252,7 +274,7 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, required=True)
     options = parser.parse_args()
     try:
-        runs = [Run(path) for path in options.runs]
+        runs = read(options.runs)
         if flat := [run for run in runs if not run.two_dimensions]:
             raise Fault(f"{flat[0].path}: expected a run in two dimensions")
     except Fault as fault:

@@ -8,6 +8,7 @@ side by side.
 import argparse
 import pathlib
 import sys
+import warnings
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -15,7 +16,7 @@ import style
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from runs import Fault, Run, style_text
+from runs import Fault, read, style_text
 
 MOST_LINES = 8   # lines in one panel; with more columns, some lines and the band of all columns
 MOST_PANELS = 6  # panels side by side
@@ -63,7 +64,9 @@ def panels_of(runs):
 def colours(runs):
     """Returns the colours of the lines by their jump, neither too dark nor too light for any paper."""
     jumps = np.concatenate([jump(run) for run in runs])
-    return plt.cm.ScalarMappable(Normalize(jumps.min(), jumps.max() if jumps.max() > jumps.min() else jumps.min() + 1.0), LINES)
+    scale = plt.cm.ScalarMappable(Normalize(jumps.min(), jumps.max() if jumps.max() > jumps.min() else jumps.min() + 1.0), LINES)
+    scale.by_jump = any(np.ptp(jump(run)) > 0 for run in runs)  # else each run has its own colour
+    return scale
 
 
 def quantities(runs):
@@ -73,14 +76,16 @@ def quantities(runs):
 def draw_history(axis, run, columns, name, scale):
     """Draws one quantity of some columns against time. Returns whether a band stands for lines that are left out, and
     whether the melting temperature is drawn."""
-    label, factor, _ = style.QUANTITIES[name]
-    values = np.abs(run[name]) * factor if name == "sliding_velocity" else run[name] * factor
+    label = style.QUANTITIES[name][0]
+    values = run.drawn(name)
     chosen = columns if columns.size <= MOST_LINES else columns[np.unique(np.linspace(0, columns.size - 1, 6).round().astype(int))]
     banded = columns.size > chosen.size
     if banded:
-        axis.fill_between(run.time, values[:, columns].min(axis=1), values[:, columns].max(axis=1), color=BAND, lw=0)
+        with warnings.catch_warnings():  # no column slides at some times
+            warnings.simplefilter("ignore", RuntimeWarning)
+            axis.fill_between(run.time, np.nanmin(values[:, columns], axis=1), np.nanmax(values[:, columns], axis=1), color=BAND, lw=0)
     for column in chosen:
-        axis.plot(run.time, values[:, column], color=scale.to_rgba(jump(run)[column]) if np.ptp(jump(run)) > 0 else style.INK, lw=1.4)
+        axis.plot(run.time, values[:, column], color=scale.to_rgba(jump(run)[column]) if scale.by_jump else run.colour, lw=1.4)
     melting = run.scene.get("soft", {}).get("melting_temperature_k")
     melts = name == "interface_temperature" and melting and run.scene["soft"].get("melting_curve", "constant") == "constant"
     if melts:
@@ -96,7 +101,7 @@ def histories(runs):
     panels, left_out = panels_of(runs)
     names = quantities(runs)
     figure, axes = style.figure(len(names), len(panels), (1.6 + max(2.7 * len(panels), 5.0), 2.2 * len(names) + 1.0), legend=True,
-                                sharex=True, sharey="row", squeeze=False)
+                                sharex="col", sharey="row", squeeze=False)  # runs may end at other times
     scale = colours(runs)
     found = np.array([draw_history(axis, run, columns, name, scale) for p, (run, _, columns) in enumerate(panels) for axis, name in zip(axes[:, p], names)])
     for p, (_, title, _) in enumerate(panels):
@@ -104,7 +109,7 @@ def histories(runs):
         axes[-1, p].set_xlabel("time (µs)")
         for axis in axes[:, p] if p > 0 else ():
             axis.set_ylabel("")
-    if any(np.ptp(jump(run)) > 0 for run in runs):
+    if scale.by_jump:
         figure.colorbar(scale, ax=list(axes[:, -1]), label=jump_label(runs), shrink=0.6, pad=0.03)
     banded, melts = found.any(axis=0)
     handles = [Patch(color=BAND, label="range of all columns")] * bool(banded)
@@ -153,7 +158,7 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="directory for the pictures")
     options = parser.parse_args()
     try:
-        runs = [Run(path) for path in options.runs]
+        runs = read(options.runs)
     except Fault as fault:
         print(f"plot_histories.py: {fault}", file=sys.stderr)
         return 1

@@ -1,17 +1,21 @@
 #!/usr/bin/python3
-"""Draws one node of a history or of a result of shearbus-replay: pressure, velocity jump and slip, shear stress,
-interface temperature, and a band of the regime. Several files of the same steps complete each other.
+"""Draws one node of histories and of results of shearbus-replay: pressure, velocity jump and slip, shear stress,
+interface temperature, and a band of the regime. Files of answers are drawn over each other, each in its colour; a
+history of inputs alone completes those that have its steps.
 
-    plot_history.py result.h5 history.h5 --out picture.png [--node ID]
+    plot_history.py result.h5 [other.h5 ...] [history.h5] --out picture.png [--node ID]
 """
 import argparse
 import pathlib
 import sys
+import textwrap
+import tomllib
 
 import h5py
 import numpy as np
 import style
-from runs import text_of
+from matplotlib.lines import Line2D
+from runs import tell_apart, text_of
 
 MOST_ROWS = 4000  # more would be finer than the pixels of the picture
 PANELS = [  # label, lines: (quantity, label in a legend)
@@ -22,35 +26,81 @@ PANELS = [  # label, lines: (quantity, label in a legend)
 ]
 
 
-def read(paths, node):
-    """Returns the time (s), the id of the node, its quantities by name, and the facts of the footer."""
-    found, ids, time, known = {}, None, None, {}
-    for path in paths:
+class File:
+    """A history or a result: path, time (s), ids, law, name and scene of the run, facts of the footer, and the columns of a
+    node, which take() reads."""
+
+    def __init__(self, path):
+        self.path, self.colour = pathlib.Path(path), style.INK
+        if not self.path.is_file():
+            raise ValueError(f"{path}: there is no such file")
+        if not h5py.is_hdf5(path):
+            raise ValueError(f"{path}: expected a result or a history in HDF5, or an event log; found another kind of file. "
+                             "A table in text is replayed first: shearbus-replay TABLE.csv --scene SCENE.toml --out RESULT.h5")
         with h5py.File(path) as file:
             if "time" not in file or "node_id" not in file:
                 raise ValueError(f"{path}: not a history or a result, it has no time and node_id")
-            if ids is not None and not (np.array_equal(ids, file["node_id"]) and np.array_equal(time, file["time"])):
-                raise ValueError(f"{path}: has other nodes or times than {paths[0]}")
-            ids, time = file["node_id"][:], file["time"][:]
-            meta = dict(file["meta"].attrs) if "meta" in file else {}
-            for key, name in (("scene", "scene_name"), ("program", "producer"), ("version", "server_version"), ("commit", "commit"), ("date", "created"), ("machine", "machine")):
-                if name in meta:
-                    known.setdefault(key, text_of(meta[name])[: 10 if key == "date" else None])
-            if node is None and "interface_temperature" in file:
-                temperature = file["interface_temperature"]
-                peaks = [temperature[i:i + 1000].max(axis=0) for i in range(0, len(time), 1000)]
-                node = int(ids[np.argmax(np.max(peaks, axis=0))])
-    node = int(ids[0]) if node is None else node
-    if node not in ids:
-        raise ValueError(f"{paths[0]}: has no node {node}")
-    column = int(np.flatnonzero(ids == node)[0])
-    rows = np.unique(np.linspace(0, len(time) - 1, min(len(time), MOST_ROWS)).astype(int))
-    for path in paths:
-        with h5py.File(path) as file:
-            for name in ["regime", *(name for _, lines in PANELS for name, _ in lines)]:
-                if name in file and name not in found and file[name].ndim == 2:
-                    found[name] = file[name][:, column][rows]
-    return time[rows], node, found, known
+            self.ids, self.time = file["node_id"][:], file["time"][:]
+            self.answers = any(name in file for name in ("interface_temperature", "sliding_velocity", "shear_stress"))
+            meta = file.get("meta")
+            facts = {key: text_of(value) for key, value in meta.attrs.items()} if meta is not None else {}
+            self.scene_text = text_of(meta["scene"][()]) if meta is not None and "scene" in meta else facts.get("scene", "")
+        try:
+            self.scene = tomllib.loads(self.scene_text)
+        except tomllib.TOMLDecodeError:
+            self.scene = {}
+        self.law, self.name = facts.get("interface_law", "subgrid"), self.scene.get("name", self.path.stem)
+        self.label = style.law_label(self.law)
+        names = {"scene": "scene_name", "program": "producer", "version": "server_version", "commit": "commit", "date": "created", "machine": "machine"}
+        self.provenance = {key: facts[name][: 10 if key == "date" else None] for key, name in names.items() if name in facts}
+
+    def hottest(self):
+        """Returns the id of the hottest node, of the first one where no temperature is known."""
+        with h5py.File(self.path) as file:
+            if "interface_temperature" not in file or not len(self.time):
+                return int(self.ids[0])
+            temperature = file["interface_temperature"]
+            peaks = [temperature[i:i + 1000].max(axis=0) for i in range(0, len(self.time), 1000)]
+            return int(self.ids[np.argmax(np.max(peaks, axis=0))])
+
+    def take(self, node):
+        """Reads the columns of a node."""
+        if node not in self.ids:
+            raise ValueError(f"{self.path}: has no node {node}")
+        column = int(np.flatnonzero(self.ids == node)[0])
+        self.rows = np.unique(np.linspace(0, len(self.time) - 1, min(len(self.time), MOST_ROWS)).astype(int))
+        with h5py.File(self.path) as file:
+            self.values = {name: file[name][:, column][self.rows] for name in ["regime", *(name for _, lines in PANELS for name, _ in lines)]
+                           if name in file and file[name].ndim == 2}
+            if "regime" in self.values:
+                names = list(style.REGIMES)
+                codes = h5py.check_enum_dtype(file["regime"].dtype) or {name: code for code, name in enumerate(names)}
+                position = np.zeros(256, dtype="u1")
+                for name, code in codes.items():
+                    position[code] = names.index(name) if name in names else 0
+                self.values["regime"] = position[self.values["regime"]]
+        if "sliding_velocity" in self.values and "regime" in self.values:  # nothing slides on an open contact
+            self.values["sliding_velocity"] = np.where(self.values["regime"] > 0, self.values["sliding_velocity"], np.nan)
+
+    def complete(self, other):
+        """Takes what this file lacks from one of the same steps."""
+        if not (np.array_equal(self.ids, other.ids) and np.array_equal(self.time, other.time)):
+            raise ValueError(f"{other.path}: has other nodes or times than {self.path}")
+        self.values = {**other.values, **self.values}
+
+
+def read(paths, node):
+    """Returns the files that are drawn, told apart, and the id of the node."""
+    files = [File(path) for path in paths]
+    drawn = [file for file in files if file.answers] or files[:1]
+    node = drawn[0].hottest() if node is None else node
+    for file in files:
+        file.take(node)
+    for other in files:
+        if other not in drawn:
+            for file in drawn:
+                file.complete(other)
+    return tell_apart(drawn), node
 
 
 def regime_band(axis, time, regime):
@@ -65,36 +115,43 @@ def regime_band(axis, time, regime):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("files", nargs="+", help="HDF5 files of the same steps")
+    parser.add_argument("files", nargs="+", help="HDF5 files: results, which are drawn over each other, and a history that completes them")
     parser.add_argument("--out", required=True, help="the picture, PNG")
-    parser.add_argument("--node", type=int, help="id of the node; default: the hottest")
+    parser.add_argument("--node", type=style.whole_number, help="id of the node; default: the hottest")
     options = parser.parse_args()
     try:
-        time, node, values, known = read(options.files, options.node)
-        panels = [(label, lines) for label, lines in PANELS if any(name in values for name, _ in lines)]
+        files, node = read(options.files, options.node)
+        panels = [(label, lines) for label, lines in PANELS if any(name in file.values for file in files for name, _ in lines)]
         if not panels:
             raise ValueError(f"{options.files[0]}: has nothing to draw")
     except (OSError, ValueError) as fault:
         sys.exit(f"plot_history.py: {fault}")
-    heights = [3] * len(panels) + [0.5] * ("regime" in values)
-    figure, axes = style.figure(len(heights), 1, (8, 0.62 * sum(heights) + 1.2), legend="regime" in values, sharex=True, squeeze=False,
+    banded = [file for file in files if "regime" in file.values]
+    heights = [3] * len(panels) + [0.5] * len(banded)
+    figure, axes = style.figure(len(heights), 1, (8, 0.62 * sum(heights) + 1.2), legend=bool(banded) or len(files) > 1, sharex=True, squeeze=False,
                                 gridspec_kw={"height_ratios": heights})
     axes = axes[:, 0]
+    dashes = {"sliding_velocity": "--"} if len(files) > 1 else {}
     for axis, (label, lines) in zip(axes, panels):
-        for name, legend in lines:
-            if name in values:
-                axis.plot(time * 1e6, values[name] * style.QUANTITIES[name][1], lw=1.4, label=legend)
+        for file in files:
+            for name, legend in lines:
+                if name in file.values:
+                    colour = {"color": file.colour} if len(files) > 1 else {}
+                    axis.plot(file.time[file.rows] * 1e6, file.values[name] * style.QUANTITIES[name][1], dashes.get(name, "-"), lw=1.4, label=legend, **colour)
         axis.set_ylabel(label)
         axis.grid()
-        if sum(name in values for name, _ in lines) > 1:
-            axis.legend()
-    if "regime" in values:
-        regime_band(axes[-1], time * 1e6, values["regime"])
-        axes[-1].set_ylabel("regime", rotation=0, ha="right", va="center")
-        style.legend_below(figure, style.regime_handles(np.unique(values["regime"])))
+        if sum(any(name in file.values for file in files) for name, _ in lines) > 1:
+            handles = {text.get_label(): text for text in reversed(axis.get_lines())}
+            axis.legend(handles=[handles[legend] for _, legend in lines if legend in handles])
+    for axis, file in zip(axes[len(panels):], banded):
+        regime_band(axis, file.time[file.rows] * 1e6, file.values["regime"])
+        axis.set_ylabel("regime" if len(banded) == 1 else "\n".join(textwrap.wrap(file.label, 22)), rotation=0, ha="right", va="center", color=file.colour, fontsize=9)
+    if banded or len(files) > 1:
+        handles = [Line2D([], [], color=file.colour, lw=1.6, label=file.label) for file in files] if len(files) > 1 else []
+        style.legend_below(figure, handles + (style.regime_handles(np.unique(np.concatenate([file.values["regime"] for file in banded]))) if banded else []))
     axes[-1].set_xlabel("time (µs)")
     axes[0].set_title(f"node {node}")
-    style.save(figure, pathlib.Path(options.out), style.provenance_text(known))
+    style.save(figure, pathlib.Path(options.out), style.provenance_text(*(file.provenance for file in files)))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import style
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from plot_history import regime_band
-from runs import Fault, Run, style_text
+from runs import Fault, read, style_text
 from scipy.special import erfc
 
 MOST_WRONG = 0.03  # of the rise of the temperature at z = 0
@@ -104,8 +104,7 @@ def overview(runs, time):
     start = 0.85 * main.time[(main["pressure"][:, node] > 0.02 * main["pressure"][:, node].max()).argmax()]
     for axis, name, label in zip(axes, ("shear_stress", "sliding_velocity", "interface_temperature"), ("stress\n(MPa)", "sliding\n(m/s)", "temperature\n(K)")):
         for run in runs:
-            values = run[name][:, node] * style.QUANTITIES[name][1]
-            axis.plot(run.time, np.abs(values) if name == "sliding_velocity" else values, color=style.law_colour(run.law), lw=1.6)
+            axis.plot(run.time, run.drawn(name)[:, node], color=run.colour, lw=1.6)
         axis.set_ylabel(label, fontsize=9)
         axis.tick_params(labelbottom=False)
         axis.grid()
@@ -114,7 +113,7 @@ def overview(runs, time):
     axes[0].set_title(f"one node, {main.place[node] * 1e3:.0f} mm up the cone")
     figure.align_ylabels(axes)
     seen = np.unique(main["regime"][main.time > start, node])
-    handles = [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label) for run in runs] + style.regime_handles(seen)
+    handles = [Line2D([], [], color=run.colour, lw=1.8, label=run.label) for run in runs] + style.regime_handles(seen)
     figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.035), ncols=len(handles), columnspacing=1.4, handlelength=1.4)
     return figure
 
@@ -124,10 +123,10 @@ def main():
     parser.add_argument("subgrid", type=pathlib.Path)
     parser.add_argument("other", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
-    parser.add_argument("--time", type=float, default=4.0, help="µs, of the left picture (default 4)")
+    parser.add_argument("--time", type=style.real_number, default=4.0, help="µs, of the left picture (default 4)")
     options = parser.parse_args()
     try:
-        runs = [Run(options.subgrid), Run(options.other)]
+        runs = read([options.subgrid, options.other])
         if flat := [run for run in runs if not run.two_dimensions or run.table is None]:
             raise Fault(f"{flat[0].path}: expected a run of cone_target")
         figure = overview(runs, options.time)

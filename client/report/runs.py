@@ -7,7 +7,7 @@ import tomllib
 
 import h5py
 import numpy as np
-from style import REGIMES, law_label
+from style import QUANTITIES, REGIMES, RUNS, law_colour, law_label
 
 MOST_ROWS = 1500  # rows of a history that are kept: more would be finer than the pixels of a picture
 NEEDED = ("interface_temperature", "shear_stress", "sliding_velocity")
@@ -85,10 +85,54 @@ def outcome_counts(file):
     return {meanings.get(bit, f"bit {bit}"): int(count[(codes & bit) > 0].sum()) for bit in (1 << i for i in range(8)) if count[(codes & bit) > 0].any()}
 
 
+def flat(table, prefix=""):
+    """Returns {key with dots: value} of a scene."""
+    found = {}
+    for key, value in table.items():
+        found.update(flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value})
+    return found
+
+
+def what_differs(scenes, names, paths):
+    """Returns a word for each of several runs of one law that tells it from the others: the scene's name, the keys in
+    which the scenes differ, or the file."""
+    if len(set(names)) == len(names):
+        return names
+    tables = [flat(scene) for scene in scenes]
+    differing = [key for key in dict.fromkeys(key for table in tables for key in table)
+                 if key not in ("name", "source") and len({repr(table.get(key)) for table in tables}) > 1]
+    words = [", ".join(f"{key} = {table[key]:g}" if isinstance(table.get(key), float) else f"{key} = {table.get(key, 'absent')}" for key in differing) for table in tables]
+    if 0 < len(differing) <= 2 and len(set(words)) == len(words):
+        return words
+    paths = [pathlib.Path(path) for path in paths]
+    stems = [path.stem if path.is_file() else path.name for path in paths]
+    return stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
+
+
+def tell_apart(runs):
+    """Gives each of several runs a label and a colour of its own: those of its law, and where runs have one law, what else
+    tells them apart."""
+    laws = [run.law for run in runs]
+    if len(set(laws)) == len(laws):
+        return runs
+    for law in set(laws):
+        same = [run for run in runs if run.law == law]
+        for run, word in zip(same, what_differs([run.scene for run in same], [run.name for run in same], [run.path for run in same]) if len(same) > 1 else ()):
+            run.label = word if len(set(laws)) == 1 else f"{law_label(law)}, {word}"
+    for i, run in enumerate(runs):
+        run.colour = RUNS[i % len(RUNS)]
+    return runs
+
+
+def read(paths):
+    """Returns the runs of these paths, told apart. Raises Fault."""
+    return tell_apart([Run(path) for path in paths])
+
+
 class Run:
     """One run. Times in µs, everything else in SI.
 
-    path, law, label: where it is, the name of its interface law, how pictures call it. scene, scene_text: effective
+    path, law, label, colour: where it is, the name of its interface law, how pictures call and draw it. scene, scene_text: effective
     scene. summary: summary.json. provenance: facts for a footer. table: {name: [T, N] array} of the interface, or
     None; time [T]; nodes [N] ids; place [N]: z or r (place_name) of each node at the start (m) in two dimensions,
     else None. fields: directory of the frames, or None."""
@@ -132,7 +176,7 @@ class Run:
         except tomllib.TOMLDecodeError:
             self.scene_text, self.scene = text, {}
         self.law = meta.get("interface_law") or self.summary.get("interface_law") or "subgrid"
-        self.label = law_label(self.law)
+        self.label, self.colour = law_label(self.law), law_colour(self.law)
         self.name = self.scene.get("name") or meta.get("scene_name") or path.stem
         known = self.summary.get("provenance", {})
         self.provenance = {"scene": known.get("scene", self.name), "program": known.get("program", meta.get("producer", "")),
@@ -154,6 +198,14 @@ class Run:
 
     def __getitem__(self, name):
         return self.table[name]
+
+    def drawn(self, name):
+        """Returns the history of a quantity in the unit of the pictures: sliding as a speed, and none where the contact is
+        open."""
+        values = self[name] * QUANTITIES[name][1]
+        if name != "sliding_velocity":
+            return values
+        return np.where(self["regime"] > 0, np.abs(values), np.nan) if "regime" in self else np.abs(values)
 
     @property
     def last_contact(self):

@@ -3,8 +3,10 @@ import base64
 import html
 import io
 import json
+import os
 import re
 import subprocess
+import urllib.parse
 
 import matplotlib.colors
 import matplotlib.pyplot as plt
@@ -13,32 +15,20 @@ import plot_cone
 import plot_histories
 import style
 from PIL import Image
-from runs import Fault, Run
-from style import law_colour
+from findings import ROUNDING, five_numbers, hottest, number, verdict, verdicts
+from runs import Fault, read
 
 THEMED = {style.INK: "currentColor", style.GRID: "var(--grid)", style.FAINT: "var(--faint)", style.OPEN: "var(--open)", plot_histories.BAND: "var(--band)"}
 SHARES = ("#2a8fbd", "#a8a29a", "#8a5ba6")  # parts of a bar, with style.SECOND
 BODIES = ("#2a8fbd55", "#8a8a8a55", "#8a5ba655", "#c8553d55")
 SMALL = (3.5, 2.25)  # inches of a small picture
 MAP = (4.2, 3.1)  # inches of a map: as wide as a telephone, so that its texts stay readable there
-NOTHING = "–"  # the text of a number that is not known
 # What the outcome flags mean for a reader who does not know the solvers, by their words in the legend of /outcome.
 FLAGS = {"substepped": "solved in shorter substeps", "multiple roots": "more than one stress balances the step",
          "outside domain": "the slip differs from the jump by more than a tenth, as in a layer that is still elastic",
          "sudden": "stress or slip changed so much that shorter steps may give another jump", "asleep": "at rest, not solved"}
-ROUNDING = 1e-12  # a smaller relative residual is rounding
 MAP_DPI = 200  # pixels an inch of the coloured areas
 LARGEST_PICTURE = 1500  # pixels across of a picture that is given
-
-
-def number(value, digits=3):
-    """Returns a number with so many significant digits, without an exponent where that is short."""
-    if value is None or not np.isfinite(value):
-        return NOTHING
-    if value == 0 or 1e-3 <= abs(value) < 1e6:
-        decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value))))) if value else 0
-        return f"{value:,.{decimals}f}"
-    return f"{value:.{digits - 1}e}"
 
 
 def svg(figure, name, title):
@@ -65,7 +55,7 @@ def svg(figure, name, title):
 
 def lines(runs):
     """Returns the label of each run and the colour of its lines in the theme of the page."""
-    return [(run.label, THEMED.get(law_colour(run.law), law_colour(run.law))) for run in runs]
+    return [(run.label, THEMED.get(run.colour, run.colour)) for run in runs]
 
 
 def few_colours(encoded):
@@ -83,68 +73,11 @@ def panel(size=MAP):
     return figure, axis
 
 
-def colour_bar(figure, axis, image, label, extend, contours=None):
-    bar = figure.colorbar(image, ax=axis, label=label, extend=extend, pad=0.02)
+def colour_bar(figure, axis, image, label, extend, contours=None, shrink=1.0):
+    bar = figure.colorbar(image, ax=axis, label=label, extend=extend, pad=0.02, shrink=shrink)
     bar.solids.set_rasterized(True)
     if contours is not None:
         bar.add_lines(contours, erase=False)
-
-
-# -- head and numbers --
-
-
-def verdicts(run):
-    """Returns (text, "good" or "look") of what a reader wants to know first."""
-    found = []
-    for key, what in (("energy_residual", "energy"), ("momentum_residual", "momentum")):
-        if key in run.summary:
-            residual = abs(run.summary[key])
-            found.append((f"{what} closed to {'rounding' if residual < ROUNDING else f'{residual:.0e}'}", "good" if residual < 1e-9 else "look"))
-    flags = run["outcomes"] if run.table else {}
-    if flags:
-        found.append((f"{sum(flags.values()):,} flagged node-steps", "look"))
-    elif "flagged_node_steps" in run.summary:
-        count = run.summary["flagged_node_steps"]
-        found.append((f"{count:,} node-steps flagged" if count else "no flagged step", "look" if count else "good"))
-    elif run.table and "outcome" in run.table:
-        found.append(("no flagged step", "good"))
-    if "bound_used_most" in run.summary:
-        used = run.summary["bound_used_most"]
-        found.append((f"friction did at most {100 * used:.0f} % of the work possible below melting", "good" if used <= 1.0 else "look"))
-    tolerance = run.scene.get("layer", {}).get("tolerance")
-    if tolerance:
-        estimate = float(np.nanmax(run["error_estimate"])) if "error_estimate" in run else None
-        known = f", estimated error {estimate:.1e}" if estimate is not None else ""
-        found.append((f"tolerance {tolerance:g}{known}", "good" if estimate is None or estimate <= tolerance else "look"))
-    return found
-
-
-def five_numbers(runs):
-    """Returns rows (label, unit, what it is, [text per run]) of up to five large numbers: those that a run has."""
-    summary = lambda run, *keys: next((run.summary[key] for key in keys if key in run.summary), None)
-    heat_key = next((key for key in ("friction_heat_j", "friction_heat_j_per_m", "friction_work_j_per_m2") if key in runs[0].summary), None)
-
-    def heat(run):
-        if heat_key == "friction_work_j_per_m2":  # of all columns
-            return run.summary[heat_key] / run.summary["columns"]
-        if heat_key:
-            return summary(run, heat_key)
-        return float(run["heat"].mean()) if run.table and run["heat"] is not None else None
-
-    def service(run):
-        if run.summary.get("run_time_s") and "solver_time_s" in run.summary:
-            return (run.summary["solver_time_s"] + run.summary["bus_time_s"]) / run.summary["run_time_s"]
-        return run.summary.get("service_share") if run.law == "subgrid" else None
-
-    percent = lambda value: None if value is None else 100 * value
-    unit = {"friction_heat_j": "J", "friction_heat_j_per_m": "J/m"}.get(heat_key, "J/m²")
-    rows = [("slip", "mm", "mean over the nodes", lambda run: run.slip().mean() * 1e3),
-            ("hottest", "K", "interface temperature", lambda run: summary(run, "peak_interface_temperature_k") or float(run["hottest"])),
-            ("friction heat", unit, "of the whole interface" if heat_key and "work" not in heat_key else "into the layers, mean over the nodes", heat),
-            ("at melting", "%", "of the nodes came within 1 % of the melting temperature", lambda run: 100 * float((run.molten_time() > 0).mean())),
-            ("subgrid server", "%", "of the run time", lambda run: percent(service(run)))]
-    found = [(label, unit, what, [number(value(run)) for run in runs]) for label, unit, what, value in rows]
-    return [row for row in found if any(text != NOTHING for text in row[3])]
 
 
 # -- the case --
@@ -153,8 +86,13 @@ def five_numbers(runs):
 def outline_figure(run):
     figure, axis = style.figure(1, 1, (4.6, 3.6))
     for body, loop in plot_cone.outlines(run, run.frame(-1.0)).items():
+        edge = np.vstack([loop, loop[:1]])
+        if run.axisymmetric:  # the axis is no edge of a body
+            on_axis = np.flatnonzero((np.abs(edge[:-1, 0]) < 1e-6) & (np.abs(edge[1:, 0]) < 1e-6)) + 1
+            edge = np.insert(edge, on_axis, np.nan, axis=0)
         for side in (-1, 1) if run.axisymmetric else (1,):
-            axis.add_patch(plt.Polygon(loop * (side, 1), facecolor=BODIES[body % len(BODIES)], edgecolor=style.INK, lw=0.7))
+            axis.add_patch(plt.Polygon(loop * (side, 1), facecolor=BODIES[body % len(BODIES)], edgecolor="none"))
+            axis.plot(*(edge * (side, 1)).T, color=style.INK, lw=0.7)
         middle = (0.0 if run.axisymmetric and loop[:, 0].min() < 1e-6 else loop[:, 0].mean(), 0.5 * (loop[:, 1].min() + loop[:, 1].max()))
         axis.annotate(body_name(run, body), middle, ha="center", va="center", fontsize=9)
     axis.autoscale_view()
@@ -170,6 +108,20 @@ def body_name(run, body):
     return f"body {body + 1}"
 
 
+def span(values, factor=1.0, unit=""):
+    """Returns the text of the values' range: "100 m/s", "1 to 30 m/s"."""
+    low, high = np.nanmin(values) * factor, np.nanmax(values) * factor
+    return f"{number(low)} {unit}" if low == high or number(low) == number(high) else f"{number(low)} to {number(high)} {unit}"
+
+
+def speeds(run):
+    """Returns the text of the velocity jumps of a run: those at the start, or all where they are inputs that vary."""
+    if "velocity_jump" not in run:
+        return "sliding up to " + span(plot_histories.jump(run), 1.0, "m/s")
+    jumps, given = np.abs(run["velocity_jump"]), run.scene.get("strategy") == "velocity_driven"
+    return span(jumps if given else jumps[0], 1.0, "m/s")
+
+
 def columns_figure(run):
     """Two bodies above each other, the upper one sliding."""
     figure, axis = style.figure(1, 1, (5.6, 2.6))
@@ -179,9 +131,7 @@ def columns_figure(run):
     axis.annotate("", (8.8, 0.5), (6.6, 0.5), arrowprops={"arrowstyle": "-|>", "color": style.INK})
     axis.text(0.3, 0.5, f"soft: {soft}", va="center")
     axis.text(0.3, -0.5, f"hard: {hard}", va="center")
-    jumps = plot_histories.jump(run)
-    known = "" if "velocity_jump" in run else "sliding up to "
-    axis.text(7.7, 0.66, known + (f"{number(jumps.min())} to {number(jumps.max())} m/s" if np.ptp(jumps) > 0 else f"{number(jumps[0])} m/s"), ha="center", va="bottom", fontsize=9)
+    axis.text(7.7, 0.66, speeds(run), ha="center", va="bottom", fontsize=9)
     layer = run.scene.get("layer", {}).get("thickness_m")
     axis.text(5.0, 0.06, f"layer: {layer * 1e6:g} µm" if layer else "", ha="center", va="bottom", fontsize=8)
     axis.set(xlim=(-0.2, 10.2), ylim=(-1.1, 1.1))
@@ -208,8 +158,10 @@ def the_case(run, sources):
     rows = [(label, unit, *(number(body[key] * factor) if key in body else "–" for body in (soft, hard))) for key, label, unit, factor in MATERIAL_ROWS
             if key in soft or key in hard]
     sketch = outline_figure(run) if run.two_dimensions else columns_figure(run)
-    pressure = run["pressure"] if "pressure" in run else np.array([])
-    facts = [("pressure", f"{number(pressure.flat[0] * 1e-9)} GPa" if pressure.size and np.ptp(pressure) == 0 else ""), ("strategy", run.scene.get("strategy", "")), ("friction coefficient", run.scene.get("interface", {}).get("friction_coefficient", "")),
+    cone, pressure = run.scene.get("hydro", {}).get("cone_target", {}), span(run["pressure"], 1e-9, "GPa") if "pressure" in run else ""
+    soft_name, hard_name = (body.get("material", "") for body in (soft, hard))
+    facts = [("flyer", f"{number(cone['flyer_speed_m_per_s'])} m/s, {hard_name}" if "flyer_speed_m_per_s" in cone else ""), ("cone", soft_name if cone else ""), ("confinement", hard_name if cone else ""),
+             ("velocity jump", "" if cone else speeds(run)), ("pressure", pressure), ("strategy", run.scene.get("strategy", "")), ("friction coefficient", run.scene.get("interface", {}).get("friction_coefficient", "")),
              ("melting curve", soft.get("melting_curve", "")), ("heat", run.scene.get("layer", {}).get("heat", "")), ("time integrator", run.scene.get("layer", {}).get("time_integrator", "")),
              ("tolerance", run.scene.get("layer", {}).get("tolerance", ""))]
     return {"sketch": svg(sketch, "case", "the bodies at the start"), "sketch_title": "the bodies at the start" if run.two_dimensions else "each column: two bodies, one jump",
@@ -240,7 +192,19 @@ def map_group(runs, name):
         figure, axis = panel()
         image, extend = plot_cone.draw_difference(axis, runs, name)
         colour_bar(figure, axis, image, f"difference of {label}", extend)
-        finish(figure, axis, "first less second", "difference")
+        finish(figure, axis, plot_cone.difference_title(runs), "difference")
+    return panels
+
+
+def film(runs):
+    """Returns pictures of the zones at three times until the contact opens, on one scale."""
+    times, panels = [share * max(run.last_contact for run in runs) for share in (0.5, 0.75, 1.0)], []
+    span = style.limits("temperature", *(run.frame(time)["temperature"] for run in runs for time in times), percentile=99.7)
+    for i, time in enumerate(times):
+        figure, axis = panel((4.6, 3.4))
+        drawn, extend, at = plot_cone.mirrored(axis, runs, time, limits=span)
+        colour_bar(figure, axis, drawn, f"temperature at {at:.3g} µs (K)", extend, shrink=0.75)
+        panels.append(svg(figure, f"film-{i}", f"temperature of the zones at {at:.3g} µs"))
     return panels
 
 
@@ -257,10 +221,20 @@ def cone_fields(runs):
         plot_cone.draw_flank(axis, shown)
         panels.append(svg(figure, "flank", "temperature along the interface, highest and at the end"))
     hidden = f" The zones hide the layer: the second picture shows the temperature of the interface itself, highest and (dashed) at {time:.3g} µs." if interfaces else ""
+    if "cone_target" in shown[0].scene.get("hydro", {}):
+        hidden += " Hot zones on the axis, and at the edge of the face that the flyer has hit, are heated by the waves that meet there: with free slip, without any friction, they are as hot."
+    if interfaces:
+        found.append({"title": "while the bodies touch", "text": f"Temperature of the zones, {' and '.join(run.label for run in shown)}.", "panels": film(shown)})
     found.append({"title": "final state", "text": f"{' and '.join(run.label for run in shown)}.{hidden}", "panels": panels})
     for name in plot_cone.MAPS if interfaces else ():
         shares = [f"{run.label}: {100 * run.summary['slip_share_coulomb']:.0f} % of the slip is Coulomb" for run in interfaces if "slip_share_coulomb" in run.summary]
-        text = {"regime": ". ".join(shares), "interface_temperature": "Lines: 350, 500, 750, 1000 and 1250 K"}.get(name, "")
+        unit = style.QUANTITIES[name][0].split("(")[1].rstrip(")") if name != "regime" else ""
+        largest = lambda run: hottest(run) if name == "interface_temperature" else float(np.nanmax(np.abs(run.drawn(name))))
+        highest = ", ".join(f"{run.label} {number(largest(run), 4)} {unit}" for run in interfaces) if name != "regime" else ""
+        text = {"regime": ". ".join(shares), "interface_temperature": f"Highest: {highest}. Thin lines: 350, 500, 750, 1000 and 1250 K",
+                "sliding_velocity": f"Highest: {highest}. Grey: the contact is open, nothing slides",
+                "shear_stress": f"Largest: {highest}. Its sign is that of the slip",
+                "pressure": f"Highest: {highest}. It limits Coulomb friction, and raises the melting temperature"}.get(name, "")
         title = {"regime": "friction regime"}.get(name, name.replace("_", " "))
         found.append({"title": title, "text": text + "." if text else "", "panels": map_group(interfaces, name)})
     moving, begin = plot_cone.surfaces(runs)
@@ -297,7 +271,7 @@ def history_fields(runs):
         found.append({"title": style.QUANTITIES[name][0].split(" (")[0], "text": " ".join(dict.fromkeys(notes)), "columns": columns,
                       "panels": [svg(figure, f"history-{name}-{i}", f"{name.replace('_', ' ')} against time") for i, (figure, _) in enumerate(figures)]})
     low, high = scale.get_clim()
-    if any(np.ptp(plot_histories.jump(run)) > 0 for run in runs):
+    if scale.by_jump:
         stops = ", ".join(matplotlib.colors.to_hex(plot_histories.LINES(x)) for x in np.linspace(0, 1, 6))
         found[0]["scale"] = {"stops": stops, "low": number(low), "high": number(high), "label": label}
     if plot_histories.has_many(runs):
@@ -322,7 +296,7 @@ def fields(runs):
 
 
 def history_panel(runs, index, node, quantity):
-    label, factor, _ = style.QUANTITIES[quantity]
+    label = style.QUANTITIES[quantity][0]
     figure, axis = panel(SMALL)
     regimes = runs[0]["regime"][:, node] if "regime" in runs[0] else None
     changes = np.flatnonzero(np.diff(regimes.astype(int), prepend=-1)) if regimes is not None else []
@@ -333,10 +307,9 @@ def history_panel(runs, index, node, quantity):
     for run in runs:
         same = np.flatnonzero(run.nodes == runs[0].nodes[node])
         if same.size and quantity in run:
-            values = run[quantity][:, same[0]] * factor
-            values = np.abs(values) if quantity == "sliding_velocity" else values
+            values = run.drawn(quantity)[:, same[0]]
             rows = np.unique(np.linspace(0, len(values) - 1, 400).round().astype(int))
-            axis.plot(run.time[rows], values[rows], color=law_colour(run.law), lw=1.5)
+            axis.plot(run.time[rows], values[rows], color=run.colour, lw=1.5)
     low, high = axis.get_ylim()
     axis.set_ylim(low - 0.06 * (high - low), high)
     axis.set(xlabel="time (µs)", ylabel=label, xlim=(0, min(1.1 * max(run.last_contact for run in runs), runs[0].time[-1])))
@@ -424,9 +397,11 @@ def cost(run):
                  ("bus", summary["bus_time_s"], SHARES[1]), ("output", summary["output_time_s"], style.FAINT)]
     elif total and "waiting_share" in summary:
         waited = summary["waiting_share"] * total
-        parts = [("waiting for answers", waited, style.SECOND), ("hydrocode and output", total - waited, SHARES[0])]
+        parts = [("waiting for answers" if run.law == "subgrid" else "interface law", waited, style.SECOND), ("hydrocode and output", total - waited, SHARES[0])]
     rows = [(name, f"{summary[key]:,}") for key, name in (("zones", "zones"), ("columns", "columns"), ("steps", "steps"), ("steps_taken_back", "steps taken back")) if key in summary]
     rows += [("run time", f"{number(total)} s")] if total else []
+    if total and run.law == "subgrid" and "waiting_share" in summary and summary.get("service_share"):
+        rows.append(("work of the subgrid server", f"{number(100 * summary['service_share'])} % of the run time; while it is under way the hydrocode goes on, and then waits"))
     omitted = summary.get("omitted", {})
     if omitted.get("parts"):
         rows.append(("left out", ", ".join(str(part) for part in omitted["parts"])))
@@ -459,24 +434,30 @@ def paper(directory):
         raise Fault(f"{directory}: expected figures.json, a list of figures with figure, title and file, and their pictures: {fault}") from fault
 
 
-def report(paths, figures, control, command):
+def link(file, page):
+    """Returns the link to a file from a page, as long as both stay where they are."""
+    return urllib.parse.quote(os.path.relpath(file.resolve(), page.resolve().parent))
+
+
+def report(paths, figures, control, command, page):
     """Returns the values of the template for these runs. figures: directory of the paper's figures, or None; control:
-    path of shearbus-ctl. Raises Fault."""
-    runs, of_the_paper = [Run(path) for path in paths], paper(figures)
+    path of shearbus-ctl; page: where the report will be. Raises Fault."""
+    runs, of_the_paper = read(paths), paper(figures)
     compared = [run for run in runs if run.table]
     main = plot_cone.main_runs(compared)
     footer = style.provenance_text(*(run.provenance for run in runs))
     first = main[0] if main else runs[0]
     return {
         "names": list(dict.fromkeys(run.name for run in runs)),
-        "runs": [{"label": run.label, "colour": law_colour(run.law), "path": str(run.path), "verdicts": verdicts(run), "provenance": run.provenance,
+        "runs": [{"label": run.label, "colour": THEMED.get(run.colour, run.colour), "path": str(run.path), "verdicts": verdicts(run), "provenance": run.provenance,
                   "time": run.summary.get("run_time_s")} for run in runs],
-        "numbers": five_numbers(main) if main else [], "number_runs": lines(main),
+        "verdict": verdict(main), "numbers": five_numbers(main) if main else [], "number_runs": lines(main),
         "fields_title": "Fields and maps" if any(run.two_dimensions for run in runs) else "Histories", "along_interface": main and main[0].two_dimensions and any("pressure" in run for run in main),
         "case": the_case(first, material_sources(control)), "fields": fields(runs), "nodes": nodes(main) if main else [],
         "has_profiles": any("profiles" in run.table for run in main), "ledgers": [found for found in map(ledger, runs) if found["bars"] or found["rows"] or found["comparisons"]],
         "costs": [found for found in map(cost, runs) if found["bars"] or found["rows"] or found["flags"]],
         "paper": of_the_paper, "scene_text": first.scene_text, "regimes": list(style.REGIMES.values()),
-        "files": [(str(run.path), sorted((p.name, p.stat().st_size) for p in (run.path.iterdir() if run.path.is_dir() else [run.path]) if p.is_file())) for run in runs],
+        "files": [(run.label, str(run.path), sorted((p.name, link(p, page), p.stat().st_size) for p in (run.path.iterdir() if run.path.is_dir() else [run.path]) if p.is_file()))
+                  for run in runs],
         "provenance": footer, "command": command, "number": number, "replayed": not first.path.is_dir(),
     }

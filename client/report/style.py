@@ -1,8 +1,13 @@
 """One look for all pictures of shearbus: colours of the regimes and of the interface laws, units, sizes, and a footer
 that says where the numbers come from. A picture is drawn with these names and saved by save()."""
+import argparse
 import io
+import math
+import pathlib
+import sys
 
 import matplotlib
+import output
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
@@ -23,7 +28,7 @@ REGIMES = {
     "MELTING": ("Tresca, melting", "#4a0012"),
 }
 OPEN, MELTING = REGIMES["OPEN"][1], REGIMES["MELTING"][1]
-MELTING_LABEL = "T0 = 0.99 T_melt"
+MELTING_LABEL = "within 1 % of the melting temperature"
 # Interface laws of shearbus-hydro by their name in a scene: label and colour of a line.
 LAWS = {
     "subgrid": ("subgrid server", INK),
@@ -51,12 +56,34 @@ plt.rcParams.update({
 })
 
 
+def whole_number(text):
+    """An id of a command line: digits alone, up to 2^64 - 1, as all programs read it."""
+    if not (text.isascii() and text.isdigit() and int(text[:25]) < 2**64):
+        raise argparse.ArgumentTypeError(f"expected a whole number of digits alone, found {text[:60]!r}")
+    return int(text)
+
+
+def real_number(text):
+    """A finite number of a command line."""
+    try:
+        value = float(text) if text.isascii() and "_" not in text and text == text.strip() else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a finite number, found {text[:60]!r}")
+    return value
+
+
 def law_label(law):
     return LAWS[law][0] if law in LAWS else str(law)
 
 
 def law_colour(law):
     return LAWS[law][1] if law in LAWS else FAINT
+
+
+# Lines of runs that the law does not tell apart: far from each other, and from the paper, light or dark.
+RUNS = (INK, SECOND, "#2a8fbd", "#8a5ba6", "#3f9b4f", "#b58900", "#d45fa0", "#8a7f2d")
 
 
 def regime_colours():
@@ -108,8 +135,9 @@ def figure(rows, columns, size, legend=False, **options):
 
 def legend_below(made, handles):
     """Puts one legend below all axes of a figure made with `legend`, in as many rows as its width needs."""
-    columns = min(len(handles), max(2, int(made.get_figwidth() / 1.6)))
-    rows = -(-len(handles) // columns)
+    most = min(len(handles), max(2, int(made.get_figwidth() / 1.6)))
+    rows = -(-len(handles) // most)
+    columns = -(-len(handles) // rows)  # none alone in the last row
     strip = (0.55 + 0.22 * (rows - 1)) / made.get_figheight()
     made.get_layout_engine().set(rect=(0.006, strip, 0.988, 0.99 - strip))
     made.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.17 / made.get_figheight()), ncols=columns, borderaxespad=0.0)
@@ -117,7 +145,7 @@ def legend_below(made, handles):
 
 def save(made, path, footer="", colours=None):
     """Writes a figure as PNG of 200 dots an inch and closes it; path None: returns the bytes. colours: size of a
-    palette, which makes a picture of lines and areas of few colours smaller."""
+    palette, which makes a picture of lines and areas of few colours smaller. Ends the program if it cannot be written."""
     if footer:
         width = int(made.get_figwidth() * 19)  # characters of the footer's size that fit
         text = footer if len(footer) <= width else footer[: width - 1] + "…"
@@ -130,8 +158,11 @@ def save(made, path, footer="", colours=None):
     (image.quantize(colours, dither=Image.Dither.NONE) if colours else image).save(out, format="png", optimize=bool(colours))
     if path is None:
         return out.getvalue()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(out.getvalue())
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        output.write(path, output.PICTURE, out.getvalue())
+    except OSError as fault:
+        sys.exit(f"{pathlib.Path(sys.argv[0]).name}: {fault}")
     return None
 
 
@@ -148,5 +179,6 @@ def label_ends(axis, ends, size=9):
     for i in reversed(range(len(heights))):
         heights[i] = heights[i] - excess if i == len(heights) - 1 else min(heights[i], heights[i + 1] - gap)
     for (x, y, label, colour), height in zip(ends, heights):
-        axis.annotate(label, (x, y), xytext=(axis.get_xlim()[1] + 0.015 * np.diff(axis.get_xlim())[0], height), color=colour, fontsize=size, va="center",
-                      annotation_clip=False, arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.6, "shrinkA": 0, "shrinkB": 0})
+        # The leader ends before the text, and crosses no other one: those lie in the same order at both ends.
+        axis.annotate(label, (x, y), xytext=(axis.get_xlim()[1] + 0.05 * np.diff(axis.get_xlim())[0], height), color=colour, fontsize=size, va="center",
+                      annotation_clip=False, arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.6, "relpos": (0.0, 0.5), "shrinkA": 2, "shrinkB": 0})

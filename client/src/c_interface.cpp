@@ -1,7 +1,6 @@
 // The C interface (client/include/shearbus/shearbus.h): the sessions of the C++ core behind functions that return
 // codes. No exception leaves a function: see guarded().
 #include <fmt/format.h>
-#include <pthread.h>
 
 #include <algorithm>
 #include <charconv>
@@ -19,6 +18,7 @@
 #include "client/src/client.hpp"
 #include "client/src/closure_check.hpp"
 #include "client/src/embedded_server.hpp"
+#include "client/src/entry.hpp"
 #include "proto/wire/enum_names.hpp"
 #include "proto/wire/key_file.hpp"
 #include "proto/wire/limits.hpp"
@@ -103,27 +103,16 @@ int report(shearbus_status* to, int code, std::string_view text = {}, std::strin
   return code;
 }
 
-// Delays the cancellation of this thread. A thread cancelled inside a call would end the process, because the unwinding
-// of its stack cannot pass a noexcept function.
-class NotCancelled {
- public:
-  NotCancelled() { pthread_setcancelstate(PTHREAD_CANCEL_DISABLE, &before_); }
-  NotCancelled(const NotCancelled&) = delete;
-  NotCancelled& operator=(const NotCancelled&) = delete;
-  ~NotCancelled() { pthread_setcancelstate(before_, nullptr); }
-
- private:
-  int before_ = PTHREAD_CANCEL_ENABLE;
-};
-
 // Runs the body of a function of the interface, and turns what it throws into a code and a status.
 template <typename Body>
 int guarded(shearbus_status* status, const Body& body) noexcept {
   if (status != nullptr && !has_sound_size(*status)) return SHEARBUS_INVALID_VALUE;
-  const NotCancelled not_cancelled;
+  const Entry entry;
   try {
     body();
     return report(status, SHEARBUS_OK);
+  } catch (const WrongCaller& found) {
+    return report(status, found.code, found.text, found.remedy);
   } catch (const Error& fault) {
     const Status& found = fault.status();
     return report(status, static_cast<int>(found.code), found.text, found.remedy, found.field, found.node_ids);
@@ -209,6 +198,8 @@ struct Scene {
 
 std::string text_of_file(const std::string& path) {
   const auto fail = [&] {
+    if (errno == EMFILE)
+      refuse(Code::kUnreachable, fmt::format("the scene {} cannot be read: {}", path, wire::limit_of_files()), {});
     refuse(Code::kInvalidScene, fmt::format("the scene {} cannot be read: {}", path, std::strerror(errno)),
            "Name a TOML file that this process may read.", "scene_file");
   };
@@ -268,7 +259,9 @@ bool from_hex(std::string_view digits, std::span<std::uint8_t> bytes) {
   return true;
 }
 
+// A ticket that was read from a file may have the file's line end, and one of Fortran blanks.
 Session::Ticket ticket_of(std::string_view text) {
+  text = text.substr(0, text.find_last_not_of(" \t\r\n\v\f") + 1);
   constexpr std::size_t kDigits = 2 * wire::kSessionIdBytes;
   Session::Ticket ticket;
   if (text.size() != 2 * kDigits + 1 || text[kDigits] != ':' || !from_hex(text.substr(0, kDigits), ticket.session_id) ||
@@ -401,6 +394,7 @@ struct shearbus_session {
     for (const std::string& warning : session->warnings()) log(wire::labelled(warning));
   }
 
+  mutable Holder holder;
   LineLog log;
   std::optional<EmbeddedServer> embedded;
   std::optional<Client> client;
@@ -420,6 +414,15 @@ struct shearbus_session {
 };
 
 namespace {
+
+// guarded() for a call on a session, which one thread of the session's process makes at a time.
+template <typename Body>
+int guarded(const shearbus_session* session, shearbus_status* status, const Body& body) noexcept {
+  return guarded(status, [&] {
+    const Call call(session == nullptr ? nullptr : &session->holder);
+    body();
+  });
+}
 
 // The session of a handle; refuses a handle without one. The second overload also refuses a handle with an
 // unfinished step if `started` is false, and one without an unfinished step if it is true.
@@ -453,9 +456,22 @@ bool contains(std::span<const Field> fields, Field field) {
   return std::ranges::find(fields, field) != fields.end();
 }
 
+// Refuses values that overlap, as those of a stride that was meant in elements.
+void check_stride(std::uint32_t field, std::uint32_t component, std::ptrdiff_t stride_bytes) {
+  const std::ptrdiff_t element =
+      wire::element_of(static_cast<Field>(field)) == wire::Element::kUint8 ? 1 : std::ptrdiff_t{sizeof(double)};
+  if (stride_bytes == 0 || stride_bytes >= element || stride_bytes <= -element) return;
+  const std::string name = column_name(field, component);
+  refuse(Code::kInvalidValue,
+         fmt::format("{}: stride_bytes is {}, expected 0 or at least {}, the size of a value, in bytes", name,
+                     stride_bytes, element),
+         "Give the distance of two values in bytes: that in elements times the size of an element.", name);
+}
+
 // Refuses a column that the session does not have, a component that the scene does not have, or values that are NULL.
 void check_column(const Session& session, std::uint32_t number, std::uint32_t component, const void* values,
-                  const char* kind, std::span<const Field> first, std::span<const Field> second) {
+                  std::ptrdiff_t stride_bytes, const char* kind, std::span<const Field> first,
+                  std::span<const Field> second) {
   const auto field = static_cast<Field>(number);
   const auto refuse_column = [&](Code code, const std::string& text, std::string remedy) {
     const std::string name = column_name(number, component);
@@ -470,6 +486,7 @@ void check_column(const Session& session, std::uint32_t number, std::uint32_t co
                   fmt::format(": the scene gives this column {} component{}", components, components == 1 ? "" : "s"),
                   "Set tangential_components in the scene, or leave the column out.");
   if (values == nullptr) refuse_column(Code::kInvalidValue, ": values is NULL", "Give one value per row.");
+  check_stride(number, component, stride_bytes);
 }
 
 // The fields of the inputs, each once. Refuses an input field of which a component is missing or given twice.
@@ -481,7 +498,8 @@ std::vector<Field> fields_of(const Session& session, std::span<const shearbus_in
   std::vector<Field> fields;
   if (with_node_ids) fields.push_back(Field::kNodeId);
   for (const shearbus_input& input : inputs) {
-    check_column(session, input.field, input.component, input.values, "input", opened.required_columns, others);
+    check_column(session, input.field, input.component, input.values, input.stride_bytes, "input",
+                 opened.required_columns, others);
     if (!contains(fields, static_cast<Field>(input.field))) fields.push_back(static_cast<Field>(input.field));
   }
   for (const Field field : fields) {
@@ -527,8 +545,8 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
   std::vector<Field> fields = fields_of(session, inputs, some);
   std::vector<Field> wanted;
   for (const shearbus_output& output : outputs) {
-    check_column(session, output.field, output.component, output.values, "output", session.opened().reply_columns,
-                 session.opened().columns_on_request);
+    check_column(session, output.field, output.component, output.values, output.stride_bytes, "output",
+                 session.opened().reply_columns, session.opened().columns_on_request);
     if (!contains(wanted, static_cast<Field>(output.field))) wanted.push_back(static_cast<Field>(output.field));
   }
   if (fields != handle.batch_fields || request.n != handle.batch_rows) {
@@ -620,24 +638,45 @@ TransferId transfer_of(const std::uint8_t* bytes) {
   return id;
 }
 
-// Makes the handle of a session, or reuses the handle whose opening has an unknown outcome.
-shearbus_session& handle_for(shearbus_session** at, const shearbus_options& options) {
-  if (at == nullptr) refuse(Code::kInvalidValue, "the address of the session is NULL", "Give &session.");
+// Makes the handle of a session, in use by this call, or reuses the handle whose opening has an unknown outcome.
+shearbus_session& handle_for(shearbus_session** at, const shearbus_options& options, Call& call) {
   if (*at != nullptr && (*at)->session)
     refuse(Code::kInvalidValue, "this session is open already", "Close it first, or use another handle.");
-  if (*at == nullptr) *at = new shearbus_session(options);
+  if (*at == nullptr) {
+    auto made = std::make_unique<shearbus_session>(options);
+    call.enter(&made->holder);
+    *at = made.release();
+  }
   return **at;
 }
 
-// Frees a handle that got no session.
-void drop_unopened(shearbus_session** session) {
-  if (session != nullptr && *session != nullptr && !(*session)->session) delete std::exchange(*session, nullptr);
-}
-
-// True if the server may have opened the session although the call failed. The handle is then kept, so that the same
-// call makes the same request.
-bool is_in_doubt(int code) {
-  return code == SHEARBUS_UNKNOWN_OUTCOME || code == SHEARBUS_NO_MEMORY;
+// Opens or resumes a session by opening(options, call), which gives the handle its session. A handle that got none is freed
+// unless the server may have opened the session although the call failed, and `keeps_doubted`: then the same call makes
+// the same request.
+template <typename Opening>
+int open_by(shearbus_session** session, const shearbus_options* options, shearbus_status* status, bool keeps_doubted,
+            const Opening& opening) noexcept {
+  return guarded(status, [&] {
+    if (session == nullptr) refuse(Code::kInvalidValue, "the address of the session is NULL", "Give &session.");
+    Call call(*session == nullptr ? nullptr : &(*session)->holder);
+    const auto drop_unopened = [&] {
+      if (*session == nullptr || (*session)->session) return;
+      call.forget();
+      delete std::exchange(*session, nullptr);
+    };
+    try {
+      opening(known(options, "shearbus_options"), call);
+    } catch (const Error& fault) {
+      if (!keeps_doubted || fault.status().code != Code::kUnknownOutcome) drop_unopened();
+      throw;
+    } catch (const std::bad_alloc&) {
+      if (!keeps_doubted) drop_unopened();
+      throw;
+    } catch (...) {
+      drop_unopened();
+      throw;
+    }
+  });
 }
 
 }  // namespace
@@ -654,6 +693,10 @@ const char* shearbus_code_name(int code) {
       return "NO_MEMORY";
     case SHEARBUS_LIBRARY_FAULT:
       return "LIBRARY_FAULT";
+    case SHEARBUS_IN_USE:
+      return "IN_USE";
+    case SHEARBUS_OTHER_PROCESS:
+      return "OTHER_PROCESS";
     default:
       return code > 1 ? wire::name(static_cast<Code>(code)) : "?";
   }
@@ -681,13 +724,12 @@ int shearbus_open(shearbus_session** session, const shearbus_options* options, s
 
 int shearbus_open_nodes(shearbus_session** session, const shearbus_options* options, const shearbus_nodes* nodes,
                         shearbus_status* status) {
-  const int code = guarded(status, [&] {
-    const shearbus_options given = known(options, "shearbus_options");
+  return open_by(session, options, status, true, [&](const shearbus_options& given, Call& call) {
     const shearbus_nodes of = known(nodes, "shearbus_nodes");
     const Scene scene = scene_of(given);
     const auto ids = values_of(of.node_ids, of.n, "node_ids");
     NodeOptions properties = properties_of(of);
-    shearbus_session& handle = handle_for(session, given);
+    shearbus_session& handle = handle_for(session, given, call);
     handle.opened(handle.client->open(scene.text, scene.name, ids,
                                       {.initial_temperature_k = properties.initial_temperature_k,
                                        .domain = std::string(text_or(given.domain)),
@@ -696,8 +738,6 @@ int shearbus_open_nodes(shearbus_session** session, const shearbus_options* opti
                                        .pair = properties.pair,
                                        .parameters = std::move(properties.parameters)}));
   });
-  if (code != SHEARBUS_OK && !is_in_doubt(code)) drop_unopened(session);
-  return code;
 }
 
 int shearbus_resume(shearbus_session** session, const shearbus_options* options, const char* ticket,
@@ -708,37 +748,40 @@ int shearbus_resume(shearbus_session** session, const shearbus_options* options,
 
 int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* options, const char* ticket,
                           const shearbus_nodes* nodes, shearbus_status* status) {
-  const int code = guarded(status, [&] {
-    const shearbus_options given = known(options, "shearbus_options");
+  return open_by(session, options, status, false, [&](const shearbus_options& given, Call& call) {
     const shearbus_nodes of = known(nodes, "shearbus_nodes");
     const Session::Ticket held = ticket_of(text_or(ticket));
-    shearbus_session& handle = handle_for(session, given);
+    shearbus_session& handle = handle_for(session, given, call);
     handle.opened(handle.client->resume(
         held, {.node_ids = values_of(of.node_ids, of.n, "node_ids"), .options = properties_of(of)}));
   });
-  if (code != SHEARBUS_OK) drop_unopened(session);
-  return code;
 }
 
+// A handle of another process is forgotten, not freed: its sockets and threads are that process's. A handle in use is
+// kept, because the other thread needs it.
 int shearbus_close(shearbus_session** session, shearbus_status* status) {
-  const int code = guarded(status, [&] {
-    if (session == nullptr || *session == nullptr || !(*session)->session) return;
-    shearbus_session& handle = **session;
-    if (std::exchange(handle.started, false)) {
+  return guarded(status, [&] {
+    if (session == nullptr || *session == nullptr) return;
+    shearbus_session* const handle = *session;
+    if (!handle->holder.is_of_this_process()) *session = nullptr;
+    Call call(&handle->holder);
+    *session = nullptr;
+    call.forget();
+    const std::unique_ptr<shearbus_session> owner(handle);
+    if (!handle->session) return;
+    if (std::exchange(handle->started, false)) {
       try {
-        handle.session->finish_trial();
+        handle->session->finish_trial();
       } catch (const Error&) {
         // If the step was refused, the session is closed all the same.
       }
     }
-    handle.session->close();
+    handle->session->close();
   });
-  if (session != nullptr) delete std::exchange(*session, nullptr);
-  return code;
 }
 
 int shearbus_end(shearbus_session* session, shearbus_totals* totals, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     Session& open = session_of(session);
     if (totals != nullptr) known(totals, "shearbus_totals");
     const wire::SessionClosed closed = open.close();
@@ -752,14 +795,20 @@ int shearbus_end(shearbus_session* session, shearbus_totals* totals, shearbus_st
 }
 
 void shearbus_leave(shearbus_session** session) {
-  if (session == nullptr || *session == nullptr) return;
-  const NotCancelled not_cancelled;
-  if ((*session)->session) (*session)->session->leave();
-  delete std::exchange(*session, nullptr);
+  guarded(nullptr, [&] {
+    if (session == nullptr || *session == nullptr) return;
+    shearbus_session* const handle = *session;
+    if (!handle->holder.is_of_this_process()) *session = nullptr;
+    Call call(&handle->holder);
+    *session = nullptr;
+    call.forget();
+    const std::unique_ptr<shearbus_session> owner(handle);
+    if (handle->session) handle->session->leave();
+  });
 }
 
 int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET_BYTES], shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     if (ticket == nullptr) refuse(Code::kInvalidValue, "ticket is NULL", "Give SHEARBUS_TICKET_BYTES bytes.", "ticket");
     const Session::Ticket held = session_of(session).ticket();
     char* at = to_hex(held.session_id, ticket);
@@ -769,7 +818,7 @@ int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET
 }
 
 int shearbus_resumed_nodes(const shearbus_session* session, shearbus_nodes* nodes, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     const ResumedNodes& resumed = session_of(session).resumed_nodes();
     known(nodes, "shearbus_nodes");
     const ResumedNames& names = session->resumed;
@@ -786,7 +835,7 @@ int shearbus_resumed_nodes(const shearbus_session* session, shearbus_nodes* node
 }
 
 int shearbus_set_reply_deadline(shearbus_session* session, double reply_deadline_s, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     if (session == nullptr) session_of(session);
     session->client->set_reply_deadline(seconds(reply_deadline_s, ClientOptions().reply_deadline, "reply_deadline_s"));
   });
@@ -799,7 +848,7 @@ const char* shearbus_text(const shearbus_session* session, int which) {
 
 int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
                   shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     Session& open = session_of(session);
     const shearbus_request given = known(request, "shearbus_request");
     check_result(result);
@@ -811,7 +860,7 @@ int shearbus_step(shearbus_session* session, const shearbus_request* request, sh
 }
 
 int shearbus_start(shearbus_session* session, const shearbus_request* request, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     Session& open = session_of(session);
     const shearbus_request given = known(request, "shearbus_request");
     const StepOptions options = prepare(*session, given);
@@ -824,7 +873,7 @@ int shearbus_start(shearbus_session* session, const shearbus_request* request, s
 }
 
 int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     Session& open = session_of(session, true);
     check_result(result);
     session->started = false;
@@ -833,27 +882,27 @@ int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus
 }
 
 int shearbus_commit(shearbus_session* session, shearbus_status* status) {
-  return guarded(status, [&] { session_of(session).commit(); });
+  return guarded(session, status, [&] { session_of(session).commit(); });
 }
 
 int shearbus_rollback(shearbus_session* session, shearbus_status* status) {
-  return guarded(status, [&] { session_of(session).rollback(); });
+  return guarded(session, status, [&] { session_of(session).rollback(); });
 }
 
 int shearbus_mark(shearbus_session* session, const char* name, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     const wire::Marked marked = session_of(session).mark(name_of(name, "name"));
     session->texts[SHEARBUS_MARK_NAMES] = lines(marked.names);
   });
 }
 
 int shearbus_rollback_to(shearbus_session* session, const char* name, shearbus_status* status) {
-  return guarded(status, [&] { session_of(session).rollback_to(name_of(name, "name")); });
+  return guarded(session, status, [&] { session_of(session).rollback_to(name_of(name, "name")); });
 }
 
 int shearbus_profiles(shearbus_session* session, size_t n, const uint64_t* node_ids, const double* pressure_pa,
                       const shearbus_output* outputs, size_t n_outputs, size_t* vertices, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     if (vertices == nullptr)
       refuse(Code::kInvalidValue, "vertices is NULL", "Give the room of the arrays, in vertices.", "vertices");
     const auto ids = values_of(node_ids, n, "node_ids");
@@ -868,6 +917,7 @@ int shearbus_profiles(shearbus_session* session, size_t n, const uint64_t* node_
         refuse(Code::kShape,
                fmt::format("column {} with component {} is none of a profile", output.field, output.component),
                "Ask for SHEARBUS_POSITION to SHEARBUS_LAYER_SHEAR_STRESS.", "outputs");
+      check_stride(output.field, output.component, output.stride_bytes);
     }
     const std::size_t room = *vertices;
     const Profiles profiles = session_of(session).profiles(ids, std::span(pressure_pa, pressure_pa == nullptr ? 0 : n));
@@ -890,26 +940,26 @@ int shearbus_profiles(shearbus_session* session, size_t n, const uint64_t* node_
 
 int shearbus_register(shearbus_session* session, size_t n, const uint64_t* node_ids,
                       const double* initial_temperature_k, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     session_of(session).register_nodes(values_of(node_ids, n, "node_ids"),
                                        {initial_temperature_k, initial_temperature_k == nullptr ? 0 : n});
   });
 }
 
 int shearbus_register_nodes(shearbus_session* session, const shearbus_nodes* nodes, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     const shearbus_nodes of = known(nodes, "shearbus_nodes");
     session_of(session).register_nodes(values_of(of.node_ids, of.n, "node_ids"), properties_of(of));
   });
 }
 
 int shearbus_retire(shearbus_session* session, size_t n, const uint64_t* node_ids, shearbus_status* status) {
-  return guarded(status, [&] { session_of(session).retire_nodes(values_of(node_ids, n, "node_ids")); });
+  return guarded(session, status, [&] { session_of(session).retire_nodes(values_of(node_ids, n, "node_ids")); });
 }
 
 int shearbus_offer(shearbus_session* session, size_t n, const uint64_t* node_ids,
                    uint8_t transfer[SHEARBUS_TRANSFER_BYTES], shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     transfer_of(transfer);
     const TransferId id = session_of(session).offer_nodes(values_of(node_ids, n, "node_ids"));
     std::ranges::copy(id, transfer);
@@ -918,7 +968,7 @@ int shearbus_offer(shearbus_session* session, size_t n, const uint64_t* node_ids
 
 int shearbus_accept(shearbus_session* session, const uint8_t transfer[SHEARBUS_TRANSFER_BYTES],
                     shearbus_status* status) {
-  return guarded(status, [&] { session_of(session).accept_nodes(transfer_of(transfer)); });
+  return guarded(session, status, [&] { session_of(session).accept_nodes(transfer_of(transfer)); });
 }
 
 size_t shearbus_offers(const shearbus_session* session, size_t capacity,
@@ -947,7 +997,7 @@ const char* shearbus_warnings(const shearbus_session* session) {
 }
 
 int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shearbus_status* status) {
-  return guarded(status, [&] {
+  return guarded(session, status, [&] {
     const Session& open = session_of(session);
     known(info, "shearbus_info");
     give({.strategy = static_cast<int>(open.opened().strategy),

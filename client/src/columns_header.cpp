@@ -1,17 +1,18 @@
 // Writes shearbus/columns.h, which shearbus.h includes: the columns of a step as constants of C, one for each row of
 // proto/wire/columns.inc. Usage: columns-header FILE. Exit code 1 if FILE cannot be written.
-#include <cctype>
 #include <fstream>
 #include <iostream>
 #include <string>
 #include <string_view>
+
+#include "proto/wire/text.hpp"
 
 namespace {
 
 void print(std::ostream& out, std::string_view kind, int number, std::string quantity, std::string_view unit,
            std::string_view element, std::string_view direction, std::string_view meaning) {
   if (kind == "Node") return;  // node columns are arguments of the functions
-  for (char& letter : quantity) letter = static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
+  for (char& letter : quantity) letter = shearbus::wire::ascii_upper(letter);
   out << "  SHEARBUS_" << quantity << " = " << number << ", /* " << (element == "Uint8" ? "uint8_t: " : "") << meaning;
   if (!unit.empty()) out << "  [" << unit << "]";
   out << (direction == "Tangential" ? "; tangential" : "") << " */\n";

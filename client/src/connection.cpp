@@ -21,6 +21,7 @@
 
 #include "proto/wire/codec.hpp"
 #include "proto/wire/endpoint_file.hpp"
+#include "proto/wire/host_process.hpp"
 #include "proto/wire/key_file.hpp"
 
 namespace shearbus {
@@ -99,13 +100,38 @@ void SocketConnection::CloseSocket::operator()(void* socket) const {
   zmq_close(socket);
 }
 void SocketConnection::CloseContext::operator()(void* context) const {
-  while (zmq_ctx_term(context) != 0 && zmq_errno() == EINTR) {
+  wire::uninterrupted([&] { return zmq_ctx_term(context); });
+}
+
+// Of the caller, or this connection's own, whose threads start with the first socket.
+void* SocketConnection::context() {
+  if (options().context != nullptr) return options().context;
+  if (own_context_) return own_context_.get();
+  try {
+    wire::check_room_for_sockets();
+  } catch (const std::runtime_error& fault) {
+    unreachable(where_, fault.what());
   }
+  own_context_.reset(zmq_ctx_new());
+  if (!own_context_) unreachable(where_, fmt::format("no context of libzmq: {}", zmq_strerror(zmq_errno())));
+  return own_context_.get();
+}
+
+// Makes a socket, whose kind the fault names.
+void* SocketConnection::new_socket(int type, const char* kind) {
+  void* const parent = context();
+  void* const socket = wire::uninterrupted([&] { return zmq_socket(parent, type); });
+  if (socket == nullptr) no_socket(kind);
+  return socket;
+}
+
+void SocketConnection::no_socket(const char* kind) const {
+  unreachable(where_, zmq_errno() == EMFILE ? fmt::format("no {}: {}", kind, wire::limit_of_files())
+                                            : fmt::format("no {}: {}", kind, zmq_strerror(zmq_errno())));
 }
 
 SocketConnection::SocketConnection(ClientOptions options) : Connection(std::move(options)) {
   check_endpoint(this->options());
-  if (this->options().context == nullptr) own_context_.reset(zmq_ctx_new());
   if (!this->options().record.empty()) start_recording();
 }
 
@@ -219,9 +245,7 @@ bool SocketConnection::connect() {
   refusal_ = {};
   if (!find_server()) return false;
   frames_read_ = 0;
-  void* context = own_context_ ? own_context_.get() : options().context;
-  socket_.reset(zmq_socket(context, ZMQ_DEALER));
-  if (!socket_) unreachable(where_, fmt::format("no socket: {}", zmq_strerror(zmq_errno())));
+  socket_.reset(new_socket(ZMQ_DEALER, "socket"));
   zmq::socket_ref socket(zmq::from_handle, socket_.get());
   socket.set(zmq::sockopt::immediate, true);  // queues nothing until the connection is established
   socket.set(zmq::sockopt::linger, 0);
@@ -253,8 +277,12 @@ bool SocketConnection::connect() {
                                        "directory that other users can enter.",
                                        ::geteuid())});
   }
-  if (zmq_connect(socket_.get(), server_.endpoint.c_str()) != 0) {
-    const std::string why = zmq_strerror(zmq_errno());
+  if (wire::uninterrupted([&] { return zmq_connect(socket_.get(), server_.endpoint.c_str()); }) != 0) {
+    const std::string why =
+        zmq_errno() == ENAMETOOLONG
+            ? fmt::format("the path has {} bytes, and the path of a socket has at most {}; choose a shorter one",
+                          server_.endpoint.size() - std::strlen("ipc://"), wire::kLongestSocketPath)
+            : zmq_strerror(zmq_errno());
     socket_.reset();
     unreachable(where_, why);
   }
@@ -273,25 +301,20 @@ void SocketConnection::watch_handshakes() {
   const std::string name = fmt::format("inproc://shearbus-client-{}-{}", static_cast<void*>(&counter), ++counter);
   constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
                           ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
-  void* context = own_context_ ? own_context_.get() : options().context;
-  monitor_.reset(zmq_socket(context, ZMQ_PAIR));
+  monitor_.reset(new_socket(ZMQ_PAIR, "monitor"));
   const int unlimited = 0;  // an event without space in the queue would block the I/O thread
-  if (!monitor_ || zmq_socket_monitor(socket_.get(), name.c_str(), kEvents) != 0 ||
+  if (wire::uninterrupted([&] { return zmq_socket_monitor(socket_.get(), name.c_str(), kEvents); }) != 0 ||
       zmq_setsockopt(monitor_.get(), ZMQ_RCVHWM, &unlimited, sizeof unlimited) != 0 ||
-      zmq_connect(monitor_.get(), name.c_str()) != 0)
-    unreachable(where_, fmt::format("no monitor: {}", zmq_strerror(zmq_errno())));
+      wire::uninterrupted([&] { return zmq_connect(monitor_.get(), name.c_str()); }) != 0)
+    no_socket("monitor");
 }
 
 void SocketConnection::read_handshakes() {
   for (;;) {
     zmq::message_t event;
     zmq::message_t address;
-    if (zmq_msg_recv(event.handle(), monitor_.get(), ZMQ_DONTWAIT) < 0) {
-      if (zmq_errno() == EINTR) continue;
-      return;
-    }
-    while (zmq_msg_recv(address.handle(), monitor_.get(), 0) < 0 && zmq_errno() == EINTR) {
-    }
+    if (wire::uninterrupted([&] { return zmq_msg_recv(event.handle(), monitor_.get(), ZMQ_DONTWAIT); }) < 0) return;
+    wire::uninterrupted([&] { return zmq_msg_recv(address.handle(), monitor_.get(), 0); });
     std::uint16_t number = 0;
     std::uint32_t detail = 0;
     if (event.size() < sizeof number + sizeof detail) continue;
@@ -408,12 +431,10 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
   const auto send_frame = [&](std::span<const std::byte> bytes, bool more) {
     // Copies the bytes: they belong to the caller, and libzmq may keep a message beyond this call if a reply is lost.
     zmq::message_t message(bytes.data(), bytes.size());
-    while (zmq_msg_send(message.handle(), socket_.get(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {
-      if (zmq_errno() == EINTR) continue;
-      if (zmq_errno() == EAGAIN) return false;
-      unreachable(where_, zmq_strerror(zmq_errno()));
-    }
-    return true;
+    const int flags = ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0);
+    if (wire::uninterrupted([&] { return zmq_msg_send(message.handle(), socket_.get(), flags); }) >= 0) return true;
+    if (zmq_errno() == EAGAIN) return false;
+    unreachable(where_, zmq_strerror(zmq_errno()));
   };
   if (!send_frame(std::as_bytes(std::span(header)), has_payload)) return false;
   return !has_payload || send_frame(batch.bytes(), false);
@@ -438,8 +459,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     for (bool more = true; more && count < views.size();) {  // decode() refuses three frames
       if (count == 1 && !payload) payload = std::make_shared<zmq::message_t>();
       zmq::message_t& frame = count == 0 ? header : count == 1 ? *payload : surplus;
-      if (zmq_msg_recv(frame.handle(), socket_.get(), ZMQ_DONTWAIT) < 0) {
-        if (zmq_errno() == EINTR) continue;
+      if (wire::uninterrupted([&] { return zmq_msg_recv(frame.handle(), socket_.get(), ZMQ_DONTWAIT); }) < 0) {
         if (zmq_errno() == EAGAIN) break;
         unreachable(where_, zmq_strerror(zmq_errno()));
       }

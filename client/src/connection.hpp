@@ -129,6 +129,9 @@ class SocketConnection final : public Connection {
   bool find_server();
   void drop_socket();
   bool server_has_moved() const;
+  void* context();
+  void* new_socket(int type, const char* kind);
+  [[noreturn]] void no_socket(const char* kind) const;
   bool connect();
   void watch_handshakes();
   std::string own_public_key() const;

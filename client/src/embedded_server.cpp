@@ -5,7 +5,9 @@
 
 #include <array>
 #include <filesystem>
+#include <stdexcept>
 
+#include "proto/wire/host_process.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus {
@@ -48,6 +50,11 @@ Function entry(void* library, const char* name) {
 }  // namespace
 
 EmbeddedServer::EmbeddedServer(const std::string& state_dir, unsigned threads) {
+  try {
+    wire::check_room_for_sockets();
+  } catch (const std::runtime_error& fault) {
+    refuse(fmt::format("no server can run in this process: {}", fault.what()), {});
+  }
   void* library = load();
   const auto start = entry<decltype(&shearbus_embedded_start_1)>(library, "shearbus_embedded_start_1");
   stop_ = entry<decltype(&shearbus_embedded_stop_1)>(library, "shearbus_embedded_stop_1");

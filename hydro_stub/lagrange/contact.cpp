@@ -48,7 +48,8 @@ Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactO
       excess_rate_(weights_.size(), 0.0),
       compliance_(weights_.size()),
       pushed_(num_nodes),
-      hard_area_(num_nodes) {
+      hard_area_(num_nodes),
+      friction_time_(weights_.rubbing(), 0.0) {
   inputs_.zone_plastic_strain.assign(weights_.rubbing(), 0.0);
   inputs_.soft_plastic_strain_rate.assign(weights_.rubbing(), 0.0);
 }
@@ -168,7 +169,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
     // the masses.
     inputs_.mass_soft[i] = inputs_.mass_hard[i] = 1.0;
     for (const int zone : weights_.zones_at(i)) {
-      inputs_.zone_temperature[i] += 0.5 * state.temperature[zone];
+      inputs_.zone_temperature[i] += 0.5 * wall_temperature(state, zone, i);
     }
     if (!weights_.faces(i) || weights_.covered(i) < kLeastCovered) continue;
     const int node = weights_.node(i);
@@ -198,6 +199,11 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   } else {
     law->advance(inputs_, answer_);
   }
+}
+
+double Contact::wall_temperature(const State& state, int zone, int i) const {
+  if (!options_.heat_depth) return state.temperature[zone];
+  return options_.heat_depth->mean(zone, friction_time_[i], state.temperature);
 }
 
 // Sets for each interface node the mean plastic strain of the two soft zones there, and the rate at which shear along
@@ -237,8 +243,18 @@ void Contact::deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, co
         i < weights_.rubbing() ? answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt : 0.0;
     heat_[kClosing] += closing;
     heat_[kFriction] += friction;
-    const double soft = 0.5 * closing + options_.soft_share * friction;
-    const double hard = 0.5 * closing + (1.0 - options_.soft_share) * friction;
+    double soft = 0.5 * closing, hard = soft;
+    if (options_.heat_depth && i < weights_.rubbing()) {
+      if (friction != 0.0 || friction_time_[i] > 0.0) friction_time_[i] += dt;
+      const auto spread = [&](const ZoneShare& z, double heat) {
+        options_.heat_depth->give(z.zone, z.share * heat, friction_time_[i], mass, energy);
+      };
+      for (const ZoneShare& z : weights_.soft_zones(i)) spread(z, options_.soft_share * friction);
+      for (const ZoneShare& z : weights_.hard_zones(i)) spread(z, (1.0 - options_.soft_share) * friction);
+    } else {
+      soft += options_.soft_share * friction;
+      hard += (1.0 - options_.soft_share) * friction;
+    }
     for (const ZoneShare& z : weights_.soft_zones(i)) energy[z.zone] += z.share * soft / mass[z.zone];
     for (const ZoneShare& z : weights_.hard_zones(i)) energy[z.zone] += z.share * hard / mass[z.zone];
   }

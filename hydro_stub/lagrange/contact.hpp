@@ -12,11 +12,13 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/lagrange/boundary.hpp"
+#include "hydro_stub/lagrange/heat_depth.hpp"
 #include "hydro_stub/lagrange/slide_line.hpp"
 #include "hydro_stub/lagrange/state.hpp"
 
@@ -25,6 +27,7 @@ namespace shearbus::lagrange {
 struct ContactOptions {
   bool overlap = true;      // advance zones off the slide lines while the interface law runs; changes no result
   double soft_share = 0.5;  // share of the friction heat that enters the soft body
+  std::optional<HeatDepth> heat_depth = {};  // how deep friction heat goes; absent: into the zones at the wall
   // Bounds on the change of a gap in one step, so that curved surfaces which slide along each other stay together
   // (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
   double push_out = 0.2;  // where the bodies overlap: share of the overlap that one step removes
@@ -62,6 +65,7 @@ class Contact {
   std::span<double> plastic_strain() { return inputs_.zone_plastic_strain; }
   std::span<double> soft_plastic_strain_rate() { return inputs_.soft_plastic_strain_rate; }
   double& plastic_time() { return plastic_time_; }
+  std::span<double> friction_time() { return friction_time_; }
 
  private:
   void find_compliance(const Guides& guides, const State& state);
@@ -70,6 +74,7 @@ class Contact {
                const std::vector<Vec2>& velocity);
   void find_plastic_rates(const State& state);
   void rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
+  double wall_temperature(const State& state, int zone, int i) const;
   double opening_rate(int i, const std::vector<Vec2>& velocity) const;
   double jump(int i, const std::vector<Vec2>& velocity) const;
   void give(int node, Vec2 impulse, const Guides& guides, const State& state, std::vector<Vec2>& velocity);
@@ -90,7 +95,8 @@ class Contact {
   };
   std::vector<std::vector<Response>> pushed_;  // of each mesh node
   std::vector<double> hard_area_;
-  double plastic_time_ = 0.0;  // time to which zone_plastic_strain in inputs_ belongs  [s]
+  std::vector<double> friction_time_;  // time since friction began at each interface node with friction  [s]
+  double plastic_time_ = 0.0;          // time to which zone_plastic_strain in inputs_ belongs  [s]
   enum Cause : std::size_t { kFriction, kClosing };
   std::array<double, 2> heat_{};
 };

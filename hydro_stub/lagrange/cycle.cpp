@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -25,6 +26,7 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
       middle_xx_(bodies_.mesh.num_zones()),
       middle_yy_(bodies_.mesh.num_zones()),
       middle_xy_(bodies_.mesh.num_zones()),
+      plastic_rate_(bodies_.mesh.num_zones(), std::numeric_limits<double>::infinity()),
       sound_squared_(bodies_.mesh.num_zones()),
       corner_force_(4 * static_cast<std::size_t>(bodies_.mesh.num_zones())),
       node_force_(bodies_.mesh.num_nodes()),
@@ -68,6 +70,10 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
   middle_density_ = state_.density;
   middle_pressure_ = state_.pressure;
   find_gradients();
+  for (std::size_t body = 0; body < bodies_.materials.size(); ++body) {
+    const Block& block = mesh.blocks()[body];
+    if (bodies_.materials[body].strength) std::fill_n(plastic_rate_.begin() + block.first_zone, block.num_zones(), 0.0);
+  }
   find_forces();  // computes the viscous rates, which limit the first step
 }
 
@@ -191,6 +197,7 @@ void Cycle::predict_state(double dt) {
           middle_xx_[z] = step.deviator.xx;
           middle_yy_[z] = step.deviator.yy;
           middle_xy_[z] = step.deviator.xy;
+          plastic_rate_[z] = step.plastic_strain_increment / half;
         });
       }
     }
@@ -205,7 +212,7 @@ void Cycle::find_forces() {
   for (std::size_t body = 0; body < bodies_.materials.size(); ++body) {
     const Block& block = mesh.blocks()[body];
     add_viscosity(mesh, bodies_.viscosity, bodies_.materials[body].eos.half_shock_slope(), middle_, middle_position_,
-                  gradient_, middle_density_, state_.sound_speed, block.first_zone,
+                  gradient_, middle_density_, state_.sound_speed, plastic_rate_, block.first_zone,
                   block.first_zone + block.num_zones(), corner_force_, viscous_rate_);
   }
   add_hourglass(mesh, bodies_.hourglass, middle_, middle_position_, state_.velocity, middle_density_,
@@ -399,6 +406,7 @@ Memory Cycle::memory() {
                       {"contact_plastic_strain", contact_.plastic_strain()},
                       {"contact_plastic_rate", contact_.soft_plastic_strain_rate()},
                       {"contact_plastic_time", one(contact_.plastic_time())},
+                      {"contact_friction_time", contact_.friction_time()},
                       {"position", flat(state_.position)},
                       {"velocity", flat(state_.velocity)},
                       {"volume", state_.volume},

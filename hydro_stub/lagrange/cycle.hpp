@@ -129,6 +129,7 @@ class Cycle {
   std::vector<double> middle_energy_;
   std::vector<double> middle_pressure_;
   std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // stress deviators at mid-step  [Pa]
+  std::vector<double> plastic_rate_;  // rate of the equivalent plastic strain up to mid-step; infinite in fluids  [1/s]
   std::vector<double> sound_squared_;
   std::vector<Vec2> corner_force_;
   std::vector<Vec2> node_force_;               // force of the zones on each node, the sum of its corners' forces

@@ -55,12 +55,24 @@ double smoothness(const Mesh& mesh, const std::vector<Gradient>& gradient, int z
   return std::max(0.0, psi);
 }
 
+// Returns the share of the strongest compression that viscosity resists: the part of it that changes the volume, and of
+// the rest, which is shear, the elastic part.
+double resisted_share(const Gradient& d, const Compression& c, double plastic_rate) {
+  const double volume = std::clamp(d.dilatation() / c.rate, 0.0, 1.0);
+  const double mean = d.dilatation() / 3.0;
+  const double xx = d.xx - mean, yy = d.yy - mean, tt = d.tt - mean, xy = 0.5 * (d.xy + d.yx);
+  const double equivalent_rate = std::sqrt(2.0 / 3.0 * (xx * xx + yy * yy + tt * tt + 2.0 * xy * xy));
+  const double elastic = plastic_rate < equivalent_rate ? 1.0 - plastic_rate / equivalent_rate : 0.0;
+  return volume + (1.0 - volume) * elastic;
+}
+
 }  // namespace
 
 void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Geometry& geometry,
                    const std::vector<Vec2>& position, const std::vector<Gradient>& gradient,
-                   const std::vector<double>& density, const std::vector<double>& sound_speed, int first, int last,
-                   std::vector<Vec2>& corner_force, std::vector<double>& viscous_rate) {
+                   const std::vector<double>& density, const std::vector<double>& sound_speed,
+                   const std::vector<double>& plastic_rate, int first, int last, std::vector<Vec2>& corner_force,
+                   std::vector<double>& viscous_rate) {
 #pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
   for (int zone = first; zone < last; ++zone) {
     viscous_rate[zone] = 0.0;
@@ -72,7 +84,7 @@ void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double hal
     const Vec2 up = 0.5 * ((position[n[3]] - position[n[0]]) + (position[n[2]] - position[n[1]]));
     const double length = length_along(across, up, c.direction);
     if (length * -c.rate <= kRounding * sound_speed[zone]) continue;
-    const double limit = 1.0 - smoothness(mesh, gradient, zone, c);
+    const double limit = (1.0 - smoothness(mesh, gradient, zone, c)) * resisted_share(d, c, plastic_rate[zone]);
     const double shock = options.quadratic * half_shock_slope * length * -c.rate;
     const double sound = options.linear * sound_speed[zone];
     const double diffusivity = limit * length * (shock + std::sqrt(shock * shock + sound * sound));

@@ -1,7 +1,7 @@
 // Artificial viscosity as a tensor in each zone, along its strongest compression only (the directional form of Kolev &
 // Rieben, J. Comput. Phys. 228 (2009) 8336):
 //
-//     sigma_q = (1 - psi) mu lambda s s^T,    mu = rho l (c2 w |du| + sqrt((c2 w du)^2 + (c1 c)^2)),    du = l |lambda|
+//     sigma_q = (1 - psi) phi mu lambda s s^T,    mu = rho l (c2 w |du| + sqrt((c2 w du)^2 + (c1 c)^2)),    du = l |lambda|
 //
 // Here mu is the viscosity and rho the density. lambda is the most negative eigenvalue of the strain rate in the plane
 // (without a negative eigenvalue there is no viscosity), s the unit eigenvector of lambda, l the zone's length along s,
@@ -10,8 +10,20 @@
 // material's own Hugoniot. The limiter psi compares lambda with the rates in the zones on both sides, as is usual for
 // second-order schemes (D. J. Benson, Comput. Methods Appl. Mech. Eng. 99 (1992) 235); psi is 1 where the rate varies
 // linearly through the neighbours. Rigid rotation has no negative eigenvalue, and uniform compression has psi = 1, so
-// neither has viscosity. The stress acts through the same weights as all other stresses, so its forces on a zone
-// cancel. Its work (1 - psi) mu lambda^2 is never negative: it only heats. Since the viscosity is directional, it does
+// neither has viscosity.
+//
+// The share phi keeps viscosity out of shear flow. lambda of a pure shear is negative, too, so that without phi viscosity
+// would resist the flow of metal wherever its rate varies from zone to zone, as if the metal were stronger. With the
+// dilatation d = div v, the volume's share of the compression is f = d / lambda between 0 and 1 (1 in any plane shock), and
+//
+//     phi = f + (1 - f) (1 - plastic rate / equivalent rate)
+//
+// with the equivalent strain rate and its plastic part, infinite in a fluid: shear has viscosity only as far as it is
+// elastic. Elastic shear waves need it, since below unit Courant number nothing else damps the oscillations behind their
+// fronts; metal that flows at constant volume has none.
+//
+// The stress acts through the same weights as all other stresses, so its forces on a zone
+// cancel. Its work (1 - psi) phi mu lambda^2 is never negative: it only heats. Since the viscosity is directional, it does
 // not shorten the time step of thin zones that are squeezed along their length.
 #pragma once
 
@@ -26,11 +38,13 @@ struct ViscosityOptions {
   double quadratic = 1.0;  // coefficient c2 of the quadratic viscosity
 };
 
-// Adds the viscous forces to the corner forces of the zones [first, last). Stores in `viscous_rate` the rate (1 - psi)
-// mu / (rho l^2) at which viscosity evens out velocities  [1/s]; this rate limits the time step.
+// Adds the viscous forces to the corner forces of the zones [first, last). `plastic_rate` is the rate of the equivalent
+// plastic strain of each zone, infinite in a fluid  [1/s]. Stores in `viscous_rate` the rate (1 - psi)
+// phi mu / (rho l^2) at which viscosity evens out velocities  [1/s]; this rate limits the time step.
 void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Geometry& geometry,
                    const std::vector<Vec2>& position, const std::vector<Gradient>& gradient,
-                   const std::vector<double>& density, const std::vector<double>& sound_speed, int first, int last,
-                   std::vector<Vec2>& corner_force, std::vector<double>& viscous_rate);
+                   const std::vector<double>& density, const std::vector<double>& sound_speed,
+                   const std::vector<double>& plastic_rate, int first, int last, std::vector<Vec2>& corner_force,
+                   std::vector<double>& viscous_rate);
 
 }  // namespace shearbus::lagrange

@@ -3,7 +3,9 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
+#include "hydro_stub/grading.hpp"
 #include "hydro_stub/verification/exact.hpp"
 #include "hydro_stub/verification/problems.hpp"
 
@@ -26,6 +28,13 @@ Bodies make_bodies(const PlatesProblem& p) {
   Mesh mesh(lagrange::Symmetry::kPlane);
   const auto block = [&](double width, double from, double to) {
     const int nx = static_cast<int>(std::lround(p.length / width));
+    if (p.first) {  // the line is where the distance is 0: `from` of the soft plate, `to` of the hard plate
+      const std::vector<double> at = graded_nodes(to - from, {*p.first, p.growth, width}).distance;
+      const int ny = static_cast<int>(at.size()) - 1;
+      return mesh.add_block(nx, ny, [=](int i, int j) {
+        return turned({p.length * (static_cast<double>(i) / nx - 0.5), from < 0.0 ? to - at[ny - j] : from + at[j]});
+      });
+    }
     const int ny = static_cast<int>(std::lround((to - from) / width));
     return mesh.add_block(nx, ny, [=](int i, int j) {
       return turned({p.length * (static_cast<double>(i) / nx - 0.5), from + (to - from) * j / ny});

@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <utility>
 
+#include "hydro_stub/grading.hpp"
 #include "hydro_stub/problem.hpp"
 
 namespace shearbus::hydro {
@@ -93,19 +95,24 @@ Problem2d taylor_bar(const guest::HydroScene& scene) {
 
 Problem2d sliding_plates(const guest::HydroScene& scene) {
   const guest::SlidingPlates& given = scene.hydro().sliding_plates();
-  const PlatesProblem problem{.soft = make_metal(scene.scene().soft(), "soft"),
-                              .hard = make_metal(scene.scene().hard(), "hard"),
-                              .length = given.length_m(),
-                              .soft_depth = given.soft_depth_m(),
-                              .hard_depth = given.hard_depth_m(),
-                              .width = given.zone_width_m(),
-                              .jump = given.velocity_jump_m_per_s(),
-                              .angle = given.angle_deg() * std::numbers::pi / 180.0,
-                              .pressure = given.pressure_pa()};
+  PlatesProblem problem{.soft = make_metal(scene.scene().soft(), "soft"),
+                        .hard = make_metal(scene.scene().hard(), "hard"),
+                        .length = given.length_m(),
+                        .soft_depth = given.soft_depth_m(),
+                        .hard_depth = given.hard_depth_m(),
+                        .width = given.zone_width_m(),
+                        .jump = given.velocity_jump_m_per_s(),
+                        .angle = given.angle_deg() * std::numbers::pi / 180.0,
+                        .pressure = given.pressure_pa()};
   if (!(4.0 * problem.width <= std::min({problem.length, problem.soft_depth, problem.hard_depth})))
     refuse("hydro.sliding_plates.zone_width_m",
            fmt::format("zones of {} m do not go four times into length and depths", problem.width),
            "lower zone_width_m");
+  if (given.has_first_zone_m())
+    problem.first = checked_grading("hydro.sliding_plates", true, given.first_zone_m(), given.zone_growth(),
+                                    given.zone_width_m(), std::min(problem.soft_depth, problem.hard_depth))
+                        .first;
+  problem.growth = given.zone_growth();
   Problem2d made(make_bodies(problem));
   made.body_names = "0 soft, 1 hard";
   const auto limit = [&]() -> std::optional<double> {

@@ -3,6 +3,7 @@
 // A problem is a struct; make_bodies() meshes it, and compare() compares a cycle with the solution at the cycle's time.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -71,13 +72,15 @@ struct TaylorProblem {
 };
 struct PlatesProblem {
   Metal soft, hard;
-  double length = 3e-3;        // length along the slide line  [m]
-  double soft_depth = 0.4e-3;  // thickness of the soft plate  [m]
-  double hard_depth = 0.4e-3;  // thickness of the hard plate  [m]
-  double width = 20e-6;        // width of the soft zones; the hard zones are 5/4 as wide  [m]
-  double jump = 100.0;         // initial velocity of the soft plate along the slide line  [m/s]
-  double angle = 0.0;          // angle between the slide line and the x axis  [rad]
-  double pressure = 1e9;       // pressure that holds the plates together  [Pa]
+  double length = 3e-3;              // length along the slide line  [m]
+  double soft_depth = 0.4e-3;        // thickness of the soft plate  [m]
+  double hard_depth = 0.4e-3;        // thickness of the hard plate  [m]
+  double width = 20e-6;              // width of the soft zones; the hard zones are 5/4 as wide  [m]
+  std::optional<double> first = {};  // thickness of the zones at the slide line; absent: as wide as the others  [m]
+  double growth = 1.2;               // with `first`: ratio of neighbouring zones' thicknesses
+  double jump = 100.0;               // initial velocity of the soft plate along the slide line  [m/s]
+  double angle = 0.0;                // angle between the slide line and the x axis  [rad]
+  double pressure = 1e9;             // pressure that holds the plates together  [Pa]
 };
 
 lagrange::Bodies make_bodies(const PistonProblem& problem);

@@ -7,15 +7,15 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
+#include <array>
 #include <limits>
+#include <locale>
 #include <memory>
 #include <optional>
 #include <sstream>
 #include <utility>
 
+#include "proto/wire/input_file.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
@@ -62,6 +62,7 @@ std::string found(const toml::node& node) {
   constexpr std::size_t kShown = 40;
   if (node.is_table() || node.is_array()) return "found " + kind_of(node);
   std::ostringstream text;
+  text.imbue(std::locale::classic());  // whatever locale the host has chosen
   if (const toml::value<std::string>* string = node.as_string())
     text << '"' << as_utf8(string->get(), kShown) << '"';
   else
@@ -379,22 +380,21 @@ void mark_all(const toml::key& key, const toml::node& node, std::vector<bool>& l
 }  // namespace
 
 std::string read_file(const std::filesystem::path& path) {
-  const auto fail = [&](const char* what) {
-    refuse(fmt::format("{}: {}: {}", path.string(), what, std::strerror(errno)));
-  };
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored))
     refuse(fmt::format("{}: is a directory, expected a scene file", path.string()));
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), std::fclose);
-  if (!file) fail("cannot be opened");
   std::string text;
-  char block[65536];
-  while (const std::size_t size = std::fread(block, 1, sizeof block, file.get())) {
-    text.append(block, size);
-    if (text.size() > wire::kMaxSceneBytes)
-      refuse(fmt::format("{}: larger than {} bytes: not a scene", path.string(), wire::kMaxSceneBytes));
+  try {
+    const wire::RegularFile file(path);
+    std::array<char, 65536> block{};
+    while (const std::size_t size = file.read(block.data(), block.size(), path)) {
+      text.append(block.data(), size);
+      if (text.size() > wire::kMaxSceneBytes)
+        refuse(fmt::format("{}: larger than {} bytes: not a scene", path.string(), wire::kMaxSceneBytes));
+    }
+  } catch (const wire::Error& fault) {
+    refuse(fault.status().text);
   }
-  if (std::ferror(file.get())) fail("cannot be read");
   return text;
 }
 
@@ -486,6 +486,7 @@ std::string with_value(std::string_view text, const std::string& origin, std::st
   if (rest.empty()) refuse("it has an empty name");
   given["value"].visit([&](const auto& node) { table->insert_or_assign(rest, node); });
   std::ostringstream out;
+  out.imbue(std::locale::classic());
   out << root << '\n';
   return out.str();
 }

@@ -6,10 +6,10 @@
 #include <google/protobuf/message.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 
 #include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::scene {
 namespace {
@@ -104,12 +104,10 @@ void add_unusual(const Message& table, const std::string& path, std::vector<std:
       }
     } else if (is_table(field)) {
       if (reflection.HasField(table, &field)) add_unusual(reflection.GetMessage(table, &field), name, found);
-    } else if (rule_of(field).has_usual_from() && reflection.HasField(table, &field)) {
-      const v1::Rule& rule = rule_of(field);
+    } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && !field.is_repeated() &&
+               reflection.HasField(table, &field)) {
       const double value = reflection.GetDouble(table, &field);
-      if (value == 0.0 || (value >= rule.usual_from() && value <= rule.usual_to())) continue;
-      found.push_back(fmt::format("{0} = {1} {2} is unusual: values {3} are expected. Is it in {2}?", name,
-                                  number_text(value), rule.unit(), usual_of(field)));
+      if (!is_usual(field, value)) found.push_back(unusual_text(field, name, value));
     }
   }
 }
@@ -352,6 +350,16 @@ std::string usual_of(const FieldDescriptor& field) {
   return fmt::format("from {} to {}{}", number_text(rule.usual_from()), number_text(rule.usual_to()), unit_of(field));
 }
 
+bool is_usual(const FieldDescriptor& field, double value) {
+  const v1::Rule& rule = rule_of(field);
+  return !rule.has_usual_from() || value == 0.0 || (value >= rule.usual_from() && value <= rule.usual_to());
+}
+
+std::string unusual_text(const FieldDescriptor& field, const std::string& name, double value) {
+  return fmt::format("{0} = {1} {2} is unusual: values {3} are expected. Is it in {2}?", name, number_text(value),
+                     rule_of(field).unit(), usual_of(field));
+}
+
 std::vector<std::string> unusual_values(const Message& root) {
   std::vector<std::string> found;
   add_unusual(root, "", found);
@@ -366,7 +374,7 @@ std::vector<std::string> choices_of(const FieldDescriptor& field) {
   std::vector<std::string> choices;
   for (int i = 1; i < type.value_count(); ++i) {
     std::string choice = type.value(i)->name().substr(prefix);
-    for (char& c : choice) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    for (char& c : choice) c = wire::ascii_lower(c);
     choices.push_back(std::move(choice));
   }
   return choices;

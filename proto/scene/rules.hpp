@@ -74,7 +74,12 @@ std::string bounds_of(const google::protobuf::FieldDescriptor& field);
 // Returns the usual values of a field as text, "from 1e5 to 5e10 Pa"; empty if its rule names none.
 std::string usual_of(const google::protobuf::FieldDescriptor& field);
 
-// Describes every number that lies outside of the usual values of its key, as one line that names the key.
+// Whether a value is among the usual ones of its key, or is 0, or the key has none. The warning about another value, as
+// one line that begins with `name`.
+bool is_usual(const google::protobuf::FieldDescriptor& field, double value);
+std::string unusual_text(const google::protobuf::FieldDescriptor& field, const std::string& name, double value);
+
+// The warnings about all numbers of a message, by the names of their keys.
 std::vector<std::string> unusual_values(const google::protobuf::Message& root);
 
 // Returns the names of an enum field's values as scenes write them, in order: "velocity_driven", "force_driven".

@@ -10,6 +10,7 @@
 #include <regex>
 #include <sstream>
 
+#include "proto/wire/numbers.hpp"
 #include "proto/wire/program.hpp"
 #include "proto/wire/text.hpp"
 
@@ -162,7 +163,37 @@ std::string text_of(const CLI::App& app, const CLI::ParseError& fault) {
   return fmt::format("{} is no {} of {}{}", word, kind, place, nearest_of(word, known_words(app)));
 }
 
+// Holds the numbers of a command and its subcommands to the rules of this program's numbers.
+void check_numbers(CLI::App& app) {
+  for (CLI::Option* option : app.get_options()) {
+    const std::string type = option->get_type_name();
+    if (type.find("UINT") != std::string::npos)
+      whole_number(option);
+    else if (type.find("FLOAT") != std::string::npos)
+      real_number(option);
+  }
+  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) check_numbers(*command);
+}
+
 }  // namespace
+
+CLI::Option* whole_number(CLI::Option* option) {
+  return option->transform(CLI::Validator(
+      [](std::string& text) {
+        if (!count_of(text)) return fmt::format("expected a whole number of digits alone, found {}", in_quotes(text));
+        text.erase(0, std::min(text.find_first_not_of('0'), text.size() - 1));  // a leading 0 would mean octal
+        return std::string();
+      },
+      "", "whole"));
+}
+
+CLI::Option* real_number(CLI::Option* option) {
+  return option->transform(CLI::Validator(
+      [](std::string& text) {
+        return real_of(text) ? std::string() : fmt::format("expected a finite number, found {}", in_quotes(text));
+      },
+      "", "real"));
+}
 
 void complete(CLI::App& app, const std::string& program, VersionText version_text, const std::string& footer) {
   app.name(program);
@@ -187,8 +218,8 @@ void complete(CLI::App& app, const std::string& program, VersionText version_tex
 std::optional<int> parse(CLI::App& app, int argc, const char* const* argv, const std::function<void()>& check) {
   constexpr int kWrongCommandLine = 2;
   try {
+    check_numbers(app);
     app.parse(argc, argv);
-    if (const std::string fault = not_finite_in(app); !fault.empty()) throw CLI::ValidationError(fault);
     if (check) check();
   } catch (const CLI::Success& call) {  // --help, --version
     return app.exit(call);

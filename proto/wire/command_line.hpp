@@ -25,6 +25,12 @@ void complete(CLI::App& app, const std::string& program, VersionText version_tex
 // ends here: 0 after --help and --version, 2 for a wrong command line, which it reports on standard error.
 std::optional<int> parse(CLI::App& app, int argc, const char* const* argv, const std::function<void()>& check = {});
 
+// Hold the values of an option to one rule: digits for a whole number, a finite decimal number for a real one
+// (numbers.hpp), whatever the option library takes for numbers. parse() does so for all options whose type in the help
+// is a number's; an option with a type name of its own is passed through one of these when it is added.
+CLI::Option* whole_number(CLI::Option* option);
+CLI::Option* real_number(CLI::Option* option);
+
 // Returns what a wrong word gets: "NAME: expected a, b or c, found WORD; did you mean b?".
 std::string wrong_word(const std::string& name, const std::string& word, const std::vector<std::string>& known);
 

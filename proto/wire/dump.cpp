@@ -22,17 +22,14 @@ constexpr const char* kTexts = "texts";
 }  // namespace
 
 struct DumpWriter::Impl {
-  std::filesystem::path file;
-  std::filesystem::path partial;
+  PartialFile partial;
+  const std::filesystem::path& file;
   File hdf;
 
-  ~Impl() {
-    if (hdf < 0) return;
-    const Quiet quiet;
-    hdf.close();
-    std::error_code ignored;
-    std::filesystem::remove(partial, ignored);
-  }
+  explicit Impl(const std::filesystem::path& name)
+      : partial(name, kHdf5File, PartialFile::Writers::kOne, S_IRUSR | S_IWUSR),
+        file(partial.file()),
+        hdf(create_file(partial)) {}
 
   void write(const char* kind, const std::string& name, hid_t file_type, hid_t memory_type, const void* values,
              hsize_t size) const {
@@ -55,13 +52,9 @@ struct DumpWriter::Impl {
   }
 };
 
-DumpWriter::DumpWriter(std::filesystem::path file) : impl_(std::make_unique<Impl>()) {
+DumpWriter::DumpWriter(std::filesystem::path file) {
   const Quiet quiet;
-  impl_->file = std::move(file);
-  impl_->partial = impl_->file.string() + ".partial";
-  impl_->hdf = create_file(impl_->partial, impl_->file);
-  if (::chmod(impl_->partial.c_str(), S_IRUSR | S_IWUSR) != 0)
-    refuse(impl_->file, fmt::format("cannot make it private: {}", std::generic_category().message(errno)));
+  impl_ = std::make_unique<Impl>(file);
 }
 DumpWriter::~DumpWriter() = default;
 
@@ -77,7 +70,7 @@ void DumpWriter::text(const std::string& name, std::string_view value) {
 
 void DumpWriter::close() {
   const Quiet quiet;
-  close_and_publish(impl_->hdf, impl_->partial, impl_->file);
+  close_and_publish(impl_->hdf, impl_->partial);
 }
 
 namespace {

@@ -30,6 +30,8 @@ constexpr std::array<Key, 5> kKeys = {{{"version", &EndpointFile::version},
                                        {"endpoint", &EndpointFile::endpoint},
                                        {"epoch", &EndpointFile::epoch}}};
 
+constexpr const char* kFirstLine = "# The server writes this file when it listens and removes it when it ends.\n";
+
 [[noreturn]] void refuse(const std::filesystem::path& file, const std::string& fault) {
   throw std::runtime_error(fmt::format("{}: {}", file.string(), fault));
 }
@@ -67,7 +69,19 @@ std::pair<std::string_view, std::string_view> parts_of(std::string_view line) {
   return {line.substr(0, at), line.substr(at + kBetween.size(), line.size() - at - kBetween.size() - 1)};
 }
 
+bool is_endpoint_file(const std::filesystem::path& file) {
+  if (head_of(file, kMaxFileBytes).starts_with(kFirstLine)) return true;
+  try {
+    read_endpoint_file(file);
+    return true;
+  } catch (const std::runtime_error&) {
+    return false;
+  }
+}
+
 }  // namespace
+
+const FileKind kEndpointFile = {"an endpoint file of shearbus-server", is_endpoint_file};
 
 std::string address_for_clients(const std::string& bound, const std::string& host) {
   constexpr std::string_view kIpc = "ipc://";
@@ -79,7 +93,7 @@ std::string address_for_clients(const std::string& bound, const std::string& hos
 }
 
 std::string text_of(const EndpointFile& contents) {
-  std::string text = "# The server writes this file when it listens and removes it when it ends.\n";
+  std::string text = kFirstLine;
   for (const Key& key : kKeys) {
     const std::string& value = contents.*key.value;
     if (!can_stand_in_quotes(value))

@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "proto/wire/whole_file.hpp"
+
 namespace shearbus::wire {
 
 // Begin of an endpoint that names an endpoint file: file://PATH.
@@ -26,6 +28,9 @@ std::string address_for_clients(const std::string& bound, const std::string& hos
 
 // Returns the text of an endpoint file. Throws std::runtime_error for a value that the format cannot hold.
 std::string text_of(const EndpointFile& contents);
+
+// An endpoint file as an output; also one that was written only in part.
+extern const FileKind kEndpointFile;
 
 // Throws std::runtime_error for a file that is absent, incomplete or no endpoint file; its text names the file.
 EndpointFile read_endpoint_file(const std::filesystem::path& file);

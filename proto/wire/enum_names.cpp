@@ -1,7 +1,8 @@
 #include "proto/wire/enum_names.hpp"
 
 #include <algorithm>
-#include <cctype>
+
+#include "proto/wire/text.hpp"
 
 namespace shearbus::wire {
 namespace {
@@ -129,7 +130,7 @@ EnumNames names_of(Top) {
 std::string regime_name(std::uint64_t number) {
   if (number >= kRegimeCount) return "?";
   std::string name = names_of(Regime{}).name(static_cast<std::uint32_t>(number));
-  std::ranges::transform(name, name.begin(), [](char c) { return static_cast<char>(std::tolower(c)); });
+  std::ranges::transform(name, name.begin(), ascii_lower);
   return name;
 }
 

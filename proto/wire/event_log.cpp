@@ -17,7 +17,9 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "proto/wire/input_file.hpp"
 #include "proto/wire/limits.hpp"
+#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::wire {
 namespace {
@@ -186,6 +188,7 @@ void EventLogWriter::sync() {
 }
 
 EventLogReader::EventLogReader(const std::filesystem::path& file) : name_(file.string()) {
+  const RegularFile regular(file);  // refuses a pipe, which would keep the stream waiting
   stream_.open(file, std::ios::binary);
   if (!stream_) throw Error({.code = Code::kInvalidValue, .text = name_ + ": cannot be read"});
   FileHeader header;
@@ -259,9 +262,7 @@ bool EventLogReader::next() {
 }
 
 bool is_event_log(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::array<char, kEventLogMagic.size()> begin{};
-  return stream.read(begin.data(), begin.size()) && begin == kEventLogMagic;
+  return std::ranges::equal(head_of(file, kEventLogMagic.size()), kEventLogMagic);
 }
 
 }  // namespace shearbus::wire

@@ -11,22 +11,14 @@ using namespace hdf5;
 
 namespace {
 
-// A file being written, with its final and its partial name.
+// A file being written.
 struct Part {
-  std::filesystem::path file;
-  std::filesystem::path partial;
+  PartialFile partial;
+  const std::filesystem::path& file;
   File hdf;
 
-  explicit Part(std::filesystem::path name)
-      : file(std::move(name)), partial(file.string() + ".partial"), hdf(create_file(partial, file)) {}
-  Part(const Part&) = delete;
-  Part& operator=(const Part&) = delete;
-  ~Part() {
-    if (hdf < 0) return;
-    hdf.close();
-    std::error_code ignored;
-    std::filesystem::remove(partial, ignored);
-  }
+  explicit Part(const std::filesystem::path& name)
+      : partial(name, kHdf5File, PartialFile::Writers::kOne), file(partial.file()), hdf(create_file(partial)) {}
 
   void attribute(hid_t of, const char* name, const std::string& text) const {
     const Type type(checked(H5Tcopy(H5T_C_S1), file, "cannot make a text type"));
@@ -47,8 +39,13 @@ struct Part {
     return made;
   }
 
-  void close() { close_and_publish(hdf, partial, file); }
+  void close() { close_and_publish(hdf, partial); }
 };
+
+bool is_sidecar(const std::filesystem::path& file) {
+  return head_of(file, 64).find("<Xdmf") != std::string::npos;
+}
+constexpr FileKind kSidecarFile = {"an XDMF file", is_sidecar};
 
 std::string frame_name(std::size_t number) {
   return fmt::format("{:05}.h5", number);
@@ -93,7 +90,7 @@ struct FieldWriter::Impl {
     return text + "</Grid>\n</Domain>\n</Xdmf>\n";
   }
 
-  void write_sidecar() const { write_whole(sidecar, xdmf()); }
+  void write_sidecar() const { write_whole(sidecar, kSidecarFile, xdmf()); }
 };
 
 FieldWriter::FieldWriter(std::filesystem::path sidecar, std::span<const std::int32_t> quads, std::size_t nodes,

@@ -39,7 +39,8 @@ const OutputFile& self(const H5FD_t* file) {
 
 H5FD_t* open_file(const char* name, unsigned flags, hid_t, haddr_t) {
   const int how = ((flags & H5F_ACC_RDWR) != 0 ? O_RDWR : O_RDONLY) | ((flags & H5F_ACC_CREAT) != 0 ? O_CREAT : 0) |
-                  ((flags & H5F_ACC_TRUNC) != 0 ? O_TRUNC : 0) | ((flags & H5F_ACC_EXCL) != 0 ? O_EXCL : 0) | O_CLOEXEC;
+                  ((flags & H5F_ACC_TRUNC) != 0 ? O_TRUNC : 0) | ((flags & H5F_ACC_EXCL) != 0 ? O_EXCL : 0) |
+                  O_CLOEXEC | O_NOFOLLOW;
   auto file = std::make_unique<OutputFile>();
   file->number = ::open(name, how, 0666);
   struct stat found {};

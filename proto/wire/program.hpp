@@ -4,10 +4,8 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
 #include <string>
 
 namespace shearbus::wire {
@@ -33,21 +31,6 @@ inline int end_program(const std::string& program, int code) {
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
   complain(program + ": standard output could not be written: its results are not complete");
   return code != 0 ? code : 1;
-}
-
-// Returns a complaint about the first option whose value is a number that is not finite, or an empty text. `app` is a
-// CLI::App that has parsed its arguments; its range checks let NaN pass.
-template <typename App>
-std::string not_finite_in(const App& app) {
-  for (const auto* option : app.get_options()) {
-    if (option->get_type_name().find("FLOAT") == std::string::npos) continue;
-    for (const std::string& text : option->results())
-      if (!std::isfinite(std::strtod(text.c_str(), nullptr)))
-        return option->get_name() + ": expected a finite number, found " + text;
-  }
-  for (const auto* command : app.get_subcommands())
-    if (std::string text = not_finite_in(*command); !text.empty()) return text;
-  return {};
 }
 
 }  // namespace shearbus::wire

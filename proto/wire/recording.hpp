@@ -5,8 +5,8 @@
 //
 // T is the number of steps, N the number of nodes.
 //
-// Functions throw wire::Error with the file in the text, kNoSpace for a full disk. A writer works on FILE.partial and
-// renames it when closed, so that an interrupted run leaves no file that looks complete.
+// Functions throw wire::Error with the file in the text, kNoSpace for a full disk. A writer works on a partial
+// file and renames it when closed (whole_file.hpp), so that an interrupted run leaves no file that looks complete.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "proto/wire/columns.hpp"
+#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::wire {
 
@@ -35,6 +36,9 @@ struct Quantity {
 // meaning in columns.inc.
 Quantity quantity_of_column(Field field, std::uint32_t component = 0, const std::string& long_name = {});
 
+// A history as an output: an HDF5 file with /meta as HistoryWriter writes it.
+extern const FileKind kHistoryFile;
+
 class HistoryWriter {
  public:
   // `meta` is written to /meta, together with format, version, created and units_system: a text of one line as an
@@ -44,7 +48,8 @@ class HistoryWriter {
                 const std::map<std::string, std::string>& meta, double start_time_s = 0.0);
   HistoryWriter(HistoryWriter&&) noexcept;
   HistoryWriter& operator=(HistoryWriter&&) noexcept;
-  ~HistoryWriter();  // removes the partial file unless the writer was closed
+  ~HistoryWriter();       // removes the partial file unless the writer was closed
+  bool replaces() const;  // whether there is an older file of the name
 
   // Begins the row of the step that ends at `time_s`; times increase. `dt_s` is for hosts whose dt is not exactly the
   // difference of two times; either all rows have it or none.
@@ -60,7 +65,7 @@ class HistoryWriter {
   void add_array(const Quantity& quantity, std::span<const double> values, const std::vector<std::size_t>& shape);
   void add_ids(const Quantity& quantity, std::span<const std::uint64_t> ids);
   void add_texts(const Quantity& quantity, std::span<const std::string> texts);  // one for each node
-  // Returns when the file is on the disk under its final name. An older file of that name is replaced.
+  // Returns when the file is on the disk under its final name. An older history of that name is replaced.
   void close(const std::map<std::string, std::string>& closing_meta = {});
 
  private:
@@ -78,7 +83,9 @@ class HistoryReader {
 
   std::size_t steps() const;
   std::size_t nodes() const;
-  double start_time_s() const;                 // start of the first step: attribute t0 of /time, 0 when absent
+  // start of the first step: attribute t0 of /time; absent: by /dt, or 0
+  double start_time_s() const;
+  bool tells_start() const;                    // whether the file has t0 or /dt
   const std::vector<double>& times_s() const;  // end of each step; checked to increase strictly
   // length of each step: /dt [T] if present (checked against /time), otherwise the differences of /time
   const std::vector<double>& dt_s() const;

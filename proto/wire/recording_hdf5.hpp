@@ -6,7 +6,6 @@
 
 #include <filesystem>
 #include <string>
-#include <system_error>
 
 #include "proto/wire/hdf5.hpp"
 #include "proto/wire/output_driver.hpp"
@@ -32,13 +31,14 @@ T checked(T returned, const std::filesystem::path& file, const char* what) {
   return returned;
 }
 
-// Creates a file in the 1.10 format, which checksums its metadata: a flipped bit is an error instead of another number.
-// Errors name the file as `named`.
-inline File create_file(const std::filesystem::path& file, const std::filesystem::path& named) {
+// Creates the HDF5 file of a partial file, in the 1.10 format, which checksums its metadata: a flipped bit is an error
+// instead of another number. Errors name the final file.
+inline File create_file(const PartialFile& partial) {
+  const std::filesystem::path& named = partial.file();
   const Properties access(checked(H5Pcreate(H5P_FILE_ACCESS), named, "cannot prepare"));
   checked(H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110), named, "cannot ask for the 1.10 format");
   checked(use_output_driver(access), named, "cannot prepare");
-  File made(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access));
+  File made(H5Fcreate(partial.path().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access));
   if (made < 0 && fault_of_last_file() != 0) refuse_to_write(named, fault_of_last_file());
   checked(hid_t{made}, named, "cannot create");
   return made;
@@ -50,16 +50,13 @@ inline void check_written(hid_t file, const std::filesystem::path& named) {
 }
 
 // Closes a file, all of whose objects are closed, and gives it its name if every byte was written.
-inline void close_and_publish(File& file, const std::filesystem::path& partial, const std::filesystem::path& named) {
+inline void close_and_publish(File& file, PartialFile& partial) {
+  const std::filesystem::path& named = partial.file();
   checked(H5Fflush(file, H5F_SCOPE_LOCAL), named, "cannot write to the disk");
   check_written(file, named);
   checked(file.close(), named, "cannot close");
-  if (const int fault = fault_of_last_file()) {
-    std::error_code ignored;
-    std::filesystem::remove(partial, ignored);
-    refuse_to_write(named, fault);
-  }
-  publish(partial, named);
+  if (const int fault = fault_of_last_file()) refuse_to_write(named, fault);
+  partial.publish();
 }
 
 }  // namespace shearbus::wire::hdf5

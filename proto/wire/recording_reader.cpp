@@ -3,13 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <system_error>
 #include <unordered_map>
 
+#include "proto/wire/input_file.hpp"
 #include "proto/wire/limits.hpp"
+#include "proto/wire/numbers.hpp"
 #include "proto/wire/recording.hpp"
 #include "proto/wire/recording_hdf5.hpp"
+#include "proto/wire/recording_storage.hpp"
+#include "proto/wire/units.hpp"
 
 namespace shearbus::wire {
 namespace {
@@ -20,6 +23,7 @@ using namespace hdf5;
 constexpr std::size_t kMaxSteps = 100'000'000;
 constexpr std::size_t kBufferElements = 131'072;  // 1 MiB of doubles
 constexpr std::size_t kMaxChunkCacheBytes = 256ull << 20;
+constexpr std::size_t kMaxTextWidth = 1 << 20;
 
 const char* class_name(H5T_class_t type) {
   switch (type) {
@@ -53,12 +57,18 @@ std::vector<hsize_t> shape_of(hid_t space) {
   return shape;
 }
 
+void convert(std::vector<double>& values, double to_si) {
+  if (to_si == 1.0) return;
+  for (double& value : values) value *= to_si;
+}
+
 }  // namespace
 
 struct HistoryReader::Impl {
   // A [T,N] dataset (T steps, N nodes) and those of its rows that are in memory.
   struct Series {
     Dataset dataset;
+    double to_si = 1.0;
     std::size_t rows_per_read = 1;
     std::size_t first = 0;
     std::size_t count = 0;
@@ -68,6 +78,7 @@ struct HistoryReader::Impl {
   fs::path file;
   File handle;
   double start_time = 0.0;
+  bool has_start = false;  // whether the file has the attribute t0 of /time
   std::vector<double> times;
   std::vector<double> dts;
   std::vector<std::uint64_t> node_ids;
@@ -82,12 +93,15 @@ struct HistoryReader::Impl {
   }
 
   void open();
-  bool has(std::string_view name) const { return H5Lexists(handle, std::string(name).c_str(), H5P_DEFAULT) > 0; }
+  bool has(std::string_view name) const { return hdf5::has_link(handle, std::string(name)); }
   Dataset open_dataset(const std::string& name, bool integers_only = false) const;
+  void check_link(const std::string& name) const;
+  void check_storage(const std::string& name, hid_t dataset) const;
+  double factor_to_si(const std::string& name, hid_t dataset) const;
   std::vector<hsize_t> shape(hid_t dataset) const;
   std::size_t length(const std::string& name, hid_t dataset, const char* letter, std::size_t most) const;
   void read_all(const std::string& name, hid_t dataset, hid_t memory_type, void* values) const;
-  void read_start_time(hid_t time);
+  void read_start_time(hid_t time, double to_si);
   void read_times();
   void read_dts();
   void read_node_ids();
@@ -122,11 +136,13 @@ Dataset HistoryReader::Impl::open_dataset(const std::string& name, bool integers
   if (!has(name))
     refuse(file, fmt::format("has no dataset /{}", name), "See client/replay/README.md for what a history holds.",
            name);
+  check_link(name);
   const hid_t opened = H5Oopen(handle, name.c_str(), H5P_DEFAULT);
   if (opened < 0) fail(name, fmt::format("cannot be opened: {}", reason()), "");
   const Object object(opened);
   if (H5Iget_type(object) != H5I_DATASET) fail(name, "is not a dataset", "Expected an array of numbers.");
   Dataset dataset(check(H5Dopen2(handle, name.c_str(), H5P_DEFAULT), "cannot open a dataset"));
+  check_storage(name, dataset);
   const Type type(check(H5Dget_type(dataset), "cannot read a type"));
   const H5T_class_t found = H5Tget_class(type);
   const bool is_regime = found == H5T_ENUM && name == "regime" && H5Tget_size(type) == 1;
@@ -135,6 +151,38 @@ Dataset HistoryReader::Impl::open_dataset(const std::string& name, bool integers
     fail(name, fmt::format("holds {} values; expected {}", class_name(found), integers_only ? "integers" : "numbers"),
          integers_only ? "Write it as uint64." : "Write it as float64.");
   return dataset;
+}
+
+void HistoryReader::Impl::check_link(const std::string& name) const {
+  if (const std::string fault = fault_of_link(handle, name); !fault.empty())
+    fail(name, fault, "A history is one file: copy the values into it.");
+}
+
+void HistoryReader::Impl::check_storage(const std::string& name, hid_t dataset) const {
+  if (const StorageFault found = fault_of_storage(dataset); !found.fault.empty()) fail(name, found.fault, found.remedy);
+}
+
+// The factor by which the values of a dataset are converted, by its attribute `units`; none: they are SI.
+double HistoryReader::Impl::factor_to_si(const std::string& name, hid_t dataset) const {
+  if (H5Aexists(dataset, "units") <= 0) return 1.0;
+  const bool parameter = name.starts_with("parameter/");
+  const char* const si = unit_of_quantity(name);
+  if (si == nullptr || (*si == '\0' && !parameter)) return 1.0;
+  const Attribute attribute(check(H5Aopen(dataset, "units", H5P_DEFAULT), "cannot open an attribute units"));
+  const Type type(check(H5Aget_type(attribute), "cannot read an attribute units"));
+  const Space space(check(H5Aget_space(attribute), "cannot read an attribute units"));
+  if (H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
+    fail(name, "has an attribute units that is not one text", fmt::format("Write it as text, such as \"{}\".", si));
+  const std::string unit = read_texts(attribute, true).front();
+  if (parameter) {
+    if (unit.empty() || unit == "1") return 1.0;
+    fail(name, fmt::format("has units {}; a parameter is in the unit that the key of the scene has", in_quotes(unit)),
+         "Convert the values if need be, and leave the attribute out.");
+  }
+  if (const auto factor = wire::factor_to_si(unit, si)) return *factor;
+  fail(name,
+       fmt::format("has units {}; expected {}", in_quotes(unit), std::string_view(si) == "1" ? "1" : known_units(si)),
+       "Convert the values and say their unit in the attribute units; without it they are SI.");
 }
 
 std::vector<hsize_t> HistoryReader::Impl::shape(hid_t dataset) const {
@@ -156,10 +204,10 @@ std::size_t HistoryReader::Impl::length(const std::string& name, hid_t dataset, 
 
 void HistoryReader::Impl::read_all(const std::string& name, hid_t dataset, hid_t memory_type, void* values) const {
   if (H5Dread(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0)
-    fail(name, fmt::format("cannot be read: {}", reason()), "The file is damaged.");
+    fail(name, fmt::format("cannot be read: {}", reason()), "Is the file damaged?");
 }
 
-void HistoryReader::Impl::read_start_time(hid_t time) {
+void HistoryReader::Impl::read_start_time(hid_t time, double to_si) {
   if (H5Aexists(time, "t0") <= 0) return;
   const Attribute attribute(check(H5Aopen(time, "t0", H5P_DEFAULT), "cannot open attribute t0 of /time"));
   const Type type(check(H5Aget_type(attribute), "cannot read attribute t0 of /time"));
@@ -168,6 +216,8 @@ void HistoryReader::Impl::read_start_time(hid_t time) {
   if ((found != H5T_FLOAT && found != H5T_INTEGER) || H5Sget_simple_extent_npoints(space) != 1)
     fail("time", "has an attribute t0 that is not one number", "Write the start of the first step in seconds.");
   check(H5Aread(attribute, H5T_NATIVE_DOUBLE, &start_time), "cannot read attribute t0 of /time");
+  start_time *= to_si;
+  has_start = true;
   if (!std::isfinite(start_time))
     fail("time", fmt::format("has attribute t0 = {}; expected a finite number", start_time), "");
 }
@@ -176,7 +226,9 @@ void HistoryReader::Impl::read_times() {
   const Dataset dataset = open_dataset("time");
   times.resize(length("time", dataset, "T", kMaxSteps));
   read_all("time", dataset, H5T_NATIVE_DOUBLE, times.data());
-  read_start_time(dataset);
+  const double to_si = factor_to_si("time", dataset);
+  convert(times, to_si);
+  read_start_time(dataset, to_si);
   double before = start_time;
   for (std::size_t i = 0; i < times.size(); before = times[i++]) {
     if (!std::isfinite(times[i])) fail("time", fmt::format("[{}] is {}; expected a finite number", i, times[i]), "");
@@ -197,6 +249,11 @@ void HistoryReader::Impl::read_dts() {
   std::vector<double> given(length("dt", dataset, "T", kMaxSteps));
   if (given.size() != times.size()) fail("dt", fmt::format("has {} values, /time {}", given.size(), times.size()), "");
   read_all("dt", dataset, H5T_NATIVE_DOUBLE, given.data());
+  convert(given, factor_to_si("dt", dataset));
+  if (!has_start && given[0] > 0 && given[0] < dts[0] * (1 - 1e-6)) {  // the clock begins later than at 0
+    dts[0] = given[0];
+    start_time = times[0] - given[0];
+  }
   for (std::size_t i = 0; i < times.size(); ++i) {
     // Allows the rounding error of a sum of steps, also of a host that keeps its time in single precision.
     const double allowed = 1e-6 * (dts[i] + std::abs(times[i]));
@@ -244,6 +301,7 @@ HistoryReader::Impl::Series& HistoryReader::Impl::open_series(const std::string&
          fmt::format("has shape {}; expected [T, N] = [{}, {}]", shape_text(found), times.size(), node_ids.size()),
          "One row for each time, one column for each node.");
 
+  one.to_si = factor_to_si(name, one.dataset);
   one.rows_per_read = std::max<std::size_t>(kBufferElements / node_ids.size(), 1);
   const Properties creation(check(H5Dget_create_plist(one.dataset), "cannot read a layout"));
   if (H5Pget_layout(creation) == H5D_CHUNKED) {
@@ -285,7 +343,8 @@ void HistoryReader::Impl::read_rows(const std::string& name, Series& one, std::s
   }
   if (read < 0)
     fail(name, fmt::format("rows {} to {} cannot be read: {}", step, step + count - 1, reason()),
-         "The file is damaged.");
+         "Is the file damaged?");
+  convert(one.values, one.to_si);
   one.first = step;
   one.count = count;
 }
@@ -310,6 +369,8 @@ std::vector<std::string> HistoryReader::Impl::read_texts(hid_t from, bool attrib
     return texts;
   }
   const std::size_t width = H5Tget_size(type);
+  if (width > kMaxTextWidth)
+    refuse(file, fmt::format("has texts of {} bytes; at most {} are read", width, kMaxTextWidth));
   std::string found(count * width, '\0');
   read(found.data());
   for (std::size_t i = 0; i < count; ++i) {
@@ -346,6 +407,9 @@ std::size_t HistoryReader::nodes() const {
 double HistoryReader::start_time_s() const {
   return impl_->start_time;
 }
+bool HistoryReader::tells_start() const {
+  return impl_->has_start || has("dt");
+}
 const std::vector<double>& HistoryReader::times_s() const {
   return impl_->times;
 }
@@ -372,6 +436,7 @@ std::vector<double> HistoryReader::per_node(std::string_view name_view) const {
               "One value for each node.");
   std::vector<double> values(nodes());
   self.read_all(name, dataset, H5T_NATIVE_DOUBLE, values.data());
+  convert(values, self.factor_to_si(name, dataset));
   for (std::size_t i = 0; i < values.size(); ++i)
     if (!std::isfinite(values[i]))
       self.fail(name, fmt::format("[{}] (node {}) is {}; expected a finite number", i, self.node_ids[i], values[i]),
@@ -383,8 +448,10 @@ std::vector<std::string> HistoryReader::texts(std::string_view name_view) const 
   const Quiet quiet;
   const Impl& self = *impl_;
   const std::string name(name_view);
+  self.check_link(name);
   const Dataset dataset(H5Dopen2(self.handle, name.c_str(), H5P_DEFAULT));
   if (dataset < 0) self.fail(name, "is not a dataset", "Expected one text for each node.");
+  self.check_storage(name, dataset);
   const Type type(self.check(H5Dget_type(dataset), "cannot read a type"));
   if (H5Tget_class(type) != H5T_STRING)
     self.fail(name, fmt::format("holds {} values; expected texts", class_name(H5Tget_class(type))),
@@ -402,6 +469,7 @@ std::vector<std::string> HistoryReader::names_in(std::string_view group_view) co
   const std::string name(group_view);
   std::vector<std::string> names;
   if (!self.has(name)) return names;
+  self.check_link(name);
   const Object group(self.check(H5Oopen(self.handle, name.c_str(), H5P_DEFAULT), "cannot open a group"));
   if (H5Iget_type(group) != H5I_GROUP) self.fail(name, "is not a group", "Expected a group of datasets.");
   const auto add = [](hid_t, const char* link, const H5L_info_t*, void* into) -> herr_t {
@@ -438,23 +506,27 @@ std::optional<std::string> HistoryReader::meta(std::string_view name_view) const
   const Impl& self = *impl_;
   const std::string name(name_view);
   if (!self.has("meta")) return std::nullopt;
+  self.check_link("meta");
   const Object group(self.check(H5Oopen(self.handle, "meta", H5P_DEFAULT), "cannot open /meta"));
   if (H5Aexists(group, name.c_str()) > 0)
     return self.read_text(Attribute(self.check(H5Aopen(group, name.c_str(), H5P_DEFAULT), "cannot open an attribute")),
                           true);
-  if (H5Iget_type(group) == H5I_GROUP && H5Lexists(group, name.c_str(), H5P_DEFAULT) > 0)
-    return self.read_text(Dataset(self.check(H5Dopen2(group, name.c_str(), H5P_DEFAULT), "cannot open a text")), false);
+  if (H5Iget_type(group) == H5I_GROUP && H5Lexists(group, name.c_str(), H5P_DEFAULT) > 0) {
+    self.check_link("meta/" + name);
+    const Dataset text(self.check(H5Dopen2(group, name.c_str(), H5P_DEFAULT), "cannot open a text"));
+    self.check_storage("meta/" + name, text);
+    return self.read_text(text, false);
+  }
   return std::nullopt;
 }
 
 std::string hash_of_file(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) refuse(file, "cannot be read");
+  const RegularFile input(file);
   const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(), XXH3_freeState);
   XXH3_64bits_reset(state.get());
   std::vector<char> block(1 << 20);
-  while (stream.read(block.data(), static_cast<std::streamsize>(block.size())) || stream.gcount() > 0)
-    XXH3_64bits_update(state.get(), block.data(), static_cast<std::size_t>(stream.gcount()));
+  while (const std::size_t size = input.read(block.data(), block.size(), file))
+    XXH3_64bits_update(state.get(), block.data(), size);
   return fmt::format("xxh3-64:{:016x}", XXH3_64bits_digest(state.get()));
 }
 

@@ -24,7 +24,8 @@ constexpr std::size_t kTimesPerChunk = 1'024;      // 8 KiB of doubles
 constexpr std::size_t kMaxAttributeBytes = 4'096;  // longer texts are datasets; HDF5's own limit is 64 KiB
 
 constexpr const char* kOutcomeLegend =
-    "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 8 sudden, 16 over budget, 32 asleep, 64 first "
+    "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 8 sudden, 16 over budget, 32 asleep, 64 "
+    "first "
     "order in place of second, 128 failed (the node kept its old state)";
 
 // Returns the width of the fewest equal parts of `size` that are at most `most` wide; the last part may be narrower.
@@ -40,7 +41,28 @@ std::string legend_of_regimes() {
   return text;
 }
 
+// Whether a file is a history as this class writes it: /meta has the attribute `format`.
+bool is_history(const fs::path& file) {
+  const Quiet quiet;
+  if (!kHdf5File.recognises(file)) return false;
+  const File handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT));
+  H5L_info_t link{};
+  if (handle < 0 || H5Lget_info(handle, "meta", &link, H5P_DEFAULT) < 0 || link.type != H5L_TYPE_HARD) return false;
+  const Attribute format(H5Aopen_by_name(handle, "meta", "format", H5P_DEFAULT, H5P_DEFAULT));
+  if (format < 0) return false;
+  const Type type(H5Aget_type(format));
+  const Space space(H5Aget_space(format));
+  if (H5Tis_variable_str(type) <= 0 || H5Sget_simple_extent_npoints(space) != 1) return false;
+  char* text = nullptr;
+  if (H5Aread(format, type, static_cast<void*>(&text)) < 0 || text == nullptr) return false;
+  const bool found = std::string_view(text) == "shearbus-history";
+  H5free_memory(text);
+  return found;
+}
+
 }  // namespace
+
+const FileKind kHistoryFile = {"a history or result (HDF5) of shearbus", is_history};
 
 struct HistoryWriter::Impl {
   struct Series {
@@ -53,8 +75,8 @@ struct HistoryWriter::Impl {
     bool set = false;  // true if the values of the current row (one step) are already set
   };
 
-  fs::path file;
-  fs::path partial;
+  PartialFile partial;
+  const fs::path& file;
   File handle;
   Dataset time;
   Dataset dt;
@@ -69,16 +91,15 @@ struct HistoryWriter::Impl {
   double last_time = 0.0;
   std::size_t rows_written = 0;
   bool row_open = false;
-  bool created = false;
-  bool closed = false;
 
+  explicit Impl(const fs::path& name)
+      : partial(name, kHistoryFile, PartialFile::Writers::kOne), file(partial.file()), handle(create_file(partial)) {}
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
   ~Impl() {
-    if (!created || closed) return;
     const Quiet quiet;
     close_objects();
     handle.close();
-    std::error_code ignored;
-    fs::remove(partial, ignored);
   }
 
   // Closes all objects of the file, because a file with open objects would stay open.
@@ -93,7 +114,6 @@ struct HistoryWriter::Impl {
     return checked(returned, file, what);
   }
 
-  void create();
   Properties chunked(std::span<const hsize_t> chunk) const;
   // `grows`: the first size has no limit
   Dataset create_dataset(const std::string& name, hid_t type, const std::vector<hsize_t>& size,
@@ -109,11 +129,6 @@ struct HistoryWriter::Impl {
   Series& in_open_row(std::size_t quantity, std::size_t count, bool bytes);
   void write_waiting_rows();
 };
-
-void HistoryWriter::Impl::create() {
-  handle = create_file(partial, file);
-  created = true;
-}
 
 Properties HistoryWriter::Impl::chunked(std::span<const hsize_t> chunk) const {
   Properties creation(check(H5Pcreate(H5P_DATASET_CREATE), "cannot prepare a dataset"));
@@ -274,23 +289,15 @@ Quantity quantity_of_column(Field field, std::uint32_t component, const std::str
 }
 
 HistoryWriter::HistoryWriter(fs::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
-                             const std::map<std::string, std::string>& meta, double start_time_s)
-    : impl_(std::make_unique<Impl>()) {
+                             const std::map<std::string, std::string>& meta, double start_time_s) {
   const Quiet quiet;
+  if (node_ids.empty()) refuse(file, "a history of no nodes", "Name at least one node.");
+  impl_ = std::make_unique<Impl>(file);
   Impl& self = *impl_;
-  self.file = std::move(file);
   self.nodes = node_ids.size();
-  if (self.nodes == 0) refuse(self.file, "a history of no nodes", "Name at least one node.");
   self.rows_per_chunk = std::max<std::size_t>(kChunkElements / self.nodes, 1);
   self.chunk_width = even_part(self.nodes, kMaxChunkWidth);
   self.start_time = self.last_time = start_time_s;
-  const fs::path directory = self.file.parent_path();
-  if (!directory.empty() && !fs::is_directory(directory))
-    refuse(self.file, fmt::format("there is no directory {}", directory.string()), "Create it, or write elsewhere.");
-  self.partial = self.file;
-  self.partial += ".partial";
-  self.create();
-
   const Dataset ids = self.create_dataset("node_id", H5T_STD_U64LE, {self.nodes}, {self.chunk_width}, false);
   self.describe_dataset(ids, {"node_id", "1", "the host's number of the interface node"});
   self.check(H5Dwrite(ids, H5T_NATIVE_UINT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, node_ids.data()), "cannot write /node_id");
@@ -305,6 +312,10 @@ HistoryWriter::HistoryWriter(fs::path file, std::span<const std::uint64_t> node_
 HistoryWriter::HistoryWriter(HistoryWriter&&) noexcept = default;
 HistoryWriter& HistoryWriter::operator=(HistoryWriter&&) noexcept = default;
 HistoryWriter::~HistoryWriter() = default;
+
+bool HistoryWriter::replaces() const {
+  return impl_->partial.replaces();
+}
 
 void HistoryWriter::begin_row(double time_s, std::optional<double> dt_s) {
   const Quiet quiet;
@@ -382,8 +393,7 @@ void HistoryWriter::close(const std::map<std::string, std::string>& closing_meta
   self.write_waiting_rows();
   self.write_meta(closing_meta);
   self.check(self.close_objects(), "cannot close");
-  close_and_publish(self.handle, self.partial, self.file);
-  self.closed = true;
+  close_and_publish(self.handle, self.partial);
 }
 
 }  // namespace shearbus::wire

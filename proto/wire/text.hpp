@@ -10,6 +10,17 @@ namespace shearbus::wire {
 
 bool is_utf8(std::string_view text);
 
+// Letters of ASCII, whatever the locale of the process is: tolower() of a Turkish one leaves I as it is.
+constexpr char ascii_lower(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+constexpr char ascii_upper(char c) {
+  return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+}
+constexpr bool is_ascii_alphanumeric(char c) {
+  return (c >= '0' && c <= '9') || (ascii_lower(c) >= 'a' && ascii_lower(c) <= 'z');
+}
+
 // The present time in UTC, to a second, by ISO 8601: "2026-01-31T12:00:00Z".
 std::string utc_now();
 

@@ -118,6 +118,20 @@ std::vector<shard::PairColumn> SessionPairs::columns() const {
   return columns;
 }
 
+std::vector<std::string> SessionPairs::unusual_parameters(const wire::Batch& batch) const {
+  std::vector<std::string> found;
+  const auto ids = batch.u64(Field::kNodeId);
+  for (std::uint32_t i = 0; i < parameters_.size(); ++i) {
+    const auto values = batch.f64(Field::kParameter, i);
+    const auto& key = *scene::find_number(parameters_[i]);
+    const auto unusual = std::ranges::find_if(values, [&](double value) { return !scene::is_usual(key, value); });
+    if (unusual == values.end()) continue;
+    const std::uint64_t node = ids[static_cast<std::size_t>(unusual - values.begin())];
+    found.push_back(scene::unusual_text(key, fmt::format("{} of node {}", parameters_[i], node), *unusual));
+  }
+  return found;
+}
+
 shard::PairTable SessionPairs::table(const physics::ModelOptions& first) const {
   if (!several()) return shard::PairTable(physics::Model(first));
   shard::Pair pair{std::make_shared<const physics::Model>(first), {0.0}};

@@ -172,6 +172,8 @@ SceneModel convert_tables(v1::Scene& scene) {
   if (driven.has_taylor_quinney_factor()) options.taylor_quinney_factor = driven.taylor_quinney_factor();
   if (scene.has_interface()) options.interface = interface_of(scene.interface());
   options.plastic_layer = scene.interface().plastic_layer();
+  if (scene.interface().has_taylor_quinney_factor())
+    options.taylor_quinney_factor = scene.interface().taylor_quinney_factor();
   if (scene.has_hard_layer()) {
     fill_hard_layer(scene, options);
     options.hard_grid = grid_of(scene.hard_layer());
@@ -223,7 +225,7 @@ void check_shape(const v1::Scene& scene, const physics::ModelOptions& options, c
   if (options.friction_coefficient.has_value() != of_pair.friction_coefficient.has_value())
     key = "velocity_driven.friction_coefficient";
   if (options.taylor_quinney_factor.has_value() != of_pair.taylor_quinney_factor.has_value())
-    key = "velocity_driven.taylor_quinney_factor";
+    key = physics::key_of(physics::part_of(physics::Property::kPlasticHeating), options);
   if (!key.empty())
     refuse(table + "." + key,
            fmt::format("{0}.{1} differs from the scene's {1}: pairs of one session differ in constants, not in options",

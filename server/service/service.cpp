@@ -308,7 +308,8 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   member->shard = std::move(shard_made);
   member->shard->apply(member->shard->adding(node_ids, nodes.temperatures, nullptr, nodes.of()));
   member->pairs = std::move(pairs);
-  reply->body = opened(*member);
+  auto& body = reply->body.emplace<wire::SessionOpened>(opened(*member));
+  std::ranges::copy(member->pairs.unusual_parameters(request.batch), std::back_inserter(body.warnings));
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =

@@ -3,13 +3,25 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/wire/host_process.hpp"
+
 namespace shearbus::shard {
 
 TaskPool::TaskPool(unsigned threads) {
-  for (unsigned i = 1; i < threads; ++i) workers_.emplace_back([this] { work(); });
+  try {
+    workers_.reserve(threads);
+    for (unsigned i = 1; i < threads; ++i) workers_.push_back(wire::own_thread([this] { work(); }));
+  } catch (...) {
+    stop();
+    throw;
+  }
 }
 
 TaskPool::~TaskPool() {
+  stop();
+}
+
+void TaskPool::stop() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
@@ -64,7 +76,7 @@ void Aside::start(std::function<void()> job) {
   wait();
   done_ = false;
   try {
-    thread_ = std::thread([this, job = std::move(job)] {
+    thread_ = wire::own_thread([this, job = std::move(job)] {
       job();
       done_ = true;
     });

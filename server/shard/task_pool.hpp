@@ -14,7 +14,8 @@ namespace shearbus::shard {
 
 class TaskPool {
  public:
-  // `threads` counts the caller of run(): a pool of 1 has no thread of its own.
+  // `threads` counts the caller of run(): a pool of 1 has no thread of its own. Throws std::system_error, which names
+  // the limit, if not all of the threads can be made.
   explicit TaskPool(unsigned threads);
   TaskPool(const TaskPool&) = delete;
   TaskPool& operator=(const TaskPool&) = delete;
@@ -31,6 +32,7 @@ class TaskPool {
   void run(std::size_t count, std::size_t grain, unsigned max_threads, const Task& task);
 
  private:
+  void stop();
   void work();
   void take_ranges();
 

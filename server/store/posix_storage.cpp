@@ -102,7 +102,10 @@ PosixStorage::PosixStorage(const std::filesystem::path& directory) : path_(direc
   }
 }
 
+// A process that the host has forked has these files open, too, and would keep their locks.
 PosixStorage::~PosixStorage() {
+  static_cast<void>(::flock(lock_, LOCK_UN));
+  static_cast<void>(::flock(directory_, LOCK_UN));
   ::close(lock_);
   ::close(directory_);
 }

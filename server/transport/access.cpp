@@ -8,11 +8,14 @@
 #include <charconv>
 #include <cstdlib>
 #include <exception>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 #include <vector>
+
+#include "proto/wire/host_process.hpp"
 
 namespace shearbus::transport {
 namespace {
@@ -85,13 +88,18 @@ void AccessHandler::guard(zmq::socket_t& socket, Peer::Way way) {
 
 AccessHandler::AccessHandler(zmq::context_t& context, Authorise authorise, std::function<void(const std::string&)> log)
     : authorise_(std::move(authorise)), log_(std::move(log)), stop_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  if (stop_ < 0) throw std::runtime_error("no eventfd for the access handler: too many open files");
-  zmq::socket_t socket(context, zmq::socket_type::rep);
-  socket.set(zmq::sockopt::linger, 0);
-  socket.bind(kZapEndpoint);
-  // Here the socket passes from this thread to the new thread. libzmq permits this because the start of a thread orders
-  // the memory accesses of the two threads.
-  thread_ = std::thread([this, owned = std::move(socket)]() mutable { run(std::move(owned)); });
+  if (stop_ < 0) throw std::runtime_error("no eventfd for the access handler: " + wire::limit_of_files());
+  try {
+    const auto socket = std::make_shared<zmq::socket_t>(context, zmq::socket_type::rep);
+    socket->set(zmq::sockopt::linger, 0);
+    if (wire::uninterrupted([&] { return zmq_bind(socket->handle(), kZapEndpoint); }) != 0) throw zmq::error_t();
+    // Here the socket passes from this thread to the new thread. libzmq permits this because the start of a thread
+    // orders the memory accesses of the two threads.
+    thread_ = wire::own_thread([this, socket] { run(*socket); });
+  } catch (...) {
+    ::close(stop_);
+    throw;
+  }
 }
 
 AccessHandler::~AccessHandler() {
@@ -101,7 +109,7 @@ AccessHandler::~AccessHandler() {
   ::close(stop_);
 }
 
-void AccessHandler::run(zmq::socket_t socket) {
+void AccessHandler::run(zmq::socket_t& socket) {
   struct Farewell {
     AccessHandler& handler;
     ~Farewell() { handler.alive_ = false; }
@@ -109,10 +117,8 @@ void AccessHandler::run(zmq::socket_t socket) {
   try {
     std::array<zmq::pollitem_t, 2> items = {{{socket.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, stop_, ZMQ_POLLIN, 0}}};
     for (;;) {
-      if (zmq_poll(items.data(), static_cast<int>(items.size()), -1) < 0) {
-        if (zmq_errno() == EINTR) continue;
+      if (wire::uninterrupted([&] { return zmq_poll(items.data(), static_cast<int>(items.size()), -1); }) < 0)
         throw zmq::error_t();
-      }
       if ((items[1].revents & ZMQ_POLLIN) != 0) return;
       if ((items[0].revents & ZMQ_POLLIN) != 0) answer_one(socket);
     }
@@ -125,9 +131,9 @@ void AccessHandler::answer_one(zmq::socket_t& socket) {
   std::vector<zmq::message_t> request;
   for (bool more = true; more;) {
     zmq::message_t frame;
-    while (zmq_msg_recv(frame.handle(), socket.handle(), ZMQ_DONTWAIT) < 0) {
+    if (wire::uninterrupted([&] { return zmq_msg_recv(frame.handle(), socket.handle(), ZMQ_DONTWAIT); }) < 0) {
       if (zmq_errno() == EAGAIN) return;
-      if (zmq_errno() != EINTR) throw zmq::error_t();
+      throw zmq::error_t();
     }
     more = frame.more();
     request.push_back(std::move(frame));
@@ -143,8 +149,11 @@ void AccessHandler::answer_one(zmq::socket_t& socket) {
   const std::string id = request.size() > 1 ? request[1].to_string() : std::string();
   const std::array<std::string, 6> reply = {
       "1.0", id, admission.admitted ? "200" : "400", admission.admitted ? "OK" : "refused", admission.user, ""};
-  for (std::size_t i = 0; i < reply.size(); ++i)
-    socket.send(zmq::buffer(reply[i]), i + 1 < reply.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);
+  for (std::size_t i = 0; i < reply.size(); ++i) {
+    const int more = i + 1 < reply.size() ? ZMQ_SNDMORE : 0;
+    if (wire::uninterrupted([&] { return zmq_send(socket.handle(), reply[i].data(), reply[i].size(), more); }) < 0)
+      throw zmq::error_t();
+  }
 }
 
 // Limits refusals in the log to one line per second after a burst, so that strangers cannot fill the disk.

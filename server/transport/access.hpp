@@ -48,7 +48,7 @@ class AccessHandler {
  private:
   static constexpr std::int64_t kBurstOfLines = 20;
 
-  void run(zmq::socket_t socket);
+  void run(zmq::socket_t& socket);
   void answer_one(zmq::socket_t& socket);
   Admission judge(const Peer& peer);
   void log_refusal(const std::string& line);

@@ -3,6 +3,8 @@
 #include <charconv>
 #include <stdexcept>
 
+#include "proto/wire/host_process.hpp"
+
 namespace shearbus::transport {
 namespace {
 
@@ -47,6 +49,10 @@ Endpoint Endpoint::parse(std::string_view text) {
   if (scheme == "ipc") {
     // Wildcard ("*") and abstract ("@name") sockets have no file, so neither permissions nor a lock could protect them.
     if (address == "*" || address.front() == '@') refuse(text, "is not a path");
+    if (address.size() > wire::kLongestSocketPath)
+      refuse(text, "has a path of " + std::to_string(address.size()) + " bytes, and the path of a socket has at most " +
+                       std::to_string(wire::kLongestSocketPath));
+    if (address.front() == '~') refuse(text, "begins with ~, which only a shell replaces by a home directory");
     endpoint.scheme = Scheme::kIpc;
     endpoint.path = address;
     return endpoint;

@@ -10,6 +10,7 @@
 #include <tuple>
 #include <utility>
 
+#include "proto/wire/host_process.hpp"
 #include "server/transport/descriptor_guard.hpp"
 #include "server/transport/endpoint.hpp"
 #include "server/transport/socket_path.hpp"
@@ -63,7 +64,8 @@ zmq::message_t message_of(const OutFrame& frame) {
 
 // The options set here hold for all endpoints. They are set before the first bind, because a change affects later binds
 // only.
-Router::Router(RouterOptions options) : options_(std::move(options)), socket_(context_, zmq::socket_type::router) {
+Router::Router(RouterOptions options)
+    : options_((wire::check_room_for_sockets(), std::move(options))), socket_(context_, zmq::socket_type::router) {
   socket_.set(zmq::sockopt::router_mandatory, true);  // an undeliverable answer is an error instead of being dropped
   socket_.set(zmq::sockopt::sndhwm, options_.queued_messages_per_peer);
   socket_.set(zmq::sockopt::rcvhwm, options_.queued_messages_per_peer);
@@ -90,7 +92,7 @@ std::string Router::bind(const std::string& text) {
         bind_tcp(endpoint);
         break;
       case Scheme::kInproc:
-        socket_.bind(text);
+        bind_socket(text);
         serves_own_process_ = true;
         break;
     }
@@ -106,7 +108,7 @@ void Router::bind_ipc(const Endpoint& endpoint) {
   guard(Peer::Way::kIpc);
   {
     const Umask umask(077);
-    socket_.bind(endpoint.text);
+    bind_socket(endpoint.text);
   }
   paths_.push_back(std::move(path));
   if (!paths_.back().admit(options_.ipc_users) && options_.log_access)
@@ -127,7 +129,18 @@ void Router::bind_tcp(const Endpoint& endpoint) {
   if (curve) socket_.set(zmq::sockopt::curve_secretkey, options_.curve_secret_key);
   socket_.set(zmq::sockopt::curve_server, curve);  // selects the mechanism of the next bind: CURVE or none
   guard(curve ? Peer::Way::kCurve : Peer::Way::kPlaintext);
-  socket_.bind(endpoint.text);
+  bind_socket(endpoint.text);
+}
+
+void Router::bind_socket(const std::string& endpoint) {
+  if (wire::uninterrupted([&] { return zmq_bind(socket_.handle(), endpoint.c_str()); }) != 0) throw zmq::error_t();
+}
+
+// Reading this option makes libzmq process what its other threads have told it. A signal may interrupt that.
+void Router::process_events() {
+  int events = 0;
+  std::size_t size = sizeof events;
+  wire::uninterrupted([&] { return zmq_getsockopt(socket_.handle(), ZMQ_EVENTS, &events, &size); });
 }
 
 void Router::guard(Peer::Way way) {
@@ -239,23 +252,20 @@ void Router::answer_held(const Handler& handler) {
 }
 
 bool Router::receive(zmq::message_t& frame) {
-  for (;;) {
-    if (zmq_msg_recv(frame.handle(), socket_.handle(), ZMQ_DONTWAIT) >= 0) return true;
-    if (zmq_errno() == EAGAIN) return false;
-    if (zmq_errno() != EINTR) throw zmq::error_t();
-  }
+  if (wire::uninterrupted([&] { return zmq_msg_recv(frame.handle(), socket_.handle(), ZMQ_DONTWAIT); }) >= 0)
+    return true;
+  if (zmq_errno() == EAGAIN) return false;
+  throw zmq::error_t();
 }
 
 // Sends without waiting. Only the sending of the routing id can fail: once libzmq has accepted it, libzmq accepts the
 // other frames of the message.
 void Router::send(zmq::message_t& peer, const Answer& answer) {
   const auto send_frame = [&](zmq::message_t& frame, bool more) {
-    while (zmq_msg_send(frame.handle(), socket_.handle(), ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) < 0) {
-      if (zmq_errno() == EINTR) continue;
-      if (zmq_errno() == EHOSTUNREACH || zmq_errno() == EAGAIN) return false;
-      throw zmq::error_t();
-    }
-    return true;
+    const int flags = ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0);
+    if (wire::uninterrupted([&] { return zmq_msg_send(frame.handle(), socket_.handle(), flags); }) >= 0) return true;
+    if (zmq_errno() == EHOSTUNREACH || zmq_errno() == EAGAIN) return false;
+    throw zmq::error_t();
   };
   std::array<zmq::message_t, std::tuple_size_v<decltype(answer.frames)>> messages;
   for (std::size_t i = 0; i < answer.count; ++i) messages[i] = message_of(answer.frames[i]);
@@ -263,9 +273,8 @@ void Router::send(zmq::message_t& peer, const Answer& answer) {
   bool accepted = send_frame(peer, true);
   if (!accepted && zmq_errno() == EAGAIN) {
     // The peer may have read meanwhile: libzmq processes that notice only now and then, and a non-blocking send to a
-    // full queue fails without processing it. Reading ZMQ_EVENTS makes libzmq process it. Without this call about one
-    // answer in a hundred was lost.
-    static_cast<void>(socket_.get(zmq::sockopt::events));
+    // full queue fails without processing it. Without this call about one answer in a hundred was lost.
+    process_events();
     accepted = send_frame(peer, true);
   }
   if (!accepted) {

@@ -124,6 +124,8 @@ class Router {
   bool answer_one(const Handler& handler);
   Answer ask(const Handler& handler, const Message& message);
   void hold(std::unique_ptr<Message> message, Answer::Kind kind);
+  void bind_socket(const std::string& endpoint);
+  void process_events();
   bool receive(zmq::message_t& frame);
   bool sleep(int stop_fd, int wait_ms);  // false: stop_fd is readable
   void send(zmq::message_t& peer, const Answer& answer);

@@ -95,11 +95,18 @@ std::vector<Physics> all_physics() {
   plastic_layer.interface.yield_strength = 400e6;
   ModelOptions junctions = force;
   junctions.junctions = {0.5, 1e-7, force.soft};
+  ModelOptions flowing_junctions = plastic_layer;
+  flowing_junctions.junctions = junctions.junctions;
+  flowing_junctions.junctions->metal.yield_strength = plastic_layer.interface.yield_strength;
+  ModelOptions work_heats = two_sided(flowing_junctions);
+  work_heats.taylor_quinney_factor = 0.9;
   ModelOptions weakening = force;
   weakening.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
   weakening.interface.friction_coefficient = 0.02;
   weakening.interface.friction_coefficient_fast = 0.002;
   weakening.interface.velocity_decay = 0.01;
+  ModelOptions flowing_weakening = weakening;
+  flowing_weakening.plastic_layer = true;
   const auto second_order = [](ModelOptions o) {
     o.time_integrator = TimeIntegrator::kSdirk2;
     return o;
@@ -159,6 +166,11 @@ std::vector<Physics> all_physics() {
                               {"force, sleep", sleeping(force)},
                               {"force, two-sided, sleep", sleeping(two_sided(force))},
                               {"force, plastic layer, sleep", sleeping(plastic_layer)},
+                              {"force, plastic layer, junctions", flowing_junctions},
+                              {"force, plastic layer, weakening", flowing_weakening},
+                              {"force, plastic layer, junctions, work heats", work_heats},
+                              {"force, Preston, junctions, work heats", preston(work_heats)},
+                              {"force, junctions, work heats, sleep", sleeping(work_heats)},
                               {"force, all of it", in_two_directions(two_sided(under_pressure(plastic_layer)))}};
   add_missing(base, all);
   return all;

@@ -76,13 +76,11 @@ std::vector<BadScene> bad_scenes() {
             })},
       {"plastic heating on a fixed share", "velocity_driven.taylor_quinney_factor",
        with(velocity, [](Scene& s) { s.mutable_velocity_driven()->set_taylor_quinney_factor(0.9); })},
-      {"junctions in a flowing layer", "junctions",
+      {"plastic heating of a rigid layer", "interface.taylor_quinney_factor",
        with(force,
             [](Scene& s) {
-              s.mutable_interface()->set_plastic_layer(true);
-              s.clear_junctions();
-              s.mutable_junctions()->set_contact_fraction(0.5);
-              s.mutable_junctions()->set_height_m(1e-7);
+              s.mutable_hard_layer();
+              s.mutable_interface()->set_taylor_quinney_factor(0.9);
             })},
       {"junctions that touch everywhere twice", "junctions.contact_fraction",
        with(force,

@@ -18,7 +18,7 @@ import mpi
 CONSUMER = """cmake_minimum_required(VERSION 3.20)
 project(consumer LANGUAGES C CXX Fortran)
 set(CMAKE_EXPORT_NO_PACKAGE_REGISTRY ON)
-find_package(shearbus 0.1 REQUIRED)
+find_package(shearbus 0.1 REQUIRED COMPONENTS c cxx fortran embedded)
 add_executable(c host.c)
 target_link_libraries(c PRIVATE shearbus::c m)
 add_executable(cxx17 host.cpp)
@@ -56,6 +56,19 @@ def build_by_cmake(work, prefix, examples, with_mpi):
     run("cmake", "-S", source, "-B", source / "build", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}")
     run("ninja", "-C", source / "build", "-j2")
     return [source / "build" / name for name in ("c", "cxx17", "cxx20", "fortran")]
+
+
+def check_components(work, prefix):
+    """A component that is not there, or cannot be used, is refused with a reason."""
+    for languages, component, reason in (("C", "no_such", "component no_such is none of this installation"),
+                                         ("C", "fortran", "component fortran needs a project with the language Fortran")):
+        source = work / f"component_{component}"
+        source.mkdir()
+        (source / "CMakeLists.txt").write_text(f"cmake_minimum_required(VERSION 3.20)\nproject(p LANGUAGES {languages})\n"
+                                               f"find_package(shearbus REQUIRED COMPONENTS {component})\n")
+        done = subprocess.run(["cmake", "-S", source, "-B", source / "build", f"-DCMAKE_PREFIX_PATH={prefix}"], capture_output=True, text=True)
+        if done.returncode == 0 or reason not in " ".join(done.stderr.split()):
+            sys.exit(f"find_package(shearbus COMPONENTS {component}) is not refused with a reason: {done.stderr}")
 
 
 def run_on_ranks(mpiexec, build, scene, endpoint, work, environment):
@@ -127,6 +140,7 @@ def main():
         environment = {**os.environ, "LD_LIBRARY_PATH": str(library.parent)}
         programs = build_by_cmake(work, prefix, examples, options.mpiexec) + build_by_pkg_config(work, prefix, examples)
 
+        check_components(work, prefix)
         check_hdf5(work, prefix, options.two_copies.with_name("embedded_hdf5.c"), scene)
         endpoint = f"ipc://{work}/bus"
         server = subprocess.Popen([prefix / "bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])

@@ -375,7 +375,9 @@ static void on_root(void) {
   }
   request = request_of(0, n, ids, 0);
   if (rank == owner_of(3, 0)) rows[0].pressure = 1e300;
-  REFUSED(shearbus_mpi_step_on_root(ranks, bus, &request, NULL, &status), SHEARBUS_INVALID_VALUE, "pressure_pa");
+  char whose[64];
+  snprintf(whose, sizeof whose, "rank %d: pressure_pa", owner_of(3, 0));
+  REFUSED(shearbus_mpi_step_on_root(ranks, bus, &request, NULL, &status), SHEARBUS_INVALID_VALUE, whose);
   CHECK(n == 0 || rows[0].stress == -1);
   request = request_of(0, n, ids, 0);
   if (last) ++request.n;

@@ -23,6 +23,25 @@ PROGRAM = re.compile(r"(?<![\w/.-])(?:build/bin/)?(shearbus-(?!tests\b|bench\b|f
 LIBRARY = re.compile(r"-l(shearbus[\w-]*)|lib(shearbus[\w-]*)\.so")
 
 
+# A script that begins a line of code, or an inline command: a reader types it as it stands.
+SCRIPT = re.compile(r"(?:^|`)(?: {4})?((?:tests|client|deploy|hydro_stub)/[\w/]+(?:\.py|\.sh)?)(?= |\n|$)", re.M)
+
+
+def not_executable(root):
+    """Returns the faults of scripts that the pages run by their name."""
+    faults = []
+    for page in pages(root):
+        for code in FENCE.finditer(page.read_text()):
+            scripts = {root / name for name in SCRIPT.findall(code[0])}
+            faults += [f"{page.relative_to(root)}: {script.relative_to(root)} is run by its name and is not executable"
+                       for script in sorted(scripts) if script.is_file() and script.read_bytes()[:2] == b"#!" and not os.access(script, os.X_OK)]
+    return faults
+
+
+def pages(root):
+    return sorted(p for p in root.rglob("*.md") if not re.match(r"build|out/", p.relative_to(root).as_posix()) and "corpus" not in p.parts)
+
+
 def packages(root):
     """Returns names of packages, which are no programs."""
     named = re.findall(r"PACKAGE_NAME (\S+)\)", (root / "deploy/cmake/packages.cmake").read_text())
@@ -32,7 +51,7 @@ def packages(root):
 def named_on_pages(root):
     """Returns {file of the build: page} of the programs and libraries that the pages name."""
     found = {}
-    for page in sorted(p for p in root.rglob("*.md") if not re.match(r"build|out/", p.relative_to(root).as_posix()) and "corpus" not in p.parts):
+    for page in pages(root):
         for code in FENCE.finditer(page.read_text()):
             for name in PROGRAM.findall(code[0]):
                 found.setdefault(f"bin/{name}", page.relative_to(root).as_posix())
@@ -71,6 +90,7 @@ def configured_faults(build, root):
     wanted, has = {**named_on_pages(root), **installed(build)}, made(build)
     print(f"{len(wanted)} files are named or installed")
     faults = [f"{file} is not what deploy/run makes: {place}" for file, place in sorted(wanted.items()) if file not in has and not (build / file).exists()]
+    faults += not_executable(root)
     return faults if len(wanted) > 15 else [*faults, f"{len(wanted)} files were found on pages and in install scripts, expected more"]
 
 
@@ -123,8 +143,11 @@ def self_test():
         (build / "cmake_install.cmake").write_text(f'file(INSTALL DESTINATION "x" TYPE FILE FILES "{build}/made.txt")\nfile(INSTALL DESTINATION "x" TYPE FILE FILES "{build}/lib/none.so")\n'
                                                    f'file(INSTALL DESTINATION "x" TYPE FILE OPTIONAL FILES "{build}/manual.gz")\n')
         (build / "made.txt").write_text("")
-        found = [fault.split(" ")[0] for fault in configured_faults(build, root)][:-1]  # the last: too few
-        if found != ["bin/shearbus-gone", "lib/none.so"]:
+        (root / "tests").mkdir()
+        (root / "tests/script.py").write_text("#!/usr/bin/python3\n")
+        (root / ("other" + ".md")).write_text("Run:\n\n    tests/script.py --out DIR\n")
+        found = configured_faults(build, root)[:-1]  # the last: too few
+        if [fault.split(" ")[0] for fault in found[:2]] != ["bin/shearbus-gone", "lib/none.so"] or len(found) != 3 or "not executable" not in found[2]:
             faults.append(f"self-test: {found}")
     return faults
 

@@ -16,6 +16,8 @@ DOCS = ROOT / "deploy/docs"
 # What the site must have: page -> a text of it, from each of the sources that it is generated from.
 EXPECTED = {
     "index.html": "First run",
+    "README.html": "shearbus.open(",
+    "github/CONTRIBUTING.html": "compile_commands.json",
     "tutorials/couple.html": "shearbus_open",
     "howto/errors.html": "NODE_OWNED (304)",
     "howto/batch.html": "several_nodes.sbatch",

@@ -57,7 +57,7 @@ class Cone(unittest.TestCase):
             with h5py.File(out / "free_surface.h5") as f:
                 self.assertGreater(f["axial_velocity"][-1, 0], 500.0)
             self.fields_are_as_the_sidecar_says(out)
-            self.assertEqual(len(list(out.glob("cone_*.png"))), 7)
+            self.assertEqual(len(list(out.glob("cone_*.png"))), 8)
 
     def test_the_summary_says_what_the_flank_saw_and_the_bound_holds_at_every_node(self):
         with tempfile.TemporaryDirectory() as directory:
@@ -99,6 +99,59 @@ class Cone(unittest.TestCase):
                     self.assertIn(f"energy {found:.1e} of the work\n", done.stdout)
                     self.assertEqual("more than rounding" in done.stdout, abs(found) > 1e-12)
             self.assertLess(slip["subgrid"], 0.7 * slip["coulomb_tresca"])
+
+    def test_what_converges_is_reported_next_to_the_slip(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = scene(directory, "cone_al_steel", first_zone_m="1e-3")
+            out = pathlib.Path(directory) / "out"
+            done = run(path, "--out", out, "--no-plot")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertNotIn("Y*", done.stderr, "the layer flows: no warning")
+            summary = json.loads((out / "summary.json").read_text())
+            nodes = summary["interface"]
+            bands = {band["band_m"]: band["mean_m"] for band in summary["displacement"]}
+            self.assertEqual(list(bands), [0.5e-3, 1e-3])
+            self.assertLess(summary["mean_slip_m"], bands[0.5e-3])
+            self.assertLess(bands[0.5e-3], bands[1e-3])
+            self.assertAlmostEqual(bands[1e-3], numpy.mean(nodes["displacement_one_mm_m"]), delta=1e-12)
+            self.assertAlmostEqual(summary["mean_friction_impulse_pa_s"], numpy.mean(nodes["friction_impulse_pa_s"]), delta=1e-9)
+            self.assertEqual(set(nodes["layer_thickness_m"]), {0.5e-3}, "half a wall zone, the same for all nodes")
+            self.assertAlmostEqual(summary["metal_peak_strength"]["stress_pa"] / 301e6, 1.0, delta=0.01)
+            self.assertEqual(summary["nodes_above_critical_jump"], sum(share > 1 for share in nodes["critical_jump_share"]))
+            self.assertRegex(done.stdout, r"metal against metal +mean [\d.]+ mm over \+-0.5 mm, [\d.]+ mm over \+-1 mm of the interface\n")
+            self.assertRegex(done.stdout, r"interface strength +680 MPa cold; Y\* 301 MPa, .*on fine zones the metal shears in place of slip\n")
+            with h5py.File(out / "interface.h5") as f:
+                numpy.testing.assert_array_equal(f["displacement_one_mm"][-1], nodes["displacement_one_mm_m"])
+
+    def test_an_interface_stronger_than_its_metal_warns_and_a_layer_of_another_thickness_is_refused(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = scene(directory)
+            done = run(path, "--check")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertRegex(done.stderr, r"^shearbus-hydro: warning: interface.yield_strength_pa = 6.8e\+08 Pa is above Y\* = 3.0\d*e\+08 Pa, .* set interface.plastic_layer = true\n")
+            path = scene(directory, "cone_al_steel")
+            path.write_text(path.read_text().replace("cells = 40 ", "thickness_m = 20e-6\ncells = 40 "))
+            done = run(path, "--check")
+            self.assertEqual(done.returncode, 1)
+            self.assertRegex(done.stderr, r"cone.toml:\d+:1: layer.thickness_m = 2e-05 m, but half the wall zones is .*leave layer.thickness_m out")
+            for key, value, said in (("first_zone_m", "2e-3", r"first_zone_m = 0.002 m is more than the other zones' 0.001 m"),):
+                done = run(scene(directory, "cone_al_steel", **{key: value}), "--check")
+                self.assertEqual(done.returncode, 1)
+                self.assertRegex(done.stderr, rf"cone.toml:\d+:1: hydro.cone_target.{said}")
+
+    def test_friction_heat_of_law_5_goes_as_deep_as_it_conducts(self):
+        with tempfile.TemporaryDirectory() as directory:
+            hottest = {}
+            for depth in ("zone", "diffusion"):
+                path = scene(directory, "cone_al_steel", first_zone_m="5e-6", zone_width_m="2e-3", end_time_s="2.5e-6")
+                path.write_text(path.read_text() + f'\n[hydro.coulomb_tresca]\nheat_depth = "{depth}"\n')
+                out = pathlib.Path(directory) / depth
+                done = run(path, "--interface-law", "coulomb_tresca", "--out", out, "--no-plot")
+                self.assertEqual(done.returncode, 0, done.stderr)
+                summary = json.loads((out / "summary.json").read_text())
+                self.assertLess(abs(summary["energy_residual"]), 1e-12)
+                hottest[depth] = summary["peak_interface_temperature_k"]
+            self.assertGreater(hottest["zone"] - 300, 1.2 * (hottest["diffusion"] - 300))
 
     def test_layers_that_start_at_the_temperature_of_the_shocked_zones(self):
         with tempfile.TemporaryDirectory() as directory:

@@ -108,7 +108,7 @@ class Pairs(support.ReplayTest):
         self.history_of(pair=["brass"] * 4)
         self.assertIn("column pair in a session of one pair", self.replay(scene=self.file("one.toml", scene_text())).stderr)
         head = "time [ns],node,pressure [Pa],pair\n"
-        for text, reason in ((head + "1,7,1,a\n2,7,1,b\n", 'pair of node 7 changes from "a" to "b" at row 1'),
+        for text, reason in ((head + "1,7,1,a\n2,7,1,b\n", 'line 3: pair of node 7 changes from "a" to "b"'),
                              (head.replace("pair", f"parameter/{MU} [Pa]") + "1,7,1,1\n", "has the unit")):
             self.assertIn(reason, self.replay("--steps", history=self.file("t.csv", text), scene=self.scene).stderr)
 

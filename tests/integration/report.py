@@ -146,6 +146,77 @@ class Report(unittest.TestCase):
         self.assertFalse("kept no profiles" in replay)
         self.assertTrue("kept no profiles" in column)
 
+    def test_runs_of_one_law_are_told_apart_by_label_and_colour(self):
+        import runs
+
+        others = []
+        for value in ("100e6", "200e6"):
+            others.append(self.path / f"result-{value}.h5")
+            run(OPTIONS.replay, self.path / "history.h5", "--scene", OPTIONS.source / "client/examples/paper_velocity_driven.toml", "--set", f"soft.yield_strength_pa={value}", "--out", others[-1])
+        copy = self.path / "copy.h5"
+        shutil.copy(others[0], copy)
+        for paths, labels in ((others, ["soft.yield_strength_pa = 1e+08", "soft.yield_strength_pa = 2e+08"]), ([self.column, self.result], ["sliding_to_a_stop", "paper_velocity_driven"]),
+                              ([others[0], copy], ["result-100e6", "copy"]), (self.cones, ["subgrid server", "Coulomb–Tresca (DLP 5)"])):
+            found = runs.read(paths)
+            self.assertEqual([one.label for one in found], labels)
+            self.assertEqual(len({one.colour for one in found}), len(found))
+        self.assertEqual(self.program(*others, "-o", self.path / "two.html"), 0)
+        page = self.reports["two"] = self.path / "two.html"
+        for label in ("soft.yield_strength_pa = 1e+08", "soft.yield_strength_pa = 2e+08"):
+            self.assertIn(f"<strong>{label}</strong>", page.read_text())
+        # Runs that end at other times are drawn to their own ends.
+        import plot_histories
+
+        figure, _ = plot_histories.histories(runs.read([self.column, others[0]]))
+        ends = [axis.get_xlim()[1] for axis in figure.axes[:2]]
+        plot_histories.plt.close(figure)
+        self.assertEqual(ends, [runs.Run(path).time[-1] for path in (self.column, others[0])])
+        # Drawn over each other they are another picture than either of them.
+        pictures = []
+        for i, files in enumerate(([others[0]], [others[1]], others, [*others, self.path / "history.h5"])):
+            run(OPTIONS.replay, "plot", *files, "--out", self.path / f"{i}.png")
+            pictures.append((self.path / f"{i}.png").read_bytes())
+        self.assertEqual(len(set(pictures[:3])), 3)
+        (self.path / "exp.csv").write_text("time [us],pressure [GPa]\n1,2\n")
+        for wrong, text in ((self.path / "exp.csv", "exp.csv: expected a result or a history in HDF5"), (self.path / "gone.h5", "gone.h5: there is no such file")):
+            done = subprocess.run([OPTIONS.replay, "plot", others[0], wrong, "--out", self.path / "no.png"], capture_output=True, text=True, timeout=200)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn(text, done.stderr)
+            self.assertNotIn("Traceback", done.stderr)
+
+    def test_the_head_says_in_words_what_was_found(self):
+        summary = json.loads((self.cones[0] / "summary.json").read_text())
+        verdict = re.search(r'<p class="verdict">(.*?)</p>', self.reports["cone"].read_text())[1]
+        self.assertIn(f"subgrid server: the interface slid {1e3 * summary['mean_slip_m']:.3g} mm", verdict)
+        self.assertIn(f"reached {summary['peak_interface_temperature_k']:,.0f} K", verdict)
+        self.assertRegex(verdict, r"Coulomb–Tresca \(DLP 5\): [\d.]+ (times|%) farther, and 3\d\d\.\d K\.$")
+        for name in ("one", "column", "replay"):
+            self.assertRegex(self.reports[name].read_text(), r'<p class="verdict">The interface slid [\d.e-]+ mm')
+
+    def test_the_case_names_the_flyer_and_the_cards_agree_with_the_bars(self):
+        page, summary = self.reports["cone"].read_text(), json.loads((self.cones[0] / "summary.json").read_text())
+        self.assertIn("<td>flyer</td><td>400 m/s, steel_dlp</td>", page)
+        self.assertIn("<td>cone</td><td>aluminium_dlp</td>", page)
+        share = 100 * summary["waiting_share"]
+        self.assertRegex(page, rf"waiting for answers</div><div class=\"big\">{share:.3g}")
+        self.assertIn(f"({share:.1f} %)", page.split("waiting for answers: ")[1].split("<")[0])
+
+    def test_files_of_a_run_are_links(self):
+        targets = [name for name in re.findall(r'<td><a href="([^"]+)">', self.reports["cone"].read_text()) if not name.startswith("#")]
+        self.assertIn("subgrid/interface.h5", targets)
+        for name in targets:
+            self.assertTrue((self.reports["cone"].parent / name).is_file(), name)
+
+    def test_nothing_slides_on_an_open_contact(self):
+        import numpy
+        import runs
+
+        found = runs.Run(self.result)
+        is_open = found["regime"] == 0
+        self.assertTrue(is_open.any() and (numpy.abs(found["sliding_velocity"][is_open]) > 1.0).any())  # the answer is a velocity there, too
+        self.assertTrue(numpy.isnan(found.drawn("sliding_velocity")[is_open]).all())
+        self.assertTrue(numpy.isfinite(found.drawn("sliding_velocity")[~is_open]).all())
+
     def test_a_section_without_content_is_left_out(self):
         for name, left_out in (("cone", []), ("column", ["paper"]), ("replay", ["paper", "ledger"])):
             page = self.reports[name].read_text()
@@ -159,7 +230,7 @@ class Report(unittest.TestCase):
 
     def test_the_page_is_one_file_without_network_or_script(self):
         for report in self.reports.values():
-            page = report.read_text()
+            page = re.sub(r'<td><a href="[^":]+">', "", report.read_text())  # the files of the run, which a reader may open
             self.assertLess(len(page), LARGEST)
             self.assertNotRegex(page, r"(?i)<script|<link|@import|\son\w+=")
             self.assertEqual([found for found in re.findall(r"""(?:src|href|url\()=?["'(]?([^"')\s>]+)""", page) if not found.startswith(("#", "data:image/"))], [])

@@ -85,7 +85,7 @@ def own_scene(program, out, scene):
 
 
 def shipped_scenes(program, out, source):
-    found, _ = study(program, out, source / "hydro_stub/problems/cone_al_steel.toml", "--no-plot", "--random", 4000)
+    found, _ = study(program, out, source / "hydro_stub/problems/cone_al_steel_coarse.toml", "--no-plot", "--random", 4000)
     assert abs(found["scene"]["pressure_pa"] - 7.69e9) < 0.1e9 and "modes" in found["scene"]["physics"], found["scene"]
     assert {cell["verdict"] for cell in found["cells"]} == {"held", "not asked"}, found["cells"]
     for name in ("interface_slip", "paper_velocity_driven_graded"):

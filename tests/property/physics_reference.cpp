@@ -17,10 +17,11 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   Draw draw(11);
   Worst worst;
   int compared = 0, ambiguous = 0, several = 0, sent_back = 0, second_order = 0, without_profile = 0;
-  int johnson_cook = 0, preston = 0, weakening = 0, softening = 0;
+  int johnson_cook = 0, preston = 0, weakening = 0, softening = 0, heated = 0, flowing_junctions = 0;
   for (int scene = 0; scene < 80; ++scene) {
     ModelOptions options = random_options(draw, GetParam(), false);
     options.grid.cells = draw.integer(1, 16);
+    draw_work_heat(draw, options);
     // With a flowing layer the reference solver scans for slips, and at every vertex of every scan point it inverts the
     // law of Preston, Tonks and Wallace by bisection. These scenes are costly, so they have few vertices and steps.
     const bool costly = options.plastic_layer && options.soft.flow_law == FlowLaws::place<PrestonTonksWallace>();
@@ -83,6 +84,8 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
         preston += options.soft.flow_law == FlowLaws::place<PrestonTonksWallace>() && slides;
         const FrictionLawProperties friction = properties_of(options.interface.friction_law);
         weakening += friction.depends_on_slip && rig.outputs.regime[l] == Regime::kCoulomb;
+        heated += GetParam() == Strategy::kForceDriven && options.taylor_quinney_factor && rig.ep(0, l) > strains[l][0];
+        flowing_junctions += options.plastic_layer && options.junctions && slides;
         softening += friction.depends_on_temperature && rig.outputs.regime[l] == Regime::kCoulomb;
       }
     }
@@ -102,6 +105,8 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   } else {
     EXPECT_GT(weakening, 50);
     EXPECT_GT(softening, 50);
+    EXPECT_GT(heated, 50);
+    EXPECT_GT(flowing_junctions, 50);
   }
 }
 

@@ -1,6 +1,6 @@
-// shearbus-study has five studies: the cost of accuracy, the errors of runs with a tolerance, stability at extreme
-// inputs, the map of pressures and velocities in which the velocity-driven model is valid, and the fit of a scene's
-// parameters to measured curves. A study runs on fixed problems or on a user's scene.
+// shearbus-study has six studies: the cost of accuracy, the errors of runs with a tolerance, stability at extreme
+// inputs, the map of pressures and velocities in which the velocity-driven model is valid, the fit of a scene's
+// parameters to measured curves, and the errors of a coupled run's mesh. A study runs on fixed problems or on a user's scene.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -35,6 +35,7 @@ constexpr const char* kFooter = R"(Examples:
   shearbus-study precision scene.toml --out out/study
   shearbus-study map scene.toml --out out/map
   shearbus-study fit scene.toml --curve measured.csv --parameter interface.friction_coefficient=0.1:0.6
+  shearbus-study mesh hydro_stub/problems/cone_al_steel.toml --out out/mesh
 
 Exit codes: 0 done, 1 a fault, or an invariant that does not hold, 2 a wrong command line.)";
 
@@ -86,10 +87,10 @@ void tolerance(const Options& options) {
   write_study(options, "tolerance", study);
 }
 
-// Replaces this program by the program of the fit, which has its own options.
-[[noreturn]] void become_fit(const std::vector<std::string>& words) {
+// Replaces this program by a script of this directory that has its own options.
+[[noreturn]] void become(const std::string& script, const std::vector<std::string>& words) {
   const std::string programs = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  std::vector<std::string> command = {SHEARBUS_PYTHON, SHEARBUS_SOURCE_DIR "/tests/study/fit.py", "--bin", programs};
+  std::vector<std::string> command = {SHEARBUS_PYTHON, SHEARBUS_SOURCE_DIR "/tests/study/" + script, "--bin", programs};
   command.insert(command.end(), words.begin(), words.end());
   std::vector<char*> arguments;
   for (std::string& word : command) arguments.push_back(word.data());
@@ -131,12 +132,16 @@ int main(int argc, char** argv) {
   CLI::App* of_fit = app.add_subcommand(
       "fit", "Parameters of a scene from measured curves, or sensitivities; fit --help lists its own options");
   of_fit->prefix_command()->set_help_flag();
+  CLI::App* of_mesh = app.add_subcommand(
+      "mesh", "What zones, steps and layer cost a cone its accuracy; mesh --help lists its own options");
+  of_mesh->prefix_command()->set_help_flag();
   options.arguments = stability.arguments = map.arguments = {argv, static_cast<std::size_t>(argc)};
   shearbus::wire::complete(app, "shearbus-study", shearbus::server::version_text, kFooter);
   if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
   try {
     if (of_stability->parsed()) return shearbus::wire::end_program("shearbus-study", run_stability(stability));
-    if (of_fit->parsed()) become_fit(of_fit->remaining());
+    if (of_fit->parsed()) become("fit.py", of_fit->remaining());
+    if (of_mesh->parsed()) become("mesh.py", of_mesh->remaining());
     if (of_map->parsed()) {
       shearbus::map::run(map);
     } else {

@@ -121,23 +121,33 @@ inline ModelOptions combined(Strategy strategy, std::vector<const Item*> chosen,
   return options;
 }
 
-// Returns options with the chosen items. If the chosen items alone are refused, one more item that makes them valid is
-// added; plastic heating, for example, needs the table [hard_layer]. Returns nothing if no such item exists.
+// Returns options with the chosen items. If the chosen items alone are refused, one or two more items that make them
+// valid are added; plastic heating, for example, needs the table [hard_layer], and force-driven a plastic layer. Returns
+// nothing if no such items exist.
 inline std::optional<ModelOptions> possible(Strategy strategy, const std::vector<const Item*>& chosen,
                                             const std::vector<Item>& all, bool rubs) {
   ModelOptions options = combined(strategy, chosen, rubs);
   if (refusals(options).empty()) return options;
-  for (const Item& companion : all) {
-    std::vector<const Item*> more = chosen;
-    more.push_back(&companion);
-    options = combined(strategy, more, rubs);
+  const Properties wanted = properties_of(options);
+  const auto holds = [&](const ModelOptions& with) {
     // An item may be added only if the chosen items stay in effect.
-    Properties wanted = properties_of(combined(strategy, chosen, rubs));
-    const Properties found = properties_of(options);
-    bool kept = true;
+    const Properties found = properties_of(with);
     for (const Part& part : parts())
-      if (part.set != nullptr && wanted.has(part.property)) kept = kept && found.has(part.property);
-    if (kept && refusals(options).empty()) return options;
+      if (part.set != nullptr && wanted.has(part.property) && !found.has(part.property)) return false;
+    return refusals(with).empty();
+  };
+  std::vector<const Item*> more = chosen;
+  for (const Item& companion : all) {
+    more.push_back(&companion);
+    if (options = combined(strategy, more, rubs); holds(options)) return options;
+    more.pop_back();
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      more.resize(chosen.size());
+      more.insert(more.end(), {&all[i], &all[j]});
+      if (options = combined(strategy, more, rubs); holds(options)) return options;
+    }
   }
   return {};
 }

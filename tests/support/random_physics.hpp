@@ -140,6 +140,27 @@ inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, doub
   return flow(1.0) - flow(-1.0);
 }
 
+// Draws junctions or velocity weakening, which exclude each other, or neither.
+inline void draw_contact(Draw& draw, bool extreme, ModelOptions& options) {
+  const Material& soft = options.soft;
+  const double part = draw.uniform(0.0, 1.0);
+  if (part < 1.0 / 3.0) {
+    Material metal = soft;
+    metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
+    metal.yield_strength = options.interface.yield_strength;
+    metal.yield_strength_max =
+        draw.chance(0.5) ? metal.yield_strength * draw.uniform(0.9, 4.0) : std::numeric_limits<double>::infinity();
+    metal.hardening_coefficient = draw.chance(0.2) ? 0.0 : draw.log_uniform(0.1, 1000.0);
+    metal.hardening_exponent = draw.uniform(0.01, 1.0);
+    options.junctions = {draw.chance(0.3) ? 1.0 : draw.log_uniform(1e-3, 1.0),
+                         draw.log_uniform(extreme ? 1e-12 : 1e-9, 1e-5), metal};
+  } else if (part > 2.0 / 3.0) {
+    options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+    options.interface.friction_coefficient_fast = options.interface.friction_coefficient * draw.uniform(0.0, 1.5);
+    options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
+  }
+}
+
 inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) {
   ModelOptions options = paper_options(strategy);
   Material& soft = options.soft;
@@ -171,23 +192,11 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
                         draw.chance(0.5) ? 300.0 : draw.uniform(1.0, 1000.0));
   }
   if (strategy == Strategy::kForceDriven) options.plastic_layer = draw.chance(0.5);
-  if (strategy == Strategy::kForceDriven && !options.plastic_layer) {
-    const double part = draw.uniform(0.0, 1.0);  // junctions and velocity weakening exclude each other
-    if (part < 1.0 / 3.0) {
-      Material metal = soft;
-      metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
-      metal.yield_strength = options.interface.yield_strength;
-      metal.yield_strength_max =
-          draw.chance(0.5) ? metal.yield_strength * draw.uniform(0.9, 4.0) : std::numeric_limits<double>::infinity();
-      metal.hardening_coefficient = draw.chance(0.2) ? 0.0 : draw.log_uniform(0.1, 1000.0);
-      metal.hardening_exponent = draw.uniform(0.01, 1.0);
-      options.junctions = {draw.chance(0.3) ? 1.0 : draw.log_uniform(1e-3, 1.0),
-                           draw.log_uniform(extreme ? 1e-12 : 1e-9, 1e-5), metal};
-    } else if (part > 2.0 / 3.0) {
-      options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
-      options.interface.friction_coefficient_fast = options.interface.friction_coefficient * draw.uniform(0.0, 1.5);
-      options.interface.velocity_decay = draw.chance(0.1) ? 0.0 : draw.log_uniform(1e-3, 1.0);
-    }
+  if (strategy == Strategy::kForceDriven) {
+    // Next to a layer that flows the contact is drawn from a copy of the generator, so that the other draws stay as they
+    // were before such a layer had contact laws.
+    Draw aside = draw;
+    draw_contact(options.plastic_layer ? aside : draw, extreme, options);
   }
   if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {
     options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
@@ -222,6 +231,12 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   options.inertia = true;
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
   return options;
+}
+
+// Lets plastic work heat a force-driven layer, with a fair chance where options allow it.
+inline void draw_work_heat(Draw& draw, ModelOptions& options) {
+  if (options.strategy == Strategy::kForceDriven && options.plastic_layer && options.hard_grid && draw.chance(0.6))
+    options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
 }
 
 // Draws options with two tangential components, combined with options that are valid together with them.

@@ -97,6 +97,14 @@ TEST(InputCheck, NamesAPressureOfTheWrongSign) {
   EXPECT_EQ(said_at, 300);
 }
 
+// Bodies that do not meet for long are not looked at in each step, but are once they do.
+TEST(InputCheck, BodiesThatMeetLateAreJudged) {
+  const auto from = [](double pressure) { return [pressure](int step) { return step < 5'000 ? 0.0 : pressure; }; };
+  EXPECT_THAT(run(10'000, 100.0, from(11'200.0)), ElementsAre(HasSubstr("as MPa it would be 11.2 GPa")));
+  EXPECT_THAT(run(10'000, 100.0, from(-11.2e9)), ElementsAre(HasSubstr("no node was ever in contact")));
+  EXPECT_THAT(run(10'000, 100.0, from(11.2e9)), IsEmpty());
+}
+
 TEST(InputCheck, NamesALongFirstStepOnce) {
   EXPECT_THAT(run(
                   5, 100.0, [](int) { return 4e8; }, 1e-3),

@@ -1,6 +1,9 @@
 // Tests of the components of the two-dimensional hydrocode, and of the conservation laws of its time step.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -125,10 +128,10 @@ TEST(Hydro2dViscosity, LinearVelocitiesCostNothing) {
       velocity.push_back({-0.5 * x.x - (axisymmetric ? 0.0 : 2.0 * x.y), 2.0 * x.x - 0.5 * x.y});
     std::vector<Vec2> force(4 * mesh.num_zones());
     std::vector<double> viscous(mesh.num_zones());
-    const std::vector<double> one(mesh.num_zones(), 1.0);
+    const std::vector<double> one(mesh.num_zones(), 1.0), none(mesh.num_zones(), 0.0);
     lagrange::Geometry geometry(mesh.num_zones());
     measure(mesh, mesh.places(), geometry);
-    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, 0,
+    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, none, 0,
                   mesh.num_zones(), force, viscous);
     for (const Vec2 f : force) EXPECT_NEAR(norm(f), 0.0, 1e-12);
     add_hourglass(mesh, 0.25, geometry, mesh.places(), velocity, one, one, force);
@@ -146,8 +149,8 @@ TEST(Hydro2dViscosity, ForcesOfAZoneCancelAndOnlyHeat) {
     measure(mesh, mesh.places(), geometry);
     std::vector<Vec2> shock(4 * mesh.num_zones()), hourglass(4 * mesh.num_zones());
     std::vector<double> viscous(mesh.num_zones());
-    const std::vector<double> one(mesh.num_zones(), 1.0);
-    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, 0,
+    const std::vector<double> one(mesh.num_zones(), 1.0), none(mesh.num_zones(), 0.0);
+    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, none, 0,
                   mesh.num_zones(), shock, viscous);
     add_hourglass(mesh, 0.25, geometry, mesh.places(), velocity, one, one, hourglass);
     for (const auto& force : {shock, hourglass}) {
@@ -163,6 +166,41 @@ TEST(Hydro2dViscosity, ForcesOfAZoneCancelAndOnlyHeat) {
       }
     }
   }
+}
+
+// The most force of the viscosity on a corner where the velocity (along x: shear, along y: compression) falls with the
+// square of y, so that its gradient varies from zone to zone.
+double most_force(bool shear, double plastic_share) {
+  const Mesh mesh = [] {
+    Mesh made(Symmetry::kPlane);
+    made.add_block(4, 6, [](int i, int j) { return Vec2{0.25 * i, 0.25 * j}; });
+    return made;
+  }();
+  std::vector<Vec2> velocity;
+  for (const Vec2 x : mesh.places())
+    velocity.push_back(shear ? Vec2{-x.y * x.y * x.y, 0.0} : Vec2{0.0, -x.y * x.y * x.y});
+  lagrange::Geometry geometry(mesh.num_zones());
+  measure(mesh, mesh.places(), geometry);
+  const std::vector<lagrange::Gradient> d = gradients(mesh, geometry, velocity);
+  std::vector<double> plastic, viscous(mesh.num_zones());
+  for (const lagrange::Gradient& g : d)  // of pure shear the equivalent rate is |xy| / sqrt(3), of compression 2/3 |yy|
+    plastic.push_back(plastic_share * (shear ? std::abs(g.xy) / std::numbers::sqrt3 : 2.0 / 3.0 * std::abs(g.yy)));
+  std::vector<Vec2> force(4 * mesh.num_zones());
+  const std::vector<double> one(mesh.num_zones(), 1.0);
+  add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), d, one, one, plastic, 0, mesh.num_zones(), force, viscous);
+  double most = 0.0;
+  for (const Vec2 f : force) most = std::max(most, norm(f));
+  return most;
+}
+
+// Viscosity resists shocks in metal that yields as in metal that does not, shear only as far as it is elastic.
+TEST(Hydro2dViscosity, MetalThatFlowsInPureShearHasNone) {
+  EXPECT_GT(most_force(true, 0.0), 1e-3);
+  EXPECT_NEAR(most_force(true, 0.5), 0.5 * most_force(true, 0.0), 1e-12);
+  EXPECT_NEAR(most_force(true, 1.0), 0.0, 1e-12);
+  EXPECT_NEAR(most_force(true, std::numeric_limits<double>::infinity()), 0.0, 1e-12) << "a fluid";
+  EXPECT_GT(most_force(false, 0.0), 1e-3);
+  EXPECT_EQ(most_force(false, 1.0), most_force(false, 0.0));
 }
 
 TEST(Hydro2dStrength, ARigidTurnKeepsTheInvariantsAndTurnsTheAxes) {

@@ -414,8 +414,13 @@ TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   const std::string junctions = "[junctions]\ncontact_fraction = 0.3\nheight_m = 1e-7\n";
   EXPECT_EQ(refusal_of(force + "plastic_layer = true\n"), "");
   EXPECT_EQ(refusal_of(force + junctions), "");
-  EXPECT_THAT(refusal_of(force + "plastic_layer = true\n" + junctions),
-              StartsWith("scene.toml:9:1: [junctions] does not go with interface.plastic_layer = true: "));
+  EXPECT_EQ(refusal_of(force + "plastic_layer = true\n" + junctions), "");
+  const std::string weakening =
+      "friction_law = 'velocity_weakening'\nfriction_coefficient_fast = 0.02\nvelocity_decay_s_per_m = 0.01\n";
+  EXPECT_THAT(refusal_of(force + weakening + junctions),
+              StartsWith("scene.toml:11:1: [junctions] does not go with interface.friction_law"));
+  EXPECT_THAT(refusal_of(force + "taylor_quinney_factor = 0.9\n[hard_layer]\n"),
+              StartsWith("scene.toml:8:1: interface.taylor_quinney_factor heats where the layer flows"));
   std::string velocity = force;
   velocity.replace(velocity.find("force_driven"), 12, "velocity_driven");
   EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:8:1: interface.plastic_layer"));

@@ -376,6 +376,23 @@ TEST(ServicePairs, AToleranceThatChoosesOtherCellsIsRefused) {
 }
 
 // Requests about new nodes at fault, each refused with nothing changed.
+TEST(ServicePairs, AParameterInAnotherUnitIsNamedWithItsFirstNode) {
+  ServiceHarness harness;
+  for (const double value : {25e6, 25.0}) {
+    wire::Request opening =
+        ServiceHarness::opening(scene_with_pairs(Strategy::kForceDriven), Ids{1}, value == 25.0 ? 2 : 1);
+    opening.batch = new_nodes({7, 8}, {{0, 25e6}, {0, value}});
+    std::get<wire::OpenSession>(opening.body).pairs = {""};
+    std::get<wire::OpenSession>(opening.body).parameters = {kYield};
+    const Answer answer = harness.ask(opening);
+    ASSERT_TRUE(answer.reply.status.ok()) << answer.reply.status.text;
+    EXPECT_EQ(std::ranges::count(std::get<wire::SessionOpened>(answer.reply.body).warnings,
+                                 "soft.yield_strength_pa of node 8 = 25 Pa is unusual: values from 1e5 to 5e10 Pa are "
+                                 "expected. Is it in Pa?"),
+              value == 25.0 ? 1 : 0);
+  }
+}
+
 TEST(ServicePairs, FaultyPairsAndParametersOfNodesAreRefused) {
   ServiceHarness harness;
   const auto open = [&](std::vector<std::string> pairs, std::vector<std::string> parameters, wire::Batch batch,

@@ -3,15 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <stdexcept>
+#include <string>
 
 namespace shearbus::transport {
 namespace {
 
 TEST(Endpoint, OtherTransportsOfTheLibraryAreRefused) {
-  for (const char* text :
-       {"pgm://eth0;239.0.0.1:5555", "ws://127.0.0.1:80", "tipc://{5560,0,0}", "udp://127.0.0.1:1", "norm://1:1",
-        "vmci://*:1", "127.0.0.1:5555", "", "tcp://", "ipc://", "ipc://*", "ipc://@name", "tcp://127.0.0.1",
-        "tcp://:5555", "tcp://127.0.0.1:65536", "tcp://127.0.0.1:port", "tcp://127.0.0.1:", "TCP://127.0.0.1:1"})
+  for (const char* text : {"pgm://eth0;239.0.0.1:5555", "ws://127.0.0.1:80", "tipc://{5560,0,0}", "udp://127.0.0.1:1",
+                           "norm://1:1", "vmci://*:1", "127.0.0.1:5555", "", "tcp://", "ipc://", "ipc://*",
+                           "ipc://@name", "ipc://~/bus", "tcp://127.0.0.1", "tcp://:5555", "tcp://127.0.0.1:65536",
+                           "tcp://127.0.0.1:port", "tcp://127.0.0.1:", "TCP://127.0.0.1:1"})
     EXPECT_THROW(Endpoint::parse(text), std::invalid_argument) << text;
 }
 
@@ -20,6 +21,17 @@ TEST(Endpoint, PartsAreFound) {
   EXPECT_EQ(tcp.host, "::1");
   EXPECT_EQ(tcp.port, "5555");
   EXPECT_EQ(Endpoint::parse("ipc:///run/bus").path, "/run/bus");
+}
+
+TEST(Endpoint, NamesTheLongestPathOfASocket) {
+  EXPECT_EQ(Endpoint::parse("ipc:///" + std::string(106, 'd')).path.size(), 107U);
+  try {
+    Endpoint::parse("ipc:///" + std::string(107, 'd'));
+    FAIL() << "a path of 108 bytes is accepted";
+  } catch (const std::invalid_argument& refusal) {
+    EXPECT_NE(std::string(refusal.what()).find("has a path of 108 bytes"), std::string::npos);
+    EXPECT_NE(std::string(refusal.what()).find("at most 107"), std::string::npos);
+  }
 }
 
 }  // namespace

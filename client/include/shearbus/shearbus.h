@@ -21,7 +21,11 @@
  * the server does not run it twice and returns the answer that it kept.
  *
  * No call throws, aborts or blocks beyond its deadline. No call prints anything but warnings, and these go to the
- * log if there is one. A session belongs to one thread at a time; sessions are independent of each other. All
+ * log if there is one. A session belongs to one thread at a time: a call that another thread, or the log callback,
+ * makes meanwhile is SHEARBUS_IN_USE at once and does nothing. It belongs to the process that opened it: after fork()
+ * each call of the child is SHEARBUS_OTHER_PROCESS at once, and the parent goes on; the child opens sessions of its
+ * own. Sessions are independent of each other. The library computes in the default floating-point environment, and
+ * leaves the caller's as it was, traps, rounding and flags; it takes no signals, and signals do not disturb it. All
  * quantities are in SI units. Pointers that a function returns are valid until the next call on the session. Structs
  * grow only at their end: `size` tells the library which members the caller knows, so each struct starts from its
  * _INIT. Members that are zero have their default.
@@ -94,7 +98,9 @@ enum {
   SHEARBUS_AUTH = 503,             /* the server does not admit this client */
   SHEARBUS_NOT_CLOSED = 504,       /* the host's velocity jump is not the one that its last step answered */
   SHEARBUS_NO_MEMORY = 510,
-  SHEARBUS_LIBRARY_FAULT = 511 /* any other fault of this library; its text names it */
+  SHEARBUS_LIBRARY_FAULT = 511, /* any other fault of this library; its text names it */
+  SHEARBUS_IN_USE = 512,        /* another thread is inside a call on this session; nothing was done */
+  SHEARBUS_OTHER_PROCESS = 513  /* the session belongs to the process of which this one is a fork; nothing was done */
 };
 
 /* The name of a code, such as "INVALID_VALUE". Never NULL. */
@@ -135,7 +141,7 @@ enum {
 };
 
 /* Where a column lies in the caller's memory: one value per node, `stride_bytes` apart (0: without gaps), so that an
- * array of structs needs no copy. component: 0, or 1 for the second column of a tangential quantity in a scene with
+ * array of structs needs no copy. A stride below the size of a value is SHEARBUS_INVALID_VALUE: it is in bytes. component: 0, or 1 for the second column of a tangential quantity in a scene with
  * tangential_components = 2. */
 typedef struct shearbus_input {
   uint32_t field;
@@ -173,7 +179,8 @@ typedef int (*shearbus_interrupted_fn)(void* user);
  * the mistake of the host that explains it. */
 enum {
   SHEARBUS_CHECK_WARN = 0,
-  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface */
+  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface; also no
+                              warnings about the inputs of steps */
   SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED */
 };
 
@@ -237,7 +244,9 @@ typedef struct shearbus_nodes {
 SHEARBUS_API int shearbus_open_nodes(shearbus_session** session, const shearbus_options* options,
                                      const shearbus_nodes* nodes, shearbus_status* status);
 
-/* Ends the session on the server and waits for its confirmation. *session is NULL afterwards, whatever the code is. */
+/* Ends the session on the server and waits for its confirmation. *session is NULL afterwards, whatever the code is,
+ * except after SHEARBUS_IN_USE: then the other thread still needs it. A session that is NULL is SHEARBUS_OK, so that a
+ * second close is. In a fork, close and leave only forget the session, which stays with the process that opened it. */
 SHEARBUS_API int shearbus_close(shearbus_session** session, shearbus_status* status);
 
 typedef struct shearbus_totals {
@@ -253,12 +262,13 @@ typedef struct shearbus_totals {
  * the handle stays, whatever the code is, and shearbus_leave() frees it. After SHEARBUS_OK the session is closed. */
 SHEARBUS_API int shearbus_end(shearbus_session* session, shearbus_totals* totals, shearbus_status* status);
 
-/* Frees the session here and leaves it open on the server, for shearbus_resume(). *session is NULL afterwards. */
+/* Frees the session here and leaves it open on the server, for shearbus_resume(). *session is NULL afterwards, unless
+ * another thread is inside a call on it. */
 SHEARBUS_API void shearbus_leave(shearbus_session** session);
 
 #define SHEARBUS_TICKET_BYTES 80
 /* A text by which another process continues the session after this one has ended. It is a secret: its holder owns the
- * session. */
+ * session. shearbus_resume() leaves out white space at its end, such as the line end of a file. */
 SHEARBUS_API int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET_BYTES],
                                  shearbus_status* status);
 SHEARBUS_API int shearbus_resume(shearbus_session** session, const shearbus_options* options, const char* ticket,

@@ -1,6 +1,8 @@
 """The history of a session: what was sent and answered in every step that was kept."""
+import contextlib
 import datetime
 import os
+import tempfile
 from typing import Any, NamedTuple
 
 import numpy
@@ -12,6 +14,32 @@ __all__ = ["History"]
 
 MASSES = ("mass_soft", "mass_hard")
 REGIMES = {"OPEN": 0, "STICK": 1, "COULOMB": 2, "TRESCA": 3, "MELTING": 4}
+
+
+@contextlib.contextmanager
+def _partial(path):
+    """Gives the name of a new file beside the history, which gets the history's name once it is whole."""
+    import h5py
+
+    path = os.path.realpath(path)  # a link is followed
+    if os.path.lexists(path) and not (os.path.isfile(path) and os.path.getsize(path) == 0):
+        kind = None
+        with contextlib.suppress(OSError, KeyError), h5py.File(path) as older:
+            if isinstance(older.get("meta", getlink=True), h5py.HardLink):
+                kind = older["meta"].attrs.get("format")
+        if kind != "shearbus-history":
+            raise FileExistsError(f"{path}: is there and is no history; remove or rename it, or write elsewhere")
+    number, partial = tempfile.mkstemp(prefix=os.path.basename(path) + ".", suffix=".partial", dir=os.path.dirname(path))
+    os.close(number)
+    try:
+        yield partial
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(partial, 0o666 & ~mask)
+        os.replace(partial, path)
+    except BaseException:
+        os.unlink(partial)
+        raise
 
 
 class Row(NamedTuple):
@@ -167,14 +195,15 @@ class History:
 
     def to_hdf5(self, path, scene=""):
         """Writes the history as proto/wire/recording.md describes it, which shearbus-replay reads. scene: text of the
-        scene, such as Session.scene. The file appears under its name only when it is complete. Needs h5py."""
+        scene, such as Session.scene. The file appears under its name only when it is complete, and replaces an older
+        history only: FileExistsError for any other file. Needs h5py."""
         import h5py
 
         if not self._rows:
             raise ValueError("the history has no steps")
         own = self._own_datasets(self.nodes)
-        nodes, partial = self.nodes, f"{os.fspath(path)}.partial"
-        with h5py.File(partial, "w", libver=("earliest", "v110")) as file:
+        nodes = self.nodes
+        with _partial(path) as partial, h5py.File(partial, "w", libver=("earliest", "v110")) as file:
             kept = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletcher32": True}
 
             def write(name, values, unit, **options):
@@ -208,4 +237,3 @@ class History:
             })
             if scene:
                 meta["scene"] = scene
-        os.replace(partial, path)

@@ -65,6 +65,22 @@ std::optional<SlidingFriction> StressLimit::varying_friction_of_step(double c, d
   });
 }
 
+bool StressLimit::depends_on_slip() const {
+  return junctions.options != nullptr || (varying != nullptr && properties_of(varying->friction_law).depends_on_slip);
+}
+
+StressLimit StressLimit::at_slip(double slip) const {
+  StressLimit other = *this;
+  if (junctions.options != nullptr) {
+    other.tresca = junctions.at(slip).strength;
+    other.junctions = {};
+  }
+  // Friction that depends on slip does not depend on temperature.
+  if (varying != nullptr && properties_of(varying->friction_law).depends_on_slip)
+    return other.with_friction(friction(0.0, slip).stress);
+  return other;
+}
+
 double StressLimit::steepest(double coldest, double hottest, double most_slip) const {
   const double strength = junctions.options ? junctions.at(most_slip).strength : tresca;
   const double yield = strength * FlowLaws::with(soft->flow_law, [&](auto law) {

@@ -67,6 +67,9 @@ struct StressLimit {
     other.varying = nullptr;
     return other;
   }
+  // The limit at one slip velocity, as a limit that does not depend on slip any more.
+  StressLimit at_slip(double slip) const;
+  bool depends_on_slip() const;
   // The limit in a stage of a second-order step: both branches (friction and yield) times `factor`, plus `shift`. Not
   // for junctions.
   StressLimit scaled(double factor, double shift) const {

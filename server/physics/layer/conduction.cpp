@@ -201,6 +201,15 @@ void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double
   SHEARBUS_CALL(add_spread, heat, std::ssize(spread.gain), flux, response, temperature);
 }
 
+void respond_lane(const HeatOperator& heat, const SpreadHeat& spread, int lane, const double* shape, double* response) {
+  one::respond(heat, spread.gain, shape + lane, response + lane);
+}
+
+void add_spread_lane(const HeatOperator& heat, const SpreadHeat& spread, int lane, double flux, const double* response,
+                     double* temperature) {
+  one::add_spread(heat, std::ssize(spread.gain), &flux, response + lane, temperature + lane);
+}
+
 void conduct(const HeatOperator& heat, int num_vertices, const double* before, double* after, std::ptrdiff_t next) {
   SHEARBUS_CALL(sweep, heat, num_vertices, before, after, next);
 }

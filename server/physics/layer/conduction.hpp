@@ -94,6 +94,11 @@ void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* s
 void add_spread(const HeatOperator& heat, const SpreadHeat& spread, const double (&flux)[kLanes],
                 const double* response, double* temperature);
 
+// Both in one lane, for a step shorter than that of `spread`: `shape` is then the fractions times the ratio of the steps.
+void respond_lane(const HeatOperator& heat, const SpreadHeat& spread, int lane, const double* shape, double* response);
+void add_spread_lane(const HeatOperator& heat, const SpreadHeat& spread, int lane, double flux, const double* response,
+                     double* temperature);
+
 // Conducts for one step without flux, in all lanes, from `before` to `after`, both [vertex][lane], which may be the
 // same array. Vertices as cold as the colder far end are skipped if the step does not change their bits. `next`:
 // distance in doubles to the rows of the tile that is probably stepped next, which are asked for from memory; 0: none.

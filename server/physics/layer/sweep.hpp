@@ -121,34 +121,6 @@ inline void sweep(const HeatOperator& heat, int num_vertices, const double* befo
   }
 }
 
-#if SHEARBUS_WIDTH > 1
-
-inline void add_rows(std::span<const double> gain, const double* flux, double* rows) {
-  const Row q = row_at(flux, 0);
-#pragma GCC unroll 4
-  for (std::ptrdiff_t i = 0; i < std::ssize(gain); ++i) {
-    const Register rise = all(gain[i]);
-    SHEARBUS_EACH_PART {
-      double* T = rows + i * kLanes + p * kWidth;
-      store(load(T) + q.part[p] * rise, T);
-    }
-  }
-}
-
-inline void decay_rows(std::span<const double> decay, const double* before, double* after, double* sum) {
-  Row total = row_at(sum, 0);
-#pragma GCC unroll 4
-  for (std::ptrdiff_t i = 0; i < std::ssize(decay); ++i) {
-    const Register kept = all(decay[i]);
-    SHEARBUS_EACH_PART {
-      const Register mode = load(before + i * kLanes + p * kWidth) * kept;
-      store(mode, after + i * kLanes + p * kWidth);
-      total.part[p] += mode;
-    }
-  }
-  SHEARBUS_EACH_PART store(total.part[p], sum + p * kWidth);
-}
-
 inline void respond(const HeatOperator& heat, std::span<const double> gain, const double* shape, double* response) {
   const double* inverse_pivot = heat.inverse_pivot.data() + heat.interface;
   const double* inward = heat.inward.data() + heat.interface;
@@ -195,6 +167,34 @@ inline void add_spread(const HeatOperator& heat, std::ptrdiff_t layer_vertices, 
     scale(t, heat.outward[i]);
     add_to(temperature + i * kLanes, t);
   }
+}
+
+#if SHEARBUS_WIDTH > 1
+
+inline void add_rows(std::span<const double> gain, const double* flux, double* rows) {
+  const Row q = row_at(flux, 0);
+#pragma GCC unroll 4
+  for (std::ptrdiff_t i = 0; i < std::ssize(gain); ++i) {
+    const Register rise = all(gain[i]);
+    SHEARBUS_EACH_PART {
+      double* T = rows + i * kLanes + p * kWidth;
+      store(load(T) + q.part[p] * rise, T);
+    }
+  }
+}
+
+inline void decay_rows(std::span<const double> decay, const double* before, double* after, double* sum) {
+  Row total = row_at(sum, 0);
+#pragma GCC unroll 4
+  for (std::ptrdiff_t i = 0; i < std::ssize(decay); ++i) {
+    const Register kept = all(decay[i]);
+    SHEARBUS_EACH_PART {
+      const Register mode = load(before + i * kLanes + p * kWidth) * kept;
+      store(mode, after + i * kLanes + p * kWidth);
+      total.part[p] += mode;
+    }
+  }
+  SHEARBUS_EACH_PART store(total.part[p], sum + p * kWidth);
 }
 
 inline void extrapolate(std::ptrdiff_t num_rows, double factor, const double* before, double* rows) {

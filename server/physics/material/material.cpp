@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/text.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -104,10 +105,9 @@ std::string all_names() {
 
 // The fault of a constant's value; empty: none.
 std::string value_fault(const MaterialField& field, double value) {
-  if (!std::isfinite(value)) return "expected a finite number, found " + std::to_string(value);
+  if (!std::isfinite(value)) return text_of("expected a finite number, found ", value);
   if (field.may_be_zero ? value >= 0.0 : value > 0.0) return {};
-  return std::string("expected a number ") + (field.may_be_zero ? "not below 0" : "above 0") + ", found " +
-         std::to_string(value);
+  return text_of("expected a number ", field.may_be_zero ? "not below 0" : "above 0", ", found ", value);
 }
 
 }  // namespace
@@ -172,7 +172,7 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     }
   }
   if (material.hardening_exponent > 1.0) {
-    return failed("hardening_exponent", "expected at most 1, found " + std::to_string(material.hardening_exponent));
+    return failed("hardening_exponent", text_of("expected at most 1, found ", material.hardening_exponent));
   }
 
   const LawFault law_fault =

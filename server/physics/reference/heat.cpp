@@ -112,7 +112,9 @@ Profile unit_response(const ModelOptions& options, double dt, const std::vector<
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old) {
   if (options.modes) return heat_of_modes(options, dt, 0.0, 0.0, old);
   const Profile T_ad = conduct(options, dt, {}, old);
-  return {T_ad, unit_response(options, dt, state.heat_shape, T_ad)};
+  // Velocity-driven all heat of the step is released by the shape, force-driven only that of plastic work.
+  const bool by_shape = options.strategy == Strategy::kVelocityDriven;
+  return {T_ad, unit_response(options, dt, by_shape ? state.heat_shape : std::vector<double>{}, T_ad)};
 }
 
 Heat heat_of_second_stage(const ModelOptions& options, double dt, double early_flux, const Profile& old,

@@ -61,8 +61,9 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
 // coefficient of the Coulomb limit, or infinity if there is none.
 double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip);
 
-// The force-driven step of a node whose layer may flow and harden (MODEL.md, "Plastic layer").
-NodeOutputs flowing_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
+// One step of backward Euler of either strategy, with any flow law and contact law, without inertia and melt film.
+// `heat`: of the step, or of a stage of SDIRK2.
+NodeOutputs one_step(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state, const Heat& heat);
 
 // The force-driven step of an interface that may melt (MODEL.md, "Melt film").
 NodeOutputs melting_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);

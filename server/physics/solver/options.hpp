@@ -49,7 +49,7 @@ struct ModelOptions {
   std::optional<double> friction_coefficient;  // velocity-driven: mu, limits the shear stress to mu P; absent: no limit
   InterfaceOptions interface;                  // force-driven: law of the interface
   bool plastic_layer = false;                  // force-driven: in addition to the slip, the layer flows and hardens
-  std::optional<JunctionOptions> junctions;    // force-driven without plastic layer: the bodies touch only at junctions
+  std::optional<JunctionOptions> junctions;    // force-driven: the bodies touch only at junctions
   // The soft body melts at z = 0 and the melt carries the stress. Only force-driven with a conducting hard body. Absent:
   // friction vanishes as the interface approaches T_melt, and nothing melts.
   std::optional<MeltFilmOptions> melt_film;
@@ -71,8 +71,9 @@ struct ModelOptions {
   // Nodes at rest sleep: their temperatures follow from eigenmodes of heat conduction, and no step is solved
   // (METHODS.md). Needs at most kMaxSleepCells cells.
   bool sleep = false;
-  // Fraction of the plastic work that becomes heat at the flowing vertices. Only velocity-driven, with LAYER_SHEAR and
-  // a conducting hard body. Absent: the work of the whole jump becomes heat at z = 0.
+  // Fraction of the plastic work that becomes heat at the flowing vertices. Only with a conducting hard body, and
+  // velocity-driven with LAYER_SHEAR or force-driven with a plastic layer. Absent: velocity-driven the work of the whole
+  // jump becomes heat at z = 0, force-driven plastic work heats nothing.
   std::optional<double> taylor_quinney_factor;
 };
 

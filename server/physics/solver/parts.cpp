@@ -121,9 +121,9 @@ constexpr std::array kParts = {
          .value = "0.9",
          .is_on = [](const ModelOptions& o) { return o.taylor_quinney_factor.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.taylor_quinney_factor = on ? std::optional(0.9) : std::nullopt; },
-         .goes_with = {kVelocityDriven, kCoulombLimit, kConductingHardBody},
+         .goes_with = {kVelocityDriven, kForceDriven, kCoulombLimit, kConductingHardBody},
          .equation = "source sqrt(3) s dep/dt",
-         .adds = "plastic work heats the layer where it flows",
+         .adds = "plastic work heats the layer where it flows; force-driven: interface.taylor_quinney_factor",
          .when = "the band of flow may leave the interface",
          .cost = "velocity-driven x 1.79"},
     Part{.property = kInertia,
@@ -141,7 +141,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.plastic_layer; },
          .set = [](ModelOptions& o, bool on) { o.plastic_layer = on; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven},
+         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating},
          .equation = "DLP (48), (64)",
          .adds = "a force-driven layer flows and hardens in addition to the slip",
          .when = "an interface stronger than the layer",
@@ -150,7 +150,7 @@ constexpr std::array kParts = {
          .key = "junctions",
          .is_on = [](const ModelOptions& o) { return o.junctions.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.junctions = on ? std::optional(typical_junctions(o)) : std::nullopt; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven},
+         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating, kPlasticLayer},
          .equation = "DLP (49)-(54)",
          .adds = "real contact through junctions that harden with the slip",
          .when = "rough contact, small slip",
@@ -158,7 +158,7 @@ constexpr std::array kParts = {
     Part{.property = kSlipDependentFriction,
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_slip; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven},
+         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating, kPlasticLayer},
          .law_with = "friction law that depends on slip"},
     Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
@@ -265,8 +265,8 @@ constexpr std::array kParts = {
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_temperature; },
          .goes_with = kEitherHardBody | kFlow | kUnderPressure |
-                      Properties{kForceDriven, kPlasticLayer, kJunctions, kSecondOrder, kModes, kSleep, kTolerance,
-                                 kTwoComponents},
+                      Properties{kForceDriven, kPlasticHeating, kPlasticLayer, kJunctions, kSecondOrder, kModes, kSleep,
+                                 kTolerance, kTwoComponents},
          .law_with = "friction law that depends on temperature"},
     Part{.property = kFrictionWithState,
          .key = "interface.friction_law",
@@ -332,8 +332,6 @@ constexpr std::array kExclusions = {
     Exclusion{kInterfaceSlip, kForceDriven, "the drive is an option of strategy velocity_driven"},
     Exclusion{kCoulombLimit, kForceDriven, "the interface law of force_driven is in [interface]"},
     // Plastic-work heating needs a model that computes the layer's plastic flow, and two bodies that conduct.
-    Exclusion{kPlasticHeating, kForceDriven,
-              "it heats where the velocity-driven layer flows; the plastic work of a force-driven layer heats nothing"},
     Exclusion{kPlasticHeating, kInterfaceSlip,
               "with that drive all the work of the jump is friction at z = 0, and heat in the layer would count it "
               "twice"},
@@ -354,15 +352,10 @@ constexpr std::array kExclusions = {
     Exclusion{kJunctions, kVelocityDriven,
               "junctions are an option of strategy force_driven: the velocity-driven layer's stress is that of its "
               "flow"},
-    Exclusion{kJunctions, kPlasticLayer,
-              "junctions harden with all the slip there is, and a layer that flows takes part of it"},
     Exclusion{kJunctions, kSlipDependentFriction,
               "with slip one limit rises and the other falls, and an answer would not be found for sure"},
     Exclusion{kSlipDependentFriction, kVelocityDriven,
               "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
-    Exclusion{kSlipDependentFriction, kPlasticLayer,
-              "with the flow of the layer in the same balance the slip of a step has no friction of its own that "
-              "could be solved for first"},
     Exclusion{kCompressedPressureTerm, kFlowWithoutPressureTerm,
               "it changes a pressure term that the law does not have"},
     // Second order in time excludes parts that use a quantity of the step before, or the slip, rate or balance of a
@@ -377,6 +370,7 @@ constexpr std::array kExclusions = {
     Exclusion{kModes, kVelocityDriven,
               "modes keep no temperature inside the layer, and a velocity-driven layer flows by it"},
     Exclusion{kModes, kPlasticLayer, "modes keep no temperature inside the layer, and a plastic layer flows by it"},
+    Exclusion{kModes, kPlasticHeating, "modes keep no temperature inside the layer, where plastic work becomes heat"},
     Exclusion{kModes, kConductingHardBody, "modes follow one body: leave out [hard_layer], or keep the profile"},
     Exclusion{kSleep, kInertia, "waves cross the layer of a contact that rests"},
     Exclusion{kSleep, kSecondOrder, "a sleeping node takes the steps of time_integrator = \"backward_euler\" in modes"},
@@ -414,6 +408,7 @@ constexpr std::array kExclusions = {
     Exclusion{kMeltFilm, kPlasticLayer,
               "the flow stress of the layer vanishes before the interface melts, so that the layer takes the slip of "
               "the film"},
+    Exclusion{kMeltFilm, kPlasticHeating, "next to a film no layer flows whose work could become heat"},
     Exclusion{kMeltFilm, kJunctions, "a film carries the stress on the whole area, junctions on a fraction of it"},
     Exclusion{kMeltFilm, kSlipDependentFriction,
               "friction that depends on slip is solved for before the film is known"},
@@ -442,7 +437,14 @@ std::optional<Refusal> most_cells(std::string key, int most, int found) {
   return Refusal{std::move(key), std::move(text), "Take fewer cells that grow with the depth (layer.grading)."};
 }
 
-constexpr std::array<Limit, 7> kLimits = {
+constexpr std::array<Limit, 8> kLimits = {
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.taylor_quinney_factor || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};
+      return Refusal{"interface.taylor_quinney_factor",
+                     "interface.taylor_quinney_factor heats where the layer flows, and a layer that is rigid does no "
+                     "plastic work",
+                     "Leave it out, or set interface.plastic_layer = true."};
+    },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.inertia) return {};
       return most_cells("layer.inertia", kMaxInertiaCells, o.grid.cells);
@@ -551,8 +553,12 @@ std::string unique_key(const Part& part) {
   }
   return name;
 }
+std::string_view key_of(const Part& part, const ModelOptions& options) {
+  const bool forced = options.strategy == Strategy::kForceDriven;
+  return part.property == kPlasticHeating && forced ? "interface.taylor_quinney_factor" : part.key;
+}
 std::string setting_of(const Part& part, const ModelOptions& options) {
-  std::string key(part.key);
+  std::string key(key_of(part, options));
   if (part.property == kFixedHeatShare) return "no table [" + key + "]";
   if (part.property == kCoulombLimit || part.property == kPlasticHeating || part.property == kTolerance) return key;
   if (!part.value.empty()) return key + " = " + std::string(part.value);
@@ -580,7 +586,7 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
   std::vector<Refusal> found;
   const auto refuse = [&](const Part& named, const Part& other, std::string_view reason) {
     found.push_back(
-        {std::string(named.key),
+        {std::string(key_of(named, options)),
          setting_of(named, options) + " does not go with " + setting_of(other, options) + ": " + std::string(reason),
          "Leave out one of the two."});
   };

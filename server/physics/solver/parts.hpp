@@ -92,6 +92,8 @@ const Part& part_of(Property property);
 // What names a part among those with a `set`: its key or, if an earlier one has this key, key
 // and value.
 std::string unique_key(const Part& part);
+// The key of a part in a scene with these options: plastic-work heating has one in the table of each strategy.
+std::string_view key_of(const Part& part, const ModelOptions& options);
 // The setting that switches a part on, as a scene writes it: `layer.inertia = true`, `[junctions]`, `soft.flow_law =
 // "johnson_cook"`.
 std::string setting_of(const Part& part, const ModelOptions& options);

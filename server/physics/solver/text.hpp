@@ -1,6 +1,7 @@
 // Puts sentences with numbers together, for warnings and refusals.
 #pragma once
 
+#include <locale>
 #include <sstream>
 #include <string>
 
@@ -21,6 +22,7 @@ inline std::ostream& operator<<(std::ostream& text, Digits number) {
 template <class... Parts>
 std::string text_of(const Parts&... parts) {
   std::ostringstream text;
+  text.imbue(std::locale::classic());  // whatever locale the host has chosen
   (text << ... << parts);
   return text.str();
 }

@@ -13,10 +13,16 @@
 namespace shearbus::map {
 namespace {
 
+constexpr const char* kNodesHeader =
+    "time_s,pressure_pa,velocity_jump_m_per_s,shear_stress_pa,friction_coefficient,slip_carried_m,slip_share,"
+    "interface_temperature_k,regime,melting_time_s\n";
+
+constexpr wire::FileKind kNodesFile = {"a table of nodes of shearbus-study map", [](const std::filesystem::path& file) {
+                                         return wire::head_of(file, 32).starts_with("time_s,pressure_pa,");
+                                       }};
+
 std::string nodes_csv(const Map& map) {
-  std::string text =
-      "time_s,pressure_pa,velocity_jump_m_per_s,shear_stress_pa,friction_coefficient,slip_carried_m,slip_share,"
-      "interface_temperature_k,regime,melting_time_s\n";
+  std::string text = kNodesHeader;
   for (const Observation& seen : map.observations) {
     const std::vector<double> shares = slip_share(map, seen);
     for (std::size_t p = 0; p < map.axes.pressure_pa.size(); ++p) {
@@ -63,9 +69,9 @@ nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, c
 
 void write(const Map& map, const std::string& scene_name, const server::Entries& provenance,
            const std::filesystem::path& out) {
-  std::filesystem::create_directories(out);
-  wire::write_whole(out / "nodes.csv", nodes_csv(map));
-  wire::write_whole(out / "map.json", map_json(map, scene_name, provenance).dump(1) + '\n');
+  const wire::OneWriter writer(out);
+  wire::write_whole(out / "nodes.csv", kNodesFile, nodes_csv(map));
+  wire::write_whole(out / "map.json", wire::kSummaryFile, map_json(map, scene_name, provenance).dump(1) + '\n');
 }
 
 std::string summary(const Map& map) {

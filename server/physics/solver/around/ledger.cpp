@@ -43,7 +43,7 @@ double host_shear(const Problem& problem, const TileInputs& inputs, double stres
 
 // Share of the plastic work that does not become heat.
 double cold_share(const ModelOptions& options) {
-  if (options.strategy == Strategy::kForceDriven) return 1.0;
+  if (options.strategy == Strategy::kForceDriven) return 1.0 - options.taylor_quinney_factor.value_or(0.0);
   if (options.drive == Drive::kInterfaceSlip) return 1.0;  // the heat is the work of the jump, not that of the flow
   return 1.0 - options.taylor_quinney_factor.value_or(1.0);
 }

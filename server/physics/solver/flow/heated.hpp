@@ -15,12 +15,18 @@ struct Heated {
   const double* B = nullptr;  // temperature rise per flux: [vertex], or the lane's column of [vertex][lane]  [K m2/W]
   std::ptrdiff_t stride = 1;  // distance in the array B from one vertex to the next: 1, or kLanes for [vertex][lane]
   int candidates = 1;         // number of vertices, from z = 0, that can be the hottest
+  // Response B_phi to work that is released across the layer: the lane's column of [vertex][lane]; null: none is  [K m2/W]
+  const double* B_work = nullptr;
 
   double response(int i) const { return B[i * stride]; }
+  double work_response(int i) const { return B_work != nullptr ? B_work[std::ptrdiff_t{i} * kLanes] : 0.0; }
   double T(int i, double q) const { return T_ad[std::ptrdiff_t{i} * kLanes] + q * response(i); }
-  int hottest(double q) const {
+  double T(int i, double q, double work) const {
+    return B_work != nullptr ? T(i, q) + work * work_response(i) : T(i, q);
+  }
+  int hottest(double q, double work = 0.0) const {
     int at = 0;
-    for (int i = 1; i < candidates; ++i) at = T(i, q) > T(at, q) ? i : at;
+    for (int i = 1; i < candidates; ++i) at = T(i, q, work) > T(at, q, work) ? i : at;
     return at;
   }
 };

@@ -53,7 +53,8 @@ double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, 
     double slip = 0.0;
     for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
       const std::ptrdiff_t at = i * kLanes + lane;
-      const double rise = load.flux[lane] * problem.response[i];
+      const double response = problem.spread_response != nullptr ? problem.spread_response[at] : problem.response[i];
+      const double rise = load.flux[lane] * response;
       const double old = problem.strain[at];
       const double dep = flow_of_vertex(law, load, lane, problem.T_ad[at] + rise, rise, old).dep;
       slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep;

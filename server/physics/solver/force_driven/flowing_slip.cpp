@@ -20,25 +20,11 @@ constexpr int kNearbySteps = 6;        // most steps of Newton's method with the
 constexpr double kNearbyMet = 1e-13;   // a relative step below this one ends them
 constexpr double kBeyond = 1e-10;      // relative margin added to an upper bound of the stress, against rounding
 
-// The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
-// stress may melt the layer. The answer is then reduced until the layer stays below melting.
-double not_molten(const FrictionHeating& heating, const Heated& layer, double T_melt, double a) {
-  if (layer.T(layer.hottest(0.0), 0.0) >= T_melt) return a;
-  const auto hottest = [&](double stress) {
-    const double q = heating.rise * (stress * heating.slip(stress));
-    return layer.T(layer.hottest(q), q);
-  };
-  for (int ulps = 1; hottest(a) >= T_melt && ulps < kMostUlps; ulps *= 2) {
-    a *= 1.0 - ulps * std::numeric_limits<double>::epsilon();
-  }
-  return a;
-}
-
 }  // namespace
 
 FlowingSlip::FlowingSlip(const FlowingStart& start)
     : start_(start), trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress) {
-  const double T_ad = T0(0.0);
+  const double T_ad = start.layer.T(0, 0.0);
   const double B0 = start.layer.response(0);
   const double rise = start.heat_partition * B0;
   slipping_ = trial_.slipping(T_ad, rise);
@@ -61,64 +47,104 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   }
 }
 
-void FlowingSlip::ask(Phase phase, double a, double q) {
+void FlowingSlip::ask(Phase phase, const LayerLoad& load) {
   phase_ = phase;
-  a_ = a;
-  q_ = q;
+  load_ = load;
 }
 
 void FlowingSlip::ask_rigid(Phase phase) {
-  ask(phase, std::abs(rigid_.stress), rigid_.flux);
+  ask(phase, {std::abs(rigid_.stress), rigid_.flux, 0.0});
 }
 
-// The largest stress that the layer carries under the heat flux q: the stress ceiling of its hottest vertex.
-double FlowingSlip::layer_at(double q) const {
-  const double T = start_.layer.T(start_.layer.hottest(q), q);
-  const double g = softening(*start_.limit.soft, start_.limit.pressure, T).g;
+void FlowingSlip::ask_slip(Phase phase, double v) {
+  const bool known = phase_ >= Phase::kSlipLow && v == slip_;  // the load is that of this slip already
+  slip_ = v;
+  ask(phase, known ? load_ : slip_load(v));
+}
+
+// ---- Loads. Plastic work is the stress times the slip that the balance leaves to the layer, so that its amount belongs
+// to the end of the step; only where it becomes heat is taken from the step before.
+
+LayerLoad FlowingSlip::stick_load(double a) const {
+  const double flow = heats_by_work() ? std::max(0.0, trial_.stress_stick - a) * trial_.per_stress : 0.0;
+  return {a, start_.heat_partition * (a * stopping_.slip(a)), a * flow};
+}
+
+LayerLoad FlowingSlip::slip_load(double a, double v) const {
+  const double flow = heats_by_work() ? std::max(0.0, slipping_.c - slipping_.b * a - v) : 0.0;
+  return {a, start_.heat_partition * (a * v), a * flow};
+}
+
+// The load of an interface that slips with the velocity v: the stress is its limit at this slip and at the temperature
+// that both cause, but not more than the stress that stops the slip by the end of the step.
+LayerLoad FlowingSlip::slip_load(double v) const {
+  const StressLimit limit = start_.limit.at_slip(v);
+  const double T_ad = start_.layer.T(0, 0.0);
+  const double B0 = start_.layer.response(0), B0_work = start_.layer.work_response(0);
+  FrictionHeating heating{T_ad, start_.heat_partition * B0, v, 0.0};
+  if (heats_by_work())
+    heating = {T_ad, 1.0, start_.heat_partition * B0 * v + B0_work * (slipping_.c - v), B0_work * slipping_.b};
+  double a = slip_stress(limit, heating, a_stick_, load_.stress);
+  return slip_load(not_molten(a, [&](double stress) { return slip_load(stress, v); }), v);
+}
+
+bool FlowingSlip::melts(const LayerLoad& load) const {
+  return T(hottest(load), load) >= start_.limit.soft->melting_temperature;
+}
+
+// The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
+// stress may melt the layer. The stress is then reduced until the layer stays below melting.
+template <class LoadUnder>
+double FlowingSlip::not_molten(double a, const LoadUnder& load_under) const {
+  if (melts({})) return a;
+  for (int ulps = 1; melts(load_under(a)) && ulps < kMostUlps; ulps *= 2)
+    a *= 1.0 - ulps * std::numeric_limits<double>::epsilon();
+  return a;
+}
+
+// The largest stress that the layer carries at the temperatures of a load: the stress ceiling of its hottest vertex.
+double FlowingSlip::layer_at(const LayerLoad& load) const {
+  const double g = softening(*start_.limit.soft, start_.limit.pressure, T(hottest(load), load)).g;
   return g > 0.0 ? start_.ceiling * g : 0.0;
 }
 
+// Whether the layer at its ceiling carries less than the limit of an interface that slips with the velocity v.
+bool FlowingSlip::layer_holds(double v) const {
+  if (std::isinf(start_.ceiling)) return false;
+  const LayerLoad load = slip_load(v);
+  return layer_at(load) < load.stress;
+}
+
 bool FlowingSlip::rigid_holds(double slip) const {
-  return !(slip > 0.0) && std::abs(rigid_.stress) <= layer_at(rigid_.flux) * (1.0 + kAtCeiling);
+  return !(slip > 0.0) && std::abs(rigid_.stress) <= layer_at({0.0, rigid_.flux, 0.0}) * (1.0 + kAtCeiling);
 }
 
 // Whether the layer flows at z = 0 under the stress of the answer for a rigid layer, which needs no sum to be seen.
 // Otherwise it may flow all the same.
 bool FlowingSlip::rigid_layer_flows() const {
-  const double yield =
-      flow_stress(*start_.limit.soft, start_.first_strain, start_.limit.pressure, T0(rigid_.flux)) / kSqrt3;
+  const double T0 = start_.layer.T(0, rigid_.flux);
+  const double yield = flow_stress(*start_.limit.soft, start_.first_strain, start_.limit.pressure, T0) / kSqrt3;
   return start_.hardens && std::abs(rigid_.stress) > yield * (1.0 + kSurely);
 }
 
-// Finds the smallest heat flux at which `holds` is true, between `lo` and the flux that makes T0 = T_hi, to the
-// resolution of T0.
-template <class Predicate>
-double FlowingSlip::first_flux(double lo, double T_hi, const Predicate& holds) const {
-  const double T_ad = T0(0.0);
-  const double B0 = start_.layer.response(0);
-  double cold = T0(lo), hot = T_hi;
-  for (;;) {
-    const double mid = 0.5 * (cold + hot);
-    if (mid <= cold || mid >= hot) return std::max(lo, (hot - T_ad) / B0);
-    (holds((mid - T_ad) / B0) ? hot : cold) = mid;
-  }
-}
+// ---- The flow nearby
 
 // Whether the stress under which the flow was summed is the answer of the stuck balance.
 bool FlowingSlip::stick_is_met(double slip, const NearbyFlow& nearby) const {
-  return nearby.base > 0.0 && is_balanced(a_, trial_.stress_stick - a_, compliance_, slip, nearby.accuracy);
+  return nearby.base > 0.0 &&
+         is_balanced(load_.stress, trial_.stress_stick - load_.stress, compliance_, slip, nearby.accuracy);
 }
 
 // The stress that meets the stuck balance with the flow nearby, by Newton's method; -1 where that is not known.
 double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
   if (!(nearby.base > 0.0)) return -1.0;
-  double a = a_;
+  double a = load_.stress;
   for (int step = 0; step < kNearbySteps; ++step) {
-    const NearbyFlow::Slip flow = nearby.at(a, stick_flux(a));
-    const double flux_slope =
-        stopping_.slip(a) > 0.0 ? start_.heat_partition * (stopping_.c - 2.0 * stopping_.b * a) : 0.0;
+    const NearbyFlow::Slip flow = nearby.at(a, stick_load(a).heat());
+    double heat_slope = stopping_.slip(a) > 0.0 ? start_.heat_partition * (stopping_.c - 2.0 * stopping_.b * a) : 0.0;
+    if (heats_by_work()) heat_slope += (trial_.stress_stick - 2.0 * a) * trial_.per_stress;
     const double open = a + compliance_ * flow.value - trial_.stress_stick;
-    const double next = a - open / (1.0 + compliance_ * (flow.by_stress + flow.by_flux * flux_slope));
+    const double next = a - open / (1.0 + compliance_ * (flow.by_stress + flow.by_flux * heat_slope));
     if (!(next > 0.0)) return -1.0;
     const double change = std::abs(next - a);
     a = next;
@@ -127,27 +153,34 @@ double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
   return a;
 }
 
-// The flux that meets the balance of an interface that slips, likewise.
+// The slip velocity that meets the balance of an interface that slips, likewise.
 double FlowingSlip::nearby_slip(const NearbyFlow& nearby) const {
   if (!(nearby.base > 0.0)) return -1.0;
-  double q = q_;
+  const double B0 = start_.heat_partition * start_.layer.response(0), B0_work = start_.layer.work_response(0);
+  const double c = slipping_.c, b = slipping_.b;
+  double v = slip_;
+  LayerLoad load = load_;
   for (int step = 0; step < kNearbySteps; ++step) {
-    const StressLimit::Value limit = start_.limit.at(T0(q));
-    const double layer = layer_at(q);
-    if (layer < limit.stress || !(limit.stress > 0.0)) return -1.0;
-    const double a = limit.stress, by_flux = limit.slope * start_.layer.response(0);
-    const NearbyFlow::Slip flow = nearby.at(a, q);
-    const double v = interface_slip(a, flow.value);
-    const double v_slope =
-        v > 0.0 ? -slipping_.b * by_flux - kSqrt3 / start_.dt * (flow.by_stress * by_flux + flow.by_flux) : 0.0;
-    const double open = q - start_.heat_partition * (a * v);
-    const double next = q - open / (1.0 - start_.heat_partition * (by_flux * v + a * v_slope));
+    const double a = load.stress;
+    const StressLimit::Value limit = start_.limit.at(T(0, load), v);
+    if (!(limit.stress > 0.0) || a >= a_stick_ || layer_at(load) <= a) return -1.0;
+    // The stress is the limit at the temperature that stress and slip cause.
+    const double by_slip = (limit.slope * (a * (B0 - B0_work)) + limit.slip_slope) /
+                           (1.0 - limit.slope * (B0 * v + B0_work * (c - 2.0 * b * a - v)));
+    double heat_slope = start_.heat_partition * (a + v * by_slip);
+    if (heats_by_work()) heat_slope += (c - 2.0 * b * a - v) * by_slip - a;
+    const NearbyFlow::Slip flow = nearby.at(a, load.heat());
+    const double per_time = kSqrt3 / start_.dt;
+    const double open = v + per_time * flow.value - (c - b * a);
+    const double next =
+        v - open / (1.0 + per_time * (flow.by_stress * by_slip + flow.by_flux * heat_slope) + b * by_slip);
     if (!(next > 0.0)) return -1.0;
-    const double change = std::abs(next - q);
-    q = next;
-    if (change <= kNearbyMet * q) break;
+    const double change = std::abs(next - v);
+    v = next;
+    if (change <= kNearbyMet * v) break;
+    load = slip_load(v);
   }
-  return q;
+  return v;
 }
 
 void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
@@ -171,24 +204,27 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
       return guess_stick(slip, nearby);
     case Phase::kStickEnd: {
       const double balance = stick_balance(slip);
-      if (balance <= 0.0 || a_ == 0.0) {
+      if (balance <= 0.0 || load_.stress == 0.0) {
         at_ceiling_ = high_is_ceiling_;
-        return end_stick(a_);
+        return end_stick(load_.stress);
       }
       const double known = nearby_stick(nearby);
-      search_ = RootSearch(low_, low_value_, a_, balance, trial_.stress_stick,
+      search_ = RootSearch(low_, low_value_, load_.stress, balance, trial_.stress_stick,
                            known > 0.0 ? known : trial_.direction * start_.before.stress);
       return ask_stick(Phase::kStick, search_.at());
     }
     case Phase::kStick:
-      if (stick_is_met(slip, nearby)) return end_stick(a_);
+      if (stick_is_met(slip, nearby)) return end_stick(load_.stress);
       if (search_.update(stick_balance(slip))) return end_stick(search_.at());
       search_.prefer(nearby_stick(nearby));
       return ask_stick(Phase::kStick, search_.at());
     case Phase::kSlipLow:
       low_value_ = slip_balance(slip);
-      if (low_value_ >= 0.0) return end_slip(low_);
-      return ask_slip(Phase::kSlipHigh, high_);
+      if (low_value_ < 0.0) return ask_slip(Phase::kSlipHigh, high_);
+      if (low_ == 0.0) return end_slip(low_);
+      high_ = low_;
+      low_ = 0.0;
+      return ask_slip(Phase::kSlipLow, low_);
     case Phase::kSlipHigh: {
       const double balance = slip_balance(slip);
       if (balance <= 0.0) {
@@ -199,25 +235,39 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
       return ask_slip(Phase::kSlip, search_.at());
     }
     case Phase::kSlip: {
-      const bool met = nearby.base > 0.0 && std::abs(slip_balance(slip)) <= kClosed * q_;
+      const bool met = nearby.base > 0.0 && std::abs(slip_balance(slip)) <= kClosed * slip_;
       if (!met && !search_.update(slip_balance(slip))) {
         search_.prefer(nearby_slip(nearby));
         return ask_slip(Phase::kSlip, search_.at());
       }
-      // If at the flux found the layer carries a smaller stress than the interface, the answer has less flux and slip.
-      const double q = met ? q_ : search_.at();
-      if (layer_holds(q)) {
-        high_ = q;
+      // If at the slip found the layer carries a smaller stress than the interface, the answer has less slip.
+      const double v = met ? slip_ : search_.at();
+      if (layer_holds(v)) {
+        high_ = v;
         bound_slip_by_layer();
-        if (high_ < q) return ask_slip(Phase::kSlipHigh, high_);
+        if (high_ < v) return ask_slip(Phase::kSlipHigh, high_);
       }
-      return end_slip(q);
+      return end_slip(v);
     }
   }
 }
 
-void FlowingSlip::ask_stick(Phase phase, double a) {
-  ask(phase, a, stick_flux(a));
+// The stress at which a vertex reaches its ceiling as the stress of an interface that sticks rises; `high` if none does.
+double FlowingSlip::ceiling_of_stick(double high) const {
+  if (heats_by_work()) {
+    double lo = 0.0, hi = high;
+    if (layer_at(stick_load(high)) >= high) return high;
+    for (;;) {
+      const double mid = 0.5 * (lo + hi);
+      if (mid <= lo || mid >= hi) return lo;
+      (layer_at(stick_load(mid)) < mid ? hi : lo) = mid;
+    }
+  }
+  const StressLimit layer{std::numeric_limits<double>::infinity(), start_.ceiling, start_.limit.pressure,
+                          start_.limit.soft};
+  int hottest = start_.layer.hottest(0.0);
+  return ceiling_stress(layer, start_.layer, {0.0, start_.heat_partition, stopping_.c, stopping_.b}, high,
+                        std::abs(start_.before.stress), hottest);
 }
 
 // 2. Stick: the slip at the end of the step falls strictly with the stress, because flow and heating rise with the
@@ -226,27 +276,23 @@ void FlowingSlip::ask_stick(Phase phase, double a) {
 void FlowingSlip::begin_stick() {
   stick_was_searched_ = true;
   const Material& soft = *start_.limit.soft;
-  const double most_ad = layer_at(0.0);
+  const double most_ad = layer_at({});
   double high = trial_.stress_stick;
   high_is_ceiling_ = false;
   if (most_ad <= 0.0) {
     high = 0.0;
     high_is_ceiling_ = true;
   } else if (std::isfinite(start_.ceiling)) {
-    const StressLimit layer{std::numeric_limits<double>::infinity(), start_.ceiling, start_.limit.pressure, &soft};
-    int hottest = start_.layer.hottest(0.0);
-    const double most = ceiling_stress(layer, start_.layer, {0.0, start_.heat_partition, stopping_.c, stopping_.b},
-                                       high, std::abs(start_.before.stress), hottest);
-    if (most < high) {
-      high = most;
-      high_is_ceiling_ = true;
-    }
+    const double most = ceiling_of_stick(high);
+    high_is_ceiling_ = most < high;
+    high = std::min(high, most);
   }
   if (most_ad > 0.0 && start_.hardens) {
-    const double g = softening(soft, start_.limit.pressure, T0(0.0)).g;
+    const double T_ad = start_.layer.T(0, 0.0);
+    const double g = softening(soft, start_.limit.pressure, T_ad).g;
     const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
     const double beyond = hardened_strength(soft, most_strain, (most_strain - start_.first_strain) / start_.dt,
-                                            start_.limit.pressure, T0(0.0)) *
+                                            start_.limit.pressure, T_ad) *
                           g / kSqrt3 * (1.0 + kBeyond);
     if (beyond < high) {
       high = beyond;
@@ -265,51 +311,52 @@ void FlowingSlip::begin_stick() {
 // The stuck balance under a guess of the stress: the flow nearby tells the next guess, and the upper end of the interval
 // is evaluated only where no guess lies above the root.
 void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
-  const double balance = stick_balance(slip);
-  if (stick_is_met(slip, nearby)) return end_stick(a_);
+  const double balance = stick_balance(slip), a = load_.stress;
+  if (stick_is_met(slip, nearby)) return end_stick(a);
   const double next = nearby_stick(nearby);
   if (balance > 0.0) {
-    search_ = RootSearch(low_, low_value_, a_, balance, trial_.stress_stick, next);
+    search_ = RootSearch(low_, low_value_, a, balance, trial_.stress_stick, next);
     return ask_stick(Phase::kStick, search_.at());
   }
-  low_ = a_;
+  low_ = a;
   low_value_ = balance;
-  if (next > a_ && next < high_ && ++guesses_ < kMostGuesses) return ask_stick(Phase::kStickGuess, next);
+  if (next > a && next < high_ && ++guesses_ < kMostGuesses) return ask_stick(Phase::kStickGuess, next);
   ask_stick(Phase::kStickEnd, high_);
 }
 
 void FlowingSlip::end_stick(double a) {
-  const FrictionHeating flux{0.0, start_.heat_partition, stopping_.c, stopping_.b};
-  a = not_molten(flux, start_.layer, start_.limit.soft->melting_temperature, a);
+  a = not_molten(a, [&](double stress) { return stick_load(stress); });
   a_stick_ = a;
   // If the stress is the layer's ceiling at z = 0, and the interface's yield limit is not below that ceiling, then only
   // friction can keep the interface from sticking. The stress is not compared with the yield limit: near melting, limit
   // and ceiling differ by less than the effect of a rounding error of T0.
-  const double q = flux.rise * (a * flux.slip(a));
-  const bool below_yield = at_ceiling_ && start_.ceiling <= start_.limit.tresca && start_.layer.hottest(q) == 0;
-  const double carried = below_yield ? start_.limit.friction(T0(q)).stress : interface_at(q);
-  const bool can_stick = rigid_.sticks || carried >= a;
-  if (can_stick) {
+  const LayerLoad load = stick_load(a);
+  const double T0 = T(0, load);
+  const StressLimit limit = start_.limit.at_slip(stopping_.slip(a));
+  const bool below_yield = at_ceiling_ && start_.ceiling <= limit.tresca && hottest(load) == 0;
+  const double carried = below_yield ? limit.friction(T0).stress : limit.at(T0).stress;
+  // An interface that would stick next to a rigid layer sticks next to one that takes a part of the slip, unless its
+  // limit follows the slip or the work of the layer heats it.
+  const bool surely = rigid_.sticks && !heats_by_work() && !start_.limit.depends_on_slip();
+  if (surely || carried >= a) {
     kind_ = Kind::kStick;
     if (!rigid_.sticks && start_.before.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kOtherAnswer);
     return ask_stick(Phase::kDone, a);
   }
   at_ceiling_ = false;
-  if (start_.before.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kRigid);
+  if (start_.before.sticks && !rigid_.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kRigid);
   begin_slip();
 }
 
-// 3. Slip. The unknown is the heat flux q. It gives T0, T0 gives the stress, and both give the flow of the layer. The
-//    rest of the slip must heat by q. At the flux of the answer for a rigid layer it heats by less than q, because the
-//    layer takes a part of the slip. At the flux where the stress limit falls to the sticking stress (or at q = 0) it
-//    heats by more than q. The root lies between these two fluxes.
+// 3. Slip. The unknown is the slip velocity v. The limit of the interface falls with temperature, so v gives one stress,
+//    both give heat and flow, and v must be what the flow leaves of the slip. At the slip velocity of the stuck answer,
+//    under less stress than that, more is left; at that of the answer for a rigid layer less is left. The root lies
+//    between them.
 void FlowingSlip::begin_slip() {
-  const double T_melt = start_.limit.soft->melting_temperature;
-  low_ = 0.0;
-  if (T0(0.0) < T_melt && std::min(interface_at(0.0), layer_at(0.0)) > a_stick_) {
-    low_ = first_flux(0.0, T_melt, [&](double q) { return std::min(interface_at(q), layer_at(q)) <= a_stick_; });
-  }
-  high_ = rigid_.flux;
+  const bool bounded = !rigid_.sticks && std::abs(rigid_.stress) <= a_stick_;
+  high_ = bounded ? std::abs(rigid_.slip) : std::max(0.0, slipping_.c);
+  low_ = stopping_.slip(a_stick_);
+  if (high_ <= low_) low_ = 0.0;
   high_is_ceiling_ = false;
   if (high_ > low_ && layer_holds(high_)) bound_slip_by_layer();
   if (high_ <= low_) {
@@ -319,56 +366,51 @@ void FlowingSlip::begin_slip() {
   ask_slip(Phase::kSlipLow, low_);
 }
 
-// Reduces `high_` to the smallest flux at which the layer carries a smaller stress than the interface. At larger fluxes
-// the interface does not slip further, because the flow of the layer takes the rest of the slip. Called if the layer
-// carries a smaller stress than the interface at `high_`.
+// Reduces `high_` to the smallest slip at which the layer carries a smaller stress than the interface. The interface
+// does not slip faster, because the flow of the layer takes the rest of the slip. Called if the layer carries a smaller
+// stress than the interface at `high_`.
 void FlowingSlip::bound_slip_by_layer() {
-  high_ = first_flux(low_, T0(high_), [&](double q) { return layer_holds(q); });
   high_is_ceiling_ = true;
-}
-
-void FlowingSlip::ask_slip(Phase phase, double q) {
-  ask(phase, std::min(interface_at(q), layer_at(q)), q);
-}
-
-double FlowingSlip::interface_slip(double a, double slip) const {
-  return std::max(0.0, slipping_.c - slipping_.b * a - kSqrt3 * slip / start_.dt);
+  double lo = low_;
+  for (;;) {
+    const double mid = 0.5 * (lo + high_);
+    if (mid <= lo || mid >= high_) return;
+    (layer_holds(mid) ? high_ : lo) = mid;
+  }
 }
 
 double FlowingSlip::slip_balance(double slip) const {
-  return q_ - start_.heat_partition * (a_ * interface_slip(a_, slip));
+  return slip_ - (slipping_.c - slipping_.b * load_.stress - kSqrt3 * slip / start_.dt);
 }
 
-void FlowingSlip::end_slip(double q) {
+void FlowingSlip::end_slip(double v) {
   kind_ = Kind::kSlip;
-  ask_slip(Phase::kDone, q);
-  // If rounding takes T0 up to melting, the stress is 0: lower T0 by a few ulps, until the stress is positive.
-  const double T_ad = T0(0.0);
-  const double hot = T0(q);
-  for (int ulps = 1; a_ <= 0.0 && q_ > 0.0 && ulps < kMostUlps; ulps *= 2) {
-    const double T = hot * (1.0 - ulps * std::numeric_limits<double>::epsilon());
-    ask_slip(Phase::kDone, std::max(0.0, (T - T_ad) / start_.layer.response(0)));
-  }
+  ask_slip(Phase::kDone, v);
+  if (at_ceiling_) load_ = slip_load(std::min(load_.stress, layer_at(load_)), v);
 }
 
 FlowingSlip::Answer FlowingSlip::answer(double slip) const {
-  if (kind_ == Kind::kRigid) return {rigid_, 0.0, 0};
-  const int hottest = start_.layer.hottest(q_);
-  const double d = trial_.direction;
+  if (kind_ == Kind::kRigid) return {rigid_, 0.0, 0.0, 0};
+  const double d = trial_.direction, a = load_.stress;
+  const int at = hottest(load_);
   if (kind_ == Kind::kStick) {
-    const double surplus = at_ceiling_ ? std::max(0.0, (trial_.stress_stick - a_) / compliance_ - slip) : 0.0;
+    const double surplus = at_ceiling_ ? std::max(0.0, (trial_.stress_stick - a) / compliance_ - slip) : 0.0;
     const bool flows = slip > 0.0 || surplus > 0.0;
-    const bool melting = start_.layer.T(hottest, q_) >= kMeltingShare * start_.limit.soft->melting_temperature;
+    const bool melting = T(at, load_) >= kMeltingShare * start_.limit.soft->melting_temperature;
     const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
-    return {{d * a_, d * stopping_.slip(a_), trial_.jump_new(a_), q_, regime, true, true, several_}, surplus, hottest};
+    return {{d * a, d * stopping_.slip(a), trial_.jump_new(a), load_.flux, regime, true, true, several_},
+            load_.work,
+            surplus,
+            at};
   }
-  // The slip of the interface follows from its friction heat. A layer at its stress ceiling flows by the slip that the
-  // balance DLP (64) leaves over.
-  const double v = a_ > 0.0 ? q_ / (start_.heat_partition * a_) : interface_slip(a_, slip);
-  const double left = slipping_.c - slipping_.b * a_ - v;
+  // A layer at its stress ceiling flows by the slip that the balance DLP (64) leaves over.
+  const double left = slipping_.c - slipping_.b * a - slip_;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
-  const Regime regime = slip_regime(start_.limit, T0(q_), v);
-  return {{d * a_, d * v, trial_.jump_new(a_), q_, regime, false, rigid_.unique, rigid_.several}, surplus, hottest};
+  const Regime regime = slip_regime(start_.limit, T(0, load_), slip_);
+  return {{d * a, d * slip_, trial_.jump_new(a), load_.flux, regime, false, rigid_.unique, rigid_.several},
+          load_.work,
+          surplus,
+          at};
 }
 
 }  // namespace shearbus::physics

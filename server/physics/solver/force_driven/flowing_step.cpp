@@ -1,10 +1,11 @@
 #include "server/physics/solver/force_driven/flowing_step.hpp"
 
 #include <algorithm>
-#include <iterator>
+#include <optional>
 
 #include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/flow/plastic_heat.hpp"
 #include "server/physics/solver/flow/searched_flow.hpp"
 #include "server/physics/solver/force_driven/flowing_slip.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
@@ -17,91 +18,172 @@
 namespace shearbus::physics {
 namespace {
 
-// The inputs and laws of one lane for a whole step or a substep. `knows_nearby`: the search is told the flow under loads
-// nearby. `T_ad`: [vertex][lane] of the layer.
-FlowingStart start_of(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
-                      const HeatOperator& heat, const double* T_ad, double first_strain, const LaneStep& before,
-                      bool knows_nearby) {
-  FlowingStart start{};
-  start.limit = interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort);
-  start.ceiling = strength_ceiling(soft) / kSqrt3;
-  start.hardens = hardens(soft);
-  start.knows_nearby = knows_nearby;
-  start.first_weight = problem.grid.weight[0];
-  start.first_strain = first_strain;
-  start.layer = {T_ad + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1};
-  start.heat_partition = problem.heat_partition;
-  start.dt = heat.dt;
-  start.forcing = forcing_of(problem, inputs, lane);
-  start.before = before;
-  return start;
-}
-
-void add_surplus(const Problem& problem, const FlowingSlip::Answer& answer, int lane, double* strain) {
-  strain[answer.hottest * kLanes + lane] +=
-      answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
-}
-
-// Solves one substep of one lane. T: temperatures after conduction; `strain`: old plastic strain, replaced by the new.
-LaneStep substep(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane,
-                 const HeatOperator& heat, const LaneStep& before, const double* T, double* strain) {
-  if (inputs.pressure[lane] <= 0.0) {
-    return open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
+// The heat of plastic work in the steps of a tile: arrays [vertex][lane] of the layer, in one scratch tile.
+class WorkHeat {
+ public:
+  // `shape`: phi of the step before, in the committed tile.
+  WorkHeat(const Problem& problem, const StepOperators& operators, const double* shape)
+      : size_(static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes),
+        rows_(scratch_tile(Scratch::kWorkHeat, 5 * size_)),
+        spread_(operators.spread()),
+        dt_(operators.dt()) {
+    respond(operators.heat(), spread_, shape, response());
   }
-  const FlowingStart start = start_of(problem, soft, inputs, lane, heat, T, strain[lane], before, false);
-  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, 0, heat.dt};
-  const auto slip_under = [&](const FlowingSlip& step, double* strain_new) {
-    if (!start.hardens) return 0.0;
-    FlowLoad load;
-    set_load(soft, inputs.pressure[lane], step.stress(), step.flux(), lane, load);
-    if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
-    add_work(inputs, lane, flow_work(soft.flow_law) * problem.grid.num_vertices());
-    return flow_of_lane(flow, load, lane, strain_new);
-  };
-  FlowingSlip step(start);
-  while (!step.done()) step.update(slip_under(step, nullptr));
-  const FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
-  add_surplus(problem, answer, lane, strain);
-  return answer.step;
-}
+
+  double* combined() const { return rows_; }             // response to the whole heat of a load
+  double* response() const { return rows_ + size_; }     // B_phi of the whole step
+  double* shorter() const { return rows_ + 2 * size_; }  // B_phi of a substep of one lane
+  double* scaled_shape() const { return rows_ + 3 * size_; }
+  double* strain_before() const { return rows_ + 4 * size_; }  // plastic strain before a substep of one lane
+  const SpreadHeat& spread() const { return spread_; }
+
+  // Finds shorter() for the next substep of a lane with the operator `heat` and the shape of the substep before.
+  void begin_substep(const HeatOperator& heat, int lane, const double* shape) const {
+    for (std::size_t i = static_cast<std::size_t>(lane); i < size_; i += kLanes)
+      scaled_shape()[i] = shape[i] * (heat.dt / dt_);
+    respond_lane(heat, spread_, lane, scaled_shape(), shorter());
+  }
+
+  // Writes the response per heat of a load of one lane: (q B + work B_phi) / (q + work).
+  void combine(const LayerLoad& load, const double* B, const double* B_work, int lane) const {
+    const double share = load.heat() > 0.0 ? load.work / load.heat() : 0.0;
+    for (std::size_t i = 0; i < size_ / kLanes; ++i) {
+      const std::size_t at = i * kLanes + static_cast<std::size_t>(lane);
+      combined()[at] = (1.0 - share) * B[i] + share * B_work[at];
+    }
+  }
+
+ private:
+  std::size_t size_;
+  double* rows_;
+  const SpreadHeat& spread_;
+  double dt_;
+};
+
+// One lane of a tile in a step or its substeps.
+struct FlowingLane {
+  const Problem& problem;
+  const Material& soft;
+  const TileInputs& inputs;
+  const WorkHeat* work_heat;  // null: plastic work heats nothing
+  const double* T;            // temperatures of the layer after conduction, [vertex][lane]
+  double* strain;             // plastic strain of the layer, [vertex][lane]: before a substep, then after it
+  double* shape;              // heat shape phi; null without `work_heat`
+  int lane;
+  double junction_strain;  // plastic strain ep_a of the junctions
+  double heat_of_work;     // heat that plastic work has released in the substeps  [J/m2]
+
+  double pressure() const { return inputs.pressure[lane]; }
+
+  // The start of a step with the operator `heat`. `strain_old`: plastic strain before the step. `knows_nearby`: the
+  // search is told the flow under loads nearby.
+  FlowingStart start(const HeatOperator& heat, const double* strain_old, const LaneStep& before, const double* B_work,
+                     bool knows_nearby) const {
+    FlowingStart start{};
+    start.limit = interface_strength(problem.interface, soft, pressure(), inputs.effort);
+    if (problem.options.junctions)
+      start.limit.junctions = junctions_of(&*problem.options.junctions, junction_strain, heat.dt);
+    start.ceiling = strength_ceiling(soft) / kSqrt3;
+    start.hardens = hardens(soft);
+    start.knows_nearby = knows_nearby;
+    start.first_weight = problem.grid.weight[0];
+    start.first_strain = strain_old[lane];
+    start.layer = {T + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1,
+                   B_work != nullptr ? B_work + lane : nullptr};
+    start.heat_partition = problem.heat_partition;
+    start.dt = heat.dt;
+    start.forcing = forcing_of(problem, inputs, lane);
+    start.before = before;
+    return start;
+  }
+
+  // What follows from the answer of a step of length dt: the surplus of plastic slip, the shape of its heat, the
+  // junctions. `strain_old`: plastic strain before the step.
+  void finish(const FlowingSlip::Answer& answer, const double* strain_old, double dt) {
+    strain[answer.hottest * kLanes + lane] +=
+        answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
+    if (work_heat != nullptr) {
+      heat_of_work += answer.work * heated_share(problem.grid, shape + lane) * dt;
+      reshape_heat(problem, strain_old + lane, strain + lane, 0.0, shape + lane);
+    }
+    if (problem.options.junctions)
+      junction_strain =
+          junctions_of(&*problem.options.junctions, junction_strain, dt).strain(std::abs(answer.step.slip));
+  }
+
+  // Solves one substep, after its conduction. T_all: rows of both bodies, to which the heat of plastic work is added.
+  LaneStep substep(const HeatOperator& heat, const LaneStep& before, double* T_all) {
+    if (pressure() <= 0.0) return open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
+    const double* B = heat.layer_response();
+    double* B_work = work_heat != nullptr ? work_heat->shorter() : nullptr;
+    if (work_heat != nullptr) work_heat->begin_substep(heat, lane, shape);
+    const FlowingStart start_of_step = start(heat, strain, before, B_work, false);
+    FlowProblem flow{&soft, &problem.grid, B, T, strain, 0, heat.dt};
+    if (work_heat != nullptr) flow.spread_response = work_heat->combined();
+    const auto slip_under = [&](const FlowingSlip& step, double* strain_new) {
+      if (!start_of_step.hardens) return 0.0;
+      FlowLoad load;
+      set_load(soft, pressure(), step.load().stress, step.load().heat(), lane, load);
+      if (work_heat != nullptr) work_heat->combine(step.load(), B, B_work, lane);
+      if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+      add_work(inputs, lane, flow_work(soft.flow_law) * problem.grid.num_vertices());
+      return flow_of_lane(flow, load, lane, strain_new);
+    };
+    FlowingSlip step(start_of_step);
+    while (!step.done()) step.update(slip_under(step, nullptr));
+    if (work_heat != nullptr)
+      copy_lane(strain, work_heat->strain_before(), problem.layout.num_strain_vertices * kLanes, lane);
+    const FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
+    finish(answer, work_heat != nullptr ? work_heat->strain_before() : strain, heat.dt);
+    if (work_heat != nullptr) add_spread_lane(heat, work_heat->spread(), lane, answer.work, B_work, T_all);
+    return answer.step;
+  }
+};
 
 // The searches of the lanes of a tile, and the inputs of their sums.
 struct Searches {
   const TileInputs* inputs;
   const LaneMaterials* soft_at;
+  const WorkHeat* work_heat;  // null: plastic work heats nothing
   FlowingSlip lanes[kLanes];
   int sums[kLanes] = {};  // number of sums of the flow over the layer that each lane has needed
 
-  bool all_done() const {
-    return std::all_of(std::begin(lanes), std::end(lanes), [](const FlowingSlip& lane) { return lane.done(); });
-  }
   void count_sum() const {
     if (inputs->effort != nullptr) ++inputs->effort->layer_sums;
   }
   double pressure(int l) const { return contains(inputs->active, l) ? std::max(0.0, inputs->pressure[l]) : 0.0; }
 };
 
-// The sums of a step for a law with an expanded flow.
+// The sums of a step for a law with an expanded flow. An expansion is one at a fixed distribution of the heat: where
+// plastic work heats, each load has a distribution of its own, and each sum expands anew.
 class ExpandedSums {
  public:
-  ExpandedSums(const FlowProblem& problem, const Searches& searches) : problem_(problem) {
+  ExpandedSums(const FlowProblem& problem, const Searches& searches) : problem_(problem), fixed_(!searches.work_heat) {
     for (int l = 0; l < kLanes; ++l) {
-      const FlowingSlip& lane = searches.lanes[l];
-      set_load((*searches.soft_at)(l), searches.pressure(l), lane.stress(), lane.flux_per_stress(), l, load_);
+      const LayerLoad& load = searches.lanes[l].load();
+      set_load((*searches.soft_at)(l), searches.pressure(l), load.stress, load.heat_per_stress(), l, load_);
     }
     start_flow(problem, scratch_tile(Scratch::kFlow, rows_of(*problem.grid)), flow);
   }
-  void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
+  void sum(double* strain_new) {
+    if (!fixed_) {
+      std::copy_n(load_.stress, kLanes, load_.base);
+      std::copy_n(load_.heating, kLanes, load_.base_heating);
+      start_flow(problem_, flow.rows, flow);
+    }
+    sum_flow(problem_, load_, strain_new, flow);
+  }
   NearbyFlow nearby(const FlowingSlip&, int l) { return nearby_flow(flow, load_, l); }
   void set(const Searches& searches, int l) {
-    load_.stress[l] = searches.lanes[l].stress();
-    load_.heating[l] = searches.lanes[l].flux_per_stress();
+    load_.stress[l] = searches.lanes[l].load().stress;
+    load_.heating[l] = searches.lanes[l].load().heat_per_stress();
   }
 
   ExpandedFlow flow;
 
  private:
   const FlowProblem& problem_;
+  bool fixed_;
   StressLoad load_;
 };
 
@@ -109,14 +191,17 @@ class ExpandedSums {
 class SearchedSums {
  public:
   SearchedSums(const FlowProblem& problem, const Searches& searches) : problem_(problem) {
-    for (int l = 0; l < kLanes; ++l) set(searches, l);
     start_search(scratch_tile(Scratch::kFlow, searched_rows(*problem.grid)), flow);
+    for (int l = 0; l < kLanes; ++l) set(searches, l);
   }
   void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
-  NearbyFlow nearby(const FlowingSlip& lane, int l) { return nearby_flow(flow, lane.stress(), l); }
+  NearbyFlow nearby(const FlowingSlip& lane, int l) { return nearby_flow(flow, lane.load().stress, l); }
   void set(const Searches& searches, int l) {
-    const FlowingSlip& lane = searches.lanes[l];
-    set_load((*searches.soft_at)(l), searches.pressure(l), lane.stress(), lane.flux(), l, load_);
+    const LayerLoad& load = searches.lanes[l].load();
+    set_load((*searches.soft_at)(l), searches.pressure(l), load.stress, load.heat(), l, load_);
+    // The same heat may be released elsewhere: the flow of the last sum is then not that of this load.
+    if (load.work != work_[l]) flow.last_flux[l] = -1.0;
+    work_[l] = load.work;
   }
 
   SearchedFlow flow;
@@ -124,12 +209,18 @@ class SearchedSums {
  private:
   const FlowProblem& problem_;
   FlowLoad load_;
+  double work_[kLanes] = {};
 };
 
 // Runs the searches of all lanes together. On return `slip` and `strain_new` hold the flow and the new strain under the
 // loads found. Each sum writes the strain, so that a search that ends under the load of its last sum needs no other.
 template <class Sums>
 void search(const FlowProblem& flow, Searches& searches, double* strain_new, double (&slip)[kLanes]) {
+  const auto combine = [&](int l) {
+    if (searches.work_heat != nullptr)
+      searches.work_heat->combine(searches.lanes[l].load(), flow.response, searches.work_heat->response(), l);
+  };
+  for (int l = 0; l < kLanes; ++l) combine(l);
   Sums sums(flow, searches);
   for (bool moved = true; moved;) {
     sums.sum(strain_new);
@@ -139,10 +230,12 @@ void search(const FlowProblem& flow, Searches& searches, double* strain_new, dou
       FlowingSlip& lane = searches.lanes[l];
       if (lane.done()) continue;
       ++searches.sums[l];
-      const double stress = lane.stress(), flux = lane.flux();
+      const LayerLoad load = lane.load();
       lane.update(sums.flow.slip[l], sums.nearby(lane, l));
-      moved = moved || !lane.done() || lane.stress() != stress || lane.flux() != flux;
+      moved = moved || !lane.done() || lane.load().stress != load.stress || lane.load().flux != load.flux ||
+              lane.load().work != load.work;
       sums.set(searches, l);
+      combine(l);
     }
   }
   std::copy_n(sums.flow.slip, kLanes, slip);
@@ -156,6 +249,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   const Material& soft = problem.options.soft;
   bool may_flow = false;
   const int n = problem.heat_grid.num_vertices();
+  const std::size_t strains = layout.num_strain_vertices * kLanes;
   const HeatOperator& heat = operators.heat();
   const double* T_old = committed + layout.first_temperature();
   const double* strain = committed + layout.plastic_strain;
@@ -163,26 +257,48 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   double* T = trial + layout.temperature;
   double* strain_new = trial + layout.plastic_strain;
 
-  // 1. Compute the temperatures T_ad, after conduction without friction heat: DLP (28-35).
+  // 1. Compute the temperatures T_ad, after conduction without heat of the step: DLP (28-35). Where plastic work becomes
+  // heat is taken from the step before; its amount is found with the stress.
   conduct(heat, n, T_old, T_all);
+  const bool work_heats = layout.heat_shape != TileLayout::kAbsent;
+  const double* shape = work_heats ? committed + layout.heat_shape : nullptr;
+  double* shape_new = work_heats ? trial + layout.heat_shape : nullptr;
+  std::optional<WorkHeat> work_heat;
+  if (work_heats) {
+    work_heat.emplace(problem, operators, shape);
+    std::copy_n(shape, strains, shape_new);
+  }
+  const WorkHeat* work = work_heat ? &*work_heat : nullptr;
 
   // 2. Start the search for the stress of each lane, and load the layer with the first guess of this stress.
   LaneStep before[kLanes];
   const LaneMaterials soft_at(soft, inputs);
-  Searches searches{&inputs, &soft_at};
+  const auto lane_at = [&](int l) {
+    return FlowingLane{problem,   soft_at(l), inputs,
+                       work,      T,          strain_new,
+                       shape_new, l,          problem.options.junctions ? committed[layout.junction_strain + l] : 0.0,
+                       0.0};
+  };
+  Searches searches{&inputs, &soft_at, work, {}};
   for (int l = 0; l < kLanes; ++l) {
-    const bool active = contains(inputs.active, l);
-    const double pressure = active ? inputs.pressure[l] : 0.0;
     before[l] = InterfaceStep::before(layout, inputs, committed, l);
-    if (pressure > 0.0) {
+    if (searches.pressure(l) > 0.0) {
       may_flow = hardens(soft);
-      searches.lanes[l] = FlowingSlip(start_of(problem, soft_at(l), inputs, l, heat, T, strain[l], before[l], true));
+      searches.lanes[l] =
+          FlowingSlip(lane_at(l).start(heat, strain, before[l], work != nullptr ? work->response() : nullptr, true));
     }
   }
 
   // 3. Find stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
   double slip[kLanes] = {};
-  const FlowProblem flow{&soft, &problem.grid, heat.layer_response(), T, strain, operators.num_heated(), heat.dt};
+  const FlowProblem flow{&soft,
+                         &problem.grid,
+                         heat.layer_response(),
+                         T,
+                         strain,
+                         operators.num_heated(),
+                         heat.dt,
+                         work != nullptr ? work->combined() : nullptr};
   if (may_flow && has_expanded_flow(soft)) {
     search<ExpandedSums>(flow, searches, strain_new, slip);
   } else if (may_flow) {
@@ -191,27 +307,34 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     for (FlowingSlip& lane : searches.lanes) {
       while (!lane.done()) lane.update(0.0);
     }
-    std::copy_n(strain, layout.num_strain_vertices * kLanes, strain_new);
+    std::copy_n(strain, strains, strain_new);
   }
 
   // 4. Answers, lane by lane. A step that may have several answers is divided into shorter substeps until each has a
   // unique answer or the shortest substeps are reached.
   const double weight = flow_work(soft.flow_law);
-  double flux[kLanes] = {};
+  double flux[kLanes] = {}, power[kLanes] = {};
   const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {
+    const FlowingLane at_start = lane_at(l);
+    FlowingLane lane = at_start;
     LaneStep whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
     if (inputs.pressure[l] > 0.0) {
       const FlowingSlip::Answer answer = searches.lanes[l].answer(slip[l]);
       whole = answer.step;
-      add_surplus(problem, answer, l, strain_new);
+      power[l] = answer.work;
+      lane.finish(answer, strain, heat.dt);
     }
     LaneResult result = step_or_divide(
         whole, heat_of, operators.max_halvings(), {l, before[l], n, T_old, T_all},
-        [&] { copy_lane(strain, strain_new, static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes, l); },
-        [&](const HeatOperator& shorter, const LaneStep& last) {
-          return substep(problem, soft_at(l), inputs, l, shorter, last, T, strain_new);
-        });
+        [&] {
+          copy_lane(strain, strain_new, strains, l);
+          if (work_heats) copy_lane(shape, shape_new, strains, l);
+          lane.junction_strain = at_start.junction_strain;
+          lane.heat_of_work = power[l] = 0.0;
+        },
+        [&](const HeatOperator& shorter, const LaneStep& last) { return lane.substep(shorter, last, T_all); });
+    result.heat += lane.heat_of_work;
     // Next to a layer that does not flow the step is that of InterfaceStep.
     if (operators.max_halvings() > 0 && whole.unique && slip[l] == 0.0 &&
         InterfaceStep(problem, inputs, committed, soft_at(l), l)
@@ -221,10 +344,12 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     add_work(inputs, l, n + weight * (searches.sums[l] + 1.0) * problem.grid.num_vertices());
     write_answer(result, layout, l, trial, outputs);
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
+    if (problem.options.junctions) trial[layout.junction_strain + l] = lane.junction_strain;
   }
 
-  // 5. Add the friction heat of this step to the temperatures: T = T_ad + q B.
+  // 5. Add the heat of this step to the temperatures: T = T_ad + q B, and the work times B_phi.
   add_flux(heat, n, flux, T_all);
+  if (work_heats) add_spread(heat, operators.spread(), power, work->response(), T_all);
   for (const int l : lanes_of(inputs.active)) outputs.interface_temperature[l] = T[l];
 }
 

@@ -9,6 +9,7 @@
 #include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/heated.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
+#include "server/physics/solver/flow/plastic_heat.hpp"
 #include "server/physics/solver/flow/searched_flow.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
@@ -285,32 +286,6 @@ void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const Til
     }
   }
   std::copy_n(sums.flow.slip, kLanes, slip);
-}
-
-// Fraction of the work of the imposed jump that becomes heat: the sum of the heat shape phi over the vertices.
-double heated_share(const Grid& grid, const double* shape) {
-  double sum = 0.0;
-  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) sum += shape[i * kLanes];
-  return sum;
-}
-
-// Computes the heat shape of one lane for the next step: for each vertex, the part of the work of the jump that becomes
-// heat there. The parts follow where the slip of this step happened: slip of the interface heats z = 0 with all its
-// work, plastic flow heats its vertex with the Taylor-Quinney fraction of its work. A step without slip keeps the
-// shape.
-void reshape_heat(const Problem& problem, const double* strain_old, const double* strain_new, double interface_slip,
-                  double* shape) {
-  const Grid& grid = problem.grid;
-  double slip = interface_slip;
-  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) {
-    slip += grid.weight[i] * (strain_new[i * kLanes] - strain_old[i * kLanes]);
-  }
-  if (!(slip > 0.0)) return;
-  const double factor = *problem.options.taylor_quinney_factor;
-  for (std::ptrdiff_t i = 0; i < grid.num_vertices(); ++i) {
-    shape[i * kLanes] = factor * (grid.weight[i] * (strain_new[i * kLanes] - strain_old[i * kLanes]) / slip);
-  }
-  shape[0] += interface_slip / slip;
 }
 
 // The mean stress of a step whose balance is solved, signed  [Pa]. `slips`: slip of layer and interface in the step.

@@ -1,0 +1,162 @@
+#include "proto/wire/host_process.hpp"
+
+#include <fmt/format.h>
+#include <pthread.h>
+#include <sys/eventfd.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdint>
+#include <fstream>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+namespace shearbus::wire {
+namespace {
+
+constexpr std::size_t kThreadsOfContext = 2;  // libzmq's for input and output, and the one that closes sockets
+constexpr std::size_t kMemoryOfContext = std::size_t{32} << 20;  // of a context and an opening  [bytes]
+constexpr std::size_t kFilesOfContext = 12;  // of a context, its first socket, the monitor of that, and its connection
+
+std::optional<std::uint64_t> limit(__rlimit_resource which) {
+  rlimit found{};
+  if (::getrlimit(which, &found) != 0 || found.rlim_cur == RLIM_INFINITY) return std::nullopt;
+  return found.rlim_cur;
+}
+
+std::optional<std::uint64_t> number_in(const std::string& path) {
+  std::ifstream file(path);
+  file.imbue(std::locale::classic());
+  std::uint64_t number = 0;
+  if (file >> number) return number;
+  return std::nullopt;
+}
+
+// The control group of this process, or one that it is in, that has as many threads as it may; empty: none.
+std::string full_control_group() {
+  std::ifstream groups("/proc/self/cgroup");
+  for (std::string line; std::getline(groups, line);) {
+    const std::size_t name = line.find(':'), path = line.find(':', name + 1);
+    if (path == std::string::npos) continue;
+    const std::string controllers = line.substr(name + 1, path - name - 1);
+    if (!controllers.empty() && controllers != "pids") continue;
+    const std::string root = controllers.empty() ? "/sys/fs/cgroup" : "/sys/fs/cgroup/pids";
+    for (std::string group = line.substr(path + 1);; group.resize(group.rfind('/'))) {
+      const auto most = number_in(root + group + "/pids.max");
+      const auto present = number_in(root + group + "/pids.current");
+      if (most && present && *present + kThreadsOfContext > *most)
+        return fmt::format("the control group {} may have {} threads (pids.max)", group.empty() ? "/" : group, *most);
+      if (group.rfind('/') == std::string::npos) break;
+    }
+  }
+  return {};
+}
+
+// The limits that may keep this process from making a thread.
+std::string limit_of_threads() {
+  if (std::string group = full_control_group(); !group.empty()) return group;
+  std::string text;
+  if (const auto memory = limit(RLIMIT_AS))
+    text =
+        fmt::format("the process may use {} MB of memory (ulimit -v), of which the stack of a thread takes {} MB, or ",
+                    *memory >> 20, limit(RLIMIT_STACK).value_or(0) >> 20);
+  if (const auto most = limit(RLIMIT_NPROC))
+    return text + fmt::format("uid {} may have {} processes and threads (ulimit -u)", ::getuid(), *most);
+  return text + "the machine has as many threads as it may (kernel.threads-max, kernel.pid_max)";
+}
+
+// Why this process gets no memory.
+std::string limit_of_memory() {
+  const auto most = limit(RLIMIT_AS);
+  return most ? fmt::format("the process may use {} MB of memory (ulimit -v)", *most >> 20)
+              : "the machine has none to give";
+}
+
+// Files that are opened to find out whether they can be.
+struct Files {
+  std::array<int, kFilesOfContext> files{};
+  std::size_t count = 0;
+  Files() = default;
+  Files(const Files&) = delete;
+  Files& operator=(const Files&) = delete;
+  ~Files() {
+    for (std::size_t i = 0; i < count; ++i) ::close(files[i]);
+  }
+};
+
+struct Threads {
+  std::array<std::thread, kThreadsOfContext> threads;
+  Threads() = default;
+  Threads(const Threads&) = delete;
+  Threads& operator=(const Threads&) = delete;
+  ~Threads() {
+    for (std::thread& thread : threads)
+      if (thread.joinable()) thread.join();
+  }
+};
+
+}  // namespace
+
+DefaultFloatingPoint::DefaultFloatingPoint() noexcept {
+  std::fegetenv(&before_);
+  std::fesetenv(FE_DFL_ENV);
+}
+DefaultFloatingPoint::~DefaultFloatingPoint() {
+  std::fesetenv(&before_);
+}
+
+SignalsBlocked::SignalsBlocked() noexcept {
+  sigset_t all;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before_);
+}
+SignalsBlocked::~SignalsBlocked() {
+  pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+}
+
+std::thread own_thread(std::function<void()> run) {
+  const SignalsBlocked blocked;
+  try {
+    return std::thread([run = std::move(run)] {
+      std::fesetenv(FE_DFL_ENV);
+      run();
+    });
+  } catch (const std::system_error& fault) {
+    throw std::system_error(fault.code(), "no thread can be made: " + limit_of_threads());
+  }
+}
+
+std::string limit_of_files() {
+  return fmt::format("the process may have {} files open (ulimit -n)", limit(RLIMIT_NOFILE).value_or(0));
+}
+
+void check_room_for_sockets() {
+  Files files;
+  while (files.count < files.files.size()) {
+    const int file = ::eventfd(0, EFD_CLOEXEC);
+    if (file < 0)
+      throw std::runtime_error(errno == EMFILE
+                                   ? "no file can be opened: " + limit_of_files()
+                                   : fmt::format("no file can be opened: {}", std::system_category().message(errno)));
+    files.files[files.count++] = file;
+  }
+  // All of the threads at once, so they wait for each other.
+  std::mutex gate;
+  Threads threads;
+  const std::lock_guard closed(gate);
+  for (std::thread& thread : threads.threads) thread = own_thread([&gate] { const std::lock_guard passing(gate); });
+  // While their stacks are in memory, too.
+  void* const memory =
+      ::mmap(nullptr, kMemoryOfContext, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (memory == MAP_FAILED)
+    throw std::runtime_error(
+        fmt::format("{} MB of memory are not to be had: {}", kMemoryOfContext >> 20, limit_of_memory()));
+  ::munmap(memory, kMemoryOfContext);
+}
+
+}  // namespace shearbus::wire

@@ -1,0 +1,132 @@
+#include "proto/wire/units.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "proto/wire/columns.hpp"
+
+namespace shearbus::wire {
+namespace {
+
+struct Unit {
+  const char* name;
+  const char* si;
+  double factor;
+};
+constexpr std::array kUnits = {Unit{"s", "s", 1.0},           Unit{"ms", "s", 1e-3},
+                               Unit{"us", "s", 1e-6},         Unit{"ns", "s", 1e-9},
+                               Unit{"ps", "s", 1e-12},        Unit{"Pa", "Pa", 1.0},
+                               Unit{"kPa", "Pa", 1e3},        Unit{"MPa", "Pa", 1e6},
+                               Unit{"GPa", "Pa", 1e9},        Unit{"bar", "Pa", 1e5},
+                               Unit{"kbar", "Pa", 1e8},       Unit{"Mbar", "Pa", 1e11},
+                               Unit{"m/s", "m/s", 1.0},       Unit{"mm/s", "m/s", 1e-3},
+                               Unit{"km/s", "m/s", 1e3},      Unit{"mm/us", "m/s", 1e3},
+                               Unit{"cm/us", "m/s", 1e4},     Unit{"kg/m2", "kg/m2", 1.0},
+                               Unit{"g/cm2", "kg/m2", 10.0},  Unit{"K", "K", 1.0},
+                               Unit{"1/s", "1/s", 1.0},       Unit{"1/ms", "1/s", 1e3},
+                               Unit{"1/us", "1/s", 1e6},      Unit{"1/ns", "1/s", 1e9},
+                               Unit{"Pa s/m", "Pa s/m", 1.0}, Unit{"MPa s/m", "Pa s/m", 1e6},
+                               Unit{"J/m2", "J/m2", 1.0},     Unit{"m", "m", 1.0},
+                               Unit{"mm", "m", 1e-3},         Unit{"um", "m", 1e-6}};
+
+// Names that are written out, and what they stand for.
+constexpr std::array<std::array<std::string_view, 2>, 10> kWords = {{{"second", "s"},
+                                                                     {"seconds", "s"},
+                                                                     {"sec", "s"},
+                                                                     {"microsecond", "us"},
+                                                                     {"microseconds", "us"},
+                                                                     {"nanoseconds", "ns"},
+                                                                     {"pascal", "Pa"},
+                                                                     {"Pascal", "Pa"},
+                                                                     {"kelvin", "K"},
+                                                                     {"Kelvin", "K"}}};
+
+void replace_all(std::string& text, std::string_view from, std::string_view to) {
+  std::string out;
+  std::string_view rest = text;
+  for (auto at = rest.find(from); at != std::string_view::npos; at = rest.find(from)) {
+    out.append(rest.substr(0, at)).append(to);
+    rest.remove_prefix(at + from.size());
+  }
+  text = out.append(rest);
+}
+
+// The unit as its parts with powers, in alphabetical order: "kg/m2" is "kg m-2".
+std::string normal(std::string_view unit) {
+  std::string text(unit);
+  for (const std::string_view micro : {"\u00b5", "\u03bc"}) replace_all(text, micro, "u");
+  for (const std::string_view times : {"\u00b7", "\u22c5"}) replace_all(text, times, " ");
+  replace_all(text, "\u00b2", "2");
+  replace_all(text, "\u207b", "-");
+  replace_all(text, "\u00b9", "1");
+  replace_all(text, "**", "");
+  std::erase(text, '^');
+  std::ranges::replace(text, '.', ' ');
+  std::ranges::replace(text, '*', ' ');
+  std::vector<std::string> parts;
+  bool below = false;
+  for (std::size_t at = 0; at < text.size();) {
+    if (text[at] == ' ' || text[at] == '/') {
+      below = below || text[at] == '/';
+      ++at;
+      continue;
+    }
+    const std::size_t end = std::min(text.find_first_of(" /", at), text.size());
+    std::string part = text.substr(at, end - at);
+    at = end;
+    if (part == "1") continue;
+    for (const auto& [word, name] : kWords)
+      if (part == word) part = name;
+    if (below) {  // only the part behind the stroke is below it, as everybody reads "Pa s/m"
+      const auto power = part.find_first_of("0123456789");
+      part = power == std::string::npos ? fmt::format("{}-1", part)
+                                        : fmt::format("{}-{}", part.substr(0, power), part.substr(power));
+      below = false;
+    }
+    parts.push_back(std::move(part));
+  }
+  std::ranges::sort(parts);
+  std::string out;
+  for (const std::string& part : parts) {
+    if (!out.empty()) out += ' ';
+    out += part;
+  }
+  return out;
+}
+
+}  // namespace
+
+const char* unit_of_quantity(std::string_view name) {
+  if (name == "time" || name == "dt") return "s";
+  if (name == "node_id" || name == "node") return "";
+  if (name == "initial_temperature") return "K";
+  if (name == "pair" || name.starts_with("parameter/")) return "";
+  if (name == "initial_velocity_jump" || name == "initial_velocity_jump_second") return "m/s";
+  for (const ColumnRow& column : column_rows())
+    for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
+      if (column.kind != Kind::kNode && quantity_of(column.field, component) == name) return column.unit;
+  return nullptr;
+}
+
+std::optional<double> factor_to_si(std::string_view unit, std::string_view si) {
+  constexpr std::size_t kLongest = 64;  // of a unit
+  if (unit.size() > kLongest) return std::nullopt;
+  const std::string given = normal(unit);
+  for (const Unit& one : kUnits)
+    if (si == one.si && given == normal(one.name)) return one.factor;
+  if (given == normal(si)) return 1.0;
+  return std::nullopt;
+}
+
+std::string known_units(std::string_view si) {
+  std::string names;
+  for (const Unit& one : kUnits)
+    if (si == one.si) names.append(names.empty() ? "" : ", ").append(one.name);
+  return names;
+}
+
+}  // namespace shearbus::wire

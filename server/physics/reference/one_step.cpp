@@ -1,0 +1,402 @@
+// One step of backward Euler without inertia and film, of either strategy, as one system in the stress magnitude a and
+// the slip velocity v of the interface (MODEL.md, "Velocity-driven step", "Force-driven step"), slow and obvious:
+//
+//   slip      v = (what the host's line leaves at a) - D,   D = sqrt(3) integral(dep)/dt      DLP (37), (56), (61), (64)
+//   flow      dep(a, T) by the flow law at each vertex; 0 in a rigid layer                            DLP (42)-(48)
+//   heat      T = T_ad + q B + w B_phi: q at z = 0, w where the layer flowed in the step before       DLP (18)-(35)
+//   contact   a <= lim(T0, v) and v (a - lim) = 0                                             DLP (5), (51)-(54), (65)
+//
+// The solver under test brackets one root. This file looks for all of them.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/material/strength.hpp"
+#include "server/physics/reference/parts.hpp"
+
+namespace shearbus::physics::reference {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// A stress, the slip velocity of the interface under it, and the velocity that the flow of the layer takes.
+struct Load {
+  double a, v, flow;
+};
+
+struct Candidate {
+  Load load;
+  bool sticks;
+};
+
+struct OneStep {
+  OneStep(const ModelOptions& model_options, double step, const NodeInputs& inputs, const NodeState& state,
+          const Heat& heat_of_step)
+      : options(model_options),
+        soft(options.soft),
+        in(inputs),
+        old(state),
+        grid(options.grid),
+        dt(step),
+        heat(heat_of_step),
+        forced(options.strategy == Strategy::kForceDriven),
+        flows(!forced || options.plastic_layer),
+        share(conducted_share(options)),
+        T_melt(at_pressure(soft, in.pressure).melting_temperature) {
+    forced ? pull_by_forces() : shear_the_layer();
+    if (forced && options.taylor_quinney_factor) B_work = unit_response(options, dt, old.heat_shape, heat.T_ad);
+  }
+
+  // The host's line, DLP (61): the jump that is left at the end of the step falls with the stress, and with it its mean.
+  void pull_by_forces() {
+    jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
+    per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
+    const double leads = jump_free != 0.0 ? jump_free : old.shear_stress;
+    direction = leads < 0.0 ? -1.0 : 1.0;
+    const double host = options.plastic_layer && leads != 0.0 ? in.soft_plastic_strain_rate : 0.0;
+    drive = kSqrt3 * options.grid.thickness * host;
+    a_trial = (std::abs(jump_free) + drive) / per_stress;
+  }
+  // The line of the layer's own elasticity, DLP (56): what the jump has not sheared elastically is flow and slip.
+  void shear_the_layer() {
+    const double h = options.grid.thickness, V = in.velocity_jump;
+    const bool layer_shear = options.drive == Drive::kLayerShear;
+    drive = layer_shear ? V : h * in.soft_shear_rate;
+    // With INTERFACE_SLIP the stress starts at the yield stress along the jump, unless it is along the jump already.
+    double s_old = old.shear_stress;
+    if (!layer_shear && V != 0.0 && s_old * V <= 0.0)
+      s_old = std::copysign(flow_stress(soft, old.plastic_strain[0], in.pressure, old.temperature[0]) / kSqrt3, V);
+    const double trial = s_old + soft.shear_modulus * dt * drive / h;
+    direction = (trial != 0.0 ? trial : V) < 0.0 ? -1.0 : 1.0;
+    per_stress = h / (soft.shear_modulus * dt);
+    a_trial = std::abs(trial);
+  }
+
+  // What the line leaves of the jump to slip and flow at the end of the step, and in its mean.
+  double end(double a) const { return (a_trial - a) * per_stress; }
+  double mean(double a) const {
+    if (!forced) return end(a);
+    return 0.5 * (direction * in.velocity_jump + direction * jump_free - a * per_stress) + drive;
+  }
+  double jump_new(double a) const { return jump_free - direction * a * per_stress; }
+  // An interface that sticks at the end of the step has slipped by what stops in it.
+  Load stuck(double a) const { return {a, forced ? std::max(0.0, mean(a) - end(a)) : 0.0, std::max(0.0, end(a))}; }
+  Load slipping(double a, double v) const { return {a, v, std::max(0.0, mean(a) - v)}; }
+
+  // Friction heat at z = 0  [W/m2]. Velocity-driven the whole imposed jump heats, DLP (18), as `heat` distributes it.
+  double flux(const Load& l) const {
+    return share * l.a * (forced ? l.v : std::max(0.0, direction * in.velocity_jump));
+  }
+  double work(const Load& l) const { return B_work.rows.empty() ? 0.0 : l.a * l.flow; }
+  double T(int i, const Load& l) const {
+    return heat.T_ad[i] + flux(l) * heat.B[i] + (B_work.rows.empty() ? 0.0 : work(l) * B_work[i]);
+  }
+  int hottest(const Load& l) const {
+    int at = 0;
+    for (int i = 1; i < grid.num_vertices() && flows; ++i) at = T(i, l) > T(at, l) ? i : at;
+    return at;
+  }
+
+  // The contact: friction, and the yield strength of the interface or of its junctions, DLP (49)-(54), (65).
+  double junction_strain(double v) const {
+    return options.junctions ? old.junction_strain + dt * v / (kSqrt3 * options.junctions->height) : 0.0;
+  }
+  double friction(const Load& l) const {
+    return friction_coefficient(options, in.pressure, T(0, l), l.v) * in.pressure;
+  }
+  double yield(double T0, double v) const {
+    if (!forced) return kInfinity;  // a velocity-driven interface yields as the layer does
+    double strength = options.interface.yield_strength;
+    if (options.junctions) {
+      const Material& m = options.junctions->metal;
+      const double hardened = std::pow(1.0 + m.hardening_coefficient * junction_strain(v), m.hardening_exponent);
+      strength = options.junctions->contact_fraction * std::min(m.yield_strength_max, m.yield_strength * hardened);
+    }
+    return strength / kSqrt3 * softening(soft, in.pressure, T0).g;
+  }
+  double limit(const Load& l) const { return std::min(friction(l), yield(T(0, l), l.v)); }
+
+  // The layer: the stress that it carries when fully hardened, and its flow.
+  double ceiling(const Load& l) const {
+    if (!flows) return kInfinity;
+    const double g = softening(soft, in.pressure, T(hottest(l), l)).g;
+    return g > 0.0 ? strength_ceiling(soft) / kSqrt3 * g : 0.0;
+  }
+  double dep(int i, const Load& l) const {
+    return strain_increment(soft, l.a, in.pressure, T(i, l), old.plastic_strain[i], dt);
+  }
+  double flow(const Load& l) const {
+    if (!flows || !hardens(soft) || l.a <= 0.0) return 0.0;
+    double sum = 0.0;
+    for (int i = 0; i < grid.num_vertices(); ++i) sum += grid.weight[i] * dep(i, l);
+    return kSqrt3 * sum / dt;
+  }
+
+  const ModelOptions& options;
+  const Material& soft;
+  const NodeInputs& in;
+  const NodeState& old;
+  Grid grid;
+  double dt;
+  const Heat& heat;
+  bool forced, flows;
+  double share, T_melt;
+  Profile B_work;
+  double jump_free = 0.0, per_stress = 0.0, direction = 1.0, drive = 0.0, a_trial = 0.0;
+};
+
+// The stress at which the interface sticks at the end of the step: flow takes all that the line leaves.
+Candidate stick_of(const OneStep& step) {
+  if (!step.flows) return {step.stuck(step.a_trial), true};
+  const double most = 2.0 * step.a_trial + (step.forced ? 1.0 : 0.0);
+  const double root = bisect([&](double a) { return step.flow(step.stuck(a)) - step.end(a); }, 0.0, most);
+  const double ceiling = bisect([&](double a) { return a - step.ceiling(step.stuck(a)); }, 0.0, most);
+  return {step.stuck(step.ceiling({}) > 0.0 ? std::min({root, ceiling, step.a_trial}) : 0.0), true};
+}
+
+// All slips next to a rigid layer, by rising stress: the stress gives the slip, and must be the limit under it.
+std::vector<Candidate> slips_next_to_rigid(const OneStep& step, bool can_stick) {
+  const auto at = [&](double a) { return step.slipping(a, std::max(0.0, step.mean(a))); };
+  const auto spare = [&](double a) { return step.limit(at(a)) - a; };
+  const bool weakens = step.options.interface.friction_law == FrictionLaws::place<VelocityWeakening>();
+  const double most = step.yield(step.heat.T_ad[0], at(0.0).v);
+  const double end = std::min(step.a_trial, weakens ? most : std::min(step.friction(at(0.0)), most));
+  std::vector<Candidate> found;
+  double before = 0.0;
+  for (int i = 1; i <= kScan; ++i) {
+    const double now = end * i / kScan;
+    if ((spare(before) > 0.0) != (spare(now) > 0.0)) {
+      const double sign = spare(before) > 0.0 ? -1.0 : 1.0;
+      found.push_back({at(bisect([&](double a) { return sign * spare(a); }, before, now)), false});
+    }
+    before = now;
+  }
+  if (found.empty() && !can_stick) found.push_back({at(end), false});
+  return found;
+}
+
+// Slip velocities at which the search for slips looks, closely spaced where one of the vertices is near melting.
+std::vector<double> velocities(const OneStep& step, double most) {
+  std::vector<double> all{0.0, most};
+  const auto add = [&](double q) {  // by the flux, with the limit at that temperature
+    const double a =
+        std::min(friction_coefficient(step.options, step.in.pressure, step.heat.T_ad[0] + q * step.heat.B[0], 0.0) *
+                     step.in.pressure,
+                 step.yield(step.heat.T_ad[0] + q * step.heat.B[0], 0.0));
+    if (const double v = q / (step.share * a); v > 0.0 && v < most) all.push_back(v);
+  };
+  for (const int vertex : {0, step.hottest({})}) {
+    const double to_melting = step.T_melt - step.heat.T_ad[vertex];
+    for (int i = 0; i < kScan / 8 && to_melting > 0.0; ++i) {
+      const double at = i / (kScan / 8.0);
+      add(to_melting * at / step.heat.B[vertex]);
+      add(to_melting * (1.0 - std::exp(-30.0 * at)) / step.heat.B[vertex]);
+      add(to_melting * std::exp(-40.0 * at) / step.heat.B[vertex]);
+      if (vertex == 0) all.push_back(most * at);
+    }
+    if (step.hottest({}) == 0) break;
+  }
+  std::sort(all.begin(), all.end());
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+// All slips next to a layer that may flow, by rising slip. The slip gives the stress, since the limit falls with the
+// temperature; the flow under both must leave this slip.
+std::vector<Candidate> slips_next_to_flow(const OneStep& step, double a_stick) {
+  const double most = std::max(0.0, step.mean(0.0));
+  const auto at = [&](double v) {
+    return step.slipping(bisect([&](double a) { return a - step.limit(step.slipping(a, v)); }, 0.0, a_stick), v);
+  };
+  if (step.limit({}) <= 0.0) return {{step.slipping(0.0, most), false}};  // a molten interface: no stress
+  const auto open = [&](const Load& l) { return l.v + step.flow(l) - step.mean(l.a); };
+  // Under a stress equal to its ceiling the layer flows by any amount. The interface therefore slips only where its
+  // stress limit is not above that ceiling.
+  const auto at_interface = [&](const Load& l) { return l.a <= step.ceiling(l); };
+  std::vector<Candidate> found;
+  const auto add = [&](double v) {
+    // a_stick stops the slip exactly at the end of the step
+    if (const Load l = at(v); l.a < a_stick) found.push_back({l, false});
+  };
+  const std::vector<double> scanned = velocities(step, most);
+  for (std::size_t i = 0; i + 1 < scanned.size(); ++i) {
+    double lo = scanned[i], hi = scanned[i + 1];
+    // Where limit and ceiling are equal, the interface slips and the layer flows.
+    if (at_interface(at(lo)) != at_interface(at(hi))) {
+      const bool first = at_interface(at(lo));
+      const double both = bisect([&](double v) { return at_interface(at(v)) == first ? -1.0 : 1.0; }, lo, hi);
+      if (open(at(both)) <= 0.0) add(both);
+      (first ? hi : lo) = both;
+    } else if (!at_interface(at(lo))) {
+      continue;
+    }
+    const bool below = open(at(lo)) < 0.0;
+    if (i == 0 && !below) add(0.0);
+    if (below == (open(at(hi)) < 0.0)) continue;
+    add(bisect([&](double v) { return (below ? 1.0 : -1.0) * open(at(v)); }, lo, hi));
+  }
+  if (scanned.size() == 1) add(0.0);
+  return found;
+}
+
+// Next to a rigid layer: an interface that rests, or one that cannot slip, sticks if it can.
+Candidate choose_next_to_rigid(const OneStep& step, const Candidate& stick, NodeOutputs& out) {
+  const bool can_stick = step.limit(stick.load) >= stick.load.a;
+  const std::vector<Candidate> slips = slips_next_to_rigid(step, can_stick);
+  out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
+  const bool weakens = step.options.interface.friction_law == FrictionLaws::place<VelocityWeakening>();
+  const bool rests = step.old.regime == Regime::kStick || (weakens && step.in.velocity_jump == 0.0);
+  return can_stick && (rests || slips.empty()) ? stick : slips.front();
+}
+
+// Next to a layer that may flow: an interface that sticks goes on sticking if it can. One that slips goes on slipping if
+// the layer does not flow in that answer; otherwise it sticks if it can.
+Candidate choose_next_to_flow(const OneStep& step, const Candidate& stick, NodeOutputs& out) {
+  const bool can_stick = stick.load.a <= step.limit(stick.load) * (1.0 + 1e-13);
+  const std::vector<Candidate> slips = slips_next_to_flow(step, stick.load.a);
+  const auto rigid_under = [&](Load l, double factor) {
+    l.a *= factor;
+    return step.flow(l) == 0.0 && l.a <= step.ceiling(l);
+  };
+  const bool rigid_slip = !slips.empty() && rigid_under(slips.back().load, 1.0 - 1e-11);
+  const bool by_rounding = rigid_slip && !rigid_under(slips.back().load, 1.0 + 1e-9);
+  const bool molten = step.limit({}) <= 0.0;  // a molten interface cannot stick
+  const bool sticks = (can_stick && !molten && (step.old.sticking || !rigid_slip)) || slips.empty();
+  out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
+  if (by_rounding && can_stick && !step.old.sticking) out.answers = 2;  // rounding decides whether the node sticks
+  // Friction that returns as the slip falls may hold a node that slips, and so may a limit that follows the slip.
+  const bool follows_slip =
+      step.options.junctions || properties_of(step.options.interface.friction_law).depends_on_slip;
+  if (follows_slip && slips.size() + (can_stick ? 1 : 0) > 1) out.answers = 2;
+  return sticks ? stick : slips.back();
+}
+
+// Velocity-driven: the layer carries the jump up to the friction limit, past which the interface slips.
+Candidate choose_velocity_driven(const OneStep& step, const Candidate& stick) {
+  const double limit = step.friction(stick.load);
+  if (stick.load.a <= limit) return stick;
+  const Load held{limit, 0.0, 0.0};
+  return {step.slipping(limit, std::max(0.0, step.mean(limit) - step.flow(held))), false};
+}
+
+// A force-driven step changes suddenly where heat lowers the limit of slip that was slower or colder before, or where
+// the slip turns: two opposite stresses act then, of friction as in the step or after half the heat of the slip before.
+bool changes_suddenly(const OneStep& step, const Candidate& taken, double jump_new) {
+  const NodeInputs& in = step.in;
+  const Load& l = taken.load;
+  const auto limit = [&](double T0) {
+    return std::min(friction_coefficient(step.options, in.pressure, T0, l.v) * in.pressure, step.yield(T0, l.v));
+  };
+  const double T_ad = step.heat.T_ad[0];
+  const double allowed = 0.1 * std::max(std::abs(in.velocity_jump), std::abs(step.jump_free));
+  const double cold = limit(T_ad);
+  const double moved = std::max(std::abs(jump_new - in.velocity_jump),
+                                step.per_stress * std::abs(l.a - std::abs(step.old.shear_stress)));
+  bool sudden = step.per_stress * (std::min(cold, step.a_trial) - l.a) > allowed && moved > allowed;
+  if (in.velocity_jump * step.jump_free >= 0.0) return sudden;
+  const double size = std::abs(in.velocity_jump), far = size + std::abs(step.jump_free);
+  const double held = taken.sticks ? cold : l.a;
+  const double half_heated = limit(T_ad + step.heat.B[0] * step.share * l.a * 0.5 * size);
+  for (const double friction : {held, std::min(held, half_heated)}) {
+    const double slows = far + step.per_stress * friction, speeds_up = far - step.per_stress * friction;
+    const double turned = slows > size && speeds_up > 0.0 ? (1.0 - size / slows) * speeds_up : -1.0;
+    sudden = sudden || (turned >= 0.0 && std::abs(turned - step.direction * jump_new) > allowed);
+  }
+  return sudden;
+}
+
+NodeOutputs open_contact(const OneStep& step, NodeState& state) {
+  NodeOutputs out;
+  const double V = step.in.velocity_jump;
+  out.regime = state.regime = Regime::kOpen;
+  out.sliding_velocity = step.forced ? 0.5 * (V + step.jump_free) : V;
+  out.velocity_jump_new = step.forced ? step.jump_free : V;
+  out.interface_temperature = step.heat.T_ad[0];
+  heat_up(state, step.heat.T_ad, 0.0, step.heat.B);
+  state.shear_stress = 0.0;
+  state.sticking = false;
+  return out;
+}
+
+// Plastic strain by the flow law; at the ceiling the hottest vertex takes the rest. Returns the plastic slip  [m].
+double strain_layer(const OneStep& step, const Candidate& taken, NodeState& state) {
+  if (!step.flows) return 0.0;
+  const Load& l = taken.load;
+  const std::vector<double> before = state.plastic_strain;
+  double slip = step.flow(l) * step.dt / kSqrt3;
+  if (slip > 0.0)
+    for (int i = 0; i < step.grid.num_vertices(); ++i) state.plastic_strain[i] += step.dep(i, l);
+  const double wanted = taken.sticks ? step.end(l.a) : step.mean(l.a) - l.v;
+  const double surplus = std::max(0.0, wanted * step.dt / kSqrt3 - slip);
+  if (l.a >= step.ceiling(l) * (1.0 - 1e-9)) {
+    state.plastic_strain[step.hottest(l)] += surplus / step.grid.weight[step.hottest(l)];
+    slip += surplus;
+  }
+  // Where the work of the next step becomes heat. Velocity-driven slip of the interface heats z = 0 through the shape.
+  if (!step.options.taylor_quinney_factor) return slip;
+  const double at_interface = step.forced ? 0.0 : l.v * step.dt / kSqrt3;
+  if (const double all = slip + at_interface; all > 0.0) {
+    for (int i = 0; i < step.grid.num_vertices(); ++i)
+      state.heat_shape[i] =
+          *step.options.taylor_quinney_factor * step.grid.weight[i] * (state.plastic_strain[i] - before[i]) / all;
+    state.heat_shape[0] += at_interface / all;
+  }
+  return slip;
+}
+
+// The sliding velocity that a velocity-driven step answers.
+double velocity_driven_slip(const OneStep& step, const Load& l, double layer_slip) {
+  const double V = step.in.velocity_jump, d = step.direction;
+  if (step.options.drive == Drive::kLayerShear) return d * (kSqrt3 * layer_slip / step.dt + l.v);
+  if (V == 0.0 || d * V <= 0.0) return 0.0;
+  return d * std::max(0.0, d * (V + step.drive) - kSqrt3 * layer_slip / step.dt);
+}
+
+}  // namespace
+
+NodeOutputs one_step(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state, const Heat& heat) {
+  const NodeState old = state;
+  const OneStep step(options, dt, in, old, heat);
+  if (in.pressure <= 0.0) return open_contact(step, state);
+
+  // 1. All answers, and the one that the rules of MODEL.md choose.
+  NodeOutputs out;
+  const Candidate stick = stick_of(step);
+  const Candidate taken = !step.forced ? choose_velocity_driven(step, stick)
+                          : step.flows ? choose_next_to_flow(step, stick, out)
+                                       : choose_next_to_rigid(step, stick, out);
+
+  // 2. The new state.
+  const Load& l = taken.load;
+  const double share_of_work = std::accumulate(old.heat_shape.begin(), old.heat_shape.end(), 0.0);
+  const double layer_slip = strain_layer(step, taken, state);
+  Profile T = step.heat.T_ad;
+  if (step.work(l) > 0.0)
+    for (std::size_t i = 0; i < T.rows.size(); ++i) T.rows[i] += step.work(l) * step.B_work.rows[i];
+  heat_up(state, T, step.flux(l), step.heat.B);
+  state.shear_stress = step.direction * l.a;
+  state.sticking = taken.sticks;
+  if (step.forced) state.junction_strain = step.junction_strain(l.v);
+
+  // 3. The answers to the host.
+  out.shear_stress = state.shear_stress;
+  out.sliding_velocity = step.forced ? step.direction * l.v : velocity_driven_slip(step, l, layer_slip);
+  out.velocity_jump_new = !step.forced ? in.velocity_jump : taken.sticks && !step.flows ? 0.0 : step.jump_new(l.a);
+  const bool by_shape = !step.forced && options.taylor_quinney_factor;
+  out.friction_heat = dt * (step.flux(l) * (by_shape ? share_of_work : 1.0) + step.work(l) * share_of_work);
+  out.interface_temperature = state.temperature[0];
+  const double friction = step.friction(l);
+  const bool coulomb = friction > 0.0 && friction <= step.yield(T.rows.empty() ? 0.0 : step.T(0, l), l.v);
+  const bool melting = step.T(taken.sticks ? step.hottest(l) : 0, l) >= 0.99 * step.T_melt;
+  const bool at_rest = step.forced ? layer_slip == 0.0 : layer_slip == 0.0 && out.sliding_velocity == 0.0;
+  out.regime = state.regime = taken.sticks && at_rest    ? Regime::kStick
+                              : !taken.sticks && coulomb ? Regime::kCoulomb
+                              : melting                  ? Regime::kMelting
+                                                         : Regime::kTresca;
+  if (step.forced && !step.flows) out.sudden = changes_suddenly(step, taken, out.velocity_jump_new);
+  return out;
+}
+
+}  // namespace shearbus::physics::reference
