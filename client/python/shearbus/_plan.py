@@ -4,7 +4,7 @@ import ctypes
 import numpy
 
 from . import _library
-from ._values import FLOAT, check_finite, fill
+from ._values import FLOAT, fill
 from .columns import BY_NAME, DTYPE
 
 SMALL = 2048  # up to so many rows the copy of a column is cheaper than its address
@@ -42,9 +42,8 @@ class Plan:
         self.copies = self.whole or rows <= SMALL
         if self.copies:
             self.frame = numpy.empty((len(self.columns), rows))
-            self.values, self.zeros = self.frame.reshape(-1), numpy.zeros(self.frame.size)
             self._read(0, self.frame)
-            self.rows = [(name, self.frame[at] if width == 1 else None, at, width) for name, at, width in self.places]
+            self.rows = [(name, memoryview(self.frame[at]) if width == 1 else None, at, width) for name, at, width in self.places]
             self.block = numpy.empty(size, numpy.uint8)
             self._write(self.block)
         self.size = size
@@ -65,32 +64,28 @@ class Plan:
                 output.values = base + begin + dtype.itemsize * component
                 output.stride_bytes = dtype.itemsize * width
 
-    def take(self, values, nodes):
-        """Takes the values of a step, {keyword: value}. Returns what must live until the library has read them. nodes: ids
-        of the rows."""
+    def take(self, values):
+        """Takes the values of a step, {keyword: value}. Returns what must live until the library has read them."""
         if not self.copies:
-            return [self._take_large(name, values[name], at, width, nodes) for name, at, width in self.places]
-        for name, row, at, width in self.rows:
+            return [self._take_large(name, values[name], at, width) for name, at, width in self.places]
+        for name, view, at, width in self.rows:
             value = values[name]
-            if row is not None and (type(value) is float or type(value) is numpy.ndarray and value.dtype is FLOAT
-                                    and value.shape == self.shape):
-                row[:] = value  # the usual cases
-            else:
-                fill(self.frame[at:at + width], name, value)
-        if self.values.dot(self.zeros):  # NaN, which is true, for a value that is not finite
-            for name, _, at, width in self.rows:
-                check_finite(self.frame[at:at + width], name, nodes)
+            if view is not None and type(value) is numpy.ndarray:
+                try:
+                    view[:] = value  # the usual case: float64 of the right shape
+                    continue
+                except (TypeError, ValueError):
+                    pass
+            fill(self.frame[at:at + width], name, value)
         return None
 
-    def _take_large(self, name, value, at, width, nodes):
+    def _take_large(self, name, value, at, width):
         expected = self.shape if width == 1 else (self.count, width)
         if type(value) is numpy.ndarray and value.dtype == FLOAT and value.shape == expected and value.strides[0]:
             columns = value[None] if width == 1 else value.T
         else:
             columns = numpy.empty((width, self.count))
             fill(columns, name, value)
-        if not numpy.isfinite(columns).all():
-            check_finite(columns, name, nodes)
         self._read(at, columns)
         return columns
 

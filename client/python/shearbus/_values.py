@@ -1,5 +1,5 @@
 """From a host's arguments to the arrays, numbers and texts that the library takes. What cannot be taken is refused by name,
-before anything is sent."""
+before anything is sent; the values of columns are the server's to refuse."""
 import difflib
 import operator
 import os
@@ -79,16 +79,6 @@ def fill(rows, name, value):
             "Pass one value per node of the step, in the order of its rows.", name)
 
 
-def check_finite(rows, name, nodes):
-    """Raises ContentError, which names the first node at fault, if a value of `rows`, of shape (components, N), is not
-    finite."""
-    finite = numpy.isfinite(rows)
-    if not finite.all():
-        row, component = numpy.argwhere(~finite.T)[0]
-        raise ContentError(Code.INVALID_VALUE, f"{name} of node {nodes[row]} is {rows[component, row]}",
-                           "Every value must be finite.", name, map(int, nodes[~finite.all(axis=0)][:16]))
-
-
 def pairs_of(pair, count):
     """Returns (names, places) of the pairs of `count` nodes: a name for all, or a list of one name per node; ([], None)
     for None."""
@@ -111,7 +101,6 @@ def given_nodes(ids, initial_temperature=None, pair=None, parameters=None):
     frame = numpy.empty((len(columns), len(ids)))
     for row, (name, values) in enumerate(columns.items()):
         fill(frame[row:row + 1], name, values)
-        check_finite(frame[row:row + 1], name, ids)
     at = [_library.address(row) for row in frame]
     first = initial_temperature is not None
     places = numpy.array([] if places is None else places, numpy.uint64)

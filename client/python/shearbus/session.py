@@ -377,7 +377,7 @@ class Session:
             rows = self.nodes if nodes is None else node_ids(nodes)
             if plan.count != rows.size:
                 plan.fit(rows.size)
-            kept = plan.take(values, rows)
+            kept = plan.take(values)
             plan.request.dt_s = dt if type(dt) is float else number("dt", dt)
             if options is not plan.said:
                 plan.said = None
@@ -492,7 +492,6 @@ class Session:
         if pressure is not None:
             at = numpy.empty((1, named.size))
             _values.fill(at, "pressure", pressure)
-            _values.check_finite(at, "pressure", named)
         widths = {number: self.components if BY_NUMBER[number].tangential else 1 for number in PROFILE}
         while True:
             room, vertices = self._vertices, _library.Size(self._vertices)
