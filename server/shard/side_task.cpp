@@ -3,10 +3,12 @@
 #include <exception>
 #include <utility>
 
+#include "proto/wire/host_process.hpp"
+
 namespace shearbus::shard {
 
 SideTask::SideTask(std::function<void()> body, std::function<void()> wake)
-    : wake_(std::move(wake)), thread_([this, body = std::move(body)] { run(body); }) {}
+    : wake_(std::move(wake)), thread_(wire::own_thread([this, body = std::move(body)] { run(body); })) {}
 
 SideTask::~SideTask() {
   {
