@@ -225,6 +225,27 @@ class Report(unittest.TestCase):
         self.assertTrue(numpy.isnan(found.drawn("sliding_velocity")[is_open]).all())
         self.assertTrue(numpy.isfinite(found.drawn("sliding_velocity")[~is_open]).all())
 
+    def test_leaders_cross_no_label_and_legends_have_no_lonely_row(self):
+        import plot_cone
+        import style
+
+        figure, axis = style.figure(1, 1, (5.5, 4.2), legend=True)
+        heights = {"free slip": 552.0, "Coulomb–Tresca (DLP 5)": 550.0, "subgrid server": 548.0, "stick": 400.0}
+        for height in heights.values():
+            axis.plot([0, 1], [0, height])
+        axis.set_xlim(0, 1)
+        style.legend_below(figure, style.regime_handles(range(4)))
+        self.assertEqual(figure.legends[0]._ncols, 2)
+        figure.canvas.draw()
+        style.label_ends(axis, [(1.0, height, label, style.INK) for label, height in heights.items()])
+        figure.canvas.draw()
+        left = min(style.plt.Text.get_window_extent(text).x0 for text in axis.texts)  # of an annotation it has the leader, too
+        for text in axis.texts:
+            leader = text.arrow_patch.get_path().transformed(text.arrow_patch.get_transform()).vertices
+            self.assertLessEqual(leader[:, 0].max(), left)
+        style.plt.close(figure)
+        self.assertNotEqual(plot_cone.ISOLINES, plot_cone.FRONT["color"])
+
     def test_a_section_without_content_is_left_out(self):
         for name, left_out in (("cone", []), ("column", ["paper"]), ("replay", ["paper", "ledger"])):
             page = self.reports[name].read_text()
