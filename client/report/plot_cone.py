@@ -116,10 +116,10 @@ def displacement(runs):
              ("displacement_one_mm", ":", "over ±1 mm"))
     for run in runs:
         for name, dashes, _ in bands:
-            axis.plot(run.place * 1e3, run[name][-1] * 1e3, dashes, color=style.law_colour(run.law), lw=1.6)
+            axis.plot(run.place * 1e3, run[name][-1] * 1e3, dashes, color=run.colour, lw=1.6)
     axis.set(xlabel=NODES.format(runs[0].place_name), ylabel="distance at the end (mm)", ylim=(0, None))
     axis.grid()
-    style.legend_below(figure, [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label) for run in runs] +
+    style.legend_below(figure, [Line2D([], [], color=run.colour, lw=1.8, label=run.label) for run in runs] +
                        [Line2D([], [], color=style.FAINT, ls=dashes, lw=1.8, label=label) for _, dashes, label in bands])
     return figure
 
