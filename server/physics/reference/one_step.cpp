@@ -82,7 +82,7 @@ struct OneStep {
   }
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }
   // An interface that sticks at the end of the step has slipped by what stops in it.
-  Load stuck(double a) const { return {a, forced ? std::max(0.0, mean(a) - end(a)) : 0.0, std::max(0.0, end(a))}; }
+  Load stuck(double a) const { return slipping(a, forced ? std::max(0.0, mean(a) - end(a)) : 0.0); }
   Load slipping(double a, double v) const { return {a, v, std::max(0.0, mean(a) - v)}; }
 
   // Friction heat at z = 0  [W/m2]. Velocity-driven the whole imposed jump heats, DLP (18), as `heat` distributes it.
