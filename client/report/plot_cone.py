@@ -111,9 +111,9 @@ def shape_and_flank(runs):
 
 def displacement(runs):
     """Draws, along the flank, how far each run slipped and how far metal moved against metal over bands around it."""
-    figure, axis = style.figure(1, 1, (7.5, 4.2), legend=True)
-    bands = (("slip_distance", "-", "slip of the interface"), ("displacement_half_mm", "--", "metal against metal over ±0.5 mm"),
-             ("displacement_one_mm", ":", "over ±1 mm"))
+    figure, axis = style.figure(1, 1, (9.5, 4.4), legend=True)
+    bands = (("slip_distance", "-", "slip of the interface"), ("displacement_half_mm", "--", "metal over ±0.5 mm"),
+             ("displacement_one_mm", ":", "metal over ±1 mm"))
     for run in runs:
         for name, dashes, _ in bands:
             axis.plot(run.place * 1e3, run[name][-1] * 1e3, dashes, color=run.colour, lw=1.6)
