@@ -278,6 +278,11 @@ class Histories(Files):
         run = made(lambda f: f.create_dataset("pressure", data=whole, compression="gzip", shuffle=True, chunks=(2, 2)))
         self.assertEqual(run.returncode, 0, run.stderr)
 
+    def test_names_that_are_nearly_right(self):
+        parts = support.velocity_history()
+        self.write(**(parts | {"pressure": None, "Presure": parts["pressure"]}))
+        self.assert_refused(self.replay(), "/pressure [T,N]", 'did you mean pressure by "Presure"?', "node_id")
+
     def test_pipes_and_devices_hang_nothing(self):
         self.write(**support.velocity_history())
         fifo = self.path / "fifo"
