@@ -144,7 +144,7 @@ class TwoRuns(Files):
     def test_of_two_replays_to_one_file_each_success_is_true(self):
         for delay in (0.0, 0.05, 0.2):
             names = ("a.h5", "b.h5")
-            for name, steps in zip(names, (3000, 2000)):
+            for name, steps in zip(names, (60000, 40000)):
                 self.history = self.path / name
                 self.write(**support.velocity_history(steps=steps))
             runs = {}
