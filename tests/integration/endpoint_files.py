@@ -118,7 +118,7 @@ class EndpointFiles(unittest.TestCase):
 
     def test_a_file_that_cannot_be_written_ends_the_server_with_the_reason(self):
         self.assertIn("absent/file: there is no directory", self.ended(self.serve(file=self.path / "absent/file"), 1))
-        self.assertIn("cannot be written", self.ended(self.serve(file=self.path / "servers"), 1))
+        self.assertIn("is a directory", self.ended(self.serve(file=self.path / "servers"), 1))
         self.assertIn("a character that an endpoint file cannot hold", self.ended(self.serve(bind=f'ipc://{self.path}/a"b/s'), 1))
 
     def test_whoever_waits_is_told_of_an_absent_incomplete_or_stale_file(self):

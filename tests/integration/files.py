@@ -144,7 +144,7 @@ class TwoRuns(Files):
     def test_of_two_replays_to_one_file_each_success_is_true(self):
         for delay in (0.0, 0.05, 0.2):
             names = ("a.h5", "b.h5")
-            for name, steps in zip(names, (3000, 2000)):
+            for name, steps in zip(names, (60000, 40000)):
                 self.history = self.path / name
                 self.write(**support.velocity_history(steps=steps))
             runs = {}
@@ -171,7 +171,8 @@ class TwoRuns(Files):
             time.sleep(0.01)
         second = self.run_program("hydro", scene, "--interface-law", "free_slip", "--out", out, "--no-plot")
         self.assertIsNone(first.poll())
-        self.assert_refused(second, "another run writes here")
+        self.assertEqual(second.returncode, 1, second.stderr)
+        self.assertIn("another run writes here", second.stderr)
         first.kill()
         first.wait()
         short = self.run_program("hydro", PROBLEMS / "sliding_to_a_stop.toml", "--out", out, "--no-plot")
@@ -277,6 +278,11 @@ class Histories(Files):
         self.assert_refused(made(lambda f: f.create_dataset("pressure", data=whole, compression="lzf")), "LZF", "h5repack", "gzip")
         run = made(lambda f: f.create_dataset("pressure", data=whole, compression="gzip", shuffle=True, chunks=(2, 2)))
         self.assertEqual(run.returncode, 0, run.stderr)
+
+    def test_names_that_are_nearly_right(self):
+        parts = support.velocity_history()
+        self.write(**(parts | {"pressure": None, "Presure": parts["pressure"]}))
+        self.assert_refused(self.replay(), "/pressure [T,N]", 'did you mean pressure by "Presure"?', "node_id")
 
     def test_pipes_and_devices_hang_nothing(self):
         self.write(**support.velocity_history())

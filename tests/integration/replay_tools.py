@@ -165,7 +165,7 @@ class Tables(Tool):
             ("", ("holds no table",)),
             ("1,2,3\n", ("the first line has no names", "--columns")),
             ("time [us];pressure [GPa];velocity_jump [m/s]\n0;1.000,5;1\n", ('"1.000,5"',)),
-            ("time [us],node,pressure [GPa],velocity_jump [m/s]\n0,1,1,1\n0,2,1,1\n1,1,1,1\n", ("rows of some nodes only",)),
+            ("time [us],node,pressure [GPa],velocity_jump [m/s]\n0,1,1,1\n0,2,1,1\n1,1,1,1\n", ("line 4",)),
         ):
             run = self.tool(self.csv(text), "--scene", GRADED, "--out", self.out, "--points", code=1)
             for word in words:
