@@ -780,7 +780,7 @@ class Processes(Live):
                 os.close(writing)
                 begun = time.monotonic()
                 with open(reading) as told:
-                    self.assertIn("belongs to the process that opened it", os.read(told.fileno(), 1000).decode())
+                    self.assertIn("OTHER_PROCESS: this session belongs to process", os.read(told.fileno(), 1000).decode())
                 bus.step(1e-9, **self.STEP)
                 bus.close()
                 self.assertLess(time.monotonic() - begun, 2.5)
@@ -789,13 +789,13 @@ class Processes(Live):
 
     def test_a_second_thread_is_refused_at_once(self):
         server = self.durable()
-        bus, told = self.open(endpoint=server.endpoint), []
+        bus = self.open(endpoint=server.endpoint)
         server.process.send_signal(signal.SIGSTOP)
         thread = threading.Thread(target=bus.step, args=(1e-9,), kwargs=self.STEP)
         thread.start()
         time.sleep(0.2)
         for call in (lambda: bus.step(1e-9, **self.STEP), bus.rollback, bus.close):
-            with self.assertRaisesRegex(shearbus.SessionError, "another thread is in a call"):
+            with self.assertRaisesRegex(shearbus.SessionError, "IN_USE: another thread is inside a call"):
                 call()
         server.process.send_signal(signal.SIGCONT)
         thread.join()

@@ -37,7 +37,6 @@ TICKET = re.compile("[0-9a-f]{32}:[0-9a-f]{32}")
 IN_DOUBT = (Code.UNKNOWN_OUTCOME, Code.NO_MEMORY)
 
 _doubted = {}  # an opening whose outcome is unknown: its contents -> handle and host
-_sessions = weakref.WeakSet()
 
 
 def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None, parameters=None, domain="", want=(),
@@ -189,14 +188,13 @@ class Session:
     restart until their deadline."""
 
     def __init__(self, handle, host, options, want, record):
-        self._handle, self._host, self._forked, self._totals = handle.value, host, False, None
+        self._handle, self._host, self._totals = handle.value, host, None
         self._library = _library.library()
         self._step_call = self._library.shearbus_step
         self._status = _library.Status()
         self._by_status = ctypes.byref(self._status)
         self._turn = threading.Lock()
         self._end = weakref.finalize(self, _leave, handle, host)
-        _sessions.add(self)
         self._endpoint = os.environ.get("SHEARBUS_ENDPOINT") or (options.endpoint or b"").decode()
         self._reply_deadline = options.reply_deadline_s or 60.0
         self._plans, self._vertices, self._transfer_in_doubt = {}, 0, None
@@ -268,16 +266,13 @@ class Session:
     # -- calls of the library --
 
     def _begin(self):
-        """Takes the turn of a call, which must end with self._turn.release()."""
+        """Takes the turn of a call, which must end with self._turn.release(): the library refuses a second thread, but not
+        before that has changed what the two share here."""
         if not self._turn.acquire(False):
-            raise SessionError(Code.LIBRARY_FAULT, "another thread is in a call on this session, which belongs to one thread at a "
-                               "time", "Open a session per thread, or hold a lock during a call.")
+            raise SessionError(Code.IN_USE, "another thread is inside a call on this session",
+                               "Make one call at a time on a session: guard it with a lock, or open a session per thread.")
         if self._handle is None:
             self._turn.release()
-            if self._forked:
-                raise SessionError(Code.UNKNOWN_SESSION, "this session belongs to the process that opened it, and this one was forked "
-                                   "from that", "Open a session here, or pass Session.ticket and the nodes of a step between "
-                                   "processes.")
             raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
 
     def _call(self, name, *arguments):
@@ -559,7 +554,7 @@ class Session:
         """Closes the session, frees its states and ends a server in this process. Returns the session's totals: requests,
         node_steps, solver_ns, asleep_node_steps; of a closed session those of its end. After an error the session is still
         this client's: call close() again, or leave()."""
-        if self._handle is None and not self._forked:
+        if self._handle is None:
             return self._totals
         totals = _library.Totals()
         try:
@@ -604,8 +599,6 @@ class Session:
                         "after leave() the other process continues it by shearbus.resume(ticket, endpoint)")
 
     def _state(self):
-        if self._forked:
-            return "of another process"
         return "closed" if self._handle is None else f"{self.nodes.size} nodes"
 
     def __repr__(self):
@@ -624,14 +617,3 @@ class Session:
 def _leave(handle, host):
     """Frees a handle. host: lives as long as the handle."""
     _library.library().shearbus_leave(ctypes.byref(handle))
-
-
-def _forked():
-    """Forgets what belongs to the parent of a forked process: its connections do not work here."""
-    for session in _sessions:
-        session._end.detach()
-        session._handle, session._forked, session._turn = None, True, threading.Lock()
-    _doubted.clear()
-
-
-os.register_at_fork(after_in_child=_forked)
