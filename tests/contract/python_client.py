@@ -764,6 +764,22 @@ class Processes(Live):
                                     f"bus.step(1e-9, jump=1.0, pressure=1e9); print('end', flush=True); {ending}", VELOCITY_DRIVEN)
             self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "end\n", ""))
 
+    def test_a_process_ends_while_a_daemon_thread_waits_in_a_call(self):
+        server = self.durable()
+        begin = "import shearbus, sys, threading, time; bus = shearbus.open(sys.argv[1], [1], sys.argv[2]); print(1, flush=True); sys.stdin.readline(); "
+        calls = {"a step": "bus.step(1e-9, jump=1.0, pressure=1e9)", "an opening": "shearbus.open(sys.argv[1], [2], sys.argv[2])"}
+        for name, call in calls.items():
+            program = begin + f"threading.Thread(target=lambda: {call}, daemon=True).start(); time.sleep(0.3)"
+            host = subprocess.Popen([sys.executable, "-B", "-W", "ignore", "-c", program, VELOCITY_DRIVEN, server.endpoint], stdin=subprocess.PIPE,
+                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                    env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+            host.stdout.readline()
+            server.process.send_signal(signal.SIGSTOP)
+            _, said = host.communicate("\n", timeout=60)
+            server.process.send_signal(signal.SIGCONT)
+            self.assertEqual(host.returncode, 0, (name, said))
+            self.assertNotIn("FATAL", said)
+
     def test_a_forked_child_is_told_and_does_not_keep_the_parent(self):
         for endpoint in (None, OPTIONS.endpoint):
             with shearbus.open(VELOCITY_DRIVEN, nodes=NODES, endpoint=endpoint) as bus:

@@ -6,7 +6,6 @@ import dataclasses
 import inspect
 import os
 import re
-import threading
 import types
 import weakref
 
@@ -93,8 +92,9 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     handle, host = _doubted.pop(contents, None) or (_library.Address(), _library.Host())
     host.give_to(options)
     status = _library.Status()
-    code = _library.library().shearbus_open_nodes(ctypes.byref(handle), ctypes.byref(options), ctypes.byref(given),
-                                                  ctypes.byref(status))
+    with host.turn:
+        code = _library.library().shearbus_open_nodes(ctypes.byref(handle), ctypes.byref(options), ctypes.byref(given),
+                                                      ctypes.byref(status))
     if code in IN_DOUBT and handle:  # the same arguments again are the same session, opened once
         _doubted[contents] = handle, host
     host.after_call(opening=True)
@@ -125,8 +125,9 @@ def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, wan
     options = _options(endpoint, closure, options)
     handle, host, status = _library.Address(), _library.Host(), _library.Status()
     host.give_to(options)
-    code = _library.library().shearbus_resume_nodes(ctypes.byref(handle), ctypes.byref(options), ticket.encode(),
-                                                    ctypes.byref(given), ctypes.byref(status))
+    with host.turn:
+        code = _library.library().shearbus_resume_nodes(ctypes.byref(handle), ctypes.byref(options), ticket.encode(),
+                                                        ctypes.byref(given), ctypes.byref(status))
     host.after_call(opening=True)
     if code:
         raise _library.fault_of(status)
@@ -193,7 +194,7 @@ class Session:
         self._step_call = self._library.shearbus_step
         self._status = _library.Status()
         self._by_status = ctypes.byref(self._status)
-        self._turn = threading.Lock()
+        self._turn = host.turn
         self._end = weakref.finalize(self, _leave, handle, host)
         self._endpoint = os.environ.get("SHEARBUS_ENDPOINT") or (options.endpoint or b"").decode()
         self._reply_deadline = options.reply_deadline_s or 60.0
