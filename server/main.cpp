@@ -172,6 +172,12 @@ spdlog::level::level_enum level_of(const std::string& line) {
   return line.starts_with("FAILED: ") ? spdlog::level::err : spdlog::level::info;
 }
 
+// A line of the log, whatever names of strangers it quotes.
+std::string log_line(const std::string& line) {
+  constexpr std::size_t kLongest = std::size_t{16} << 10;
+  return shearbus::wire::printable(line, kLongest);
+}
+
 void start_log(const ServerOptions& options) {
   spdlog::sink_ptr sink;
   if (options.log_file.empty()) {
@@ -255,8 +261,8 @@ int run(const ServerOptions& options) {
       options.record_dir.empty() ? "none" : options.record_dir, options.log_level);
   bool sessions_open = false;
   {
-    Server server(options, {.info = [](const std::string& line) { spdlog::log(level_of(line), "{}", line); },
-                            .debug = [](const std::string& line) { spdlog::debug("{}", line); }});
+    Server server(options, {.info = [](const std::string& line) { spdlog::log(level_of(line), "{}", log_line(line)); },
+                            .debug = [](const std::string& line) { spdlog::debug("{}", log_line(line)); }});
     if (!options.curve_secret.empty())
       spdlog::info("clients by tcp need this server key: {}", server.access().public_key());
     if (options.insecure_plaintext)
@@ -312,7 +318,7 @@ int main(int argc, char** argv) {
   try {
     return run(options);
   } catch (const std::exception& fault) {
-    shearbus::wire::complain(fmt::format("shearbus-server: {}", fault.what()));
+    shearbus::wire::complain("shearbus-server", fault);
     return kExitFault;
   }
 }

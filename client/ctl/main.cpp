@@ -128,12 +128,12 @@ void check(const Options& options) {
   shearbus::Session session = client.open(text, file, node);
   fmt::print("{}", session.effective_scene());
   for (const std::string& warning : session.warnings())
-    fmt::print(stderr, "{}: {}\n", file, shearbus::wire::labelled(warning));
-  fmt::print(stderr, "{}: valid{}; {} bytes of state per node\n", file, left_out ? " without its table [hydro]" : "",
-             session.bytes_per_node());
+    shearbus::wire::complain(fmt::format("{}: {}", file, shearbus::wire::labelled(warning)));
+  shearbus::wire::complain(fmt::format("{}: valid{}; {} bytes of state per node", file,
+                                       left_out ? " without its table [hydro]" : "", session.bytes_per_node()));
   if (left_out)
-    fmt::print(stderr, "{}: not checked: [hydro], which shearbus-hydro alone reads: shearbus-hydro {} --check\n", file,
-               file);
+    shearbus::wire::complain(fmt::format(
+        "{}: not checked: [hydro], which shearbus-hydro alone reads: shearbus-hydro {} --check", file, file));
   session.close();
 }
 
@@ -271,7 +271,8 @@ class Commands {
   void add_status() {
     CLI::App* command = with_server(add("status", "What a server holds and has done", [this] {
       if (!options_.all.empty()) return ctl::show_all(options_.all, options_.json, status_of()) ? 0 : kExitFault;
-      ctl::show_status(connect(options_).server_status(), options_.json);
+      Client client = connect(options_);
+      ctl::show_status(ctl::told_by(client), options_.json);
       return 0;
     }));
     command->add_flag("--json", options_.json, "As one line of JSON for each server");
@@ -294,7 +295,8 @@ class Commands {
     return [options = options_](const std::string& endpoint) {
       Options one = options;
       one.server = endpoint;
-      return connect(one).server_status();
+      Client client = connect(one);
+      return ctl::told_by(client);
     };
   }
 
@@ -325,7 +327,8 @@ class Commands {
   void add_metrics() {
     CLI::App* command = with_server(add("metrics", "The same and histograms, as Prometheus' text", [this] {
       if (options_.listen.empty()) {
-        fmt::print("{}", ctl::prometheus_text(connect(options_).server_status()));
+        Client client = connect(options_);
+        fmt::print("{}", ctl::prometheus_text(ctl::told_by(client)));
         return 0;
       }
       ctl::serve_metrics(
@@ -459,9 +462,12 @@ int main(int argc, char** argv) {
   } catch (const shearbus::Error& fault) {
     // For a scene at fault the text is a list of lines "file:line:column: ...", which is printed without a prefix.
     const bool scene = fault.status().code == shearbus::Code::kInvalidScene;
-    shearbus::wire::complain(scene ? fault.status().text : "shearbus-ctl: " + describe(fault.status()));
+    if (scene)
+      shearbus::wire::complain(fault.status().text);
+    else
+      shearbus::wire::complain("shearbus-ctl", fault);
   } catch (const std::exception& fault) {
-    shearbus::wire::complain(std::string("shearbus-ctl: ") + fault.what());
+    shearbus::wire::complain("shearbus-ctl", fault);
   }
   return commands.exit_code_of_trouble();
 }

@@ -17,7 +17,9 @@
 #include "client/replay/csv_writer.hpp"
 #include "client/replay/log.hpp"
 #include "client/replay/log_export.hpp"
+#include "client/replay/tally.hpp"
 #include "client/src/connection.hpp"
+#include "client/src/input_check.hpp"
 #include "client/src/session.hpp"
 #include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
@@ -143,6 +145,7 @@ struct Replayed {
   NodeOrder order;
   std::uint64_t steps = 0;
   std::string scene;  // text with which the session was opened again
+  InputCheck inputs;
 };
 
 class LogReplay {
@@ -177,6 +180,7 @@ class LogReplay {
       if (difference_) break;
       next->more = next->log.next();
     }
+    for (const auto& session : sessions) warn(*session, session->inputs.end());
     const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
     peer_.reset();  // closes the recording
     if (!difference_ && !record.empty()) finish_out(record);
@@ -324,11 +328,19 @@ class LogReplay {
       status.text = fmt::format("{}, {}: {}", log.name(), place, status.text);
       throw Error(status);
     }
+    if (const auto* step = std::get_if<wire::Downscale>(&request.body); step != nullptr && reply.status.ok()) {
+      warn(session, session.inputs.add(request.batch, step->dt_s));
+      ranges_.add(request.batch, step->dt_s);
+    }
     if (reply.status.ok()) ++session.sequence;
     session.order.follow(log.request(), log.reply());
     if (std::holds_alternative<wire::Downscale>(log.request().body)) ++session.steps;
     ++exchanges_;
     if (!branched_ && log.index() == branch_at_) branch(session);
+  }
+
+  static void warn(const Replayed& session, const std::vector<std::string>& warnings) {
+    for (const std::string& warning : warnings) complain(fmt::format("warning: {}: {}", session.log.name(), warning));
   }
 
   void branch(const Replayed& session) {
@@ -365,6 +377,7 @@ class LogReplay {
     const double solver = 1e-9 * static_cast<double>(solver_ns_);
     fmt::print("  sessions                    {}\n", sessions.size());
     fmt::print("  requests                    {}, {} of them steps, {} node-steps\n", exchanges_, steps, node_steps_);
+    if (ranges_.dt.lowest <= ranges_.dt.highest) fmt::print("{}", ranges_.text());
     if (left_out > 0)
       fmt::print("  not repeated                {} refusals that the server or the network explain\n", left_out);
     fmt::print("  run time                    {:.3f} s, solver {:.3f} s\n", seconds, solver);
@@ -386,6 +399,7 @@ class LogReplay {
   std::array<std::uint8_t, 16> salt_ = random_bytes();
   std::map<std::string, std::string> domains_;
   std::optional<std::string> difference_;
+  InputRanges ranges_;
   std::uint64_t exchanges_ = 0, node_steps_ = 0, solver_ns_ = 0;
 };
 

@@ -22,6 +22,7 @@
 #include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/profile_record.hpp"
+#include "proto/wire/program.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/recording.hpp"
 #include "proto/wire/text.hpp"
@@ -31,6 +32,13 @@
 
 namespace shearbus::replay {
 namespace {
+
+constexpr std::size_t kLongestShown = 4096;
+
+// The name of a file, for a terminal.
+std::string shown(const std::filesystem::path& file) {
+  return wire::printable(file.string(), kLongestShown);
+}
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
@@ -200,13 +208,14 @@ struct ReplaySummary {
 };
 
 void print_summary(const ReplaySummary& run) {
-  fmt::print("{}: {}\n", run.options.history.string(), run.extent);
-  fmt::print("  scene                       {} ({})\n", run.scene_name, run.options.scene.string());
+  fmt::print("{}: {}\n", shown(run.options.history), run.extent);
+  fmt::print("  scene                       {} ({})\n", run.scene_name, shown(run.options.scene));
   fmt::print("  velocity jump               {}\n", run.input.jump_origin());
-  for (const std::string& note : run.input.notes()) fmt::print("  note                        {}\n", note);
+  for (const std::string& note : run.input.notes())
+    fmt::print("  note                        {}\n", wire::printable(note, kLongestShown));
   fmt::print("{}", run.tally.text(run.time));
   for (const auto& [label, value] : run.omitted.lines()) fmt::print("  {:<28}{}\n", label, value);
-  fmt::print("  result                      {}{}\n", run.options.out.string(), run.replaced ? " (replaced)" : "");
+  fmt::print("  result                      {}{}\n", shown(run.options.out), run.replaced ? " (replaced)" : "");
 }
 
 }  // namespace
@@ -236,13 +245,13 @@ void run(const Options& options) {
   if (options.check) input.check_all_rows();
   session.want_energy_ledger();
   for (const std::string& warning : session.warnings())
-    fmt::print(stderr, "shearbus-replay: {}\n", wire::labelled(warning));
+    wire::complain(fmt::format("shearbus-replay: {}", wire::labelled(warning)));
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),
                   history.start_time_s(), history.times_s().back());
   if (options.check) {
     session.close();
-    fmt::print("{} fits {}: {}\n", options.history.string(), options.scene.string(), extent);
+    fmt::print("{} fits {}: {}\n", shown(options.history), shown(options.scene), extent);
     return;
   }
 

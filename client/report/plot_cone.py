@@ -17,6 +17,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
+from printable import complain, printable
 from runs import Fault, read, style_text
 
 NODES = "interface node: its {} at the start (mm)"
@@ -278,11 +279,11 @@ def main():
         if flat := [run for run in runs if not run.two_dimensions]:
             raise Fault(f"{flat[0].path}: expected a run in two dimensions")
     except Fault as fault:
-        print(f"plot_cone.py: {fault}", file=sys.stderr)
+        complain("plot_cone.py", fault)
         return 1
     for name, figure in pictures(runs):
         style.save(figure, options.out / name, style_text(*runs))
-        print(f"  picture                 {options.out / name}")
+        print(f"  picture                 {printable(options.out / name)}")
     return 0
 
 

@@ -18,6 +18,7 @@ import style
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from plot_history import regime_band
+from printable import complain, printable
 from runs import Fault, read, style_text
 from scipy.special import erfc
 
@@ -131,10 +132,10 @@ def main():
             raise Fault(f"{flat[0].path}: expected a run of cone_target")
         figure = overview(runs, options.time)
     except Fault as fault:
-        print(f"plot_overview.py: {fault}", file=sys.stderr)
+        complain("plot_overview.py", fault)
         return 1
     style.save(figure, options.out, style_text(*runs))
-    print(f"  picture                 {options.out}")
+    print(f"  picture                 {printable(options.out)}")
     return 0
 
 

@@ -11,6 +11,8 @@ import shlex
 import subprocess
 import sys
 
+from printable import complain, printable
+
 
 EPILOG = """Examples:
   shearbus-report out/cone_al_steel-subgrid out/cone_al_steel-coulomb_tresca -o cone.html
@@ -80,7 +82,7 @@ def main(version, programs):
         page = template.render(sections.report(options.runs, options.figures, pathlib.Path(programs) / "shearbus-ctl", shlex.join(["shearbus-report", *sys.argv[1:]]), options.out))
         output.write(options.out, output.PAGE, page.encode("utf-8"), options.runs)
     except (runs.Fault, OSError) as fault:
-        print(f"shearbus-report: {' '.join(str(fault).split())}", file=sys.stderr)
+        complain("shearbus-report", " ".join(str(fault).split()))
         return 1
-    print(f"  report                  {options.out}")
+    print(f"  report                  {printable(options.out)}")
     return 0

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -133,12 +134,23 @@ std::string environment(const char* name) {
   return std::string(text_or(::secure_getenv(name)));  // NOLINT(concurrency-mt-unsafe)
 }
 
+constexpr std::size_t kLongestName = 1024;  // of a file, in a message
+
 // Writes log lines of a session to the host's callback and to the file that SHEARBUS_LOG names.
 class LineLog {
  public:
   LineLog() = default;
   LineLog(shearbus_log_fn function, void* user, std::string file)
-      : function_(function), user_(user), file_(std::move(file)) {}
+      : function_(function), user_(user), file_(std::move(file)) {
+    if (file_.empty() || file_ == "stderr") return;
+    if (std::FILE* opened = std::fopen(file_.c_str(), "ae")) {
+      static_cast<void>(std::fclose(opened));
+      return;
+    }
+    fmt::print(stderr, "shearbus: SHEARBUS_LOG: {} cannot be opened: {}; it gets no lines\n",
+               wire::printable(file_, kLongestName), std::strerror(errno));  // NOLINT(concurrency-mt-unsafe)
+    file_.clear();
+  }
 
   bool wanted() const { return function_ != nullptr || !file_.empty(); }
   void operator()(const std::string& line) const {
@@ -184,7 +196,7 @@ CheckClosure check_of(int option) {
     case SHEARBUS_CHECK_ERROR:
       return CheckClosure::kError;
     default:
-      refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0, 1 or 2", option),
+      refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0 (warn), 1 (off) or 2 (error)", option),
              "Use 'warn', 'off' or 'error' (in C and C++ SHEARBUS_CHECK_WARN, SHEARBUS_CHECK_OFF or "
              "SHEARBUS_CHECK_ERROR).",
              "check_closure");
@@ -474,9 +486,11 @@ bool contains(std::span<const Field> fields, Field field) {
 
 // Refuses values that overlap, as those of a stride that was meant in elements.
 void check_stride(std::uint32_t field, std::uint32_t component, std::ptrdiff_t stride_bytes) {
+  constexpr std::ptrdiff_t kLargestElement = sizeof(double);
+  if (stride_bytes == 0 || stride_bytes >= kLargestElement || stride_bytes <= -kLargestElement) return;
   const std::ptrdiff_t element =
-      wire::element_of(static_cast<Field>(field)) == wire::Element::kUint8 ? 1 : std::ptrdiff_t{sizeof(double)};
-  if (stride_bytes == 0 || stride_bytes >= element || stride_bytes <= -element) return;
+      wire::element_of(static_cast<Field>(field)) == wire::Element::kUint8 ? 1 : kLargestElement;
+  if (stride_bytes >= element || stride_bytes <= -element) return;
   const std::string name = column_name(field, component);
   refuse(Code::kInvalidValue,
          fmt::format("{}: stride_bytes is {}, expected 0 or at least {}, the size of a value, in bytes", name,

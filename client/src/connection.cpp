@@ -19,10 +19,12 @@
 #include <vector>
 #include <zmq.hpp>
 
+#include "client/src/host_name.hpp"
 #include "proto/wire/codec.hpp"
 #include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/host_process.hpp"
 #include "proto/wire/key_file.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus {
 namespace {
@@ -197,7 +199,8 @@ bool SocketConnection::by_file() const {
 // listen elsewhere. Returns false, with the fault in file_fault_ or refusal_, if the file cannot be used.
 bool SocketConnection::find_server() {
   server_ = {.endpoint = options().endpoint, .server_key = options().server_key, .secret_key = options().secret_key};
-  where_ = options().endpoint;
+  constexpr std::size_t kLongestShown = 1024;
+  where_ = wire::printable(options().endpoint, kLongestShown);
   if (!by_file()) return true;
   wire::EndpointFile file;
   try {
@@ -613,12 +616,18 @@ void SocketConnection::give_up(bool sent, Clock::duration waited) const {
          .text = fmt::format("the server at {} has stopped answering; it was waited for {:.1f} s", where_, seconds),
          .remedy = "Has it been stopped, or its machine? Sessions of a server with --state-dir continue when "
                    "it is started again."});
-  if (!sent)
+  if (!sent) {
+    if (const std::string fault = fault_of_host_name(server_.endpoint); !fault.empty())
+      throw Error({.code = Code::kUnreachable,
+                   .text = fmt::format("no server was found at {} within {:.1f} s: {}", where_, seconds, fault),
+                   .remedy = "Write the address of the server's machine, or a name that \"getent ahostsv4 NAME\" knows "
+                             "here."});
     throw Error({.code = Code::kUnreachable,
                  .text = fmt::format("no server answered at {} within {:.1f} s", where_, seconds),
                  .remedy = by_file()
                                ? "A server that is killed leaves its file behind: start it again, or remove the file."
                                : fmt::format("Is one running? Start it with: shearbus-server --bind {}", where_)});
+  }
   throw Error({.code = Code::kUnknownOutcome,
                .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run{}{}", where_,
                                    seconds, file_fault_.empty() ? "" : "; ", file_fault_),

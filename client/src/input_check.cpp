@@ -10,18 +10,18 @@
 namespace shearbus {
 namespace {
 
-constexpr double kLongStep = 1e-6;          // a longer first step draws a warning  [s]
-constexpr double kLargeChange = 1e3;        // a larger change of the jump in the first step draws a warning  [m/s]
-constexpr double kSliding = 1.0;            // from this jump on a contact slides  [m/s]
-constexpr double kLowestSliding = 1e6;      // a contact that slides under less pressure draws a warning  [Pa]
-constexpr double kLowest = 1e3;             // a contact under less pressure draws a warning  [Pa]
-constexpr double kNoise = 1e-3;             // up to this a pressure may be a rounding error  [Pa]
-constexpr double kNegative = -1.0;          // a pressure of at most this was meant to be negative  [Pa]
-constexpr double kGrowth = 1.1;             // a pressure that grows by this factor has not settled
-constexpr std::uint64_t kSettled = 10;      // a loading that grows for longer than this is a pressure of its own
-constexpr std::uint64_t kNoContact = 100;   // steps with negative pressures, and none in contact, until a warning
-constexpr std::uint64_t kEveryStep = 1000;  // steps without contact, each of which is looked at
-constexpr std::uint64_t kLookEvery = 16;    // later steps of which one is looked at
+constexpr double kLongStep = 1e-6;         // a longer first step draws a warning  [s]
+constexpr double kLargeChange = 1e3;       // a larger change of the jump in the first step draws a warning  [m/s]
+constexpr double kSliding = 1.0;           // from this jump on a contact slides  [m/s]
+constexpr double kLowestSliding = 1e6;     // a contact that slides under less pressure draws a warning  [Pa]
+constexpr double kLowest = 1e3;            // a contact under less pressure draws a warning  [Pa]
+constexpr double kNoise = 1e-3;            // up to this a pressure may be a rounding error  [Pa]
+constexpr double kNegative = -1.0;         // a pressure of at most this was meant to be negative  [Pa]
+constexpr double kGrowth = 1.1;            // a pressure that grows by this factor has not settled
+constexpr std::uint64_t kSettled = 10;     // a loading that grows for longer than this is a pressure of its own
+constexpr std::uint64_t kNoContact = 100;  // steps with negative pressures, and none in contact, until a warning
+constexpr std::uint64_t kEveryStep = 100;  // first steps, each of which is looked at
+constexpr std::uint64_t kLookEvery = 16;   // later steps of which one is looked at
 
 // What a number would be in the units that hosts use for pressures, where that is a pressure of a shock.
 std::string in_other_units(double value) {
@@ -101,11 +101,7 @@ std::vector<std::string> InputCheck::add(const Batch& request, double dt_s) {
     ++steps_;
     return warnings;
   }
-  double low = pressure[0], high = pressure[0];
-  for (const double value : pressure) {
-    low = value < low ? value : low;
-    high = value > high ? value : high;
-  }
+  const auto [low, high] = std::ranges::minmax(pressure);
   lowest_ = steps_ == 0 ? low : std::min(lowest_, low);
   highest_ = steps_ == 0 ? high : std::max(highest_, high);
   ++steps_;

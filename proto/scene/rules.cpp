@@ -289,8 +289,17 @@ void fill_table(Message& message, const Enclosed* around) {
 
 }  // namespace
 
+Findings::Findings(std::vector<Fault> faults) : faults_(std::move(faults)) {
+  for (const Fault& fault : faults_) at_fault_.insert(fault.path);
+}
+
 bool Findings::sound(std::string_view path) const {
-  return std::none_of(faults_.begin(), faults_.end(), [&](const Fault& fault) { return fault.path == path; });
+  return !at_fault_.contains(path) && (!sound_before_ || sound_before_(path));
+}
+
+void Findings::add(std::string path, std::string text) {
+  at_fault_.insert(path);
+  faults_.push_back({std::move(path), std::move(text), {}});
 }
 
 void check_fields(const Message& root, Findings& findings) {

@@ -314,6 +314,18 @@ class Logs(Tool):
         self.tool("export", self.log, "--out", self.history, "--node", 3)
         self.assertEqual(self.read(self.history)["time"].shape, (1,))
 
+    def test_a_log_has_the_ranges_and_the_warnings_of_a_history(self):
+        with shearbus.open(GRADED, [1, 2], self.server.endpoint) as bus:
+            for _ in range(20):
+                bus.step(1e-9, jump=[50.0, 60.0], pressure=[11.2e3, 5e3])
+        text = self.tool(self.log)
+        self.assertIn("inputs                      P 5000 to 11200 Pa; [V] 50 to 60 m/s; dt 1e-09 s", text)
+        self.assertEqual(text.count("warning: "), 1)
+        self.assertIn("as MPa it would be 11.2 GPa", text)
+        self.log.unlink()
+        self.host()
+        self.assertNotIn("warning: ", self.tool(self.log))
+
     def test_another_scene_gives_another_log_that_stands_for_itself(self):
         self.host()
         other = self.path / "other.log"

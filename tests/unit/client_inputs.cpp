@@ -94,7 +94,8 @@ TEST(InputCheck, NamesAPressureOfTheWrongSign) {
   int said_at = 0;
   for (int step = 1; step <= 400 && said_at == 0; ++step)
     if (!check.add(velocity_driven(step <= 200 ? 0.0 : -11'200.0, 0.0), 1e-9).empty()) said_at = step;
-  EXPECT_EQ(said_at, 300);
+  EXPECT_GE(said_at, 300);
+  EXPECT_LE(said_at, 316) << "one step of 16 is looked at until something happens";
 }
 
 // Bodies that do not meet for long are not looked at in each step, but are once they do.

@@ -71,8 +71,9 @@ wire::Batch named(const Ids& ids) {
 // The text of the scene of one kind of nodes alone.
 std::string scene_alone(const std::string& effective, const Kind& kind) {
   const scene::SceneFile file = scene::parse(effective, "effective");
-  v1::Scene whole = scene::scene_of_pair(
-      file.scene, kind.first == 0 ? v1::Pair() : file.scene.pair(static_cast<int>(kind.first) - 1));
+  v1::Scene whole =
+      scene::scene_of_pair(scene::without_pairs(file.scene),
+                           kind.first == 0 ? v1::Pair() : file.scene.pair(static_cast<int>(kind.first) - 1));
   scene::set_value(whole, kYield, kind.second);
   return scene::to_toml(whole);
 }

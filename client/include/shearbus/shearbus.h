@@ -165,7 +165,7 @@ SHEARBUS_API uint32_t shearbus_field_number(const char* name);
 
 /* Called from inside a call of this library with one line of text, without line end: about the session that was
  * opened, a warning, or, after 2, 4, 8, ... s of waiting, what the call waits for. The callback must not call this
- * library. */
+ * library, and runs in the default floating-point environment. */
 typedef void (*shearbus_log_fn)(void* user, const char* line);
 
 /* Called from inside a call of this library that waits, about ten times a second and after each signal; never within

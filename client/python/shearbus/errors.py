@@ -53,6 +53,10 @@ class Code(enum.IntEnum):
     OTHER_PROCESS = 513
 
 
+# A text may quote what strangers wrote: no command of it reaches a terminal or a log. The ends of lines stay.
+COMMANDS = {code: f"\\x{code:02x}" for code in (*range(10), *range(11, 32), *range(127, 160))}
+
+
 class Error(Exception):
     """A refused or failed call. Nothing was changed, except where the class says otherwise.
 
@@ -61,6 +65,7 @@ class Error(Exception):
 
     def __init__(self, code, text, remedy="", field="", nodes=()):
         self.code = Code(code) if code in Code._value2member_map_ else code
+        text, remedy, field = (part.translate(COMMANDS) for part in (text, remedy, field))
         self.text, self.remedy, self.field = text, remedy, field
         self.nodes = list(nodes)
         name = self.code.name if isinstance(self.code, Code) else str(code)
