@@ -390,12 +390,28 @@ struct shearbus_session {
     client.emplace(std::move(to));
   }
 
-  void opened(Session&& now) {
-    session.emplace(std::move(now));
-    texts = texts_of(*client, *session);
-    resumed = names_of(*session);
-    warnings.clear();
-    for (const std::string& warning : session->warnings()) warnings += warning + '\n';
+  // Adopts a session. Where there is no memory for what it tells, it ends as it began: closed, or left on the server.
+  void opened(Session&& now, bool resuming) {
+    try {
+      SessionTexts told = texts_of(*client, now);
+      ResumedNames names = names_of(now);
+      std::string all = lines(now.warnings());
+      session.emplace(std::move(now));
+      texts = std::move(told);
+      resumed = std::move(names);
+      warnings = std::move(all);
+    } catch (...) {
+      if (resuming) now.leave();
+      throw;
+    }
+    try {
+      tell_opening();
+    } catch (const std::bad_alloc&) {
+      // The session is open, though the lines about it are not written.
+    }
+  }
+
+  void tell_opening() const {
     if (!log.wanted()) {
       for (const std::string& warning : session->warnings())
         if (!warning.starts_with(wire::kNote)) fmt::print(stderr, "shearbus: warning: {}\n", warning);
@@ -750,7 +766,8 @@ int shearbus_open_nodes(shearbus_session** session, const shearbus_options* opti
                                        .idle_limit_s = given.idle_limit_s,
                                        .pairs = std::move(properties.pairs),
                                        .pair = properties.pair,
-                                       .parameters = std::move(properties.parameters)}));
+                                       .parameters = std::move(properties.parameters)}),
+                  false);
   });
 }
 
@@ -767,7 +784,8 @@ int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* op
     const Session::Ticket held = ticket_of(text_or(ticket));
     shearbus_session& handle = handle_for(session, given, call);
     handle.opened(handle.client->resume(
-        held, {.node_ids = values_of(of.node_ids, of.n, "node_ids"), .options = properties_of(of)}));
+                      held, {.node_ids = values_of(of.node_ids, of.n, "node_ids"), .options = properties_of(of)}),
+                  true);
   });
 }
 

@@ -1,4 +1,5 @@
 """libshearbus: where it is, its structs and functions (client/include/shearbus/shearbus.h), and its faults as exceptions."""
+import atexit
 import ctypes
 import functools
 import glob
@@ -7,7 +8,10 @@ import os
 import pathlib
 import re
 import sys
+import threading
+import time
 import warnings
+import weakref
 
 from .columns import COLUMNS
 from .errors import ClosureWarning, Code, LibraryError, error
@@ -17,6 +21,7 @@ VERSION = "0.1.0"
 VARIABLE = "SHEARBUS_LIBRARY"
 PACKAGE = pathlib.Path(__file__).resolve().parent
 REMEDY = (f"Build it (deploy/run), install it (cmake --install build), or name the file in the environment variable {VARIABLE}.")
+ENDING_S = 5.0  # longest time that a call may take to end with the interpreter
 APPENDED = 2**31 - 1  # a place behind all lines of a list
 
 log = logging.getLogger("shearbus")
@@ -126,6 +131,21 @@ def texts(values):
     return (Text * len(values))(*(value.encode() for value in values))
 
 
+_hosts, _ending = weakref.WeakSet(), []
+os.register_at_fork(after_in_child=_hosts.clear)
+
+
+@atexit.register
+def _end_calls():
+    """Ends the calls that wait in daemon threads: without an interpreter they could not call back."""
+    _ending.append(True)
+    until = time.monotonic() + ENDING_S
+    for host in list(_hosts):
+        in_call = host.turn.locked()
+        if host.turn.acquire(timeout=max(0.0, until - time.monotonic())) and not in_call:
+            host.turn.release()  # other turns stay taken, for a daemon thread that makes its call again
+
+
 class Host:
     """What the library calls back while a call waits: it takes the lines that the library says, and ends the call where a
     signal's handler, such as that of Ctrl-C, raises an exception. Neither callback begins in Python code, in whose first
@@ -133,7 +153,8 @@ class Host:
     generator inside of its `try`."""
 
     def __init__(self):
-        self.lines, self.raised = [], []
+        self.lines, self.raised, self.turn = [], [], threading.Lock()  # turn: held during a call
+        _hosts.add(self)
         waiting = self._wait(self.lines, self.raised)
         next(waiting)
         self.log, self.interrupted = Log(self.lines.insert), Interrupted(functools.partial(next, waiting))
@@ -143,7 +164,7 @@ class Host:
         while True:
             try:
                 while True:
-                    yield bool(raised)
+                    yield bool(raised or _ending)
                     for line in [line for line in lines if not line.startswith(b"warning: ")]:
                         lines.remove(line)
                         say(line)

@@ -49,6 +49,8 @@ class Code(enum.IntEnum):
     NOT_CLOSED = 504
     NO_MEMORY = 510
     LIBRARY_FAULT = 511
+    IN_USE = 512
+    OTHER_PROCESS = 513
 
 
 # A text may quote what strangers wrote: no command of it reaches a terminal or a log. The ends of lines stay.
@@ -83,7 +85,8 @@ class WrongValue(MessageError, ValueError):
 
 
 class SessionError(Error):
-    """2xx: the two sides differ about what has happened in the session."""
+    """2xx: the two sides differ about what has happened in the session; or another thread is in a call on it (IN_USE), or it
+    is of the process of which this one is a fork (OTHER_PROCESS)."""
 
 
 class ContentError(Error):
@@ -130,7 +133,7 @@ class SceneWarning(UserWarning):
 _CLASSES = {1: MessageError, 2: SessionError, 3: ContentError, 4: ServerError}
 _CLIENT_SIDE = {
     Code.UNREACHABLE: Unreachable, Code.UNKNOWN_OUTCOME: UnknownOutcome, Code.UNEXPECTED_REPLY: UnexpectedReply,
-    Code.AUTH: AuthError, Code.NOT_CLOSED: ClosureError
+    Code.AUTH: AuthError, Code.NOT_CLOSED: ClosureError, Code.IN_USE: SessionError, Code.OTHER_PROCESS: SessionError
 }
 
 

@@ -6,7 +6,6 @@ import dataclasses
 import inspect
 import os
 import re
-import threading
 import types
 import weakref
 
@@ -37,65 +36,48 @@ TICKET = re.compile("[0-9a-f]{32}:[0-9a-f]{32}")
 IN_DOUBT = (Code.UNKNOWN_OUTCOME, Code.NO_MEMORY)
 
 _doubted = {}  # an opening whose outcome is unknown: its contents -> handle and host
-_sessions = weakref.WeakSet()
 
 
 def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None, parameters=None, domain="", want=(),
-         record=False, closure="warn", idle_limit=0, **options):
+         record=False, closure="warn", idle_limit=0, name="shearbus-python", server_key_file=None, secret_key_file=None,
+         connect_deadline=None, reply_deadline=None, retry_after=None, state_dir=None, threads=None):
     """Opens a session: one shear layer for each node. Returns a Session, which is a context manager.
 
-    scene
-        path of a TOML file, TOML text (anything with a line break), or a dict
-    nodes
-        distinct whole numbers from 0 on; none only in a domain
-    endpoint
-        tcp://host:port, ipc://path, or file://path of a server's endpoint file; several with commas between them, or
-        file://path of a directory of endpoint files, divide the nodes over several servers (proto/WIRE.md, "Several
-        servers"); None: a server in this process, which ends with the session
-    initial_temperature
-        K; a number or an array (N,); None: the scene's
-    pair
-        name of a table [pair.NAME] of the scene for all nodes, or a list of one name per node, "" for the tables outside;
-        None: these for all nodes
-    parameters
-        a dict of number-valued keys of the scene, as "interface.friction_coefficient", with a number or an array (N,)
-        each, by which the nodes differ: an ensemble is one session
-    domain
-        sessions of a domain share their node ids, and nodes move between them
-    want
-        names of columns that every reply shall have in addition ("ledger": the energy ledger)
-    record
-        True: keeps a History
-    closure
-        what a force-driven host meets whose jump is not the jump that its last step answered: "warn" (of the first 100
-        steps, a ClosureWarning), "error" (of any step, a ClosureError before it is sent) or "off", for hosts whose jump
-        has other changes, too, as where an interface turns
-    idle_limit
-        s; the server closes the session after so long without a request; 0: never
-    server_key_file, secret_key_file
-        files of the server's public and the client's secret key, for tcp
-    name
-        for the server's log
-    connect_deadline, reply_deadline, retry_after
-        s; 5, 60 (of every call, retries included), and 5, after which a request is sent again
-    state_dir, threads
-        of the server in this process: directory of states that outlive it, and number of threads that solve layers (1)
+    scene: path of a TOML file, TOML text (anything with a line break), or a dict. nodes: distinct whole numbers from 0
+    on; none only in a domain. endpoint: tcp://host:port, ipc://path, or file://path of a server's endpoint file; several
+    with commas between them, or file://path of a directory of endpoint files, divide the nodes over several servers
+    (proto/WIRE.md, "Several servers"); None is a server in this process, which ends with the session.
+    initial_temperature (K): a number or an array (N,), or None for the scene's. pair: name of a table [pair.NAME] of the
+    scene for all nodes, or a list of one name per node, "" for the tables outside; None takes these for all nodes.
+    parameters: a dict of number-valued keys of the scene, as "interface.friction_coefficient", with a number or an array
+    (N,) each, by which the nodes differ, so that an ensemble is one session. domain: sessions of a domain share their
+    node ids, and nodes move between them. want: names of columns that every reply shall have in addition ("ledger" stands
+    for the energy ledger). record: True keeps a History. closure: what a force-driven host meets whose jump is not the
+    jump that its last step answered: "warn" (of the first 100 steps, a ClosureWarning), "error" (of any step, a
+    ClosureError before it is sent) or "off", for hosts whose jump has other changes, too, as where an interface turns.
+    idle_limit (s): the server closes the session after so long without a request; 0 is never. name: of this host, for the
+    server's log. server_key_file and secret_key_file: files of the server's public and the client's secret key, for tcp.
+    connect_deadline (s): of connecting and the first exchange, 5. reply_deadline (s): of every call, retries included,
+    60. retry_after (s): time after which a request is sent again, 5. state_dir: directory of states that outlive the
+    server in this process. threads: number of threads in it that solve layers, 1.
 
     The environment variables SHEARBUS_ENDPOINT, SHEARBUS_SCENE and SHEARBUS_SECRET_KEY_FILE (paths) replace endpoint,
     scene and key; SHEARBUS_RECORD, a directory or a new file, gets an event log of the session
     (proto/wire/event_log.md). Doubts of the server are a SceneWarning each. Raises an Error."""
     ids = node_ids(nodes)
     given = given_nodes(ids, initial_temperature, pair, parameters)
-    options = _options(endpoint, closure, options, domain=_values.text("domain", domain),
-                       idle_limit_s=count("idle_limit", idle_limit), **scene_of(scene))
+    options = _options(endpoint, closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after,
+                       state_dir, threads, domain=_values.text("domain", domain), idle_limit_s=count("idle_limit", idle_limit),
+                       **scene_of(scene))
     wanted = _words(want)
     contents = (*(getattr(options, name) for name, kind in options._fields_ if kind in (_library.Text, ctypes.c_uint64)),
                 *(array.tobytes() for array in given.kept), str(pair), tuple(parameters or ()))
     handle, host = _doubted.pop(contents, None) or (_library.Address(), _library.Host())
     host.give_to(options)
     status = _library.Status()
-    code = _library.library().shearbus_open_nodes(ctypes.byref(handle), ctypes.byref(options), ctypes.byref(given),
-                                                  ctypes.byref(status))
+    with host.turn:
+        code = _library.library().shearbus_open_nodes(ctypes.byref(handle), ctypes.byref(options), ctypes.byref(given),
+                                                      ctypes.byref(status))
     if code in IN_DOUBT and handle:  # the same arguments again are the same session, opened once
         _doubted[contents] = handle, host
     host.after_call(opening=True)
@@ -107,7 +89,8 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
 
 
 def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, want=(), record=False, closure="warn",
-           **options):
+           name="shearbus-python", server_key_file=None, secret_key_file=None, connect_deadline=None, reply_deadline=None,
+           retry_after=None, state_dir=None, threads=None):
     """Continues the session of a client that has ended. ticket: Session.ticket of that client; the other arguments are
     those of open(). nodes, pair, parameters: what the host takes its nodes for, as in open(); where they are given and not
     those of the session, the call is refused (RESUME_REFUSED) and the session stays as it is. Returns a Session. Raises an
@@ -117,17 +100,19 @@ def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, wan
                            "the ticket is not two times 32 hexadecimal digits with a colon between" +
                            ("" if isinstance(ticket, str) else f"; it is of type {type(ticket).__name__}"),
                            "Pass Session.ticket as it was, a text without a line end.", "ticket")
-    if endpoint is None and not os.environ.get("SHEARBUS_ENDPOINT") and not options.get("state_dir"):
+    if endpoint is None and not os.environ.get("SHEARBUS_ENDPOINT") and state_dir is None:
         raise Unreachable(Code.UNREACHABLE, "a session is resumed where it was opened, and no endpoint was given",
                           "Give endpoint=, or the state_dir= of a server in this process.")
     if nodes is None and (pair is not None or parameters):
         raise MessageError(Code.SHAPE, "pair or parameters without nodes", "Give nodes=, too.", "nodes")
     given = given_nodes(node_ids(() if nodes is None else nodes), None, pair, parameters)
-    options = _options(endpoint, closure, options)
+    options = _options(endpoint, closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after,
+                       state_dir, threads)
     handle, host, status = _library.Address(), _library.Host(), _library.Status()
     host.give_to(options)
-    code = _library.library().shearbus_resume_nodes(ctypes.byref(handle), ctypes.byref(options), ticket.encode(),
-                                                    ctypes.byref(given), ctypes.byref(status))
+    with host.turn:
+        code = _library.library().shearbus_resume_nodes(ctypes.byref(handle), ctypes.byref(options), ticket.encode(),
+                                                        ctypes.byref(given), ctypes.byref(status))
     host.after_call(opening=True)
     if code:
         raise _library.fault_of(status)
@@ -136,23 +121,16 @@ def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, wan
     return session
 
 
-def _options(endpoint, closure, given, **more):
+def _options(endpoint, closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after, state_dir,
+             threads, **more):
     """Returns a shearbus_options of the keywords of open()."""
-    kinds = {"name": _values.text, "server_key_file": _path, "secret_key_file": _path, "state_dir": _path,
-             "connect_deadline": _values.deadline, "reply_deadline": _values.deadline, "retry_after": _values.deadline,
-             "threads": count}
-    for key in given:
-        if key not in kinds:
-            raise WrongType(Code.SHAPE, f"there is no argument {key}{_values.similar(key, kinds)}",
-                            f"The further arguments are {', '.join(kinds)}.", key)
-    members = {key if not key.endswith(("deadline", "after")) else f"{key}_s": kinds[key](key, value)
-               for key, value in given.items() if value is not None}
-    return _library.Options(**{"name": b"shearbus-python", **members}, endpoint=_values.text("endpoint", endpoint),
-                            check_closure=_values.word("closure", closure, CHECKS), **more)
-
-
-def _path(name, value):
-    return _values.text(name, value, path=True)
+    files = {"server_key_file": server_key_file, "secret_key_file": secret_key_file, "state_dir": state_dir}
+    times = {"connect_deadline": connect_deadline, "reply_deadline": reply_deadline, "retry_after": retry_after}
+    return _library.Options(
+        endpoint=_values.text("endpoint", endpoint), name=_values.text("name", name),
+        check_closure=_values.word("closure", closure, CHECKS), threads=0 if threads is None else count("threads", threads),
+        **{key: _values.text(key, value, path=True) for key, value in files.items()},
+        **{f"{key}_s": _values.deadline(key, value) for key, value in times.items() if value is not None}, **more)
 
 
 def _words(want):
@@ -189,14 +167,13 @@ class Session:
     restart until their deadline."""
 
     def __init__(self, handle, host, options, want, record):
-        self._handle, self._host, self._forked, self._totals = handle.value, host, False, None
+        self._handle, self._host, self._totals = handle.value, host, None
         self._library = _library.library()
         self._step_call = self._library.shearbus_step
         self._status = _library.Status()
         self._by_status = ctypes.byref(self._status)
-        self._turn = threading.Lock()
+        self._turn = host.turn
         self._end = weakref.finalize(self, _leave, handle, host)
-        _sessions.add(self)
         self._endpoint = os.environ.get("SHEARBUS_ENDPOINT") or (options.endpoint or b"").decode()
         self._reply_deadline = options.reply_deadline_s or 60.0
         self._plans, self._vertices, self._transfer_in_doubt = {}, 0, None
@@ -268,16 +245,13 @@ class Session:
     # -- calls of the library --
 
     def _begin(self):
-        """Takes the turn of a call, which must end with self._turn.release()."""
+        """Takes the turn of a call, which must end with self._turn.release(): the library refuses a second thread, but not
+        before that has changed what the two share here."""
         if not self._turn.acquire(False):
-            raise SessionError(Code.LIBRARY_FAULT, "another thread is in a call on this session, which belongs to one thread at a "
-                               "time", "Open a session per thread, or hold a lock during a call.")
+            raise SessionError(Code.IN_USE, "another thread is inside a call on this session",
+                               "Make one call at a time on a session: guard it with a lock, or open a session per thread.")
         if self._handle is None:
             self._turn.release()
-            if self._forked:
-                raise SessionError(Code.UNKNOWN_SESSION, "this session belongs to the process that opened it, and this one was forked "
-                                   "from that", "Open a session here, or pass Session.ticket and the nodes of a step between "
-                                   "processes.")
             raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
 
     def _call(self, name, *arguments):
@@ -415,21 +389,14 @@ class Session:
     def step(self, dt, **values):
         """Makes one step of length `dt` (s) and keeps its result. Returns an Answer.
 
-        values
-            the columns of the scene's strategy by name (`columns`, `optional_columns`), in SI units: one number for
-            all rows, or an array of float64 of shape (N,), or (N, 2) with two tangential components
-        nodes
-            ids of the rows, for a step of some nodes; without it the rows are all nodes in the order of `nodes` of the
-            session
-        absent_nodes
-            "keep" keeps the states of nodes that are not named, "open" steps them with P = 0, so that they cool
-        time, step, attempt
-            end of the step (s) and the host's own numbers, for records
-        all_or_nothing
-            where a node has no answer the step is refused (STEP_FAILED) and nothing changes; otherwise the node keeps its
-            state and its row has Outcome.FAILED
-        want
-            names of more columns for this reply; "ledger" stands for the energy ledger"""
+        values: the columns of the scene's strategy by name (`columns`, `optional_columns`), in SI units: one number for
+        all rows, or an array of float64 of shape (N,), or (N, 2) with two tangential components. nodes: ids of the
+        rows, for a step of some nodes; without it the rows are all nodes in the order of `nodes` of the session.
+        absent_nodes: "keep" keeps the states of nodes that are not named, "open" steps them with P = 0, so that they
+        cool. time (s): end of the step, for records. step and attempt: the host's own numbers, for records.
+        all_or_nothing: where a node has no answer the step is refused (STEP_FAILED) and nothing changes; otherwise the node
+        keeps its state and its row has Outcome.FAILED. want: names of more columns for this reply; "ledger" stands for the
+        energy ledger."""
         return self._step(ADVANCE, dt, values)
 
     def trial(self, dt, **values):
@@ -559,7 +526,7 @@ class Session:
         """Closes the session, frees its states and ends a server in this process. Returns the session's totals: requests,
         node_steps, solver_ns, asleep_node_steps; of a closed session those of its end. After an error the session is still
         this client's: call close() again, or leave()."""
-        if self._handle is None and not self._forked:
+        if self._handle is None:
             return self._totals
         totals = _library.Totals()
         try:
@@ -604,8 +571,6 @@ class Session:
                         "after leave() the other process continues it by shearbus.resume(ticket, endpoint)")
 
     def _state(self):
-        if self._forked:
-            return "of another process"
         return "closed" if self._handle is None else f"{self.nodes.size} nodes"
 
     def __repr__(self):
@@ -624,14 +589,3 @@ class Session:
 def _leave(handle, host):
     """Frees a handle. host: lives as long as the handle."""
     _library.library().shearbus_leave(ctypes.byref(handle))
-
-
-def _forked():
-    """Forgets what belongs to the parent of a forked process: its connections do not work here."""
-    for session in _sessions:
-        session._end.detach()
-        session._handle, session._forked, session._turn = None, True, threading.Lock()
-    _doubted.clear()
-
-
-os.register_at_fork(after_in_child=_forked)
