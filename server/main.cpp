@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <pthread.h>
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
@@ -27,6 +28,7 @@
 #include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/program.hpp"
+#include "proto/wire/text.hpp"
 #include "proto/wire/whole_file.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
@@ -172,11 +174,16 @@ spdlog::level::level_enum level_of(const std::string& line) {
   return line.starts_with("FAILED: ") ? spdlog::level::err : spdlog::level::info;
 }
 
-// A line of the log, whatever names of strangers it quotes.
-std::string log_line(const std::string& line) {
-  constexpr std::size_t kLongest = std::size_t{16} << 10;
-  return shearbus::wire::printable(line, kLongest);
-}
+// The text of a line of the log, whatever names of strangers it quotes.
+class PrintableText : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& line) override {
+    constexpr std::size_t kLongest = std::size_t{16} << 10;
+    const std::string text = shearbus::wire::printable({message.payload.data(), message.payload.size()}, kLongest);
+    line.append(text.data(), text.data() + text.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<PrintableText>(); }
+};
 
 void start_log(const ServerOptions& options) {
   spdlog::sink_ptr sink;
@@ -192,7 +199,9 @@ void start_log(const ServerOptions& options) {
   auto logger = std::make_shared<spdlog::logger>("shearbus-server", std::move(sink));
   logger->set_level(spdlog::level::from_str(options.log_level));
   logger->flush_on(spdlog::level::info);
-  logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<PrintableText>('*').set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %*");
+  logger->set_formatter(std::move(formatter));
   spdlog::set_default_logger(std::move(logger));
 }
 
@@ -261,8 +270,8 @@ int run(const ServerOptions& options) {
       options.record_dir.empty() ? "none" : options.record_dir, options.log_level);
   bool sessions_open = false;
   {
-    Server server(options, {.info = [](const std::string& line) { spdlog::log(level_of(line), "{}", log_line(line)); },
-                            .debug = [](const std::string& line) { spdlog::debug("{}", log_line(line)); }});
+    Server server(options, {.info = [](const std::string& line) { spdlog::log(level_of(line), "{}", line); },
+                            .debug = [](const std::string& line) { spdlog::debug("{}", line); }});
     if (!options.curve_secret.empty())
       spdlog::info("clients by tcp need this server key: {}", server.access().public_key());
     if (options.insecure_plaintext)

@@ -100,7 +100,7 @@ class HostileTexts(unittest.TestCase):
                                 ("ctl", "status", "--server", f"file://{self.path}/{EVIL}", "--timeout", "0.1"),
                                 ("server", "--bind", f"ipc://{self.path}/{EVIL}/no/s"),
                                 ("server", "--bind", f"ipc://{self.path}/bus/s", "--state-dir", scene),
-                                ("server", "--bind", f"ipc://{self.path}/bus/s", "--log-file", self.path / EVIL / "log")):
+                                ("server", "--bind", f"ipc://{self.path}/bus/s", "--log-file", scene / "log")):
             self.run_program(program, *words, code=(1, 2))
         self.assertFalse((self.path / "out.h5").exists())
 

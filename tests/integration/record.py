@@ -315,6 +315,15 @@ class Clients(RecordTest):
         self.assertIn("File exists", said)
         self.assertEqual((self.path / "file").read_text(), "kept")
 
+    def test_a_log_that_cannot_be_opened_is_told_and_no_fault_of_the_host(self):
+        log = self.path / "none" / "log"
+        os.environ["SHEARBUS_LOG"] = str(log)
+        self.addCleanup(os.environ.pop, "SHEARBUS_LOG", None)
+        said = self.fortran_host(f"{self.records}/")
+        self.assertIn(f"SHEARBUS_LOG: {log} cannot be opened: No such file or directory; it gets no lines", said)
+        log.parent.mkdir()
+        self.assertNotIn("cannot be opened", self.fortran_host(f"{self.records}/"))
+
 
 if __name__ == "__main__":
     support.main()
