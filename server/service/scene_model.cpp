@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -153,6 +154,21 @@ void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
   if (!refused.faults.empty()) throw Refused(std::move(refused));
 }
 
+// The share of the plastic work that becomes heat, from the table of the strategy.
+std::optional<double> taylor_quinney_factor_of(const v1::Scene& scene) {
+  const bool forced = scene.strategy() == v1::STRATEGY_FORCE_DRIVEN;
+  const bool of_other =
+      forced ? scene.velocity_driven().has_taylor_quinney_factor() : scene.interface().has_taylor_quinney_factor();
+  if (of_other) {
+    const char* const key = forced ? "velocity_driven.taylor_quinney_factor" : "interface.taylor_quinney_factor";
+    const char* const own = forced ? "interface.taylor_quinney_factor" : "velocity_driven.taylor_quinney_factor";
+    refuse(key, fmt::format("{} belongs to the other strategy, here the key is {}", key, own), "Move it there.");
+  }
+  if (forced && scene.interface().has_taylor_quinney_factor()) return scene.interface().taylor_quinney_factor();
+  if (scene.velocity_driven().has_taylor_quinney_factor()) return scene.velocity_driven().taylor_quinney_factor();
+  return {};
+}
+
 // Converts a checked scene without its pairs, whose defaults have been filled in. Also fills in the constants that the
 // scene leaves to the server.
 SceneModel convert_tables(v1::Scene& scene) {
@@ -170,11 +186,9 @@ SceneModel convert_tables(v1::Scene& scene) {
   options.drive =
       driven.drive() == v1::DRIVE_INTERFACE_SLIP ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
   if (driven.has_friction_coefficient()) options.friction_coefficient = driven.friction_coefficient();
-  if (driven.has_taylor_quinney_factor()) options.taylor_quinney_factor = driven.taylor_quinney_factor();
+  options.taylor_quinney_factor = taylor_quinney_factor_of(scene);
   if (scene.has_interface()) options.interface = interface_of(scene.interface());
   options.plastic_layer = scene.interface().plastic_layer();
-  if (scene.interface().has_taylor_quinney_factor())
-    options.taylor_quinney_factor = scene.interface().taylor_quinney_factor();
   if (scene.has_hard_layer()) {
     fill_hard_layer(scene, options);
     options.hard_grid = grid_of(scene.hard_layer());
