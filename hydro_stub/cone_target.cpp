@@ -23,15 +23,9 @@ double flank_radius(const guest::ConeTarget& cone, double z) {
   return cone.front_radius_m() + (cone.back_radius_m() - cone.front_radius_m()) * z / cone.length_m();
 }
 
-// Thickness of the thinner of cone and confinement, normal to the flank  [m].
-double thinnest_at_flank(const guest::ConeTarget& cone) {
-  const double widest = std::max(cone.front_radius_m(), cone.back_radius_m());
-  return std::min({cone.front_radius_m(), cone.back_radius_m(), cone.confinement_radius_m() - widest});
-}
-
 Grading grading_of(const guest::ConeTarget& cone) {
   return checked_grading("hydro.cone_target", cone.has_first_zone_m(), cone.first_zone_m(), cone.zone_growth(),
-                         cone.zone_width_m(), thinnest_at_flank(cone));
+                         cone.zone_width_m(), cone.confinement_radius_m());
 }
 
 // Radial distances of nodes from the flank. Growing zones have the same thickness, normal to the flank, all along it;

@@ -32,23 +32,20 @@ GradedNodes graded_nodes(double length, const Grading& grading) {
 }
 
 Grading checked_grading(const std::string& table, bool has_first, double first, double growth, double widest,
-                        double thinnest) {
+                        double longest) {
   if (!has_first) return {.first = widest, .growth = growth, .widest = widest};
   if (!(first <= widest))
     refuse(table + ".first_zone_m",
            fmt::format("{}.first_zone_m = {} m is more than the other zones' {} m", table, first, widest),
            "zones grow away from the interface: lower first_zone_m");
-  if (!(2.0 * first <= thinnest))
-    refuse(table + ".first_zone_m",
-           fmt::format("{}.first_zone_m = {} m does not go twice into the thinnest body, {} m", table, first, thinnest),
-           "lower first_zone_m");
-  // Zones that do not grow fill the whole body: the number of zones is checked by the caller only for zone_width_m.
-  constexpr double kMostAcross = 1e5;
-  if (growth == 1.0 && first < widest && thinnest / first > kMostAcross)
+  constexpr double kMostZones = 1e5;
+  const double to_fill = longest / first;
+  const double zones = growth > 1.0 ? std::min(to_fill, std::log(widest / first) / std::log(growth)) : to_fill;
+  if (first < widest && zones > kMostZones)
     refuse(table + ".zone_growth",
-           fmt::format("{}.zone_growth = 1 makes {:.3g} zones of first_zone_m = {} m across the thinnest body", table,
-                       thinnest / first, first),
-           "raise zone_growth, usually to 1.1 to 1.3");
+           fmt::format("{}.zone_growth = {} makes {:.3g} zones across a body of {} m, at most {:g} are allowed", table,
+                       growth, zones, longest, kMostZones),
+           "raise zone_growth, usually to 1.1 to 1.3, or first_zone_m");
   return {.first = first, .growth = growth, .widest = widest};
 }
 

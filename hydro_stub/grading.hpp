@@ -25,9 +25,9 @@ struct GradedNodes {
 GradedNodes graded_nodes(double length, const Grading& grading);
 
 // Returns the grading of a problem whose keys are `table`.first_zone_m (if `has_first`) and .zone_growth, and whose other
-// zones are `widest`. `thinnest` is the length of the thinnest body normal to the interface. Throws wire::Error{kInvalidScene} that names
-// the key at fault.
+// zones are `widest`. `longest` is the length of the longest body normal to the interface. Throws
+// wire::Error{kInvalidScene} that names the key at fault.
 Grading checked_grading(const std::string& table, bool has_first, double first, double growth, double widest,
-                        double thinnest);
+                        double longest);
 
 }  // namespace shearbus::hydro

@@ -31,6 +31,7 @@ namespace shearbus::hydro {
 namespace {
 
 constexpr int kInterrupted = 3;
+constexpr std::size_t kLongestShown = 4096;  // of the name of a file  [bytes]
 
 std::filesystem::path output_directory(const Options& options, const guest::HydroScene& scene) {
   if (!options.out.empty()) return options.out;
@@ -125,7 +126,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   }
   run_problem2d(file, effective_scene(scene), std::move(problem), *law, run, from);
   if (options.plot && cone) plot_cone(run.out);
-  fmt::print("  {:<24}{}\n", "results", run.out.string());
+  fmt::print("  {:<24}{}\n", "results", wire::printable(run.out.string(), kLongestShown));
 }
 
 void carry_out(const Options& options, SceneFile& file) {
@@ -155,7 +156,7 @@ void carry_out(const Options& options, SceneFile& file) {
   run(scene, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
       options.progress);
   if (options.plot) plot(out);
-  fmt::print("  {:<24}{}\n", "results", out.string());
+  fmt::print("  {:<24}{}\n", "results", wire::printable(out.string(), kLongestShown));
 }
 
 void go_on(const Options& options, SceneFile& file) {
@@ -177,12 +178,12 @@ int shearbus_hydro(int argc, char** argv) {
     }
     return wire::end_program("shearbus-hydro", 0);
   } catch (const Interrupted& stopped) {
-    wire::complain(fmt::format("shearbus-hydro: {}", stopped.what()));
+    wire::complain("shearbus-hydro", stopped);
     return kInterrupted;
   } catch (const wire::Error& error) {
     wire::complain(fmt::format("shearbus-hydro: {}", describe(file.document.placed(error.status()))));
   } catch (const std::exception& error) {
-    wire::complain(fmt::format("shearbus-hydro: {}", error.what()));
+    wire::complain("shearbus-hydro", error);
   }
   return 1;
 }

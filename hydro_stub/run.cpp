@@ -19,6 +19,7 @@
 #include "hydro_stub/summary.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/interrupt.hpp"
+#include "proto/wire/program.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
@@ -73,7 +74,7 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
       std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
                                    node_ids(initial_temperature.size()), initial_temperature, server, layer_thickness);
   for (const std::string& warning : law->warnings())
-    fmt::print(stderr, "shearbus-hydro: {}\n", wire::labelled(warning));
+    wire::complain(fmt::format("shearbus-hydro: {}", wire::labelled(warning)));
   return law;
 }
 

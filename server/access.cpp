@@ -80,16 +80,45 @@ transport::Admission Access::judge(const transport::Peer& peer) {
         return {.reason = "uid " + std::to_string(peer.uid) + " is not among --allow-uid"};
       return admitted(peer.uid == ::geteuid(), "uid " + std::to_string(peer.uid));
     case transport::Peer::Way::kCurve: {
+      const std::lock_guard lock(mutex_);
       read_authorized_keys();
       const auto known = keys_.find(peer.public_key);
       if (known == keys_.end()) return {.reason = "key " + peer.public_key + " is not in " + keys_file_};
-      return admitted(known->second, "key " + peer.public_key);
+      transport::Admission admission = admitted(known->second, "key " + peer.public_key);
+      admitted_.emplace(admission.user, peer.public_key);
+      return admission;
     }
     case transport::Peer::Way::kPlaintext:
       if (!insecure_plaintext_) return {.reason = "it shows no key"};
       return admitted(false, "anonymous");
   }
   return {.reason = "it came by a way nobody knows"};
+}
+
+std::vector<std::string> Access::look_for_revoked() {
+  std::vector<std::string> lines;
+  if (keys_file_.empty()) return lines;
+  const std::lock_guard lock(mutex_);
+  try {
+    read_authorized_keys();
+    fault_.clear();
+  } catch (const std::exception& fault) {
+    if (fault_ != fault.what())
+      lines.push_back(std::string("ALARM: no key is admitted, and none is revoked, until the file of authorised keys "
+                                  "can be used: ") +
+                      fault.what());
+    fault_ = fault.what();
+    return lines;
+  }
+  for (const auto& [user, key] : admitted_) {
+    const auto known = keys_.find(key);
+    const bool good = known != keys_.end() && known->second == user.starts_with(kOperator);
+    if (good && revoked_.erase(user) != 0) lines.push_back("key " + key + " is authorised again");
+    if (!good && revoked_.insert(user).second)
+      lines.push_back("key " + key + (known == keys_.end() ? " was revoked" : " has another role now") +
+                      ": requests by its connections are refused");
+  }
+  return lines;
 }
 
 service::Caller Access::caller(std::string_view user) {

@@ -6,6 +6,8 @@
 
 #include <cstdint>
 #include <map>
+#include <mutex>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -30,6 +32,13 @@ class Access {
   // after a change; while the file cannot be read, no key is admitted.
   transport::Admission judge(const transport::Peer& peer);
 
+  // Reads the file of authorised keys again if it has changed, and returns a line for the log for each key that was
+  // admitted and is no longer on the list, or has another role there. A file that cannot be used revokes nothing. Called
+  // once a second by the thread that asks revoked().
+  std::vector<std::string> look_for_revoked();
+  // Whether the key behind a user name given by judge() was revoked since.
+  bool revoked(std::string_view user) const { return !revoked_.empty() && revoked_.contains(user); }
+
   // Returns the caller behind a user name given by judge(); an empty name means a client inside this
   // process.
   static service::Caller caller(std::string_view user);
@@ -41,8 +50,12 @@ class Access {
   bool insecure_plaintext_;
   std::string secret_key_;
   std::string keys_file_;
+  std::mutex mutex_;  // of the next four, which two threads use
   struct stat keys_stat_ {};
-  std::map<std::string, bool> keys_;  // public key of a client -> true for an operator
+  std::map<std::string, bool> keys_;             // public key of a client -> true for an operator
+  std::map<std::string, std::string> admitted_;  // user names of keys that were admitted -> the key
+  std::string fault_;                            // why the file of keys could not be used at the last look
+  std::set<std::string, std::less<>> revoked_;   // user names of keys that were admitted and are not any more
 };
 
 }  // namespace shearbus::server

@@ -7,7 +7,8 @@
 
 namespace shearbus::server {
 
-std::uint64_t monotonic_ns();  // a clock that never goes back
+std::uint64_t monotonic_ns();   // a clock that never goes back
+std::uint64_t thread_cpu_ns();  // processor time that the calling thread has used
 
 struct ProcessUse {
   std::uint64_t resident_bytes = 0;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <pthread.h>
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
@@ -27,6 +28,7 @@
 #include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/program.hpp"
+#include "proto/wire/text.hpp"
 #include "proto/wire/whole_file.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
@@ -103,10 +105,11 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "Recover without this session, given by the first 8 or more digits of its id, repeatable. Its states "
                  "and requests are set aside in files dropped-*; the other sessions are untouched")
       ->type_name("ID");
-  app.add_option(
-         "--drop-record", options.drop_records,
-         "Recover without this record of the journal and the later ones of its session, repeatable: the session "
-         "stands before it")
+  shearbus::wire::whole_number(
+      app.add_option(
+          "--drop-record", options.drop_records,
+          "Recover without this record of the journal and the later ones of its session, repeatable: the session "
+          "stands before it"))
       ->type_name("NUMBER");
   app.add_flag("--accept-empty", options.accept_empty,
                "Where the state directory cannot be used, set its files aside and start without states");
@@ -119,8 +122,9 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "With --record: only sessions of this scene's name or domain, repeatable")
       ->type_name("NAME")
       ->needs(record);
-  app.add_option("--allow-uid", options.allow_uids,
-                 "Users who may connect by ipc, by number, repeatable; by default the one the server runs as")
+  shearbus::wire::whole_number(
+      app.add_option("--allow-uid", options.allow_uids,
+                     "Users who may connect by ipc, by number, repeatable; by default the one the server runs as"))
       ->type_name("UID");
   app.add_option("--curve-secret", options.curve_secret,
                  "File of the server's secret key, from shearbus-ctl keygen: tcp clients must have keys, too")
@@ -170,6 +174,17 @@ spdlog::level::level_enum level_of(const std::string& line) {
   return line.starts_with("FAILED: ") ? spdlog::level::err : spdlog::level::info;
 }
 
+// The text of a line of the log, whatever names of strangers it quotes.
+class PrintableText : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& line) override {
+    constexpr std::size_t kLongest = std::size_t{16} << 10;
+    const std::string text = shearbus::wire::printable({message.payload.data(), message.payload.size()}, kLongest);
+    line.append(text.data(), text.data() + text.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<PrintableText>(); }
+};
+
 void start_log(const ServerOptions& options) {
   spdlog::sink_ptr sink;
   if (options.log_file.empty()) {
@@ -184,7 +199,9 @@ void start_log(const ServerOptions& options) {
   auto logger = std::make_shared<spdlog::logger>("shearbus-server", std::move(sink));
   logger->set_level(spdlog::level::from_str(options.log_level));
   logger->flush_on(spdlog::level::info);
-  logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<PrintableText>('*').set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %*");
+  logger->set_formatter(std::move(formatter));
   spdlog::set_default_logger(std::move(logger));
 }
 
@@ -310,7 +327,7 @@ int main(int argc, char** argv) {
   try {
     return run(options);
   } catch (const std::exception& fault) {
-    shearbus::wire::complain(fmt::format("shearbus-server: {}", fault.what()));
+    shearbus::wire::complain("shearbus-server", fault);
     return kExitFault;
   }
 }

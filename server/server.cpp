@@ -23,6 +23,7 @@ constexpr int kLookAfterMs = 1'000;
 constexpr double kSliceWork = 1e6;  // work of each thread between two looks at the socket, about 10 ms  [evaluations]
 constexpr std::uint64_t kFinishNs = 5'000'000'000;  // longest time for steps being computed when the server is stopped
 constexpr std::uint64_t kLookWhileReplayingNs = 10'000'000;
+constexpr int kLookAsideMs = 5;  // time between two looks at work aside when the server is stopped
 constexpr std::size_t kRefusedAtStop = 4 * wire::kMaxSessions;  // largest number of requests refused at the end
 
 std::uint64_t random_epoch() {
@@ -69,6 +70,7 @@ service::ServiceOptions service_options(const ServerOptions& options, std::uint6
           .slice_work = kSliceWork,
           .max_work_budget = options.max_work_budget,
           .now_ns = monotonic_ns,
+          .cpu_ns = thread_cpu_ns,
           .log = log.info};
 }
 
@@ -162,6 +164,7 @@ void Server::checkpoint_if_due() {
 
 service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   options.while_replaying = [this] { while_replaying(); };
+  options.wake = [this] { wake_(); };
   options.complete_status = [this](wire::ServerStatus& status) { complete_status(status); };
   if (recorder_)
     options.exchanged = [this](service::Frames request, const service::ReplyFrames& reply) {
@@ -188,6 +191,10 @@ void Server::look_after() {
   if (now - looked_after_ns_ < std::uint64_t{1'000'000} * kLookAfterMs) return;
   looked_after_ns_ = now;
   manager_->alive();
+  for (const std::string& line : access_.look_for_revoked())
+    if (log_) log_(line);
+  for (const std::string& line : router_.look_after_paths())
+    if (log_) log_(line);
   const bool run_out = files_run_out();
   if (run_out != files_run_out_ && log_)
     log_(run_out
@@ -235,7 +242,9 @@ void Server::run(int stop_fd, ServiceManager* manager) {
   std::optional<service::ReplyFrames> reply;  // the last one: its header is copied when the handler has returned
   const transport::Handler handler = [&](transport::Frames frames, std::string_view user) {
     service::Turn turn{};
-    reply = service_.handle(frames, Access::caller(user), &turn);
+    service::Caller caller = Access::caller(user);
+    caller.is_revoked = access_.revoked(user);
+    reply = service_.handle(frames, caller, &turn);
     if (!reply && turn != service::Turn::kAnswered)
       return transport::Answer(turn == service::Turn::kComputing ? transport::Answer::Kind::kKept
                                                                  : transport::Answer::Kind::kHeld);
@@ -267,7 +276,8 @@ void Server::run(int stop_fd, ServiceManager* manager) {
                                         return !service_.drained();
                                       },
                                   .busy = [this] { return service_.computing(); },
-                                  .work = work};
+                                  .work = work,
+                                  .wake = &wake_};
   router_.run(handler, stop_fd, pulse);
   ended_with_sessions_ = service_.drained() && service_.status().sessions != 0;
   if (manager != nullptr) manager->stopping();
@@ -276,10 +286,12 @@ void Server::run(int stop_fd, ServiceManager* manager) {
     std::array<char, 128> asked;  // content of stop_fd, not used: the description of a signal, or an event counter
     static_cast<void>(::read(stop_fd, asked.data(), asked.size()) < 0);
   }
-  // Steps that end soon are answered. A longer step ends with this server: the next one finds it in the journal.
+  // Requests that end soon are answered. A longer step ends with this server: the next one finds it in the journal.
   const std::uint64_t stopped_ns = monotonic_ns();
-  while (service_.computing() && monotonic_ns() - stopped_ns < kFinishNs && ::poll(&stop, 1, 0) == 0)
+  while (service_.busy() && monotonic_ns() - stopped_ns < kFinishNs &&
+         ::poll(&stop, 1, service_.computing() ? 0 : kLookAsideMs) == 0)
     if (work()) router_.answer_held(handler);
+  service_.give_up();
   service_.begin_shutdown();
   router_.answer_waiting(handler, kRefusedAtStop);
   // A second stop request skips the last checkpoint, because the journal holds everything.

@@ -64,6 +64,7 @@ class Server {
   void complete_status(wire::ServerStatus& status) const;
 
   std::uint64_t epoch_;
+  transport::Wake wake_;
   shard::TaskPool pool_;
   std::unique_ptr<store::PosixStorage> storage_;  // null without a state directory
   std::unique_ptr<store::Store> store_;

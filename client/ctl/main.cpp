@@ -22,8 +22,10 @@
 #include "client/ctl/rehearse.hpp"
 #include "client/ctl/watch.hpp"
 #include "client/src/client.hpp"
+#include "proto/scene/reader.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/command_line.hpp"
+#include "proto/wire/input_file.hpp"
 #include "proto/wire/key_file.hpp"
 #include "proto/wire/program.hpp"
 #include "proto/wire/text.hpp"
@@ -107,6 +109,9 @@ void wait_for_server(const Options& options) {
 
 // Returns 0 for equal checkpoints, otherwise 1, as diff does.
 int compare(const Options& options) {
+  for (const std::filesystem::path& file : options.checkpoints)
+    if (std::filesystem::exists(file) && !std::filesystem::is_directory(file))
+      const shearbus::wire::RegularFile regular(file);  // a pipe is refused, which would keep the comparison waiting
   const std::string text = shearbus::store::first_difference(options.checkpoints[0], options.checkpoints[1]);
   fmt::print("{}\n", text.empty() ? "the same states" : text);
   return text.empty() ? 0 : kExitFault;
@@ -118,11 +123,17 @@ void check(const Options& options) {
   const shearbus::server::Embedded server;
   shearbus::Client client({.endpoint = server.endpoint(), .context = server.context(), .name = "shearbus-ctl"});
   const std::array<std::uint64_t, 1> node = {0};
-  shearbus::Session session = client.open(shearbus::scene::load_text(options.scene), file, node);
+  const std::string text = shearbus::scene::load_text(options.scene);
+  const bool left_out = shearbus::scene::read_file(options.scene) != text;
+  shearbus::Session session = client.open(text, file, node);
   fmt::print("{}", session.effective_scene());
   for (const std::string& warning : session.warnings())
-    fmt::print(stderr, "{}: {}\n", file, shearbus::wire::labelled(warning));
-  fmt::print(stderr, "{}: valid; {} bytes of state per node\n", file, session.bytes_per_node());
+    shearbus::wire::complain(fmt::format("{}: {}", file, shearbus::wire::labelled(warning)));
+  shearbus::wire::complain(fmt::format("{}: valid{}; {} bytes of state per node", file,
+                                       left_out ? " without its table [hydro]" : "", session.bytes_per_node()));
+  if (left_out)
+    shearbus::wire::complain(fmt::format(
+        "{}: not checked: [hydro], which shearbus-hydro alone reads: shearbus-hydro {} --check", file, file));
   session.close();
 }
 
@@ -260,7 +271,8 @@ class Commands {
   void add_status() {
     CLI::App* command = with_server(add("status", "What a server holds and has done", [this] {
       if (!options_.all.empty()) return ctl::show_all(options_.all, options_.json, status_of()) ? 0 : kExitFault;
-      ctl::show_status(connect(options_).server_status(), options_.json);
+      Client client = connect(options_);
+      ctl::show_status(ctl::told_by(client), options_.json);
       return 0;
     }));
     command->add_flag("--json", options_.json, "As one line of JSON for each server");
@@ -283,7 +295,8 @@ class Commands {
     return [options = options_](const std::string& endpoint) {
       Options one = options;
       one.server = endpoint;
-      return connect(one).server_status();
+      Client client = connect(one);
+      return ctl::told_by(client);
     };
   }
 
@@ -295,9 +308,10 @@ class Commands {
         ->check(CLI::Range(0.1, 1e6))
         ->capture_default_str();
     command->add_flag("--json", watch_.json, "A line of JSON for each look");
-    command
-        ->add_option("--looks", watch_.looks,
-                     "End after so many looks, with exit code 1 if the last had no answer; rates come with the second")
+    shearbus::wire::whole_number(
+        command->add_option(
+            "--looks", watch_.looks,
+            "End after so many looks, with exit code 1 if the last had no answer; rates come with the second"))
         ->check(CLI::PositiveNumber)
         ->type_name("N");
     command->callback([this, command] {
@@ -313,7 +327,8 @@ class Commands {
   void add_metrics() {
     CLI::App* command = with_server(add("metrics", "The same and histograms, as Prometheus' text", [this] {
       if (options_.listen.empty()) {
-        fmt::print("{}", ctl::prometheus_text(connect(options_).server_status()));
+        Client client = connect(options_);
+        fmt::print("{}", ctl::prometheus_text(ctl::told_by(client)));
         return 0;
       }
       ctl::serve_metrics(
@@ -374,9 +389,10 @@ class Commands {
     CLI::App* drain = ask("drain", "No new sessions from here on (operator)",
                           [this](Client& client) { ctl::drain(client, options_.exit, options_.within_s); });
     CLI::Option* exit = drain->add_flag("--exit", options_.exit, "And the server ends when its last session is closed");
-    drain
-        ->add_option("--within", options_.within_s,
-                     "The server ends after this time even if sessions are open, with a checkpoint and exit code 3")
+    shearbus::wire::whole_number(
+        drain->add_option(
+            "--within", options_.within_s,
+            "The server ends after this time even if sessions are open, with a checkpoint and exit code 3"))
         ->type_name("SECONDS")
         ->check(CLI::Range(std::uint64_t{1}, shearbus::wire::kMaxDrainS))
         ->needs(exit);
@@ -446,9 +462,12 @@ int main(int argc, char** argv) {
   } catch (const shearbus::Error& fault) {
     // For a scene at fault the text is a list of lines "file:line:column: ...", which is printed without a prefix.
     const bool scene = fault.status().code == shearbus::Code::kInvalidScene;
-    shearbus::wire::complain(scene ? fault.status().text : "shearbus-ctl: " + describe(fault.status()));
+    if (scene)
+      shearbus::wire::complain(fault.status().text);
+    else
+      shearbus::wire::complain("shearbus-ctl", fault);
   } catch (const std::exception& fault) {
-    shearbus::wire::complain(std::string("shearbus-ctl: ") + fault.what());
+    shearbus::wire::complain("shearbus-ctl", fault);
   }
   return commands.exit_code_of_trouble();
 }

@@ -9,6 +9,7 @@
 
 #include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/enum_names.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::ctl {
 namespace {
@@ -23,26 +24,30 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-nlohmann::ordered_json json_of(const wire::ServerStatus& s) {
+nlohmann::ordered_json json_of(const Told& told) {
+  const wire::ServerStatus& s = told.status;
   auto regimes = nlohmann::ordered_json::object();
   for (const auto& [regime, nodes] : regimes_of(s)) regimes[regime] = nodes;
-  return {{"server_version", s.server_version},
-          {"uptime_s", seconds(s.uptime_ns)},
-          {"threads", s.threads},
-          {"sessions", s.sessions},
-          {"nodes", s.nodes},
-          {"state_bytes", s.state_bytes},
-          {"requests", s.requests},
-          {"refused", s.refused},
-          {"replayed", s.replayed},
-          {"node_steps", s.node_steps},
-          {"solver_s", seconds(s.solver_ns)},
-          {"draining", s.draining},
-          {"regimes", regimes},
-          {"checkpoints", s.checkpoints},
-          {"journal_bytes", s.journal_bytes},
-          {"resident_bytes", s.resident_bytes},
-          {"open_files", s.open_files}};
+  nlohmann::ordered_json json = {{"server_version", s.server_version},
+                                 {"uptime_s", seconds(s.uptime_ns)},
+                                 {"threads", s.threads},
+                                 {"sessions", s.sessions},
+                                 {"nodes", s.nodes},
+                                 {"state_bytes", s.state_bytes},
+                                 {"requests", s.requests},
+                                 {"refused", s.refused},
+                                 {"replayed", s.replayed},
+                                 {"node_steps", s.node_steps},
+                                 {"solver_s", seconds(s.solver_ns)},
+                                 {"draining", s.draining},
+                                 {"regimes", regimes}};
+  if (told.is_operator)
+    json.update({{"checkpoints", s.checkpoints},
+                 {"journal_bytes", s.journal_bytes},
+                 {"longest_turn_s", seconds(s.longest_turn_ns)},
+                 {"resident_bytes", s.resident_bytes},
+                 {"open_files", s.open_files}});
+  return json;
 }
 
 void show_json(const wire::SessionInfo& s) {
@@ -138,12 +143,21 @@ void show_ping(const Client& client, const std::string& endpoint, double answere
              welcome.server_version, welcome.protocol_major, welcome.protocol_minor, welcome.access, answered_ms);
 }
 
-void show_status(const wire::ServerStatus& s, bool json) {
-  if (json) return fmt::print("{}\n", json_of(s).dump());
+Told told_by(Client& client) {
+  const std::vector<std::string>& can = client.welcome().capabilities;
+  const auto knows = [&](const char* capability) { return std::ranges::find(can, capability) != can.end(); };
+  return {.status = client.server_status(),
+          .is_operator = knows("operator"),
+          .is_durable = client.welcome().durability != "none"};
+}
+
+void show_status(const Told& told, bool json) {
+  const wire::ServerStatus& s = told.status;
+  if (json) return fmt::print("{}\n", json_of(told).dump());
   show("server", fmt::format("{} ({} threads), up {:.0f} s{}", s.server_version, s.threads, seconds(s.uptime_ns),
                              s.draining ? ", draining: no new sessions" : ""));
-  show("sessions", fmt::format("{} with {}, {:.1f} MB of states", s.sessions, counted(s.nodes, "node"),
-                               static_cast<double>(s.state_bytes) / (1 << 20)));
+  show("sessions", fmt::format("{}{} with {}, {:.1f} MB of states", s.sessions, told.is_operator ? "" : " of yours",
+                               counted(s.nodes, "node"), static_cast<double>(s.state_bytes) / (1 << 20)));
   std::string regimes;
   for (const auto& [regime, nodes] : regimes_of(s))
     regimes += fmt::format("{}{} {}", regimes.empty() ? "" : ", ", regime, nodes);
@@ -160,10 +174,15 @@ void show_status(const wire::ServerStatus& s, bool json) {
       show(histogram.verb.empty() ? histogram.name.c_str() : histogram.verb.c_str(),
            fmt::format("half below {}, 99 % below {}", duration(quantile(histogram.counts, 0.5)),
                        duration(quantile(histogram.counts, 0.99))));
-  show("journal", fmt::format("{} requests, {:.1f} MB; {} checkpoints ({} failed)", s.journal_records,
-                              static_cast<double>(s.journal_bytes) / (1 << 20), s.checkpoints, s.checkpoints_failed));
+  if (!told.is_operator) return show("", "all users, journal and process: told to operators");
+  show("journal", told.is_durable ? fmt::format("{} requests, {:.1f} MB; {} checkpoints ({} failed)", s.journal_records,
+                                                static_cast<double>(s.journal_bytes) / (1 << 20), s.checkpoints,
+                                                s.checkpoints_failed)
+                                  : "none: the server was started without --state-dir");
   show("connections", fmt::format("{} admitted, {} refused{}", s.connections_admitted, s.connections_refused,
                                   s.admitting ? "" : "; NOBODY NEW IS ADMITTED: restart the server"));
+  show("turns", fmt::format("one request kept the others waiting for {:.0f} ms of processor time at most",
+                            1e-6 * static_cast<double>(s.longest_turn_ns)));
   show("process", fmt::format("{:.1f} MB resident, {} of {} files open",
                               static_cast<double>(s.resident_bytes) / (1 << 20), s.open_files, s.max_open_files));
 }
@@ -177,24 +196,30 @@ ServerList servers_of(const std::filesystem::path& directory) {
 
 bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of) {
   bool all_answer = true;
-  for (const auto& [name, endpoint] : servers_of(directory)) {
+  constexpr std::size_t kLongestName = 1024;
+  constexpr std::size_t kLongestFault = 4096;
+  for (const auto& [file, endpoint] : servers_of(directory)) {
+    const std::string name = wire::printable(file, kLongestName);
     try {
-      const wire::ServerStatus s = status_of(endpoint);
+      const Told told = status_of(endpoint);
+      const wire::ServerStatus& s = told.status;
       if (json) {
         nlohmann::ordered_json line = {{"file", name}};
-        line.update(json_of(s));
+        line.update(json_of(told));
         fmt::print("{}\n", line.dump());
       } else {
-        fmt::print("{:<20} {} with {}, {} ({} refused), up {:.0f} s{}\n", name, counted(s.sessions, "session"),
-                   counted(s.nodes, "node"), counted(s.requests, "request"), s.refused, seconds(s.uptime_ns),
-                   s.draining ? ", draining" : "");
+        fmt::print("{:<20} {}{} with {}, {} ({} refused), up {:.0f} s{}\n", name, counted(s.sessions, "session"),
+                   told.is_operator ? "" : " of yours", counted(s.nodes, "node"), counted(s.requests, "request"),
+                   s.refused, seconds(s.uptime_ns), s.draining ? ", draining" : "");
       }
     } catch (const Error& fault) {
       all_answer = false;
       if (json)
-        fmt::print("{}\n", nlohmann::ordered_json{{"file", name}, {"fault", describe(fault.status())}}.dump());
+        fmt::print(
+            "{}\n",
+            nlohmann::ordered_json{{"file", name}, {"fault", wire::printable(fault.what(), kLongestFault)}}.dump());
       else
-        fmt::print("{:<20} {}\n", name, describe(fault.status()));
+        fmt::print("{:<20} {}\n", name, wire::printable(fault.what(), kLongestFault));
     }
   }
   return all_answer;

@@ -32,9 +32,18 @@ std::string counted(std::uint64_t count, const char* noun);
 std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status);
 
 void show_ping(const Client& client, const std::string& endpoint, double answered_ms);
-void show_status(const wire::ServerStatus& status, bool json);
+
+// What a server tells. A user who is no operator is told nothing about other users, the journal and the process: the
+// fields of `status` about these are zero.
+struct Told {
+  wire::ServerStatus status;
+  bool is_operator = false;
+  bool is_durable = false;
+};
+Told told_by(Client& client);
+void show_status(const Told& told, bool json);
 // Returns the status of the server at an endpoint. Throws Error if the server does not answer.
-using StatusOf = std::function<wire::ServerStatus(const std::string& endpoint)>;
+using StatusOf = std::function<Told(const std::string& endpoint)>;
 
 using ServerList = std::vector<std::pair<std::string, std::string>>;  // names and endpoints of servers
 // Returns the servers of a directory of endpoint files, by file name. Throws std::runtime_error if there are none.
@@ -53,7 +62,7 @@ void checkpoint(Client& client);
 void drain(Client& client, bool exit, std::uint64_t within_s);
 
 // Returns the status in Prometheus' text format, version 0.0.4.
-std::string prometheus_text(const wire::ServerStatus& status);
+std::string prometheus_text(const Told& told);
 // Serves the metrics of several servers by HTTP until SIGTERM or SIGINT. At each scrape `servers` lists their names and
 // endpoints, and `status_of` is called for each, by several threads at once. A server that does not answer has
 // shearbus_up 0. Throws std::runtime_error if the address cannot be used.

@@ -74,9 +74,39 @@ constexpr Known kHistograms[] = {{"request", "From a request's arrival to its an
                                  {"journal_sync", "Bringing the journal to the disk"},
                                  {"checkpoint", "Writing a checkpoint and reading it back"}};
 
-std::vector<MetricFamily> families_of(const wire::ServerStatus& s) {
+double number(std::uint64_t value) {
+  return static_cast<double>(value);
+}
+
+// What only operators are told.
+void add_server_wide(const wire::ServerStatus& s, Metrics& metrics) {
+  metrics.counter("messages_received_total", "Messages off the socket", number(s.messages_received));
+  metrics.counter("messages_sent_total", "Answers to the socket", number(s.messages_sent));
+  metrics.counter("answers_undeliverable_total", "Answers whose peer had left or did not read",
+                  number(s.answers_undeliverable));
+  metrics.counter("messages_without_user_total", "Messages dropped: nobody had let their peer in",
+                  number(s.messages_without_user));
+  metrics.counter("connections_admitted_total", "Connections let in", number(s.connections_admitted));
+  metrics.counter("connections_refused_total", "Connections refused", number(s.connections_refused));
+  metrics.gauge("admitting", "1: who decides about connections is there", s.admitting ? 1 : 0);
+  metrics.counter("journal_records_total", "Requests written to the journal", number(s.journal_records));
+  metrics.counter("journal_bytes_total", "Bytes written to the journal", number(s.journal_bytes));
+  metrics.gauge("recovered_requests", "Replayed from the journal at the start", number(s.recovered_requests));
+  metrics.counter("checkpoints_total", "Checkpoints written", number(s.checkpoints));
+  metrics.counter("checkpoints_failed_total", "Checkpoints that could not be written", number(s.checkpoints_failed));
+  metrics.gauge("checkpoint_bytes", "Size of the last checkpoint", number(s.checkpoint_bytes));
+  if (s.checkpoint_age_ns != 0)
+    metrics.gauge("checkpoint_age_seconds", "Since the last checkpoint", seconds(s.checkpoint_age_ns));
+  metrics.gauge("longest_turn_seconds", "Longest processor time of a request without a look at the others",
+                seconds(s.longest_turn_ns));
+  metrics.gauge("resident_bytes", "Resident memory of the process", number(s.resident_bytes));
+  metrics.gauge("open_files", "Files the process has open, connections among them", number(s.open_files));
+  metrics.gauge("max_open_files", "Files it may open", number(s.max_open_files));
+}
+
+std::vector<MetricFamily> families_of(const Told& told) {
+  const wire::ServerStatus& s = told.status;
   Metrics metrics;
-  const auto number = [](auto value) { return static_cast<double>(value); };
   ClientMetric& build = metrics.add("build_info", MetricType::Gauge, "The server's version").metric.emplace_back();
   build.label.push_back({"version", s.server_version});
   build.gauge.value = 1;
@@ -102,26 +132,7 @@ std::vector<MetricFamily> families_of(const wire::ServerStatus& s) {
     metric.counter.value = number(refused.count);
   }
   metrics.counter("node_steps_total", "Steps of single nodes", number(s.node_steps));
-  metrics.counter("messages_received_total", "Messages off the socket", number(s.messages_received));
-  metrics.counter("messages_sent_total", "Answers to the socket", number(s.messages_sent));
-  metrics.counter("answers_undeliverable_total", "Answers whose peer had left or did not read",
-                  number(s.answers_undeliverable));
-  metrics.counter("messages_without_user_total", "Messages dropped: nobody had let their peer in",
-                  number(s.messages_without_user));
-  metrics.counter("connections_admitted_total", "Connections let in", number(s.connections_admitted));
-  metrics.counter("connections_refused_total", "Connections refused", number(s.connections_refused));
-  metrics.gauge("admitting", "1: who decides about connections is there", s.admitting ? 1 : 0);
-  metrics.counter("journal_records_total", "Requests written to the journal", number(s.journal_records));
-  metrics.counter("journal_bytes_total", "Bytes written to the journal", number(s.journal_bytes));
-  metrics.gauge("recovered_requests", "Replayed from the journal at the start", number(s.recovered_requests));
-  metrics.counter("checkpoints_total", "Checkpoints written", number(s.checkpoints));
-  metrics.counter("checkpoints_failed_total", "Checkpoints that could not be written", number(s.checkpoints_failed));
-  metrics.gauge("checkpoint_bytes", "Size of the last checkpoint", number(s.checkpoint_bytes));
-  if (s.checkpoint_age_ns != 0)
-    metrics.gauge("checkpoint_age_seconds", "Since the last checkpoint", seconds(s.checkpoint_age_ns));
-  metrics.gauge("resident_bytes", "Resident memory of the process", number(s.resident_bytes));
-  metrics.gauge("open_files", "Files the process has open, connections among them", number(s.open_files));
-  metrics.gauge("max_open_files", "Files it may open", number(s.max_open_files));
+  if (told.is_operator) add_server_wide(s, metrics);
   for (const Known& known : kHistograms) {
     std::vector<ClientMetric> found;
     for (const wire::Histogram& histogram : s.histograms)
@@ -141,7 +152,7 @@ class Servers : public prometheus::Collectable {
   std::vector<MetricFamily> Collect() const override {
     std::vector<MetricFamily> all = {
         {.name = "shearbus_up", .help = "1: the server answers", .type = MetricType::Gauge, .metric = {}}};
-    std::vector<std::pair<std::string, std::future<wire::ServerStatus>>> asked;
+    std::vector<std::pair<std::string, std::future<Told>>> asked;
     for (const auto& [name, endpoint] : servers())
       asked.emplace_back(name, std::async(std::launch::async, status_of_, endpoint));
     for (auto& [name, answer] : asked) {
@@ -184,8 +195,20 @@ class Servers : public prometheus::Collectable {
 
 }  // namespace
 
-std::string prometheus_text(const wire::ServerStatus& status) {
-  return prometheus::TextSerializer().Serialize(families_of(status));
+std::string prometheus_text(const Told& told) {
+  return prometheus::TextSerializer().Serialize(families_of(told));
+}
+
+// Refuses what the HTTP server would take for a port of every address of the machine, or for several ports.
+static void check_address(const std::string& address) {
+  const std::size_t colon = address.rfind(':');
+  const std::string port = colon == std::string::npos ? address : address.substr(colon + 1);
+  const bool is_port = !port.empty() && port.find_first_not_of("0123456789") == std::string::npos;
+  if (is_port && colon != std::string::npos && colon != 0 && address.find(',') == std::string::npos) return;
+  throw std::runtime_error(fmt::format(
+      "cannot listen at {0}: expected ADDRESS:PORT. For this machine alone: 127.0.0.1:{1}; for every network that the "
+      "machine is in, where nothing protects the metrics: 0.0.0.0:{1}",
+      address, is_port ? port : "9464"));
 }
 
 void serve_metrics(const std::string& address, std::function<ServerList()> servers, StatusOf status_of) {
@@ -195,6 +218,7 @@ void serve_metrics(const std::string& address, std::function<ServerList()> serve
   sigaddset(&stop, SIGTERM);
   sigaddset(&stop, SIGINT);
   pthread_sigmask(SIG_BLOCK, &stop, nullptr);
+  check_address(address);
   std::optional<prometheus::Exposer> exposer;
   try {
     exposer.emplace(address);

@@ -1,11 +1,10 @@
 #!/usr/bin/python3
 """What if: the interface temperature of a contact under a range of friction coefficients and jumps.
 
-    sweep.py [ENDPOINT]        without an endpoint it starts a server of its own
+    sweep.py [ENDPOINT]        without an endpoint the servers run in this process
 
 One session per friction coefficient, one node per jump; the bodies are free plates of 1 mm, which friction brakes. Prints the
 highest interface temperature (K) in 1 us."""
-import contextlib
 import pathlib
 import sys
 
@@ -34,8 +33,7 @@ def highest_temperature(friction, endpoint):
 
 
 if __name__ == "__main__":
-    with shearbus.Server() if len(sys.argv) < 2 else contextlib.nullcontext() as server:
-        place = server.endpoint if server else sys.argv[1]
-        print("mu  " + "".join(f"{jump:8.0f} m/s" for jump in JUMPS))
-        for mu in FRICTION:
-            print(f"{mu:4.2f}" + "".join(f"{temperature:10.2f} K" for temperature in highest_temperature(mu, place)))
+    place = sys.argv[1] if len(sys.argv) > 1 else None
+    print("mu  " + "".join(f"{jump:8.0f} m/s" for jump in JUMPS))
+    for mu in FRICTION:
+        print(f"{mu:4.2f}" + "".join(f"{temperature:10.2f} K" for temperature in highest_temperature(mu, place)))

@@ -246,6 +246,8 @@ module shearbus
     integer(c_int32_t) :: threads
     integer(c_int) :: check_closure
     integer(c_int64_t) :: idle_limit_s
+    type(c_funptr) :: interrupted
+    type(c_ptr) :: interrupted_user
   end type
   type :: c_text
     character(kind=c_char, len=:), allocatable :: bytes
@@ -291,6 +293,7 @@ module shearbus
     real(c_double) :: largest_closure
     integer(c_int64_t) :: closure_node
     real(c_double) :: layer_time
+    integer(c_int) :: replayed
   end type
   type, bind(c) :: c_info
     integer(c_size_t) :: size
@@ -298,6 +301,7 @@ module shearbus
     integer(c_int32_t) :: tangential_components
     integer(c_int64_t) :: bytes_per_node, last_sequence
     integer(c_int) :: outlives_server
+    integer(c_int64_t) :: state_version, max_rows_per_message, max_marks
   end type
 
   abstract interface
@@ -722,6 +726,8 @@ contains
     options%threads = 0
     options%check_closure = 0
     options%idle_limit_s = 0
+    options%interrupted = c_null_funptr
+    options%interrupted_user = c_null_ptr
     if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
     if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
     if (present(threads)) options%threads = int(threads, c_int32_t)

@@ -5,6 +5,9 @@
 
 #include <algorithm>
 
+#include "proto/wire/numbers.hpp"
+#include "proto/wire/text.hpp"
+
 namespace shearbus::replay {
 
 HistoryInput::HistoryInput(Table& history, const wire::SessionOpened& session, bool closed_loop)
@@ -117,13 +120,33 @@ void HistoryInput::refuse_what_is_missing(const wire::SessionOpened& session) co
   const char* const other = force_driven_ ? "velocity_driven" : "force_driven";
   const bool looks_like_the_other = force_driven_ ? history_.has("velocity_jump") && !history_.has("stress_soft")
                                                   : history_.has("stress_soft") && history_.has("mass_soft");
-  throw Error({.code = Code::kInvalidValue,
-               .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks",
-                                   session.scene_name, force_driven_ ? "force_driven" : "velocity_driven",
-                                   fmt::join(missing_, ", ")),
-               .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
-                                              : "See client/replay/README.md for what a history holds.",
-               .field = "strategy"});
+  constexpr std::size_t kMostNames = 40;
+  std::vector<std::string> names = history_.names_in("");
+  std::string meant;
+  for (const std::string& one : missing_) {
+    const std::string name = one.substr(1, one.find(' ') - 1);
+    std::vector<std::string> lower = names;
+    for (std::string& one_name : lower)
+      std::ranges::transform(one_name, one_name.begin(),
+                             [](char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c; });
+    const std::vector<std::string_view> views(lower.begin(), lower.end());
+    const std::string_view near = wire::nearest(name, views);
+    if (near.empty()) continue;
+    const auto at = static_cast<std::size_t>(std::ranges::find(views, near) - views.begin());
+    if (history_.has(name) || near == name) continue;
+    meant += fmt::format("; did you mean {} by {}?", name, wire::in_quotes(names[at]));
+  }
+  if (names.size() > kMostNames) names.resize(kMostNames);
+  for (std::string& name : names) name = wire::as_utf8(name, 60);
+  throw Error(
+      {.code = Code::kInvalidValue,
+       .text = fmt::format("the history does not fit scene \"{}\": strategy {} needs {}, which it lacks; it has "
+                           "{}{}",
+                           session.scene_name, force_driven_ ? "force_driven" : "velocity_driven",
+                           fmt::join(missing_, ", "), fmt::join(names, ", "), meant),
+       .remedy = looks_like_the_other ? fmt::format("It looks like one for strategy {}.", other)
+                                      : "See client/replay/README.md for what a history holds.",
+       .field = "strategy"});
 }
 
 void HistoryInput::prepare(Batch& request) const {

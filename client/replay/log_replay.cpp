@@ -17,8 +17,11 @@
 #include "client/replay/csv_writer.hpp"
 #include "client/replay/log.hpp"
 #include "client/replay/log_export.hpp"
+#include "client/replay/tally.hpp"
 #include "client/src/connection.hpp"
+#include "client/src/input_check.hpp"
 #include "client/src/session.hpp"
+#include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/codec.hpp"
 #include "proto/wire/interrupt.hpp"
@@ -142,6 +145,7 @@ struct Replayed {
   NodeOrder order;
   std::uint64_t steps = 0;
   std::string scene;  // text with which the session was opened again
+  InputCheck inputs;
 };
 
 class LogReplay {
@@ -176,6 +180,7 @@ class LogReplay {
       if (difference_) break;
       next->more = next->log.next();
     }
+    for (const auto& session : sessions) warn(*session, session->inputs.end());
     const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
     peer_.reset();  // closes the recording
     if (!difference_ && !record.empty()) finish_out(record);
@@ -279,11 +284,12 @@ class LogReplay {
     return id;
   }
 
-  std::string scene_of(std::string text) const {
+  // `file`: the recorded name of the scene's file.
+  std::string scene_of(std::string text, const std::string& file) {
     if (!branched_) return text;
     if (!options_.scene.empty()) text = scene::load_text(options_.scene);
-    for (const std::string& change : options_.set) text = scene::with_value(text, "--set", change);
-    return text;
+    changed_scene_ = scene::ChangedScene(text, options_.scene.empty() ? file : options_.scene.string(), options_.set);
+    return changed_scene_.text();
   }
 
   void replay(Replayed& session) {
@@ -294,7 +300,7 @@ class LogReplay {
     request.sequence = session.sequence;
     if (auto* open = std::get_if<wire::OpenSession>(&request.body)) {
       session.scene = open->scene;
-      open->scene = scene_of(open->scene);
+      open->scene = scene_of(open->scene, open->scene_file);
       session.id = open->session_id = random_bytes();
       open->resume_token = {};
       open->idle_limit_s = 0;
@@ -318,9 +324,13 @@ class LogReplay {
           replay::difference(log.reply(), reply, session.order.rows_of(log.request()), kNames, options_.rtol);
       if (what) difference_ = fmt::format("{}, {}: {}", log.name(), place, *what);
     } else if (log.reply().status.ok() && !reply.status.ok()) {
-      Status status = reply.status;
+      Status status = changed_scene_.placed(reply.status);
       status.text = fmt::format("{}, {}: {}", log.name(), place, status.text);
       throw Error(status);
+    }
+    if (const auto* step = std::get_if<wire::Downscale>(&request.body); step != nullptr && reply.status.ok()) {
+      warn(session, session.inputs.add(request.batch, step->dt_s));
+      ranges_.add(request.batch, step->dt_s);
     }
     if (reply.status.ok()) ++session.sequence;
     session.order.follow(log.request(), log.reply());
@@ -329,11 +339,15 @@ class LogReplay {
     if (!branched_ && log.index() == branch_at_) branch(session);
   }
 
+  static void warn(const Replayed& session, const std::vector<std::string>& warnings) {
+    for (const std::string& warning : warnings) complain(fmt::format("warning: {}: {}", session.log.name(), warning));
+  }
+
   void branch(const Replayed& session) {
     branched_ = true;
     if (!changed_) return;
     try {
-      peer_->change_scene(session.id, scene_of(session.scene));
+      peer_->change_scene(session.id, scene_of(session.scene, {}));
     } catch (const std::invalid_argument& fault) {
       throw Error(
           {.code = Code::kOtherScene,
@@ -363,6 +377,7 @@ class LogReplay {
     const double solver = 1e-9 * static_cast<double>(solver_ns_);
     fmt::print("  sessions                    {}\n", sessions.size());
     fmt::print("  requests                    {}, {} of them steps, {} node-steps\n", exchanges_, steps, node_steps_);
+    if (ranges_.dt.lowest <= ranges_.dt.highest) fmt::print("{}", ranges_.text());
     if (left_out > 0)
       fmt::print("  not repeated                {} refusals that the server or the network explain\n", left_out);
     fmt::print("  run time                    {:.3f} s, solver {:.3f} s\n", seconds, solver);
@@ -377,12 +392,14 @@ class LogReplay {
   const LogReplayOptions& options_;
   std::unique_ptr<Peer> peer_;
   std::optional<wire::PartialFile> table_;  // of --out, unless that is an event log
-  bool changed_ = false;                    // whether another scene is replayed
-  bool branched_ = false;                   // whether the changes hold for what is replayed now
+  scene::ChangedScene changed_scene_;
+  bool changed_ = false;   // whether another scene is replayed
+  bool branched_ = false;  // whether the changes hold for what is replayed now
   std::uint64_t branch_at_ = 0;
   std::array<std::uint8_t, 16> salt_ = random_bytes();
   std::map<std::string, std::string> domains_;
   std::optional<std::string> difference_;
+  InputRanges ranges_;
   std::uint64_t exchanges_ = 0, node_steps_ = 0, solver_ns_ = 0;
 };
 

@@ -259,7 +259,7 @@ int main(int argc, char** argv) {
   try {
     return shearbus::wire::end_program("shearbus-replay", run(app, command));
   } catch (const std::exception& error) {
-    shearbus::wire::complain(fmt::format("shearbus-replay: {}", error.what()));
+    shearbus::wire::complain("shearbus-replay", error);
     return app.got_subcommand("compare") ? kTrouble : kRunError;
   }
 }

@@ -14,6 +14,7 @@
 
 #include "client/replay/log_export.hpp"
 #include "proto/wire/event_log.hpp"
+#include "proto/wire/input_file.hpp"
 #include "proto/wire/recording.hpp"
 #include "proto/wire/whole_file.hpp"
 
@@ -56,7 +57,10 @@ void plot(const PlotOptions& options) {
   std::vector<std::string> words = {SHEARBUS_PYTHON, script().string(), "--out", options.out.string()};
   if (options.node) words.insert(words.end(), {"--node", std::to_string(*options.node)});
   std::vector<wire::InputFile> inputs;
-  for (const fs::path& file : options.files) inputs.push_back({"an input", file});
+  for (const fs::path& file : options.files) {
+    const wire::RegularFile regular(file);  // a pipe is refused, which would keep the program waiting
+    inputs.push_back({"an input", file});
+  }
   wire::refuse_inputs_as_output("--out", options.out, inputs);
   wire::check_output(options.out, kPictureFile);
   std::optional<wire::PartialFile> exported;  // the table of an event log, which is not published

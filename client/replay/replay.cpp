@@ -18,9 +18,11 @@
 #include "client/replay/tally.hpp"
 #include "client/src/client.hpp"
 #include "client/src/input_check.hpp"
+#include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/interrupt.hpp"
 #include "proto/wire/profile_record.hpp"
+#include "proto/wire/program.hpp"
 #include "proto/wire/progress.hpp"
 #include "proto/wire/recording.hpp"
 #include "proto/wire/text.hpp"
@@ -30,6 +32,13 @@
 
 namespace shearbus::replay {
 namespace {
+
+constexpr std::size_t kLongestShown = 4096;
+
+// The name of a file, for a terminal.
+std::string shown(const std::filesystem::path& file) {
+  return wire::printable(file.string(), kLongestShown);
+}
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
@@ -172,6 +181,16 @@ void check_out(const Options& options) {
                  .remedy = "Name it .h5."});
 }
 
+// Opens a session; faults of the scene name their --set, or their line in the file.
+Session open(Client& client, const scene::ChangedScene& scene, const Options& options, const Table& history,
+             const OpenOptions& opening) {
+  try {
+    return client.open(scene.text(), options.scene.string(), history.node_ids(), opening);
+  } catch (const Error& fault) {
+    throw Error(scene.placed(fault.status()));
+  }
+}
+
 std::string plural(std::size_t count, const char* noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
@@ -189,13 +208,14 @@ struct ReplaySummary {
 };
 
 void print_summary(const ReplaySummary& run) {
-  fmt::print("{}: {}\n", run.options.history.string(), run.extent);
-  fmt::print("  scene                       {} ({})\n", run.scene_name, run.options.scene.string());
+  fmt::print("{}: {}\n", shown(run.options.history), run.extent);
+  fmt::print("  scene                       {} ({})\n", run.scene_name, shown(run.options.scene));
   fmt::print("  velocity jump               {}\n", run.input.jump_origin());
-  for (const std::string& note : run.input.notes()) fmt::print("  note                        {}\n", note);
+  for (const std::string& note : run.input.notes())
+    fmt::print("  note                        {}\n", wire::printable(note, kLongestShown));
   fmt::print("{}", run.tally.text(run.time));
   for (const auto& [label, value] : run.omitted.lines()) fmt::print("  {:<28}{}\n", label, value);
-  fmt::print("  result                      {}{}\n", run.options.out.string(), run.replaced ? " (replaced)" : "");
+  fmt::print("  result                      {}{}\n", shown(run.options.out), run.replaced ? " (replaced)" : "");
 }
 
 }  // namespace
@@ -208,8 +228,8 @@ void run(const Options& options) {
   const auto start = Clock::now();
   wire::stop_at_next_step();
   if (!options.check) check_out(options);
-  std::string scene = scene::load_text(options.scene);
-  for (const std::string& change : options.set) scene = scene::with_value(scene, "--set", change);
+  const scene::ChangedScene changed(scene::load_text(options.scene), options.scene.string(), options.set);
+  const std::string& scene = changed.text();
   const std::unique_ptr<Table> table = open_table(options.history, options.table);
   Table& history = *table;
   const NodeProperties properties = NodeProperties::of(history);
@@ -218,20 +238,20 @@ void run(const Options& options) {
 
   Service service(options.server);
   const OpenOptions opening = named.options();
-  Session session = service.client.open(scene, options.scene.string(), history.node_ids(), opening);
+  Session session = open(service.client, changed, options, history, opening);
   HistoryInput input(history, session.opened(), options.closed_loop);
   wire::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
   if (!options.profile_nodes.empty()) session.profiles(options.profile_nodes);  // what cannot be read is refused here
   if (options.check) input.check_all_rows();
   session.want_energy_ledger();
   for (const std::string& warning : session.warnings())
-    fmt::print(stderr, "shearbus-replay: {}\n", wire::labelled(warning));
+    wire::complain(fmt::format("shearbus-replay: {}", wire::labelled(warning)));
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),
                   history.start_time_s(), history.times_s().back());
   if (options.check) {
     session.close();
-    fmt::print("{} fits {}: {}\n", options.history.string(), options.scene.string(), extent);
+    fmt::print("{} fits {}: {}\n", shown(options.history), shown(options.scene), extent);
     return;
   }
 

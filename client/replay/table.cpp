@@ -105,7 +105,7 @@ std::vector<std::string> MemoryTable::texts(std::string_view name) const {
 }
 
 std::vector<std::string> MemoryTable::names_in(std::string_view group) const {
-  const std::string begin = std::string(group) + '/';
+  const std::string begin = group.empty() ? std::string() : std::string(group) + '/';
   std::vector<std::string> found;
   for (const auto* table : {&series, &constants})
     for (const auto& [name, values] : *table)

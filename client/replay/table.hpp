@@ -23,8 +23,9 @@ class Table {
   virtual const std::vector<std::uint64_t>& node_ids() const = 0;
   virtual bool has(std::string_view name) const = 0;
   virtual std::vector<double> per_node(std::string_view name) const = 0;
-  virtual std::vector<std::string> texts(std::string_view name) const = 0;      // one per node
-  virtual std::vector<std::string> names_in(std::string_view group) const = 0;  // "KEY" of each quantity "group/KEY"
+  virtual std::vector<std::string> texts(std::string_view name) const = 0;  // one per node
+  // "KEY" of each quantity "group/KEY"; of the group "": all names outside of groups, for messages
+  virtual std::vector<std::string> names_in(std::string_view group) const = 0;
   virtual void row(std::string_view name, std::size_t step, std::span<double> values) = 0;
   virtual bool is_recorded() const = 0;  // whether a program recorded it with the step lengths that it used
 

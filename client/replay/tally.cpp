@@ -27,22 +27,31 @@ double mean(const std::vector<double>& values) {
 Tally::Tally(const std::vector<std::uint64_t>& node_ids)
     : node_ids_(node_ids), slip_(node_ids.size(), 0.0), peaks_k_(node_ids.size(), 0.0), heat_(node_ids.size(), 0.0) {}
 
-void Tally::Range::add(std::span<const double> values) {
+void Range::add(std::span<const double> values) {
   for (const double value : values) {
     lowest = std::min(lowest, value);
     highest = std::max(highest, value);
   }
 }
 
-std::string Tally::Range::text(const char* unit) const {
+std::string Range::text(const char* unit) const {
   const std::string low = fmt::format("{:.6g}", lowest), high = fmt::format("{:.6g}", highest);
   return low == high ? fmt::format("{} {}", low, unit) : fmt::format("{} to {} {}", low, high, unit);
 }
 
+void InputRanges::add(const Batch& request, double dt_s) {
+  pressure.add(request.f64(Field::kPressure));
+  for (const std::uint32_t component : {0U, 1U}) jump.add(request.f64(Field::kVelocityJump, component));
+  dt.add({&dt_s, 1});
+}
+
+std::string InputRanges::text() const {
+  return fmt::format("  inputs                      P {}; [V] {}; dt {}\n", pressure.text("Pa"), jump.text("m/s"),
+                     dt.text("s"));
+}
+
 void Tally::add(const Batch& request, const StepResult& result, double time_s, double dt_s) {
-  pressure_.add(request.f64(Field::kPressure));
-  for (const std::uint32_t component : {0U, 1U}) jump_.add(request.f64(Field::kVelocityJump, component));
-  dt_.add({&dt_s, 1});
+  inputs_.add(request, dt_s);
   const auto temperature = result.interface_temperature_k();
   const auto velocity = result.sliding_velocity_m_per_s();
   const auto second_velocity = result.sliding_velocity_m_per_s(1);  // empty if slip has one component
@@ -97,8 +106,7 @@ std::string Tally::outcomes_text() const {
 std::string Tally::text(const RunTime& time) const {
   const auto most_slip = std::max_element(slip_.begin(), slip_.end());
   const auto id = [&](std::size_t node) { return node_ids_[node]; };
-  std::string text = fmt::format("  inputs                      P {}; [V] {}; dt {}\n", pressure_.text("Pa"),
-                                 jump_.text("m/s"), dt_.text("s"));
+  std::string text = inputs_.text();
   text += fmt::format("  peak interface temperature  {:.3f} K, node {}, at {:.6g} s\n", peak_temperature_k_,
                       id(peak_node_), peak_time_s_);
   if (first_melting_s_)
@@ -121,7 +129,7 @@ void Tally::add_to(nlohmann::ordered_json& summary, const RunTime& time) const {
   const auto most_slip = std::max_element(slip_.begin(), slip_.end());
   const auto id = [&](std::size_t node) { return node_ids_[node]; };
   for (const auto& [name, range] :
-       {std::pair("pressure_pa", &pressure_), {"velocity_jump_m_per_s", &jump_}, {"dt_s", &dt_}}) {
+       {std::pair("pressure_pa", &inputs_.pressure), {"velocity_jump_m_per_s", &inputs_.jump}, {"dt_s", &inputs_.dt}}) {
     summary["inputs"][name]["lowest"] = range->lowest;
     summary["inputs"][name]["highest"] = range->highest;
   }

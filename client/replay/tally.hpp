@@ -24,6 +24,20 @@ struct RunTime {
   std::chrono::nanoseconds total{0};
 };
 
+// The lowest and the highest of some values.
+struct Range {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -std::numeric_limits<double>::infinity();
+  void add(std::span<const double> values);
+  std::string text(const char* unit) const;
+};
+
+// The ranges of the inputs of a replay.
+struct InputRanges {
+  Range pressure, jump, dt;
+  void add(const Batch& request, double dt_s);
+  std::string text() const;  // a line of the summary
+};
+
 class Tally {
  public:
   explicit Tally(const std::vector<std::uint64_t>& node_ids);
@@ -37,17 +51,12 @@ class Tally {
 
  private:
   static constexpr std::size_t kFailedBit = 7;
-  struct Range {
-    double lowest = std::numeric_limits<double>::infinity(), highest = -std::numeric_limits<double>::infinity();
-    void add(std::span<const double> values);
-    std::string text(const char* unit) const;
-  };
   std::string regimes_text() const;
   std::string outcomes_text() const;
 
   const std::vector<std::uint64_t>& node_ids_;
-  Range pressure_, jump_, dt_;  // of the inputs of all steps
-  std::vector<double> slip_;    // path length of the slip of each node  [m]
+  InputRanges inputs_;
+  std::vector<double> slip_;  // path length of the slip of each node  [m]
   std::vector<double> peaks_k_;
   std::vector<double> heat_;  // friction heat of each node  [J/m2]
   std::array<std::uint64_t, wire::kRegimeCount> regimes_{};

@@ -46,6 +46,13 @@ def hottest(run):
     return run.summary.get("peak_interface_temperature_k") or float(run["hottest"])
 
 
+def displaced(run):
+    """Returns how far metal moved against metal over 1 mm on both sides of the interface (m, mean over the nodes), which the zones of
+    the hydrocode decide less than the slip; None where the run does not tell."""
+    bands = [band for band in run.summary.get("displacement", []) if band["band_m"] == 1e-3]
+    return bands[0].get("mean_m") if bands else None
+
+
 def farther(slip, than):
     """Returns how far a slip is in comparison: "4.9 times farther", "8.0 % less far", "as far"."""
     if min(slip, than) <= 0:
@@ -55,16 +62,18 @@ def farther(slip, than):
 
 
 def verdict(runs):
-    """Returns what a report says in words, two sentences: how far the interface slid, how hot it became, and what held it, or how
+    """Returns what a report says in words, two sentences: how far the metals moved or slid, how hot the interface became, what held it, or how
     the runs differ. runs: with histories."""
     if not runs:
         return ""
     first, rest = runs[0], runs[1:]
+    moved = displaced if all(displaced(run) for run in runs) else lambda run: run.slip().mean()
+    what = "metal moved {} mm against metal, over 1 mm on both sides and" if moved is displaced else "the interface slid {} mm,"
     if "regime" in first and not (first["regime"] > 0).any():
         text = "the contact was open in the whole run: nothing slid, and friction heated nothing"
     else:
         molten = 100 * float((first.molten_time() > 0).mean())
-        text = (f"the interface slid {number(first.slip().mean() * 1e3)} mm, as a mean over its nodes, and reached {number(hottest(first), 4)} K; "
+        text = (f"{what.format(number(moved(first) * 1e3))} as a mean over the nodes, and the interface reached {number(hottest(first), 4)} K; "
                 f"{f'{number(molten, 2)} %' if molten else 'none'} of the nodes came within 1 % of melting")
     sentences = [f"{first.label}: {text}" if rest else text[0].upper() + text[1:]]
     shares = {name: first.summary[f"slip_share_{name}"] for name in ("coulomb", "tresca", "melting") if f"slip_share_{name}" in first.summary}
@@ -72,7 +81,7 @@ def verdict(runs):
         name = max(shares, key=shares.get)
         held = {"coulomb": "the friction coefficient times pressure (Coulomb)", "tresca": "the strength of the softer metal (Tresca)", "melting": "the strength of a metal about to melt"}
         sentences.append(f"Most of the slip, {100 * shares[name]:.0f} %, was limited by {held[name]}")
-    sentences += [f"{other.label}: {farther(other.slip().mean(), first.slip().mean())}, and {number(hottest(other), 4)} K" for other in rest[:3]]
+    sentences += [f"{other.label}: {farther(moved(other), moved(first))}, and {number(hottest(other), 4)} K" for other in rest[:3]]
     return ". ".join(sentences) + "."
 
 
@@ -93,14 +102,10 @@ def five_numbers(runs):
             return (run.summary["solver_time_s"] + run.summary["bus_time_s"]) / run.summary["run_time_s"]
         return run.summary.get("waiting_share", run.summary.get("service_share")) if run.law == "subgrid" else None
 
-    def displaced(run):
-        bands = [band for band in run.summary.get("displacement", []) if band["band_m"] == 1e-3]
-        return 1e3 * bands[0]["mean_m"] if bands and "mean_m" in bands[0] else None
-
     percent = lambda value: None if value is None else 100 * value
     unit = {"friction_heat_j": "J", "friction_heat_j_per_m": "J/m"}.get(heat_key, "J/m²")
     rows = [("slip", "mm", "mean over the nodes", lambda run: run.slip().mean() * 1e3),
-            ("displacement", "mm", "metal against metal over ±1 mm, mean over the nodes", displaced),
+            ("displacement", "mm", "metal against metal over ±1 mm, mean over the nodes", lambda run: displaced(run) and displaced(run) * 1e3),
             ("hottest", "K", "interface temperature", hottest),
             ("friction heat", unit, "of the whole interface" if heat_key and "work" not in heat_key else "into the layers, mean over the nodes", heat),
             ("at melting", "%", "of the nodes came within 1 % of the melting temperature", lambda run: 100 * float((run.molten_time() > 0).mean())),

@@ -11,6 +11,7 @@ import pathlib
 import h5py
 import numpy
 from paraview import simple
+from printable import printable
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
@@ -107,7 +108,7 @@ def main():
     simple._DisableFirstRenderCameraReset()
     view = scene(options.run, options.time * 1e-6)
     simple.SaveScreenshot(str(options.out), view)
-    print(f"  picture                 {options.out}")
+    print(f"  picture                 {printable(options.out)}")
 
 
 if __name__ == "__main__":

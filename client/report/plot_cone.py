@@ -17,6 +17,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
+from printable import complain, printable
 from runs import Fault, read, style_text
 
 NODES = "interface node: its {} at the start (mm)"
@@ -110,15 +111,15 @@ def shape_and_flank(runs):
 
 def displacement(runs):
     """Draws, along the flank, how far each run slipped and how far metal moved against metal over bands around it."""
-    figure, axis = style.figure(1, 1, (7.5, 4.2), legend=True)
-    bands = (("slip_distance", "-", "slip of the interface"), ("displacement_half_mm", "--", "metal against metal over ±0.5 mm"),
-             ("displacement_one_mm", ":", "over ±1 mm"))
+    figure, axis = style.figure(1, 1, (9.5, 4.4), legend=True)
+    bands = (("slip_distance", "-", "slip of the interface"), ("displacement_half_mm", "--", "metal over ±0.5 mm"),
+             ("displacement_one_mm", ":", "metal over ±1 mm"))
     for run in runs:
         for name, dashes, _ in bands:
-            axis.plot(run.place * 1e3, run[name][-1] * 1e3, dashes, color=style.law_colour(run.law), lw=1.6)
+            axis.plot(run.place * 1e3, run[name][-1] * 1e3, dashes, color=run.colour, lw=1.6)
     axis.set(xlabel=NODES.format(runs[0].place_name), ylabel="distance at the end (mm)", ylim=(0, None))
     axis.grid()
-    style.legend_below(figure, [Line2D([], [], color=style.law_colour(run.law), lw=1.8, label=run.label) for run in runs] +
+    style.legend_below(figure, [Line2D([], [], color=run.colour, lw=1.8, label=run.label) for run in runs] +
                        [Line2D([], [], color=style.FAINT, ls=dashes, lw=1.8, label=label) for _, dashes, label in bands])
     return figure
 
@@ -278,11 +279,11 @@ def main():
         if flat := [run for run in runs if not run.two_dimensions]:
             raise Fault(f"{flat[0].path}: expected a run in two dimensions")
     except Fault as fault:
-        print(f"plot_cone.py: {fault}", file=sys.stderr)
+        complain("plot_cone.py", fault)
         return 1
     for name, figure in pictures(runs):
         style.save(figure, options.out / name, style_text(*runs))
-        print(f"  picture                 {options.out / name}")
+        print(f"  picture                 {printable(options.out / name)}")
     return 0
 
 

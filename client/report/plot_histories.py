@@ -16,6 +16,7 @@ import style
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from printable import complain, printable
 from runs import Fault, read, style_text
 
 MOST_LINES = 8   # lines in one panel; with more columns, some lines and the band of all columns
@@ -160,11 +161,11 @@ def main():
     try:
         runs = read(options.runs)
     except Fault as fault:
-        print(f"plot_histories.py: {fault}", file=sys.stderr)
+        complain("plot_histories.py", fault)
         return 1
     for name, figure, left_out in pictures(runs):
         style.save(figure, options.out / name, style_text(*runs))
-        print(f"  picture                 {options.out / name}" + (f" ({left_out} panels left out)" if left_out else ""))
+        print(f"  picture                 {printable(options.out / name)}" + (f" ({left_out} panels left out)" if left_out else ""))
     return 0
 
 

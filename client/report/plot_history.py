@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import style
 from matplotlib.lines import Line2D
+from printable import complain
 from runs import tell_apart, text_of
 
 MOST_ROWS = 4000  # more would be finer than the pixels of the picture
@@ -117,7 +118,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("files", nargs="+", help="HDF5 files: results, which are drawn over each other, and a history that completes them")
     parser.add_argument("--out", required=True, help="the picture, PNG")
-    parser.add_argument("--node", type=int, help="id of the node; default: the hottest")
+    parser.add_argument("--node", type=style.whole_number, help="id of the node; default: the hottest")
     options = parser.parse_args()
     try:
         files, node = read(options.files, options.node)
@@ -125,7 +126,8 @@ def main():
         if not panels:
             raise ValueError(f"{options.files[0]}: has nothing to draw")
     except (OSError, ValueError) as fault:
-        sys.exit(f"plot_history.py: {fault}")
+        complain("plot_history.py", fault)
+        sys.exit(1)
     banded = [file for file in files if "regime" in file.values]
     heights = [3] * len(panels) + [0.5] * len(banded)
     figure, axes = style.figure(len(heights), 1, (8, 0.62 * sum(heights) + 1.2), legend=bool(banded) or len(files) > 1, sharex=True, squeeze=False,

@@ -18,6 +18,7 @@ import style
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from plot_history import regime_band
+from printable import complain, printable
 from runs import Fault, read, style_text
 from scipy.special import erfc
 
@@ -123,7 +124,7 @@ def main():
     parser.add_argument("subgrid", type=pathlib.Path)
     parser.add_argument("other", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
-    parser.add_argument("--time", type=float, default=4.0, help="µs, of the left picture (default 4)")
+    parser.add_argument("--time", type=style.real_number, default=4.0, help="µs, of the left picture (default 4)")
     options = parser.parse_args()
     try:
         runs = read([options.subgrid, options.other])
@@ -131,10 +132,10 @@ def main():
             raise Fault(f"{flat[0].path}: expected a run of cone_target")
         figure = overview(runs, options.time)
     except Fault as fault:
-        print(f"plot_overview.py: {fault}", file=sys.stderr)
+        complain("plot_overview.py", fault)
         return 1
     style.save(figure, options.out, style_text(*runs))
-    print(f"  picture                 {options.out}")
+    print(f"  picture                 {printable(options.out)}")
     return 0
 
 

@@ -5,12 +5,13 @@ several laws are compared.
 import argparse
 import importlib
 import json
-import os
 import pathlib
 import platform
 import shlex
 import subprocess
 import sys
+
+from printable import complain, printable
 
 
 EPILOG = """Examples:
@@ -65,25 +66,23 @@ def main(version, programs):
     if options.out is None:
         first = options.runs[0]
         options.out = (first if first.is_dir() else first.parent) / "report.html"
-    partial = options.out.with_name(options.out.name + ".partial")
     try:
         import jinja2
+        import output
         import runs
         import sections
     except ImportError as fault:
         print(f"shearbus-report: {fault}; install python3-jinja2, python3-matplotlib and python3-h5py", file=sys.stderr)
         return 1
     try:
-        if not options.out.parent.is_dir():  # before the work of a report
-            raise runs.Fault(f"{options.out}: there is no directory {options.out.parent}")
+        output.refuse_inputs(options.out, options.runs)  # before the work of a report
+        output.check(options.out, output.PAGE)
         template = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).resolve().parent), autoescape=True, trim_blocks=True,
                                       lstrip_blocks=True, undefined=jinja2.StrictUndefined).get_template("report.html")
         page = template.render(sections.report(options.runs, options.figures, pathlib.Path(programs) / "shearbus-ctl", shlex.join(["shearbus-report", *sys.argv[1:]]), options.out))
-        partial.write_text(page, encoding="utf-8")
-        os.replace(partial, options.out)
+        output.write(options.out, output.PAGE, page.encode("utf-8"), options.runs)
     except (runs.Fault, OSError) as fault:
-        partial.unlink(missing_ok=True)
-        print(f"shearbus-report: {' '.join(str(fault).split())}", file=sys.stderr)
+        complain("shearbus-report", " ".join(str(fault).split()))
         return 1
-    print(f"  report                  {options.out}")
+    print(f"  report                  {printable(options.out)}")
     return 0

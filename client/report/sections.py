@@ -397,10 +397,10 @@ def cost(run):
                  ("bus", summary["bus_time_s"], SHARES[1]), ("output", summary["output_time_s"], style.FAINT)]
     elif total and "waiting_share" in summary:
         waited = summary["waiting_share"] * total
-        parts = [("waiting for answers", waited, style.SECOND), ("hydrocode and output", total - waited, SHARES[0])]
+        parts = [("waiting for answers" if run.law == "subgrid" else "interface law", waited, style.SECOND), ("hydrocode and output", total - waited, SHARES[0])]
     rows = [(name, f"{summary[key]:,}") for key, name in (("zones", "zones"), ("columns", "columns"), ("steps", "steps"), ("steps_taken_back", "steps taken back")) if key in summary]
     rows += [("run time", f"{number(total)} s")] if total else []
-    if total and "waiting_share" in summary and summary.get("service_share"):
+    if total and run.law == "subgrid" and "waiting_share" in summary and summary.get("service_share"):
         rows.append(("work of the subgrid server", f"{number(100 * summary['service_share'])} % of the run time; while it is under way the hydrocode goes on, and then waits"))
     omitted = summary.get("omitted", {})
     if omitted.get("parts"):

@@ -1,8 +1,13 @@
 """One look for all pictures of shearbus: colours of the regimes and of the interface laws, units, sizes, and a footer
 that says where the numbers come from. A picture is drawn with these names and saved by save()."""
+import argparse
 import io
+import math
+import pathlib
+import sys
 
 import matplotlib
+import output
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
@@ -49,6 +54,24 @@ plt.rcParams.update({
     "text.color": INK, "xtick.color": INK, "ytick.color": INK, "grid.color": GRID, "grid.linewidth": 0.6, "axes.axisbelow": True,
     "axes.prop_cycle": matplotlib.cycler(color=[INK, SECOND, "#2a8fbd", "#8a7f2d", "#8a5ba6"]), "legend.frameon": False,
 })
+
+
+def whole_number(text):
+    """An id of a command line: digits alone, up to 2^64 - 1, as all programs read it."""
+    if not (text.isascii() and text.isdigit() and int(text[:25]) < 2**64):
+        raise argparse.ArgumentTypeError(f"expected a whole number of digits alone, found {text[:60]!r}")
+    return int(text)
+
+
+def real_number(text):
+    """A finite number of a command line."""
+    try:
+        value = float(text) if text.isascii() and "_" not in text and text == text.strip() else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a finite number, found {text[:60]!r}")
+    return value
 
 
 def law_label(law):
@@ -122,7 +145,7 @@ def legend_below(made, handles):
 
 def save(made, path, footer="", colours=None):
     """Writes a figure as PNG of 200 dots an inch and closes it; path None: returns the bytes. colours: size of a
-    palette, which makes a picture of lines and areas of few colours smaller."""
+    palette, which makes a picture of lines and areas of few colours smaller. Ends the program if it cannot be written."""
     if footer:
         width = int(made.get_figwidth() * 19)  # characters of the footer's size that fit
         text = footer if len(footer) <= width else footer[: width - 1] + "…"
@@ -135,8 +158,11 @@ def save(made, path, footer="", colours=None):
     (image.quantize(colours, dither=Image.Dither.NONE) if colours else image).save(out, format="png", optimize=bool(colours))
     if path is None:
         return out.getvalue()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(out.getvalue())
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        output.write(path, output.PICTURE, out.getvalue())
+    except OSError as fault:
+        sys.exit(f"{pathlib.Path(sys.argv[0]).name}: {fault}")
     return None
 
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -133,12 +134,23 @@ std::string environment(const char* name) {
   return std::string(text_or(::secure_getenv(name)));  // NOLINT(concurrency-mt-unsafe)
 }
 
+constexpr std::size_t kLongestName = 1024;  // of a file, in a message
+
 // Writes log lines of a session to the host's callback and to the file that SHEARBUS_LOG names.
 class LineLog {
  public:
   LineLog() = default;
   LineLog(shearbus_log_fn function, void* user, std::string file)
-      : function_(function), user_(user), file_(std::move(file)) {}
+      : function_(function), user_(user), file_(std::move(file)) {
+    if (file_.empty() || file_ == "stderr") return;
+    if (std::FILE* opened = std::fopen(file_.c_str(), "ae")) {
+      static_cast<void>(std::fclose(opened));
+      return;
+    }
+    fmt::print(stderr, "shearbus: SHEARBUS_LOG: {} cannot be opened: {}; it gets no lines\n",
+               wire::printable(file_, kLongestName), std::strerror(errno));  // NOLINT(concurrency-mt-unsafe)
+    file_.clear();
+  }
 
   bool wanted() const { return function_ != nullptr || !file_.empty(); }
   void operator()(const std::string& line) const {
@@ -184,7 +196,7 @@ CheckClosure check_of(int option) {
     case SHEARBUS_CHECK_ERROR:
       return CheckClosure::kError;
     default:
-      refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0, 1 or 2", option),
+      refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0 (warn), 1 (off) or 2 (error)", option),
              "Use 'warn', 'off' or 'error' (in C and C++ SHEARBUS_CHECK_WARN, SHEARBUS_CHECK_OFF or "
              "SHEARBUS_CHECK_ERROR).",
              "check_closure");
@@ -296,6 +308,45 @@ NodeOptions properties_of(const shearbus_nodes& nodes) {
   return properties;
 }
 
+// ---- what a session tells of itself ----
+
+std::string lines(std::span<const std::string> texts) {
+  std::string all;
+  for (const std::string& text : texts) all += text + '\n';
+  return all;
+}
+
+using SessionTexts = std::array<std::string, SHEARBUS_ACCESS + 1>;  // by the numbers of shearbus_text()
+
+SessionTexts texts_of(const Client& client, const Session& session) {
+  const wire::Welcome& welcome = client.welcome();
+  SessionTexts texts;
+  texts[SHEARBUS_SCENE_NAME] = session.opened().scene_name;
+  texts[SHEARBUS_PAIR_NAMES] = lines(session.opened().pairs);
+  texts[SHEARBUS_PARAMETER_KEYS] = lines(session.opened().parameters);
+  texts[SHEARBUS_SERVER_VERSION] = welcome.server_version;
+  texts[SHEARBUS_CAPABILITIES] = lines(welcome.capabilities);
+  texts[SHEARBUS_DURABILITY] = welcome.durability;
+  texts[SHEARBUS_ACCESS] = welcome.access;
+  return texts;
+}
+
+struct ResumedNames {  // what shearbus_resumed_nodes() points to
+  std::vector<const char*> pairs, parameters;
+  std::vector<const double*> values;
+};
+
+ResumedNames names_of(const Session& session) {
+  ResumedNames names;
+  const ResumedNodes& resumed = session.resumed_nodes();
+  if (resumed.pair.empty()) return names;
+  names.pairs.push_back("");
+  for (const std::string& pair : session.opened().pairs) names.pairs.push_back(pair.c_str());
+  for (const std::string& key : session.opened().parameters) names.parameters.push_back(key.c_str());
+  for (const std::vector<double>& values : resumed.parameters) names.values.push_back(values.data());
+  return names;
+}
+
 }  // namespace
 
 // The members are destroyed in reverse order: the session before its client, the client before its server.
@@ -330,6 +381,8 @@ struct shearbus_session {
     to.reply_deadline = seconds(options.reply_deadline_s, defaults.reply_deadline, "reply_deadline_s");
     to.retry_after = seconds(options.retry_after_s, defaults.retry_after, "retry_after_s");
     if (log.wanted()) to.log = log;
+    if (options.interrupted != nullptr)
+      to.interrupted = [ask = options.interrupted, user = options.interrupted_user] { return ask(user) != 0; };
     to.record = environment("SHEARBUS_RECORD");
     to.check_closure = check_of(options.check_closure);
     check = to.check_closure;
@@ -337,10 +390,28 @@ struct shearbus_session {
     client.emplace(std::move(to));
   }
 
-  void opened(Session&& now) {
-    session.emplace(std::move(now));
-    warnings.clear();
-    for (const std::string& warning : session->warnings()) warnings += warning + '\n';
+  // Adopts a session. Where there is no memory for what it tells, it ends as it began: closed, or left on the server.
+  void opened(Session&& now, bool resuming) {
+    try {
+      SessionTexts told = texts_of(*client, now);
+      ResumedNames names = names_of(now);
+      std::string all = lines(now.warnings());
+      session.emplace(std::move(now));
+      texts = std::move(told);
+      resumed = std::move(names);
+      warnings = std::move(all);
+    } catch (...) {
+      if (resuming) now.leave();
+      throw;
+    }
+    try {
+      tell_opening();
+    } catch (const std::bad_alloc&) {
+      // The session is open, though the lines about it are not written.
+    }
+  }
+
+  void tell_opening() const {
     if (!log.wanted()) {
       for (const std::string& warning : session->warnings())
         if (!warning.starts_with(wire::kNote)) fmt::print(stderr, "shearbus: warning: {}\n", warning);
@@ -358,6 +429,8 @@ struct shearbus_session {
   std::optional<Session> session;  // empty while the opening has an unknown outcome
   std::string where;
   std::string warnings;
+  SessionTexts texts;
+  ResumedNames resumed;
   CheckClosure check = CheckClosure::kWarn;
   std::uint64_t steps = 0;  // number of steps answered so far
   // The present step.
@@ -413,9 +486,11 @@ bool contains(std::span<const Field> fields, Field field) {
 
 // Refuses values that overlap, as those of a stride that was meant in elements.
 void check_stride(std::uint32_t field, std::uint32_t component, std::ptrdiff_t stride_bytes) {
+  constexpr std::ptrdiff_t kLargestElement = sizeof(double);
+  if (stride_bytes == 0 || stride_bytes >= kLargestElement || stride_bytes <= -kLargestElement) return;
   const std::ptrdiff_t element =
-      wire::element_of(static_cast<Field>(field)) == wire::Element::kUint8 ? 1 : std::ptrdiff_t{sizeof(double)};
-  if (stride_bytes == 0 || stride_bytes >= element || stride_bytes <= -element) return;
+      wire::element_of(static_cast<Field>(field)) == wire::Element::kUint8 ? 1 : kLargestElement;
+  if (stride_bytes >= element || stride_bytes <= -element) return;
   const std::string name = column_name(field, component);
   refuse(Code::kInvalidValue,
          fmt::format("{}: stride_bytes is {}, expected 0 or at least {}, the size of a value, in bytes", name,
@@ -571,7 +646,8 @@ void deliver(shearbus_session& handle, const StepResult& answer, shearbus_result
         .round_trip_ns = static_cast<std::uint64_t>(answer.round_trip().count()),
         .largest_closure_m_per_s = upscale.largest_closure_m_per_s,
         .closure_node = upscale.closure_node,
-        .layer_time_s = upscale.layer_time_s},
+        .layer_time_s = upscale.layer_time_s,
+        .replayed = answer.replayed()},
        result);
 }
 
@@ -690,7 +766,8 @@ int shearbus_open_nodes(shearbus_session** session, const shearbus_options* opti
                                        .idle_limit_s = given.idle_limit_s,
                                        .pairs = std::move(properties.pairs),
                                        .pair = properties.pair,
-                                       .parameters = std::move(properties.parameters)}));
+                                       .parameters = std::move(properties.parameters)}),
+                  false);
   });
 }
 
@@ -707,7 +784,8 @@ int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* op
     const Session::Ticket held = ticket_of(text_or(ticket));
     shearbus_session& handle = handle_for(session, given, call);
     handle.opened(handle.client->resume(
-        held, {.node_ids = values_of(of.node_ids, of.n, "node_ids"), .options = properties_of(of)}));
+                      held, {.node_ids = values_of(of.node_ids, of.n, "node_ids"), .options = properties_of(of)}),
+                  true);
   });
 }
 
@@ -734,6 +812,20 @@ int shearbus_close(shearbus_session** session, shearbus_status* status) {
   });
 }
 
+int shearbus_end(shearbus_session* session, shearbus_totals* totals, shearbus_status* status) {
+  return guarded(session, status, [&] {
+    Session& open = session_of(session);
+    if (totals != nullptr) known(totals, "shearbus_totals");
+    const wire::SessionClosed closed = open.close();
+    if (totals != nullptr)
+      give({.requests = closed.requests,
+            .node_steps = closed.node_steps,
+            .solver_ns = closed.solver_ns,
+            .asleep_node_steps = closed.asleep_node_steps},
+           totals);
+  });
+}
+
 void shearbus_leave(shearbus_session** session) {
   guarded(nullptr, [&] {
     if (session == nullptr || *session == nullptr) return;
@@ -755,6 +847,35 @@ int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET
     *at++ = ':';
     *to_hex(held.resume_token, at) = '\0';
   });
+}
+
+int shearbus_resumed_nodes(const shearbus_session* session, shearbus_nodes* nodes, shearbus_status* status) {
+  return guarded(session, status, [&] {
+    const ResumedNodes& resumed = session_of(session).resumed_nodes();
+    known(nodes, "shearbus_nodes");
+    const ResumedNames& names = session->resumed;
+    give({.n = resumed.node_ids.size(),
+          .node_ids = resumed.node_ids.data(),
+          .n_pairs = names.pairs.size(),
+          .pairs = names.pairs.data(),
+          .pair = resumed.pair.data(),
+          .n_parameters = names.parameters.size(),
+          .parameters = names.parameters.data(),
+          .values = names.values.data()},
+         nodes);
+  });
+}
+
+int shearbus_set_reply_deadline(shearbus_session* session, double reply_deadline_s, shearbus_status* status) {
+  return guarded(session, status, [&] {
+    if (session == nullptr) session_of(session);
+    session->client->set_reply_deadline(seconds(reply_deadline_s, ClientOptions().reply_deadline, "reply_deadline_s"));
+  });
+}
+
+const char* shearbus_text(const shearbus_session* session, int which) {
+  if (session == nullptr || which < 0 || which > SHEARBUS_ACCESS) return "";
+  return session->texts[static_cast<std::size_t>(which)].c_str();
 }
 
 int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
@@ -801,7 +922,10 @@ int shearbus_rollback(shearbus_session* session, shearbus_status* status) {
 }
 
 int shearbus_mark(shearbus_session* session, const char* name, shearbus_status* status) {
-  return guarded(session, status, [&] { session_of(session).mark(name_of(name, "name")); });
+  return guarded(session, status, [&] {
+    const wire::Marked marked = session_of(session).mark(name_of(name, "name"));
+    session->texts[SHEARBUS_MARK_NAMES] = lines(marked.names);
+  });
 }
 
 int shearbus_rollback_to(shearbus_session* session, const char* name, shearbus_status* status) {
@@ -912,7 +1036,10 @@ int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shear
           .tangential_components = open.opened().tangential_components,
           .bytes_per_node = open.bytes_per_node(),
           .last_sequence = open.last_sequence(),
-          .outlives_server = session->client->welcome().durability != "none"},
+          .outlives_server = session->client->welcome().durability != "none",
+          .state_version = open.state_version(),
+          .max_rows_per_message = session->client->welcome().limits.max_rows_per_message,
+          .max_marks = session->client->welcome().limits.max_marks},
          info);
   });
 }

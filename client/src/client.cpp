@@ -55,8 +55,28 @@ const wire::Welcome& Client::welcome() const {
   return welcome_;
 }
 
+void Client::set_reply_deadline(std::chrono::milliseconds deadline) {
+  connection_->set_reply_deadline(deadline);
+}
+
+namespace {
+
+// Refuses what a server that lacks the capability would ignore without a word.
+void require(const wire::Welcome& welcome, const char* capability, bool asked) {
+  if (!asked || std::ranges::find(welcome.capabilities, capability) != welcome.capabilities.end()) return;
+  throw Error({.code = Code::kUnsupported,
+               .text = fmt::format("the server (version {}) has no {}", welcome.server_version, capability),
+               .remedy = "Use a newer server.",
+               .field = capability});
+}
+
+}  // namespace
+
 Session Client::open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
                      const OpenOptions& options) {
+  require(welcome_, "idle_limit", options.idle_limit_s != 0);
+  require(welcome_, "pairs", !options.pairs.empty());
+  require(welcome_, "parameters", !options.parameters.empty());
   wire::Request request;
   auto& opening = request.body.emplace<wire::OpenSession>();
   for (const NodeOptions::Parameter& parameter : options.parameters) opening.parameters.push_back(parameter.key);
@@ -128,6 +148,7 @@ Session Client::resume(const Session::Ticket& ticket, const ExpectedNodes& expec
   impl->epoch = received.reply.epoch;
   check_resumed_nodes(received, expected);
   impl->opened = std::move(body_of<wire::SessionResumed>(received).session);
+  impl->resumed = resumed_nodes(received.reply.batch, impl->opened);
   impl->adopt_position(received);
   impl->start_checks(false);
   return Session(std::move(impl));

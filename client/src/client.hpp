@@ -45,9 +45,9 @@ using wire::TransferId;
 
 // The closure check of force-driven sessions. A reply holds the stress and the velocity jump that this stress causes; a
 // host that applies the stress must therefore send this jump in its next step, except for rounding. kWarn compares the
-// two in the first 100 steps and warns once of a difference, with the likely mistake of the host; the server also warns
-// of doubtful times and units. kError compares every step, and throws kNotClosed instead of sending one that differs.
-// kOff is for hosts whose jump also changes for other reasons, for instance where an interface turns.
+// two in the first 100 steps and warns once of a difference, with the likely mistake of the host; in sessions of both
+// strategies it also warns of doubtful times and inputs (input_check.hpp). kError throws kNotClosed in place of a step
+// that differs. kOff, without warnings, is for hosts whose jump has other causes, for instance a turning interface.
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {
@@ -67,6 +67,9 @@ struct ClientOptions {
   // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for; and with
   // "warning: " followed by a warning about a step. Without a log function the warnings go to standard error.
   std::function<void(const std::string& line)> log;
+  // Called from inside a call that waits, every 0.1 s and after each signal. True: the call ends as if its deadline had
+  // passed.
+  std::function<bool()> interrupted;
   // A directory or a new file that gets event logs of this client's sessions (proto/wire/event_log.md); empty: none.
   std::string record;
 };
@@ -100,6 +103,14 @@ struct NodeOptions {
 struct ExpectedNodes {
   std::span<const std::uint64_t> node_ids;
   NodeOptions options;
+};
+
+// The nodes of a resumed session as the server told them, in the order that they had then. Without pairs and parameters in
+// the scene, and if the server did not tell, the lists of these are empty.
+struct ResumedNodes {
+  std::vector<std::uint64_t> node_ids;
+  std::vector<std::uint64_t> pair;              // 0: the tables outside of the pairs; i: the i-th pair of the scene
+  std::vector<std::vector<double>> parameters;  // values of each key of the session
 };
 
 struct OpenOptions {
@@ -147,6 +158,9 @@ class StepResult {
   const Batch& batch() const { return reply_.batch; }  // all columns of the reply
   std::span<const std::uint8_t> regime() const { return reply_.batch.u8(Field::kRegime); }
   std::span<const std::uint8_t> outcome() const { return reply_.batch.u8(Field::kOutcome); }
+  bool replayed() const {
+    return reply_.replayed;
+  }  // true: the kept answer to a request that the server had run before
   const wire::Upscale& upscale() const { return std::get<wire::Upscale>(reply_.body); }
   std::chrono::nanoseconds round_trip() const { return round_trip_; }
 
@@ -244,7 +258,9 @@ class Session {
   // Offers of a resumed session that no session had accepted when this client resumed it.
   const std::vector<TransferId>& offers() const;
   std::uint64_t last_sequence() const;  // number of the last answered request; 0 is the opening
-  void leave();                         // leaves the session open on the server, to be resumed
+  std::uint64_t state_version() const;  // number of commits so far, as the last answer told it
+  const ResumedNodes& resumed_nodes() const;
+  void leave();  // leaves the session open on the server, to be resumed
 
  private:
   friend class Client;
@@ -277,6 +293,7 @@ class Client {
   ~Client();
 
   const wire::Welcome& welcome() const;
+  void set_reply_deadline(std::chrono::milliseconds deadline);  // of all later calls, those of sessions included
   // Opens a session of a scene: TOML text, which the server reads. `scene_file` names the text in messages. A scene at
   // fault throws kInvalidScene with a line "scene_file:line:column: ..." for each fault.
   Session open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,

@@ -19,10 +19,12 @@
 #include <vector>
 #include <zmq.hpp>
 
+#include "client/src/host_name.hpp"
 #include "proto/wire/codec.hpp"
 #include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/host_process.hpp"
 #include "proto/wire/key_file.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus {
 namespace {
@@ -38,6 +40,7 @@ constexpr std::chrono::milliseconds kRecoveryPause{200};  // time between two re
 constexpr std::chrono::milliseconds kFilePause{50};       // time between two looks at an endpoint file
 constexpr std::chrono::milliseconds kFileLook{500};       // likewise while the server that it names does not answer
 constexpr std::chrono::seconds kFirstNotice{2};           // waiting time before the log says what a call waits for
+constexpr std::chrono::milliseconds kInterruptLook{100};  // time between two calls of ClientOptions::interrupted
 constexpr long kLongestSleepMs = 3'600'000;               // of one call of poll()
 constexpr int kGoodbyeLingerMs = 100;  // longest time that an unsent closing request delays the program's end
 
@@ -196,7 +199,8 @@ bool SocketConnection::by_file() const {
 // listen elsewhere. Returns false, with the fault in file_fault_ or refusal_, if the file cannot be used.
 bool SocketConnection::find_server() {
   server_ = {.endpoint = options().endpoint, .server_key = options().server_key, .secret_key = options().secret_key};
-  where_ = options().endpoint;
+  constexpr std::size_t kLongestShown = 1024;
+  where_ = wire::printable(options().endpoint, kLongestShown);
   if (!by_file()) return true;
   wire::EndpointFile file;
   try {
@@ -368,15 +372,27 @@ void SocketConnection::refused(bool sent) const {
 bool SocketConnection::wait(short events, Clock::time_point until) {
   for (;;) {
     // Rounds up, because a timeout of 0 ms would be a busy loop.
-    const auto wake = options().log ? std::min(until, waiting_.next_notice) : until;
+    auto wake = options().log ? std::min(until, waiting_.next_notice) : until;
+    if (options().interrupted) wake = std::min(wake, Clock::now() + kInterruptLook);
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(wake - Clock::now()).count();
     const auto [ready, told] = sleep(events, std::max<long>(left, 0));
     if (ready) return true;
     if (told) read_handshakes();
     if (!refusal_.ok()) return false;
     if (Clock::now() >= until) return false;
+    if (host_ends_call()) return false;
     if (options().log && Clock::now() >= waiting_.next_notice) notice(events);
   }
+}
+
+// Asks the host, which may have been told to stop. A call that it ends is refused like one of a client without access:
+// its outcome is unknown if it was sent.
+bool SocketConnection::host_ends_call() {
+  if (!options().interrupted || !options().interrupted()) return false;
+  refusal_ = {.code = Code::kUnreachable,
+              .text = fmt::format("{}: the host was interrupted while it waited", where_),
+              .remedy = "Make the same call again: if it has run, it is not run a second time."};
+  return true;
 }
 
 // Waits until the socket may be ready for `events` (first), or its monitor has something to tell (second).
@@ -541,6 +557,7 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
       if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);
       if (options().log && Clock::now() >= waiting_.next_notice) notice(ZMQ_POLLOUT);
       pause(kFilePause);
+      if (host_ends_call()) refused(sent);
     }
     while (!under_way && !send(header, request.batch)) {
       const auto look = by_file() ? std::min(last_moment, Clock::now() + kFileLook) : last_moment;
@@ -580,6 +597,7 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
 // Waits a moment and says from time to time for what.
 void SocketConnection::recovering(const wire::Status& status) {
   pause(kRecoveryPause);
+  if (host_ends_call()) refused(true);
   if (!options().log || Clock::now() < waiting_.next_notice) return;
   waiting_.next_notice = Clock::now() + kFirstNotice;
   options().log(fmt::format("waiting for the server at {}: {}", where_, status.text));
@@ -598,12 +616,18 @@ void SocketConnection::give_up(bool sent, Clock::duration waited) const {
          .text = fmt::format("the server at {} has stopped answering; it was waited for {:.1f} s", where_, seconds),
          .remedy = "Has it been stopped, or its machine? Sessions of a server with --state-dir continue when "
                    "it is started again."});
-  if (!sent)
+  if (!sent) {
+    if (const std::string fault = fault_of_host_name(server_.endpoint); !fault.empty())
+      throw Error({.code = Code::kUnreachable,
+                   .text = fmt::format("no server was found at {} within {:.1f} s: {}", where_, seconds, fault),
+                   .remedy = "Write the address of the server's machine, or a name that \"getent ahostsv4 NAME\" knows "
+                             "here."});
     throw Error({.code = Code::kUnreachable,
                  .text = fmt::format("no server answered at {} within {:.1f} s", where_, seconds),
                  .remedy = by_file()
                                ? "A server that is killed leaves its file behind: start it again, or remove the file."
                                : fmt::format("Is one running? Start it with: shearbus-server --bind {}", where_)});
+  }
   throw Error({.code = Code::kUnknownOutcome,
                .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run{}{}", where_,
                                    seconds, file_fault_.empty() ? "" : "; ", file_fault_),

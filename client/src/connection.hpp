@@ -138,6 +138,7 @@ class SocketConnection final : public Connection {
   bool wait(short events, Clock::time_point until);
   std::pair<bool, bool> sleep(short events, long wait_ms);
   void notice(short events);
+  bool host_ends_call();
   bool send(const std::string& header, const wire::Batch& batch);
   void read_handshakes();
   Received exchange(const wire::Request& request, std::chrono::milliseconds deadline);

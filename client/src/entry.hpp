@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <pthread.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <string>
@@ -43,20 +42,20 @@ class Holder {
   // exist, and while another call of the session is under way.
   void enter() {
     if (!is_of_this_process())
-      throw WrongCaller{
-          SHEARBUS_OTHER_PROCESS,
-          fmt::format("this session belongs to process {}, of which this process, {}, is a fork", process_, ::getpid()),
-          "Open one in the child, or use the session in the process that opened it."};
+      throw WrongCaller{SHEARBUS_OTHER_PROCESS,
+                        fmt::format("this session belongs to process {}, of which this process, {}, is a fork",
+                                    process_, wire::this_process()),
+                        "Open one in the child, or use the session in the process that opened it."};
     if (busy_.exchange(true, std::memory_order_acquire))
       throw WrongCaller{SHEARBUS_IN_USE, "another thread, or the log callback, is inside a call on this session",
                         "Make one call at a time on a session: guard it with a lock, or open a session per thread."};
   }
   void leave() noexcept { busy_.store(false, std::memory_order_release); }
 
-  bool is_of_this_process() const noexcept { return ::getpid() == process_; }
+  bool is_of_this_process() const noexcept { return wire::this_process() == process_; }
 
  private:
-  pid_t process_ = ::getpid();
+  pid_t process_ = wire::this_process();
   std::atomic<bool> busy_{false};
 };
 

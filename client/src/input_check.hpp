@@ -24,7 +24,7 @@ class InputCheck {
 
   bool first_ = true;
   bool judged_ = false;           // true: the pressure needs no further look
-  std::uint64_t steps_ = 0;       // with a look at the pressure
+  std::uint64_t steps_ = 0;       // of which the pressure is of interest
   std::uint64_t in_contact_ = 0;  // of these, with a node in contact
   std::uint64_t negative_ = 0;    // of these, with a negative pressure
   std::uint64_t settled_ = 0;     // steps in contact since the highest pressure has last grown by a tenth

@@ -124,6 +124,18 @@ void check_resumed_nodes(const Received& where, const ExpectedNodes& expected) {
   if (!expected.node_ids.empty()) NodeCheck(where, expected).run();
 }
 
+ResumedNodes resumed_nodes(const Batch& rows, const wire::SessionOpened& session) {
+  const auto copy = [](const auto& column, auto& to) { to.assign(column.begin(), column.end()); };
+  ResumedNodes nodes;
+  copy(rows.u64(Field::kNodeId), nodes.node_ids);
+  if (!rows.has(Field::kPair)) return nodes;  // neither pairs nor parameters, or the server did not tell
+  copy(rows.u64(Field::kPair), nodes.pair);
+  nodes.parameters.resize(session.parameters.size());
+  for (std::uint32_t key = 0; key < nodes.parameters.size(); ++key)
+    copy(rows.f64(Field::kParameter, key), nodes.parameters[key]);
+  return nodes;
+}
+
 Batch joined_nodes(std::span<const Received> parts, std::span<const std::uint64_t> node_ids) {
   const auto has_pairs = [](const Received& part) {
     return part.reply.batch.u64(Field::kNodeId).empty() || part.reply.batch.has(Field::kPair);

@@ -13,6 +13,9 @@ namespace shearbus {
 // does not have. `where`: a reply `session_resumed`.
 void check_resumed_nodes(const Received& where, const ExpectedNodes& expected);
 
+// Copies what the columns of such a reply tell of the nodes.
+ResumedNodes resumed_nodes(const Batch& rows, const wire::SessionOpened& session);
+
 // Joins the columns of nodes of several such replies, one per server, in the order of `node_ids`.
 Batch joined_nodes(std::span<const Received> parts, std::span<const std::uint64_t> node_ids);
 

@@ -183,9 +183,10 @@ Received Session::Impl::send(wire::Request& request, const std::function<void(Re
 }
 
 void Session::Impl::adopt_position(Received& where) {
-  auto& resumed = body_of<wire::SessionResumed>(where);
-  last_sequence = resumed.last_sequence;
-  offers = std::move(resumed.offers);
+  auto& position = body_of<wire::SessionResumed>(where);
+  last_sequence = position.last_sequence;
+  state_version = position.state_version;
+  offers = std::move(position.offers);
   if (closure) closure->forget();
   const auto nodes = std::as_const(where.reply.batch).u64(Field::kNodeId);
   node_ids.assign(nodes.begin(), nodes.end());
@@ -232,6 +233,7 @@ Received Session::Impl::call(wire::Request& request) {
         ++restarts;
       } else {
         connection->pause(kStoppingPause);
+        if (const auto& interrupted = connection->options().interrupted; interrupted && interrupted()) throw;
       }
     }
   }
@@ -319,6 +321,7 @@ const StepResult& Session::Impl::exchange_step(wire::Request request) {
   previous_committed = false;
   check_answered(request.batch, received.reply, std::get<wire::Downscale>(request.body).mode);
   // NOLINTEND(bugprone-use-after-move)
+  state_version = body_of<wire::Upscale>(received).state_version;
   result.payload_frame_ = std::move(received.payload_frame);
   result.reply_ = std::move(received.reply);
   result.round_trip_ = received.round_trip;
@@ -416,6 +419,7 @@ void Session::Impl::add_part(const Received& part) {
   sum.service_ns += answer.service_ns;
   sum.flagged_nodes += answer.flagged_nodes;
   sum.warnings.insert(sum.warnings.end(), answer.warnings.begin(), answer.warnings.end());
+  in_parts->reply.replayed |= part.reply.replayed;
   in_parts->round_trip += part.round_trip;
   ++in_parts->answered;
 }
@@ -522,6 +526,7 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
   }
   previous_committed = false;
   check_answered(columns, in_parts->reply, mode);
+  state_version = std::get<wire::Upscale>(in_parts->reply.body).state_version;
   result.payload_frame_.reset();
   result.reply_ = std::move(in_parts->reply);
   result.round_trip_ = in_parts->round_trip;
@@ -627,15 +632,15 @@ const StepResult& Session::finish_trial() {
 }
 
 std::uint64_t Session::commit() {
-  const std::uint64_t version = impl_->exchange<wire::Committed>(wire::Commit{}).state_version;
+  impl_->state_version = impl_->exchange<wire::Committed>(wire::Commit{}).state_version;
   if (impl_->closure) impl_->closure->committed();
-  return version;
+  return impl_->state_version;
 }
 
 std::uint64_t Session::rollback() {
-  const std::uint64_t version = impl_->exchange<wire::RolledBack>(wire::Rollback{}).state_version;
+  impl_->state_version = impl_->exchange<wire::RolledBack>(wire::Rollback{}).state_version;
   if (impl_->closure) impl_->closure->rolled_back();
-  return version;
+  return impl_->state_version;
 }
 
 std::uint64_t Session::rollback_to(const std::string& mark) {
@@ -644,7 +649,9 @@ std::uint64_t Session::rollback_to(const std::string& mark) {
     impl_->node_ids.assign(nodes.begin(), nodes.end());
     if (impl_->closure) impl_->closure->forget();
   };
-  return impl_->exchange<wire::RolledBack>(wire::Rollback{.to_mark = mark}, {}, adopt_nodes).state_version;
+  impl_->state_version =
+      impl_->exchange<wire::RolledBack>(wire::Rollback{.to_mark = mark}, {}, adopt_nodes).state_version;
+  return impl_->state_version;
 }
 
 wire::Marked Session::mark(const std::string& name) {
@@ -716,6 +723,7 @@ Profiles Session::profiles(std::span<const std::uint64_t> node_ids, std::span<co
       std::ranges::any_of(rows.columns(),
                           [&](const wire::Column& column) { return column.count != answer.nodes * answer.vertices; }))
     throw Error({.code = Code::kUnexpectedReply, .text = "the reply to read_profiles has other rows"});
+  impl_->state_version = answer.state_version;
   return {.nodes = node_ids.size(),
           .vertices = answer.vertices,
           .state_version = answer.state_version,
@@ -761,6 +769,12 @@ const std::vector<TransferId>& Session::offers() const {
 }
 std::uint64_t Session::last_sequence() const {
   return impl_->last_sequence;
+}
+std::uint64_t Session::state_version() const {
+  return impl_->state_version;
+}
+const ResumedNodes& Session::resumed_nodes() const {
+  return impl_->resumed;
 }
 void Session::leave() {
   impl_->closed = true;

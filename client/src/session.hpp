@@ -69,6 +69,8 @@ struct Session::Impl {
   wire::SessionOpened opened;
   std::vector<Field> wanted;
   std::uint64_t last_sequence = 0;
+  std::uint64_t state_version = 0;  // as the last answer told it
+  ResumedNodes resumed;
   struct InDoubt {  // a request with unknown outcome, which a repeated call must send with the same bytes
     std::uint64_t request_id = 0;
     std::uint64_t epoch = 0;

@@ -71,7 +71,8 @@ with its own compiler, and the files that CMake and pkg-config look for.")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-shearbus)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
-set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3:any (>= 3.11), python3-numpy, python3-zmq, python3-xxhash | libxxhash0")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3:any (>= 3.11), python3-numpy, libshearbus1 (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS "python3-zmq, python3-xxhash | libxxhash0")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS shearbus-server)
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION "Python client of the shearbus friction server
 Hosts in Python open sessions of a shearbus server with this package. It also

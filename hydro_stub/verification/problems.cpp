@@ -110,7 +110,7 @@ Problem2d sliding_plates(const guest::HydroScene& scene) {
            "lower zone_width_m");
   if (given.has_first_zone_m())
     problem.first = checked_grading("hydro.sliding_plates", true, given.first_zone_m(), given.zone_growth(),
-                                    given.zone_width_m(), std::min(problem.soft_depth, problem.hard_depth))
+                                    given.zone_width_m(), std::max(problem.soft_depth, problem.hard_depth))
                         .first;
   problem.growth = given.zone_growth();
   Problem2d made(make_bodies(problem));

@@ -26,11 +26,12 @@ namespace {
 using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
-using wire::as_utf8;
 using wire::nearest;
+using wire::printable;
 
 constexpr std::size_t kMaxFaultsListed = 50;
 constexpr std::size_t kMaxTableName = 64;
+constexpr std::size_t kLongestFileName = 1024;  // in a message  [bytes]
 
 Place place_of(const toml::key& key, const toml::node& node) {
   const toml::source_position& at =
@@ -64,7 +65,7 @@ std::string found(const toml::node& node) {
   std::ostringstream text;
   text.imbue(std::locale::classic());  // whatever locale the host has chosen
   if (const toml::value<std::string>* string = node.as_string())
-    text << '"' << as_utf8(string->get(), kShown) << '"';
+    text << '"' << printable(string->get(), kShown) << '"';
   else
     node.visit([&](const auto& value) { text << value; });
   return fmt::format("found {} {}", kind_of(node), text.str());
@@ -97,6 +98,20 @@ class Reader {
   Reader(const Descriptor& root, std::map<std::string, Place, std::less<>>& places, std::vector<Fault>& faults)
       : root_(root), places_(places), faults_(faults) {}
 
+  // Reads the table of the whole text.
+  void root_table(const toml::table& from, Message& to) {
+    table(from, to, "");
+    help_with_unknown_keys();
+  }
+
+ private:
+  // A key that its table does not have, and the place of its fault in the list.
+  struct Unknown {
+    std::size_t fault;
+    std::string key;
+    const Descriptor* table;
+  };
+
   void table(const toml::table& from, Message& to, const std::string& path) {
     for (const auto& [key, node] : from) {
       const auto [message, field] = find_slot(to, std::string(key.str()));
@@ -120,11 +135,14 @@ class Reader {
     }
   }
 
- private:
   // The tables [pair.NAME], in the order of their names.
   void named_tables(const toml::node& node, Message& to, const FieldDescriptor& field, const std::string& path) {
     if (!node.is_table())
       return fault(path, fmt::format("{0} holds tables with names: expected [{0}.NAME], {1}", path, found(node)));
+    if (node.as_table()->size() > wire::kMaxPairs)
+      return fault(path, fmt::format("{} tables [{}.NAME], at most {} are allowed: give nodes parameters, or divide "
+                                     "them over several sessions",
+                                     node.as_table()->size(), path, wire::kMaxPairs));
     for (const auto& [key, inner] : *node.as_table()) {
       const std::string_view name = key.str();
       const Place place = place_of(key, inner);
@@ -132,7 +150,7 @@ class Reader {
           name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") != name.npos) {
         fault(path,
               fmt::format("{}.{} has no proper name, expected 1 to {} letters, digits, _ or -", path,
-                          as_utf8(name, kMaxTableName), kMaxTableName),
+                          printable(name, kMaxTableName), kMaxTableName),
               place);
         continue;
       }
@@ -153,18 +171,29 @@ class Reader {
   }
 
   void unknown(std::string_view key, const Descriptor& table, const std::string& path, Place place) {
+    constexpr std::size_t kShown = 60;
+    const std::string name = (path.empty() ? "" : path + ".") + printable(key, kShown);
+    unknown_.push_back({faults_.size(), std::string(key), &table});
+    fault(name, fmt::format("{} is not a key of {}", name, path.empty() ? "a scene" : "[" + path + "]"), place);
+  }
+
+  // Adds to the faults of unknown keys what was meant. A refusal lists the first faults of the text alone, so the others
+  // are spared the search.
+  void help_with_unknown_keys() {
+    const auto place_of = [&](const Unknown& key) { return *faults_[key.fault].place; };
+    const auto last = unknown_.begin() + static_cast<std::ptrdiff_t>(std::min(unknown_.size(), kMaxFaultsListed));
+    std::ranges::partial_sort(unknown_, last, {}, place_of);
+    for (auto key = unknown_.begin(); key != last; ++key) faults_[key->fault].text += help_with(key->key, *key->table);
+  }
+
+  std::string help_with(std::string_view key, const Descriptor& table) const {
     std::vector<std::string_view> known;
     for (const FieldDescriptor* field : keys_of(table)) known.push_back(field->name());
-    constexpr std::size_t kShown = 60;
-    std::string text = fmt::format("{}{} is not a key of {}", path.empty() ? "" : path + ".", as_utf8(key, kShown),
-                                   path.empty() ? "a scene" : "[" + path + "]");
     if (const std::string tables = tables_with(key, root_, ""); !tables.empty())
-      text += fmt::format("; it is a key of {}", tables);
-    else if (const std::string_view near = nearest(key, known); !near.empty())
-      text += fmt::format("; did you mean \"{}\"?", near);
-    else
-      text += fmt::format("; expected one of {}", fmt::join(known, ", "));
-    fault(fmt::format("{}{}", path.empty() ? "" : path + ".", as_utf8(key, kShown)), std::move(text), place);
+      return fmt::format("; it is a key of {}", tables);
+    if (const std::string_view near = nearest(key, known); !near.empty())
+      return fmt::format("; did you mean \"{}\"?", near);
+    return fmt::format("; expected one of {}", fmt::join(known, ", "));
   }
 
   // Returns the names of the tables that have this key, e.g. "[soft], [hard]".
@@ -268,6 +297,7 @@ class Reader {
   const Descriptor& root_;
   std::map<std::string, Place, std::less<>>& places_;
   std::vector<Fault>& faults_;
+  std::vector<Unknown> unknown_;
 };
 
 Place place_at(std::string_view text, std::size_t at) {
@@ -299,21 +329,38 @@ std::size_t end_of_string(std::string_view text, std::size_t at) {
   return i;
 }
 
-// Finds a dotted key with more than kMaxKeyDots dots, more than any key of a scene has, and returns the position of its
-// first surplus dot. toml++ would make nested tables of it and overflow the stack when it destroys them recursively.
-std::optional<std::size_t> find_deep_key(std::string_view text) {
+// A place where a text has more than any scene, and what.
+struct Excess {
+  std::size_t at;
+  std::string text;
+};
+
+// Finds a dotted key with more than kMaxKeyDots dots, more than any key of a scene has, of which toml++ would make
+// nested tables and overflow the stack when it destroys them recursively; or the first key, table or value of a list
+// beyond those that a scene may have.
+std::optional<Excess> find_excess(std::string_view text) {
   constexpr int kMaxKeyDots = 8;
   int dots = 0;
+  std::size_t keys = 0;
+  bool line_begins = true;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
+    if (c == '=' || c == ',' || (c == '[' && line_begins)) ++keys;
+    if (keys > wire::kMaxSceneKeys)
+      return Excess{
+          i, fmt::format("more than {} keys, tables and values of lists, the most a scene has", wire::kMaxSceneKeys)};
+    line_begins = c == '\n' || (line_begins && (c == ' ' || c == '\t' || c == '['));
     if (c == '"' || c == '\'') {
       i = end_of_string(text, i);
-      if (i < text.size() && text[i] == '\n') dots = 0;
+      line_begins = i < text.size() && text[i] == '\n';
+      if (line_begins) dots = 0;
     } else if (c == '#') {
       i = std::min(text.find('\n', i), text.size());
+      line_begins = true;
       dots = 0;
     } else if (c == '.') {
-      if (++dots > kMaxKeyDots) return i;
+      if (++dots > kMaxKeyDots)
+        return Excess{i, fmt::format("a key of too many parts, at most {} are allowed", kMaxKeyDots + 1)};
     } else if (std::string_view("\n=,[]{}").find(c) != std::string_view::npos) {
       dots = 0;
     }
@@ -333,8 +380,7 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
   if (text.empty()) refuse(line_of(file, {}, "the file is empty, expected a scene"));
   if (text.size() > wire::kMaxSceneBytes)
     refuse(fmt::format("{}: {} bytes, a scene has at most {}", file, text.size(), wire::kMaxSceneBytes));
-  if (const auto deep = find_deep_key(text))
-    refuse(line_of(file, place_at(text, *deep), "a key of too many parts, no table lies so deep"));
+  if (const auto excess = find_excess(text)) refuse(line_of(file, place_at(text, excess->at), excess->text));
   // If memory runs out while toml++ reads a number, toml++ reports the number as a fault of the text. A text is
   // therefore refused only if it fails twice. The parser does not get the file's name, because the parser would end the
   // program if memory ran out while it copied the name.
@@ -343,7 +389,8 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
       return toml::parse(text);
     } catch (const toml::parse_error& error) {
       const toml::source_position& at = error.source().begin;
-      if (failed_before) refuse(line_of(file, {at.line, at.column}, as_utf8(error.description(), wire::kMaxTextBytes)));
+      if (failed_before)
+        refuse(line_of(file, {at.line, at.column}, printable(error.description(), wire::kMaxTextBytes)));
     }
   }
 }
@@ -380,9 +427,10 @@ void mark_all(const toml::key& key, const toml::node& node, std::vector<bool>& l
 }  // namespace
 
 std::string read_file(const std::filesystem::path& path) {
+  const auto shown = [&] { return printable(path.string(), kLongestFileName); };
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored))
-    refuse(fmt::format("{}: is a directory, expected a scene file", path.string()));
+    refuse(fmt::format("{}: is a directory, expected a scene file", shown()));
   std::string text;
   try {
     const wire::RegularFile file(path);
@@ -390,7 +438,7 @@ std::string read_file(const std::filesystem::path& path) {
     while (const std::size_t size = file.read(block.data(), block.size(), path)) {
       text.append(block.data(), size);
       if (text.size() > wire::kMaxSceneBytes)
-        refuse(fmt::format("{}: larger than {} bytes: not a scene", path.string(), wire::kMaxSceneBytes));
+        refuse(fmt::format("{}: larger than {} bytes: not a scene", shown(), wire::kMaxSceneBytes));
     }
   } catch (const wire::Error& fault) {
     refuse(fault.status().text);
@@ -441,10 +489,10 @@ wire::Status Document::placed(wire::Status status) const {
 }
 
 Document read(std::string_view text, std::string file, Message& root, CrossRules cross_rules) {
-  Document document{.file = std::move(file), .places = {}};
+  Document document{.file = printable(file, kLongestFileName), .places = {}};
   const toml::table table = parse_toml(text, document.file);
   std::vector<Fault> faults;
-  Reader(*root.GetDescriptor(), document.places, faults).table(table, root, "");
+  Reader(*root.GetDescriptor(), document.places, faults).root_table(table, root);
   Findings findings(std::move(faults));
   check_fields(root, findings);
   fill_defaults(root);
@@ -471,7 +519,7 @@ std::string with_value(std::string_view text, const std::string& origin, std::st
     given.insert_or_assign("value", value);
   }
   if (given.size() != 1) refuse("it is more than one value");
-  toml::table root = parse_toml(text, origin);
+  toml::table root = parse_toml(text, printable(origin, kLongestFileName));
   toml::table* table = &root;
   std::string_view rest = path;
   for (auto dot = rest.find('.'); dot != std::string_view::npos; dot = rest.find('.')) {
@@ -493,7 +541,7 @@ std::string with_value(std::string_view text, const std::string& origin, std::st
 
 std::string without_table(std::string_view text, const std::string& file, std::string_view key) {
   std::vector<bool> lines;
-  const toml::table table = parse_toml(text, file);
+  const toml::table table = parse_toml(text, printable(file, kLongestFileName));
   for (const auto& [found, node] : table)
     if (found.str() == key) mark_all(found, node, lines);
   return without_lines(text, lines);

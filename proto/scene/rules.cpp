@@ -104,12 +104,10 @@ void add_unusual(const Message& table, const std::string& path, std::vector<std:
       }
     } else if (is_table(field)) {
       if (reflection.HasField(table, &field)) add_unusual(reflection.GetMessage(table, &field), name, found);
-    } else if (rule_of(field).has_usual_from() && reflection.HasField(table, &field)) {
-      const v1::Rule& rule = rule_of(field);
+    } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && !field.is_repeated() &&
+               reflection.HasField(table, &field)) {
       const double value = reflection.GetDouble(table, &field);
-      if (value == 0.0 || (value >= rule.usual_from() && value <= rule.usual_to())) continue;
-      found.push_back(fmt::format("{0} = {1} {2} is unusual: values {3} are expected. Is it in {2}?", name,
-                                  number_text(value), rule.unit(), usual_of(field)));
+      if (!is_usual(field, value)) found.push_back(unusual_text(field, name, value));
     }
   }
 }
@@ -291,8 +289,17 @@ void fill_table(Message& message, const Enclosed* around) {
 
 }  // namespace
 
+Findings::Findings(std::vector<Fault> faults) : faults_(std::move(faults)) {
+  for (const Fault& fault : faults_) at_fault_.insert(fault.path);
+}
+
 bool Findings::sound(std::string_view path) const {
-  return std::none_of(faults_.begin(), faults_.end(), [&](const Fault& fault) { return fault.path == path; });
+  return !at_fault_.contains(path) && (!sound_before_ || sound_before_(path));
+}
+
+void Findings::add(std::string path, std::string text) {
+  at_fault_.insert(path);
+  faults_.push_back({std::move(path), std::move(text), {}});
 }
 
 void check_fields(const Message& root, Findings& findings) {
@@ -350,6 +357,16 @@ std::string usual_of(const FieldDescriptor& field) {
   const v1::Rule& rule = rule_of(field);
   if (!rule.has_usual_from()) return {};
   return fmt::format("from {} to {}{}", number_text(rule.usual_from()), number_text(rule.usual_to()), unit_of(field));
+}
+
+bool is_usual(const FieldDescriptor& field, double value) {
+  const v1::Rule& rule = rule_of(field);
+  return !rule.has_usual_from() || value == 0.0 || (value >= rule.usual_from() && value <= rule.usual_to());
+}
+
+std::string unusual_text(const FieldDescriptor& field, const std::string& name, double value) {
+  return fmt::format("{0} = {1} {2} is unusual: values {3} are expected. Is it in {2}?", name, number_text(value),
+                     rule_of(field).unit(), usual_of(field));
 }
 
 std::vector<std::string> unusual_values(const Message& root) {

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -34,15 +36,21 @@ struct Fault {
 // The faults found so far, for rules that look at more than one key.
 class Findings {
  public:
-  explicit Findings(std::vector<Fault> faults = {}) : faults_(std::move(faults)) {}
+  // Tells whether a key was sound before these findings.
+  using Sound = std::function<bool(std::string_view path)>;
+
+  explicit Findings(std::vector<Fault> faults = {});
+  explicit Findings(Sound sound_before) : sound_before_(std::move(sound_before)) {}
 
   // Returns true if no fault was found at this key, so that its value may be used.
   bool sound(std::string_view path) const;
-  void add(std::string path, std::string text) { faults_.push_back({std::move(path), std::move(text), {}}); }
+  void add(std::string path, std::string text);
   const std::vector<Fault>& faults() const { return faults_; }
 
  private:
   std::vector<Fault> faults_;
+  std::set<std::string, std::less<>> at_fault_;  // the paths of the faults
+  Sound sound_before_;
 };
 
 // Adds every fault that concerns a single field: missing, out of bounds, not finite, or given although the value of
@@ -74,7 +82,12 @@ std::string bounds_of(const google::protobuf::FieldDescriptor& field);
 // Returns the usual values of a field as text, "from 1e5 to 5e10 Pa"; empty if its rule names none.
 std::string usual_of(const google::protobuf::FieldDescriptor& field);
 
-// Describes every number that lies outside of the usual values of its key, as one line that names the key.
+// Whether a value is among the usual ones of its key, or is 0, or the key has none. The warning about another value, as
+// one line that begins with `name`.
+bool is_usual(const google::protobuf::FieldDescriptor& field, double value);
+std::string unusual_text(const google::protobuf::FieldDescriptor& field, const std::string& name, double value);
+
+// The warnings about all numbers of a message, by the names of their keys.
 std::vector<std::string> unusual_values(const google::protobuf::Message& root);
 
 // Returns the names of an enum field's values as scenes write them, in order: "velocity_driven", "force_driven".

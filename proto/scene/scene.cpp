@@ -67,33 +67,33 @@ bool begins_with_table_of(const v1::Pair& pair, std::string_view path) {
 
 // Checks a pair as the scene that it makes with the tables outside, and adds the faults that the scene without it does
 // not have.
-void check_pair(const v1::Scene& scene, const v1::Pair& pair, Findings& findings) {
+void check_pair(const v1::Scene& outside, const v1::Pair& pair, Findings& findings) {
   const std::string table = "pair." + pair.name();
-  std::vector<Fault> known;  // faults found before, by their keys in the scene of the pair
-  for (const Fault& fault : findings.faults()) {
-    if (fault.path.starts_with(table + "."))
-      known.push_back({fault.path.substr(table.size() + 1), fault.text, {}});
-    else if (!begins_with_table_of(pair, fault.path))
-      known.push_back(fault);
-  }
-  Findings of_pair(known);
-  v1::Scene whole = scene_of_pair(scene, pair);
+  Findings of_pair([&](std::string_view path) {
+    return findings.sound(table + "." + std::string(path)) &&
+           (begins_with_table_of(pair, path) || findings.sound(path));
+  });
+  v1::Scene whole = scene_of_pair(outside, pair);
   check_fields(whole, of_pair);
   fill_defaults(whole);
   check_scene(whole, of_pair);
-  for (std::size_t i = known.size(); i < of_pair.faults().size(); ++i) {
-    const Fault& fault = of_pair.faults()[i];
-    const bool outside = !begins_with_table_of(pair, fault.path);
-    if (outside && !findings.sound(fault.path)) continue;
-    findings.add(outside ? table : table + "." + fault.path, fmt::format("[{}]: {}", table, fault.text));
+  for (const Fault& fault : of_pair.faults()) {
+    const bool elsewhere = !begins_with_table_of(pair, fault.path);
+    if (elsewhere && !findings.sound(fault.path)) continue;
+    findings.add(elsewhere ? table : table + "." + fault.path, fmt::format("[{}]: {}", table, fault.text));
   }
 }
 
 }  // namespace
 
+v1::Scene without_pairs(const v1::Scene& scene) {
+  v1::Scene outside = scene;
+  outside.clear_pair();
+  return outside;
+}
+
 v1::Scene scene_of_pair(const v1::Scene& scene, const v1::Pair& pair) {
   v1::Scene whole = scene;
-  whole.clear_pair();
   for_tables_of_pair([&](const FieldDescriptor& from, const FieldDescriptor& to) {
     if (pair.GetReflection()->HasField(pair, &from))
       whole.GetReflection()->MutableMessage(&whole, &to)->CopyFrom(pair.GetReflection()->GetMessage(pair, &from));
@@ -185,7 +185,9 @@ void check_scene(const v1::Scene& scene, Findings& findings) {
                 scene.hard().melting_curve() == v1::MELTING_CURVE_SIMON,
             "melting_curve");
   soft_only(scene.hard().pressure_term() == v1::PRESSURE_TERM_COMPRESSED, "pressure_term");
-  for (const v1::Pair& pair : scene.pair()) check_pair(scene, pair, findings);
+  if (scene.pair().empty()) return;
+  const v1::Scene outside = without_pairs(scene);
+  for (const v1::Pair& pair : scene.pair()) check_pair(outside, pair, findings);
 }
 
 std::vector<Fault> faults_of(v1::Scene& scene) {

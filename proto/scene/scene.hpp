@@ -33,7 +33,10 @@ Document read(std::string_view text, std::string file, v1::Scene& scene);
 // (server/physics/solver/parts.hpp).
 void check_scene(const v1::Scene& scene, Findings& findings);
 
-// Returns the scene of one pair alone: the tables of the pair in place of the scene's, and no pairs.
+// Returns the scene without its pairs.
+v1::Scene without_pairs(const v1::Scene& scene);
+
+// Returns the scene of one pair alone: the tables of the pair in place of those of `scene`, which has no pairs.
 v1::Scene scene_of_pair(const v1::Scene& scene, const v1::Pair& pair);
 
 // Makes `pair` the pair whose scene is `whole`: those tables that differ from the scene's.

@@ -117,7 +117,8 @@ EndpointFile read_endpoint_file(const std::filesystem::path& file) {
     rest.remove_prefix(end + 1);
     if (line.empty() || line.starts_with('#')) continue;
     const auto [name, value] = parts_of(line);
-    if (name.empty()) refuse(file, fmt::format("line {}: expected key = \"value\"", number));
+    if (name.empty() || !can_stand_in_quotes(std::string(value)))
+      refuse(file, fmt::format("line {}: expected key = \"value\", with printable characters", number));
     for (std::size_t i = 0; i < kKeys.size(); ++i)
       if (kKeys[i].name == name) {
         contents.*kKeys[i].value = value;

@@ -3,23 +3,30 @@
 #include <fmt/format.h>
 #include <pthread.h>
 #include <sys/eventfd.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <fstream>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
-#include <vector>
+
+#if defined(__x86_64__)
+#include <xmmintrin.h>
+#endif
 
 namespace shearbus::wire {
 namespace {
 
-constexpr unsigned kThreadsOfContext = 2;    // libzmq's for input and output, and the one that closes sockets
+constexpr std::size_t kThreadsOfContext = 2;  // libzmq's for input and output, and the one that closes sockets
+constexpr std::size_t kMemoryOfContext = std::size_t{32} << 20;  // of a context and an opening  [bytes]
 constexpr std::size_t kFilesOfContext = 12;  // of a context, its first socket, the monitor of that, and its connection
 
 std::optional<std::uint64_t> limit(__rlimit_resource which) {
@@ -60,12 +67,20 @@ std::string full_control_group() {
 std::string limit_of_threads() {
   if (std::string group = full_control_group(); !group.empty()) return group;
   std::string text;
-  if (const auto most = limit(RLIMIT_NPROC))
-    text = fmt::format("uid {} may have {} processes and threads (ulimit -u)", ::getuid(), *most);
   if (const auto memory = limit(RLIMIT_AS))
-    text += fmt::format("{}the process may use {} MB of memory (ulimit -v), of which the stack of a thread takes {} MB",
-                        text.empty() ? "" : ", and ", *memory >> 20, limit(RLIMIT_STACK).value_or(0) >> 20);
-  return text.empty() ? "the machine has as many threads as it may (kernel.threads-max, kernel.pid_max)" : text;
+    text =
+        fmt::format("the process may use {} MB of memory (ulimit -v), of which the stack of a thread takes {} MB, or ",
+                    *memory >> 20, limit(RLIMIT_STACK).value_or(0) >> 20);
+  if (const auto most = limit(RLIMIT_NPROC))
+    return text + fmt::format("uid {} may have {} processes and threads (ulimit -u)", ::getuid(), *most);
+  return text + "the machine has as many threads as it may (kernel.threads-max, kernel.pid_max)";
+}
+
+// Why this process gets no memory.
+std::string limit_of_memory() {
+  const auto most = limit(RLIMIT_AS);
+  return most ? fmt::format("the process may use {} MB of memory (ulimit -v)", *most >> 20)
+              : "the machine has none to give";
 }
 
 // Files that are opened to find out whether they can be.
@@ -80,14 +95,58 @@ struct Files {
   }
 };
 
+struct Threads {
+  std::array<std::thread, kThreadsOfContext> threads;
+  Threads() = default;
+  Threads(const Threads&) = delete;
+  Threads& operator=(const Threads&) = delete;
+  ~Threads() {
+    for (std::thread& thread : threads)
+      if (thread.joinable()) thread.join();
+  }
+};
+
 }  // namespace
 
+// Reading and writing a whole environment takes 1 us. Most hosts have the default one, up to flags, which costs a few
+// nanoseconds to find out.
 DefaultFloatingPoint::DefaultFloatingPoint() noexcept {
+#if defined(__x86_64__)
+  constexpr unsigned kFlags = 0x3f, kDefaultControl = 0x1f80;
+  constexpr std::uint16_t kDefaultControlOfX87 = 0x037f;
+  std::uint16_t control_of_x87 = 0;
+  __asm__ volatile("fnstcw %0" : "=m"(control_of_x87));
+  control_ = _mm_getcsr();
+  changed_ = (control_ & ~kFlags) != kDefaultControl || control_of_x87 != kDefaultControlOfX87;
+  if (!changed_) return;
+#endif
   std::fegetenv(&before_);
   std::fesetenv(FE_DFL_ENV);
 }
 DefaultFloatingPoint::~DefaultFloatingPoint() {
+#if defined(__x86_64__)
+  if (!changed_) {
+    _mm_setcsr(control_);
+    return;
+  }
+#endif
   std::fesetenv(&before_);
+}
+
+// Kept in a page that the kernel clears in a new process.
+pid_t this_process() noexcept {
+  static std::atomic<pid_t>* const known = [] {
+    const auto size = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+    void* const page = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (page == MAP_FAILED) return static_cast<std::atomic<pid_t>*>(nullptr);
+    if (::madvise(page, size, MADV_WIPEONFORK) == 0) return new (page) std::atomic<pid_t>(0);
+    ::munmap(page, size);
+    return static_cast<std::atomic<pid_t>*>(nullptr);
+  }();
+  if (known == nullptr) return ::getpid();
+  pid_t process = known->load(std::memory_order_relaxed);
+  if (process == 0) known->store(process = ::getpid(), std::memory_order_relaxed);
+  return process;
 }
 
 SignalsBlocked::SignalsBlocked() noexcept {
@@ -125,21 +184,18 @@ void check_room_for_sockets() {
                                    : fmt::format("no file can be opened: {}", std::system_category().message(errno)));
     files.files[files.count++] = file;
   }
-  // All of them at once, so they wait for each other.
+  // All of the threads at once, so they wait for each other.
   std::mutex gate;
-  std::vector<std::thread> threads;
-  std::string fault;
-  {
-    const std::lock_guard closed(gate);
-    try {
-      for (unsigned i = 0; i < kThreadsOfContext; ++i)
-        threads.push_back(own_thread([&gate] { const std::lock_guard passing(gate); }));
-    } catch (const std::exception& found) {
-      fault = found.what();
-    }
-  }
-  for (std::thread& thread : threads) thread.join();
-  if (!fault.empty()) throw std::runtime_error(fault);
+  Threads threads;
+  const std::lock_guard closed(gate);
+  for (std::thread& thread : threads.threads) thread = own_thread([&gate] { const std::lock_guard passing(gate); });
+  // While their stacks are in memory, too.
+  void* const memory =
+      ::mmap(nullptr, kMemoryOfContext, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (memory == MAP_FAILED)
+    throw std::runtime_error(
+        fmt::format("{} MB of memory are not to be had: {}", kMemoryOfContext >> 20, limit_of_memory()));
+  ::munmap(memory, kMemoryOfContext);
 }
 
 }  // namespace shearbus::wire

@@ -2,6 +2,7 @@
 // calls that the host's signals interrupt, and a look at the limits of the process before libzmq meets them.
 #pragma once
 
+#include <sys/types.h>
 #include <cerrno>
 #include <cfenv>
 #include <csignal>
@@ -23,8 +24,13 @@ class DefaultFloatingPoint {
   ~DefaultFloatingPoint();
 
  private:
+  bool changed_ = true;
+  unsigned control_ = 0;
   std::fenv_t before_{};
 };
+
+// The number of this process, also in one that was made by fork() or clone(). Costs no system call.
+pid_t this_process() noexcept;
 
 // Blocks all signals for this thread, and for threads that it starts, so that they go to the host's other threads.
 class SignalsBlocked {
@@ -60,7 +66,7 @@ auto uninterrupted(const Call& call) {
 
 inline constexpr std::size_t kLongestSocketPath = 107;  // [bytes] of an ipc socket in the file system
 
-// libzmq ends the process if it cannot make the threads and the files of a context. Called before the first socket of
+// libzmq ends the process if it cannot make the threads and the files of a context, or gets no memory. Called before the first socket of
 // each context: throws std::runtime_error, which names the limit, if there is no room for them.
 void check_room_for_sockets();
 

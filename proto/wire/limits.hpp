@@ -37,6 +37,7 @@ inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
 inline constexpr std::size_t kMaxTextBytes = std::size_t{4} * 1024;
 // length of a scene, or of the list of its faults
 inline constexpr std::size_t kMaxSceneBytes = std::size_t{256} * 1024;
+inline constexpr std::size_t kMaxSceneKeys = 16'384;  // keys, tables and values of lists in a scene's text, together
 
 static_assert(kMaxRowsPerMessage * kMaxBytesPerNode <= kMaxPayloadBytes);
 static_assert(kMaxNodesPerSession * kMaxBytesPerNewNode <= kMaxPayloadBytes);

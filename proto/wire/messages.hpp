@@ -513,6 +513,7 @@ struct ServerStatus {
   std::uint64_t open_files = 0;
   std::uint64_t max_open_files = 0;
   std::vector<std::uint64_t> regimes;  // number of nodes by Regime
+  std::uint64_t longest_turn_ns = 0;
 
   static void fields(auto&& v, auto& m) {
     v(1, "sessions", m.sessions);
@@ -547,6 +548,7 @@ struct ServerStatus {
     v(38, "open_files", m.open_files);
     v(39, "max_open_files", m.max_open_files);
     v(40, "regimes", m.regimes);
+    v(41, "longest_turn_ns", m.longest_turn_ns);
   }
 };
 

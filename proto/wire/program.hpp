@@ -6,7 +6,12 @@
 
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
+#include <exception>
 #include <string>
+
+#include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::wire {
 
@@ -20,9 +25,19 @@ inline void begin_program() {
     if (::fcntl(stream, F_GETFD) < 0) static_cast<void>(::open("/dev/null", O_RDWR));
 }
 
-// Prints a line to standard error. A failure to print is ignored.
-inline void complain(const std::string& line) noexcept {
-  static_cast<void>(std::fputs((line + '\n').c_str(), stderr));
+// Prints a text to standard error, without commands to a terminal. A failure to print is ignored.
+inline void complain(const std::string& text) noexcept try {
+  static_cast<void>(std::fputs((printable_lines(text) + '\n').c_str(), stderr));
+} catch (const std::exception&) {  // no memory for the text
+}
+
+// Prints what has ended a program: one line, whatever names it quotes, or the list of a scene's faults.
+inline void complain(const std::string& program, const std::exception& fault) noexcept try {
+  constexpr std::size_t kLongest = std::size_t{16} << 10;
+  const auto* refusal = dynamic_cast<const Error*>(&fault);
+  const bool list = refusal != nullptr && refusal->status().code == Code::kInvalidScene;
+  complain(program + ": " + (list ? fault.what() : printable(fault.what(), kLongest)));
+} catch (const std::exception&) {
 }
 
 // Returns `code`. If not everything that was printed has reached standard output, complains and returns 1 in place of

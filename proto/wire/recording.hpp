@@ -93,7 +93,7 @@ class HistoryReader {
   bool has(std::string_view name) const;
   std::vector<double> per_node(std::string_view name) const;        // one value per node, all checked to be finite
   std::vector<std::string> texts(std::string_view name) const;      // one text per node
-  std::vector<std::string> names_in(std::string_view group) const;  // names in a group; none if it is absent
+  std::vector<std::string> names_in(std::string_view group) const;  // names in a group, "": the file; none if absent
   // reads the values of one step, one per node; all checked to be finite
   void row(std::string_view name, std::size_t step, std::span<double> values);
   std::optional<std::string> meta(std::string_view name) const;

@@ -96,6 +96,7 @@ struct HistoryReader::Impl {
   bool has(std::string_view name) const { return hdf5::has_link(handle, std::string(name)); }
   Dataset open_dataset(const std::string& name, bool integers_only = false) const;
   void check_link(const std::string& name) const;
+  void check_place(const std::string& name, hid_t dataset) const;
   void check_storage(const std::string& name, hid_t dataset) const;
   double factor_to_si(const std::string& name, hid_t dataset) const;
   std::vector<hsize_t> shape(hid_t dataset) const;
@@ -142,7 +143,7 @@ Dataset HistoryReader::Impl::open_dataset(const std::string& name, bool integers
   const Object object(opened);
   if (H5Iget_type(object) != H5I_DATASET) fail(name, "is not a dataset", "Expected an array of numbers.");
   Dataset dataset(check(H5Dopen2(handle, name.c_str(), H5P_DEFAULT), "cannot open a dataset"));
-  check_storage(name, dataset);
+  check_place(name, dataset);
   const Type type(check(H5Dget_type(dataset), "cannot read a type"));
   const H5T_class_t found = H5Tget_class(type);
   const bool is_regime = found == H5T_ENUM && name == "regime" && H5Tget_size(type) == 1;
@@ -156,6 +157,10 @@ Dataset HistoryReader::Impl::open_dataset(const std::string& name, bool integers
 void HistoryReader::Impl::check_link(const std::string& name) const {
   if (const std::string fault = fault_of_link(handle, name); !fault.empty())
     fail(name, fault, "A history is one file: copy the values into it.");
+}
+
+void HistoryReader::Impl::check_place(const std::string& name, hid_t dataset) const {
+  if (const StorageFault found = fault_of_place(dataset); !found.fault.empty()) fail(name, found.fault, found.remedy);
 }
 
 void HistoryReader::Impl::check_storage(const std::string& name, hid_t dataset) const {
@@ -203,6 +208,7 @@ std::size_t HistoryReader::Impl::length(const std::string& name, hid_t dataset, 
 }
 
 void HistoryReader::Impl::read_all(const std::string& name, hid_t dataset, hid_t memory_type, void* values) const {
+  check_storage(name, dataset);
   if (H5Dread(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0)
     fail(name, fmt::format("cannot be read: {}", reason()), "Is the file damaged?");
 }
@@ -301,6 +307,7 @@ HistoryReader::Impl::Series& HistoryReader::Impl::open_series(const std::string&
          fmt::format("has shape {}; expected [T, N] = [{}, {}]", shape_text(found), times.size(), node_ids.size()),
          "One row for each time, one column for each node.");
 
+  check_storage(name, one.dataset);
   one.to_si = factor_to_si(name, one.dataset);
   one.rows_per_read = std::max<std::size_t>(kBufferElements / node_ids.size(), 1);
   const Properties creation(check(H5Dget_create_plist(one.dataset), "cannot read a layout"));
@@ -451,7 +458,7 @@ std::vector<std::string> HistoryReader::texts(std::string_view name_view) const 
   self.check_link(name);
   const Dataset dataset(H5Dopen2(self.handle, name.c_str(), H5P_DEFAULT));
   if (dataset < 0) self.fail(name, "is not a dataset", "Expected one text for each node.");
-  self.check_storage(name, dataset);
+  self.check_place(name, dataset);
   const Type type(self.check(H5Dget_type(dataset), "cannot read a type"));
   if (H5Tget_class(type) != H5T_STRING)
     self.fail(name, fmt::format("holds {} values; expected texts", class_name(H5Tget_class(type))),
@@ -460,6 +467,7 @@ std::vector<std::string> HistoryReader::texts(std::string_view name_view) const 
   if (found != std::vector<hsize_t>{nodes()})
     self.fail(name, fmt::format("has shape {}; expected [N] = [{}]", shape_text(found), nodes()),
               "One text for each node.");
+  self.check_storage(name, dataset);
   return self.read_texts(dataset, false);
 }
 
@@ -468,9 +476,10 @@ std::vector<std::string> HistoryReader::names_in(std::string_view group_view) co
   const Impl& self = *impl_;
   const std::string name(group_view);
   std::vector<std::string> names;
-  if (!self.has(name)) return names;
-  self.check_link(name);
-  const Object group(self.check(H5Oopen(self.handle, name.c_str(), H5P_DEFAULT), "cannot open a group"));
+  if (!name.empty() && !self.has(name)) return names;
+  if (!name.empty()) self.check_link(name);
+  const std::string path = '/' + name;
+  const Object group(self.check(H5Oopen(self.handle, path.c_str(), H5P_DEFAULT), "cannot open a group"));
   if (H5Iget_type(group) != H5I_GROUP) self.fail(name, "is not a group", "Expected a group of datasets.");
   const auto add = [](hid_t, const char* link, const H5L_info_t*, void* into) -> herr_t {
     static_cast<std::vector<std::string>*>(into)->emplace_back(link);
@@ -514,6 +523,7 @@ std::optional<std::string> HistoryReader::meta(std::string_view name_view) const
   if (H5Iget_type(group) == H5I_GROUP && H5Lexists(group, name.c_str(), H5P_DEFAULT) > 0) {
     self.check_link("meta/" + name);
     const Dataset text(self.check(H5Dopen2(group, name.c_str(), H5P_DEFAULT), "cannot open a text"));
+    self.check_place("meta/" + name, text);
     self.check_storage("meta/" + name, text);
     return self.read_text(text, false);
   }

@@ -75,12 +75,18 @@ std::string fault_of_link(hid_t file, const std::string& path) {
   return fault_of_path(file, path, 0);
 }
 
-StorageFault fault_of_storage(hid_t dataset) {
+StorageFault fault_of_place(hid_t dataset) {
   const std::string elsewhere = "A history is one file: copy the values into it.";
   const Properties creation(H5Dget_create_plist(dataset));
-  const H5D_layout_t layout = H5Pget_layout(creation);
-  if (layout == H5D_VIRTUAL) return {.fault = "is a virtual dataset, made of other files", .remedy = elsewhere};
+  if (H5Pget_layout(creation) == H5D_VIRTUAL)
+    return {.fault = "is a virtual dataset, made of other files", .remedy = elsewhere};
   if (H5Pget_external_count(creation) > 0) return {.fault = "has its values in another file", .remedy = elsewhere};
+  return {};
+}
+
+StorageFault fault_of_storage(hid_t dataset) {
+  const Properties creation(H5Dget_create_plist(dataset));
+  const H5D_layout_t layout = H5Pget_layout(creation);
   if (StorageFault found = fault_of_filters(creation); !found.fault.empty()) return found;
   const Space space(H5Dget_space(dataset));
   if (H5Sget_simple_extent_npoints(space) <= 0) return {};
@@ -103,7 +109,7 @@ StorageFault fault_of_storage(hid_t dataset) {
             .remedy = "Write it with smaller chunks."};
   hsize_t written = 0;
   const hsize_t expected = chunks_of(shape, chunk);
-  if (H5Dget_num_chunks(dataset, H5S_ALL, &written) >= 0 && written < expected)
+  if (H5Dget_num_chunks(dataset, space, &written) >= 0 && written < expected)
     return {.fault = fmt::format("has {} chunks, of which {} were never written", expected, expected - written),
             .remedy = "Write all values; was the program that wrote them interrupted?"};
   return {};

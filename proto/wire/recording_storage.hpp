@@ -14,12 +14,14 @@ bool has_link(hid_t file, const std::string& path);
 // Returns what is wrong with the way to an object, such as "is a link to another file"; "" if it lies in this file.
 std::string fault_of_link(hid_t file, const std::string& path);
 
-// Returns what is wrong with the storage of a dataset: values in other files, values that were never written, a filter
-// that is not installed, or chunks too large to read.
+// What is wrong with the storage of a dataset.
 struct StorageFault {
-  std::string fault;  // empty: none
+  std::string fault;  // empty: nothing
   std::string remedy;
 };
+// Values in other files: asked before anything else of a dataset, since its size may be in them, too.
+StorageFault fault_of_place(hid_t dataset);
+// A filter that is not installed, chunks too large to read, or values that were never written.
 StorageFault fault_of_storage(hid_t dataset);
 
 }  // namespace shearbus::wire::hdf5

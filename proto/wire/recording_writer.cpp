@@ -119,6 +119,7 @@ struct HistoryWriter::Impl {
   Dataset create_dataset(const std::string& name, hid_t type, const std::vector<hsize_t>& size,
                          const std::vector<hsize_t>& chunk, bool grows) const;
   void write_text(hid_t object, const std::string& name, const std::string& text) const;
+  void write_units(hid_t dataset, const std::string& units) const;
   void write_meta(const std::map<std::string, std::string>& meta) const;
   void describe_dataset(hid_t dataset, const Quantity& quantity) const;
   void write_array(const Quantity& quantity, hid_t type, hid_t memory_type, const void* values,
@@ -164,13 +165,25 @@ void HistoryWriter::Impl::write_text(hid_t object, const std::string& name, cons
   }
 }
 
+// A reader converts by this text, so it is of fixed length: it lies in the header of its dataset, which has a checksum.
+void HistoryWriter::Impl::write_units(hid_t dataset, const std::string& units) const {
+  const Type type(check(H5Tcopy(H5T_C_S1), "cannot prepare a unit"));
+  check(H5Tset_size(type, units.size()), "cannot prepare a unit");
+  check(H5Tset_strpad(type, H5T_STR_NULLPAD), "cannot prepare a unit");
+  check(H5Tset_cset(type, H5T_CSET_UTF8), "cannot prepare a unit");
+  const Space scalar(check(H5Screate(H5S_SCALAR), "cannot prepare a unit"));
+  const Attribute attribute(
+      check(H5Acreate2(dataset, "units", type, scalar, H5P_DEFAULT, H5P_DEFAULT), "cannot create a unit"));
+  check(H5Awrite(attribute, type, units.data()), "cannot write a unit");
+}
+
 void HistoryWriter::Impl::write_meta(const std::map<std::string, std::string>& meta) const {
   const Group group(check(H5Gopen2(handle, "meta", H5P_DEFAULT), "cannot open /meta"));
   for (const auto& [name, text] : meta) write_text(group, name, text);
 }
 
 void HistoryWriter::Impl::describe_dataset(hid_t dataset, const Quantity& quantity) const {
-  if (!quantity.units.empty()) write_text(dataset, "units", quantity.units);
+  if (!quantity.units.empty()) write_units(dataset, quantity.units);
   write_text(dataset, "long_name", quantity.long_name);
   if (quantity.is_regime) write_text(dataset, "legend", legend_of_regimes());
   if (quantity.is_outcome) write_text(dataset, "legend", kOutcomeLegend);

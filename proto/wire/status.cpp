@@ -3,7 +3,14 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "proto/wire/text.hpp"
+
 namespace shearbus::wire {
+
+Status& make_printable(Status& status) {
+  for (std::string* text : {&status.text, &status.remedy, &status.field}) *text = printable_lines(*text);
+  return status;
+}
 
 std::string describe(const Status& status) {
   std::string line = fmt::format("{}: {}", name(status.code), status.text);

@@ -82,12 +82,20 @@ struct Status {
 // Returns the status as one line: "INVALID_VALUE: pressure_pa of node 7 is nan; ... (remedy)".
 std::string describe(const Status& status);
 
+// Escapes control characters and invalid bytes in the texts of a status; the ends of lines stay. Returns the status.
+Status& make_printable(Status& status);
+
 class Error : public std::runtime_error {
  public:
-  explicit Error(Status status) : std::runtime_error(describe(status)), status_(std::move(status)) {}
+  // Makes the texts of the status printable, line by line: they may quote what strangers wrote.
+  explicit Error(Status status) : Error(std::move(status), Printable()) {}
   const Status& status() const { return status_; }
 
  private:
+  struct Printable {};
+  Error(Status&& status, Printable)
+      : std::runtime_error(describe(make_printable(status))), status_(std::move(status)) {}
+
   Status status_;
 };
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <ctime>
 #include <vector>
 
@@ -51,6 +52,75 @@ bool has_control_character(std::string_view text) {
     if (byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0) return true;
   }
   return false;
+}
+
+namespace {
+
+// Whether a terminal or a reader would take the character for more than itself: control characters, line and paragraph
+// separators, and those that change the direction of the text around them.
+bool is_command(char32_t c) {
+  return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0x2028 || c == 0x2029 || (c >= 0x200e && c <= 0x200f) ||
+         (c >= 0x202a && c <= 0x202e) || (c >= 0x2066 && c <= 0x2069) || c == 0x061c;
+}
+
+std::string escaped(char32_t c) {
+  if (c == '\n') return "\\n";
+  if (c == '\t') return "\\t";
+  if (c == '\r') return "\\r";
+  std::array<char, 16> text{};
+  static_cast<void>(
+      std::snprintf(text.data(), text.size(), c < 0x100 ? "\\x%02x" : "\\u{%04x}", static_cast<unsigned>(c)));
+  return text.data();
+}
+
+// Appends the character or byte at the beginning of `text` to `out`, escaped if need be. Returns its length.
+std::size_t append_printable(std::string_view text, std::string& out) {
+  auto at = text.begin();
+  char32_t c = static_cast<unsigned char>(text.front());
+  bool valid = true;
+  try {
+    c = utf8::next(at, text.end());
+  } catch (const utf8::exception&) {
+    valid = false;
+  }
+  if (!valid) {
+    out += escaped(c);
+    return 1;
+  }
+  const auto size = static_cast<std::size_t>(at - text.begin());
+  if (is_command(c))
+    out += escaped(c);
+  else
+    out += text.substr(0, size);
+  return size;
+}
+
+}  // namespace
+
+std::string printable(std::string_view text, std::size_t max_bytes) {
+  constexpr std::string_view kCut = "...";
+  std::string out;
+  std::size_t whole = 0;  // length of what fits in front of "..."
+  while (!text.empty()) {
+    if (out.size() + kCut.size() <= max_bytes) whole = out.size();
+    text.remove_prefix(append_printable(text, out));
+    if (out.size() > max_bytes) return out.substr(0, whole) + std::string(kCut.substr(0, max_bytes - whole));
+  }
+  return out;
+}
+
+std::string printable_lines(std::string_view text) {
+  std::string out;
+  out.reserve(text.size());
+  while (!text.empty()) {
+    if (text.front() == '\n') {
+      out += '\n';
+      text.remove_prefix(1);
+    } else {
+      text.remove_prefix(append_printable(text, out));
+    }
+  }
+  return out;
 }
 
 std::string as_utf8(std::string_view text, std::size_t max_bytes) {

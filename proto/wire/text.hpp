@@ -28,6 +28,14 @@ std::string utc_now();
 // none.
 bool has_control_character(std::string_view text);
 
+// Returns a text of a stranger (a name, a key, a file's content) as it may appear in a message, a log or on a terminal: on
+// one line and without commands to a terminal. Control characters and characters that change the direction of text become
+// "\n", "\t" or "\x1b", "\u{202e}", invalid bytes "\xff". Of a longer text than `max_bytes` the beginning and "...".
+std::string printable(std::string_view text, std::size_t max_bytes);
+
+// The same for a whole message, in which line ends stay.
+std::string printable_lines(std::string_view text);
+
 // The server's warnings about a scene that only inform begin with this; the others tell of a probable mistake.
 inline constexpr std::string_view kNote = "note: ";
 

@@ -130,7 +130,7 @@ void Service::prove_last_replies() noexcept try {
   const std::uint64_t now_ns = options_.now_ns();
   for (const auto& [id, member] : members_) {
     const std::uint64_t last = member->conversation.last_sequence();
-    if (!member->shard || member->running || member->proven_sequence == last) continue;
+    if (!member->shard || member->running || member->long_request || member->proven_sequence == last) continue;
     if (now_ns - member->last_request_ns < kQuietNs) continue;
     store_->append({.session = id, .sequence = last, .previous_reply = sum_of(member->conversation)});
     member->proven_sequence = last;
@@ -325,6 +325,7 @@ void Service::change_scene(const wire::SessionId& session, const std::string& sc
 
 bool Service::checkpoint() {
   if (store_ == nullptr || failed()) return false;
+  finish_changes();
   end_checkpoint(true);
   if (options_.around_checkpoint) options_.around_checkpoint(true);
   bool written = false;
@@ -339,7 +340,8 @@ bool Service::checkpoint() {
 }
 
 void Service::begin_checkpoint() {
-  if (store_ == nullptr || failed() || job_) return;
+  if (store_ == nullptr || failed() || job_ || changing()) return;
+  const Longest measured(options_.cpu_ns, metrics_.longest_turn_ns);
   if (options_.around_checkpoint) options_.around_checkpoint(true);
   job_started_ns_ = options_.now_ns();
   try {
@@ -412,9 +414,11 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
           {.code = Code::kSuperseded,
            .text = fmt::format("claim {} of the session, after claim {} was granted", resume.claim, member.claim),
            .remedy = "Ask where the session stands, and claim it if its client is known to be gone."});
-    grant(member, resume, arrival);
   }
+  hold(member);
   const shard::Shard& shard = *member.shard;
+  aside(64 * shard.nodes().size(), [&] { reply->batch = member.pairs.columns_of_nodes(shard); });
+  if (resume.claim != 0 && !repeated) grant(member, resume, arrival);
   reply->body = wire::SessionResumed{.session = opened(member),
                                      .last_sequence = member.conversation.last_sequence(),
                                      .state_version = shard.state_version(),
@@ -422,7 +426,6 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arriv
                                      .claim = member.claim,
                                      .offers = offers_of(member),
                                      .claimant = member.claimant};
-  reply->batch = member.pairs.columns_of_nodes(shard);
   if (resume.claim != 0) reply->epoch = member.epoch;
   return reply;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <exception>
 #include <memory>
 #include <optional>
 #include <span>
@@ -12,6 +13,7 @@
 #include "server/service/pairs.hpp"
 #include "server/service/parts.hpp"
 #include "server/service/service.hpp"
+#include "server/shard/side_task.hpp"
 
 namespace shearbus::service {
 
@@ -48,6 +50,23 @@ struct Service::RunningStep {
   void clear() noexcept;  // frees everything but memory that a later step may use
 };
 
+// A request with work aside.
+struct Service::LongRequest {
+  Arrival arrival;
+  std::array<std::span<const std::byte>, 2> frames;  // what arrival.frames is
+  ReplyPtr reply;
+  std::string owner;         // user whose sessions it concerns
+  std::string domain;        // domain whose nodes it may change
+  wire::SessionId opens{};   // session that it opens
+  Member* member = nullptr;  // session of the request; null for one that is being opened
+  ReplyPtr answer;           // when it has ended: the answer, or the fault
+  std::exception_ptr fault;
+  bool kept = false;  // while it is aside: the state of the request that is being answered
+  Current current;
+  std::optional<Longest> turn;  // measures its turn
+  std::unique_ptr<shard::SideTask> task;
+};
+
 struct Service::Member {
   wire::SessionId id{};
   std::string identity;  // identity that opened the session; only this identity and operators may use the session
@@ -63,7 +82,10 @@ struct Service::Member {
   SessionPairs pairs;
   std::unique_ptr<shard::Shard> shard;   // null after the session has been closed
   std::unique_ptr<RunningStep> running;  // null if no step is being computed
-  std::string domain;                    // name of the session's domain; empty: none
+  LongRequest* long_request = nullptr;   // null if no request of the session has work aside
+  double operators_made_for = 0.0;  // step length whose operators were made aside  [s]; 0: none since the nodes changed
+  bool changing = false;            // whether a thread aside changes the states
+  std::string domain;               // name of the session's domain; empty: none
   std::string scene_name;
   std::string scene;            // scene with all defaults filled in, as TOML
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
@@ -78,6 +100,8 @@ struct Service::Member {
   // Whether a trial stands that could be committed. A step of which parts are missing is none.
   bool trial_stands() const { return shard->has_trial() && !parts; }
   std::uint64_t held_bytes() const;  // memory of states and marks  [bytes]
+  std::uint64_t held_before = 0;     // held_bytes() before a thread aside has begun to change the states
+  std::uint64_t nodes_before = 0;    // and the number of nodes
   Domain domain_it_is_in() const { return {identity, domain}; }
 };
 
@@ -87,6 +111,11 @@ void make_repeat(wire::Reply& reply);
 
 // A batch whose only column is the ids of the nodes.
 wire::Batch node_column(std::span<const std::uint64_t> node_ids);
+
+// What it takes to check the node ids of a request, and to make models for nodes that may each have a pair of their own,
+// as memory that takes as long to write  [bytes].
+std::uint64_t bytes_of_nodes(const wire::Batch& batch);
+std::uint64_t bytes_of_models(std::size_t nodes, bool several);
 
 // Memory in bytes of the states that a mark or a transfer stores, including the ids of their nodes.
 std::uint64_t kept_bytes(const shard::States& states);

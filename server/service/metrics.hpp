@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <utility>
 #include <variant>
 
@@ -47,6 +48,25 @@ struct Metrics {
   std::array<std::uint64_t, kCodes> refusals{};  // number of refusals, by code
 
   void put_into(wire::ServerStatus& status) const;
+};
+
+// Keeps the longest of the times between its construction and its end.
+class Longest {
+ public:
+  using Clock = std::function<std::uint64_t()>;  // may be empty: then nothing is measured
+
+  Longest(const Clock& now_ns, std::uint64_t& longest_ns)
+      : now_ns_(now_ns), longest_ns_(longest_ns), begun_ns_(now_ns ? now_ns() : 0) {}
+  Longest(const Longest&) = delete;
+  Longest& operator=(const Longest&) = delete;
+  ~Longest() {
+    if (now_ns_) longest_ns_ = std::max(longest_ns_, now_ns_() - begun_ns_);
+  }
+
+ private:
+  const Clock& now_ns_;
+  std::uint64_t& longest_ns_;
+  std::uint64_t begun_ns_;
 };
 
 // Runs `act` and adds its time to the histogram, also if it throws.

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <utility>
@@ -26,6 +27,14 @@ using wire::Error;
 using wire::Field;
 
 namespace {
+
+constexpr std::uint64_t kBytesPerId =
+    64;  // what it takes to sort or compare an id, as memory that takes as long to write
+
+// The lists that a shard has of its nodes, made anew when they change  [bytes].
+std::uint64_t bytes_of_lists(std::size_t nodes) {
+  return kBytesPerId * nodes;
+}
 
 std::vector<std::uint64_t> sorted(std::span<const std::uint64_t> ids) {
   std::vector<std::uint64_t> all(ids.begin(), ids.end());
@@ -113,9 +122,10 @@ std::uint64_t Service::Member::held_bytes() const {
 // to be accepted. Offers that `self` made after its request `withdrawn_after` do not count, because the present request
 // withdraws them. Throws INVALID_VALUE if a session of the same run is open here in another domain.
 void Service::check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
-                           std::span<const std::uint64_t> node_ids) const {
+                           std::span<const std::uint64_t> node_ids) {
   if (domain.name.empty()) return;
-  const std::vector<std::uint64_t> ids = sorted(node_ids);
+  std::vector<std::uint64_t> ids;
+  aside(kBytesPerId * node_ids.size(), [&] { ids = sorted(node_ids); });
   const auto seconds_since = [&](std::uint64_t then_ns) {
     return 1e-9 * static_cast<double>(options_.now_ns() - then_ns);
   };
@@ -130,6 +140,8 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
                  .field = wire::name(Field::kNodeId),
                  .node_ids = std::move(owned)});
   };
+  std::vector<std::pair<wire::SessionId, const Member*>> sessions;  // of the domain
+  std::vector<const store::TransferImage*> offers;
   for (const auto& [id, other] : members_) {
     if (!other->shard || other.get() == self || other->identity != domain.identity) continue;
     if (other->domain != domain.name && !other->domain.empty() && run_of(other->domain) == run_of(domain.name))
@@ -140,29 +152,44 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
                    .remedy = "Give all clients of a run the same endpoints in the same order.",
                    .field = "open_session.domain"});
     if (other->domain_it_is_in() != domain) continue;
-    if (auto owned = other->shard->nodes().common(ids); !owned.empty())
-      refuse(std::move(owned),
-             fmt::format("session {} (\"{}\"), opened {:.0f} s ago and idle for {:.0f} s", short_name(id),
-                         printable(other->scene_name), seconds_since(other->opened_ns),
-                         seconds_since(other->last_request_ns)),
-             fmt::format("Its holder retires it or offers it; or give the node another id, or the session another "
-                         "domain. If the clients of the domain are gone for good: shearbus-ctl close --domain {}",
-                         quoted(std::string(domain.name))));
+    sessions.emplace_back(id, other.get());
   }
   for (const auto& [id, transfer] : transfers_) {
     if (Domain{transfer.identity, transfer.domain} != domain) continue;
-    if (self != nullptr && transfer.giver == self->id && transfer.sequence > withdrawn_after) continue;
-    if (auto owned = common_to(ids, transfer.node_ids); !owned.empty())
-      refuse(std::move(owned), fmt::format("no session: session {} offers it", short_name(transfer.giver)),
-             "Accept the offer with its transfer_id.");
+    if (self == nullptr || transfer.giver != self->id || transfer.sequence <= withdrawn_after)
+      offers.push_back(&transfer);
   }
+  // No other request changes the nodes of the domain meanwhile.
+  std::vector<std::uint64_t> owned;
+  std::size_t holder = 0;
+  aside(kBytesPerId * ids.size() * (sessions.size() + offers.size()), [&] {
+    for (holder = 0; owned.empty() && holder < sessions.size() + offers.size(); ++holder)
+      owned = holder < sessions.size() ? sessions[holder].second->shard->nodes().common(ids)
+                                       : common_to(ids, offers[holder - sessions.size()]->node_ids);
+  });
+  if (owned.empty()) return;
+  --holder;
+  if (holder >= sessions.size())
+    refuse(std::move(owned),
+           fmt::format("no session: session {} offers it", short_name(offers[holder - sessions.size()]->giver)),
+           "Accept the offer with its transfer_id.");
+  const auto& [id, other] = sessions[holder];
+  refuse(
+      std::move(owned),
+      fmt::format("session {} (\"{}\"), opened {:.0f} s ago and idle for {:.0f} s", short_name(id),
+                  printable(other->scene_name), seconds_since(other->opened_ns), seconds_since(other->last_request_ns)),
+      fmt::format("Its holder retires it or offers it; or give the node another id, or the session another "
+                  "domain. If the clients of the domain are gone for good: shearbus-ctl close --domain {}",
+                  quoted(std::string(domain.name))));
 }
 
-// Applies a prepared change of the set of nodes; cannot fail.
-void Service::apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply) {
-  metrics_.state_bytes -= member.shard->state_bytes();
-  member.shard->apply(std::move(change));
-  metrics_.state_bytes += member.shard->state_bytes();
+// Applies a prepared change of the set of nodes, in which states of `bytes` move; cannot fail.
+void Service::apply(Member& member, shard::Shard::NodeChange&& change, std::uint64_t bytes, wire::Reply& reply) {
+  const std::uint64_t before = member.shard->state_bytes();
+  member.operators_made_for = 0.0;
+  bytes += bytes_of_models(member.shard->pairs().size(), member.pairs.several());  // with the operators that go
+  change_aside(member, bytes, [&] { member.shard->apply(std::move(change)); });
+  metrics_.state_bytes += member.shard->state_bytes() - before;
   reply.body = wire::NodesChanged{.nodes = member.shard->nodes().size()};
 }
 
@@ -170,25 +197,39 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   shard::Shard& shard = *member.shard;
   const wire::Batch& batch = arrival.request.batch;
   check_no_trial(shard);
-  const auto ids = check_new_nodes(batch, shard.nodes());
+  std::span<const std::uint64_t> ids;
+  aside(bytes_of_nodes(batch), [&] { ids = check_new_nodes(batch, shard.nodes()); });
   check_owners(member.domain_it_is_in(), &member, kNoneWithdrawn, ids);
   const auto& named = std::get<wire::RegisterNodes>(arrival.request.body).pairs;
-  const NewNodes nodes = new_nodes(batch, named, member.pairs, shard.pairs());
+  NewNodes nodes;
+  std::uint64_t grown = 0;
+  aside(bytes_of_nodes(batch) + bytes_of_models(ids.size(), member.pairs.several()), [&] {
+    nodes = new_nodes(batch, named, member.pairs, shard.pairs());
+    grown = shard.bytes_with(ids.size(), nodes.of()) - shard.state_bytes();
+  });
   const std::size_t after = shard.nodes().size() + ids.size();
-  check_memory(shard.bytes_with(ids.size(), nodes.of()) - shard.state_bytes(), after, arrival.caller, member.identity);
-  auto change = shard.adding(ids, nodes.temperatures, nullptr, nodes.of());
+  check_memory(grown, after, arrival.caller, member.identity);
+  shard::Shard::NodeChange change;
+  aside(bytes_of_lists(after) + grown, [&] { change = shard.adding(ids, nodes.temperatures, nullptr, nodes.of()); });
+  check_memory(grown, after, arrival.caller, member.identity);  // once more: others have been answered meanwhile
   keep(arrival, member.id, &member);
-  apply(member, std::move(change), reply);
+  apply(member, std::move(change), bytes_of_lists(after), reply);
   metrics_.nodes += ids.size();
 }
 
 void Service::retire_nodes(Member& member, const Arrival& arrival, wire::Reply& reply) {
   shard::Shard& shard = *member.shard;
   check_no_trial(shard);
-  const shard::Rows rows = check_leaving_nodes(arrival.request.batch, shard.nodes());
-  auto change = shard.removing(rows.slots);
+  shard::Rows rows;
+  shard::Shard::NodeChange change;
+  aside(bytes_of_lists(shard.nodes().size()), [&] {
+    rows = check_leaving_nodes(arrival.request.batch, shard.nodes());
+    change = shard.removing(rows.slots);
+  });
+  const std::uint64_t moved = 2 * kept_bytes(shard, rows.slots.size());
+  aside(moved, [] {});
   keep(arrival, member.id, &member);
-  apply(member, std::move(change), reply);
+  apply(member, std::move(change), moved, reply);
   metrics_.nodes -= rows.slots.size();
 }
 
@@ -207,9 +248,18 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
     throw Error({.code = Code::kLimit,
                  .text = fmt::format("{} offers of the session wait, the most it may have", waiting),
                  .remedy = "Wait until some are accepted, or offer more nodes at once."});
-  const shard::Rows rows = check_leaving_nodes(batch, shard.nodes());
+  shard::Rows rows;
+  aside(bytes_of_lists(shard.nodes().size()), [&] { rows = check_leaving_nodes(batch, shard.nodes()); });
   const auto ids = batch.u64(Field::kNodeId);
-  check_memory(kept_bytes(shard, ids.size()), ids.size(), arrival.caller, member.identity);
+  const std::uint64_t moved = kept_bytes(shard, ids.size());
+  check_memory(moved, ids.size(), arrival.caller, member.identity);
+  shard::States states;
+  shard::Shard::NodeChange change;
+  aside(bytes_of_lists(shard.nodes().size()) + moved, [&] {
+    states = shard.states_of(rows.slots, false);
+    change = shard.removing(rows.slots);
+  });
+  check_memory(moved, ids.size(), arrival.caller, member.identity);  // once more
   std::map<wire::TransferId, store::TransferImage> made;
   made.emplace(offer.transfer_id, store::TransferImage{.id = offer.transfer_id,
                                                        .giver = member.id,
@@ -218,10 +268,9 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
                                                        .domain = member.domain,
                                                        .layers = std::string(layers_of(member.scene)),
                                                        .node_ids = {ids.begin(), ids.end()},
-                                                       .states = shard.states_of(rows.slots, false)});
-  auto change = shard.removing(rows.slots);
+                                                       .states = std::move(states)});
   keep(arrival, member.id, &member);
-  apply(member, std::move(change), reply);
+  apply(member, std::move(change), 2 * moved, reply);
   metrics_.state_bytes += kept_bytes(made.begin()->second.states);
   transfers_.merge(made);
 }
@@ -257,21 +306,31 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
                  .text = fmt::format("session {}, which offered the nodes, has other parameters than this session",
                                      short_name(transfer.giver)),
                  .remedy = "Open all sessions of the domain with the same open_session.parameters."});
-  const auto pairs =
-      member.pairs.several() ? std::optional(member.pairs.of_states(transfer.states, shard.pairs())) : std::nullopt;
-  const shard::PairsOfNodes* of_nodes = pairs ? &*pairs : nullptr;
   const std::size_t after = shard.nodes().size() + transfer.node_ids.size();
   check_session_size(after);
-  const std::uint64_t grown = shard.bytes_with(transfer.node_ids.size(), of_nodes) - shard.state_bytes();
+  std::optional<shard::PairsOfNodes> pairs;
+  std::uint64_t grown = 0;
+  aside(bytes_of_models(transfer.node_ids.size(), member.pairs.several()), [&] {
+    if (member.pairs.several()) pairs = member.pairs.of_states(transfer.states, shard.pairs());
+    grown = shard.bytes_with(transfer.node_ids.size(), pairs ? &*pairs : nullptr) - shard.state_bytes();
+  });
   const std::uint64_t freed = kept_bytes(transfer.states);
-  check_memory(grown > freed ? grown - freed : 0, after, arrival.caller, member.identity);
-  const std::vector<double> initial(transfer.node_ids.size(), shard.model().options().initial_temperature);
-  auto change = shard.adding(transfer.node_ids, initial, &transfer.states, of_nodes);
-  reply.batch = node_column(transfer.node_ids);
+  const auto check_room = [&] {
+    check_memory(grown > freed ? grown - freed : 0, after, arrival.caller, member.identity);
+  };
+  check_room();
+  shard::Shard::NodeChange change;
+  aside(bytes_of_lists(after) + grown + freed, [&] {
+    const std::vector<double> initial(transfer.node_ids.size(), shard.model().options().initial_temperature);
+    change = shard.adding(transfer.node_ids, initial, &transfer.states, pairs ? &*pairs : nullptr);
+    reply.batch = node_column(transfer.node_ids);
+  });
+  check_room();  // once more: others have been answered meanwhile
   keep(arrival, member.id, &member);
-  apply(member, std::move(change), reply);
+  apply(member, std::move(change), bytes_of_lists(after), reply);
   metrics_.state_bytes -= freed;
-  transfers_.erase(found);
+  auto gone = transfers_.extract(found);
+  change_aside(member, freed, [&] { gone = {}; });
 }
 
 std::vector<wire::TransferId> Service::offers_of(const Member& member) const {
@@ -316,13 +375,24 @@ void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arriva
   store::MarkImage made{.name = mark.name,
                         .sequence = arrival.request.sequence,
                         .state_version = shard.state_version(),
-                        .node_ids = shard.nodes().ids(),
-                        .states = shard.committed_states()};
+                        .node_ids = {},
+                        .states = {}};
+  aside(wanted, [&] {
+    made.node_ids = shard.nodes().ids();
+    made.states = shard.committed_states();
+  });
+  check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size(), arrival.caller,
+               member.identity);  // once more
   keep(arrival, member.id, &member);
 
-  if (gone != member.marks.end()) member.marks.erase(gone);
+  store::MarkImage dropped;
+  if (gone != member.marks.end()) {
+    dropped = std::move(*gone);
+    member.marks.erase(gone);
+  }
   member.marks.push_back(std::move(made));
   metrics_.state_bytes += wanted - freed;
+  change_aside(member, freed, [&] { dropped = {}; });
 }
 
 void Service::rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply) {
@@ -338,7 +408,7 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
                                        member.marks.size()),
                    .remedy = "The oldest mark goes when a session has more than the limit.",
                    .field = "rollback.to_mark"});
-    reply.batch = node_column(to->node_ids);
+    aside(bytes_of_lists(to->node_ids.size()), [&] { reply.batch = node_column(to->node_ids); });
     rollback_to(member, *to, arrival);
   }
   reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
@@ -349,28 +419,40 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
 // NODE_OWNED if another session has one of the nodes.
 void Service::rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival) {
   const shard::Shard& before = *member.shard;
+  const std::uint64_t bytes = kept_bytes(mark.states);
   std::unique_ptr<shard::Shard> other_nodes;
-  if (mark.node_ids != before.nodes().ids() ||
-      (member.pairs.several() && !SessionPairs::same_pairs(mark.states, before.committed_states()))) {
+  bool other = false;
+  aside(bytes, [&] {
+    other = mark.node_ids != before.nodes().ids() ||
+            (member.pairs.several() && !SessionPairs::same_pairs(mark.states, before.committed_states()));
+  });
+  if (other) {
     check_owners(member.domain_it_is_in(), &member, mark.sequence, mark.node_ids);
     const auto check_room = [&](std::uint64_t wanted) {
       check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size(),
                    arrival.caller, member.identity);
     };
     check_room(before.bytes_for(mark.node_ids.size()));
-    other_nodes = restored_shard(member.pairs, before.pairs(), mark.node_ids, mark.states);
+    aside(bytes, [&] {
+      other_nodes = restored_shard(member.pairs, before.pairs(), mark.node_ids, mark.states);
+      other_nodes->restore(mark.states, nullptr, mark.state_version);
+    });
     check_room(other_nodes->state_bytes());  // more where nodes of few pairs share a tile
-    other_nodes->restore(mark.states, nullptr, mark.state_version);
   }
   keep(arrival, member.id, &member);
 
   member.parts.reset();
+  member.operators_made_for = 0.0;
   metrics_.nodes += mark.node_ids.size() - before.nodes().size();
   metrics_.state_bytes -= member.held_bytes();
-  if (other_nodes)
-    member.shard = std::move(other_nodes);
-  else
-    member.shard->restore(mark.states, nullptr, mark.state_version);
+  if (other_nodes) std::swap(member.shard, other_nodes);
+  const auto restore = [&] {
+    if (other_nodes)
+      other_nodes.reset();
+    else
+      member.shard->restore(mark.states, nullptr, mark.state_version);
+  };
+  change_aside(member, bytes, std::cref(restore));  // without a copy, for which there may be no memory
   withdraw_offers(member, mark.sequence);
   metrics_.state_bytes += member.held_bytes();
 }

@@ -73,7 +73,7 @@ SessionPairs::SessionPairs(const SceneModel& scene, std::vector<std::string> par
       refuse(Code::kUnsupported, "open_session.parameters",
              fmt::format("{} cannot be a parameter of nodes; expected a number of [soft], [hard], [interface], "
                          "[junctions] or [velocity_driven], or {}",
-                         parameters_[i], fmt::join(kKeys, " or ")),
+                         wire::printable(parameters_[i], wire::kMaxNameBytes), fmt::join(kKeys, " or ")),
              "Name the keys as \"interface.friction_coefficient\". Temperatures of the start are the column "
              "initial_temperature_k; other keys are the same for all nodes of a session.");
     if (std::ranges::count(parameters_, parameters_[i]) > 1)
@@ -82,14 +82,15 @@ SessionPairs::SessionPairs(const SceneModel& scene, std::vector<std::string> par
   }
   const scene::SceneFile file = scene::parse(scene.effective, "effective scene");
   for (const PairModel& pair : scene.pairs)
-    for (const std::string& warning : physics::Model(pair.options).warnings())
+    for (const std::string& warning : pair.warnings)
       warnings_.push_back(fmt::format("[pair.{}]: {}", pair.name, warning));
   auto made = std::make_shared<Scenes>();
   made->names.emplace_back();
-  made->scenes.push_back(scene::scene_of_pair(file.scene, {}));
+  const v1::Scene outside = scene::without_pairs(file.scene);
+  made->scenes.push_back(outside);
   for (const v1::Pair& pair : file.scene.pair()) {
     made->names.push_back(pair.name());
-    made->scenes.push_back(scene::scene_of_pair(file.scene, pair));
+    made->scenes.push_back(scene::scene_of_pair(outside, pair));
   }
   for (std::size_t i = 0; i < made->scenes.size(); ++i) {
     std::vector<double>& values = made->parameters.emplace_back();
@@ -116,6 +117,20 @@ std::vector<shard::PairColumn> SessionPairs::columns() const {
   for (const std::string& key : parameters_)
     columns.push_back({std::string(kParameterColumn) + key, scene::rule_of(*scene::find_number(key)).unit()});
   return columns;
+}
+
+std::vector<std::string> SessionPairs::unusual_parameters(const wire::Batch& batch) const {
+  std::vector<std::string> found;
+  const auto ids = batch.u64(Field::kNodeId);
+  for (std::uint32_t i = 0; i < parameters_.size(); ++i) {
+    const auto values = batch.f64(Field::kParameter, i);
+    const auto& key = *scene::find_number(parameters_[i]);
+    const auto unusual = std::ranges::find_if(values, [&](double value) { return !scene::is_usual(key, value); });
+    if (unusual == values.end()) continue;
+    const std::uint64_t node = ids[static_cast<std::size_t>(unusual - values.begin())];
+    found.push_back(scene::unusual_text(key, fmt::format("{} of node {}", parameters_[i], node), *unusual));
+  }
+  return found;
 }
 
 shard::PairTable SessionPairs::table(const physics::ModelOptions& first) const {
@@ -187,7 +202,7 @@ shard::PairsOfNodes SessionPairs::of_new_nodes(const wire::Batch& batch, std::sp
     if (found == scenes_->names.end()) {
       const auto first = std::ranges::find(places, place);
       refuse(Code::kInvalidValue, "pairs",
-             fmt::format("the scene has no pair \"{}\"; it has {}", wire::as_utf8(named[place], wire::kMaxNameBytes),
+             fmt::format("the scene has no pair \"{}\"; it has {}", wire::printable(named[place], wire::kMaxNameBytes),
                          fmt::join(names(), ", ")),
              "Name a [pair.NAME] of the scene, or \"\" for the tables outside.",
              first == places.end() ? std::vector<std::uint64_t>()

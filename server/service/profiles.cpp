@@ -25,41 +25,16 @@ std::vector<Field> profile_columns(const physics::TileLayout& layout) {
   return fields;
 }
 
-}  // namespace
+constexpr std::uint64_t kBytesPerVertex = 64;  // what it takes to read one, as memory that takes as long to write
 
-Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr& reply) {
-  const wire::Request& request = arrival.request;
-  const auto found = members_.find(request.session_id);
-  if (found == members_.end() || !found->second->shard)
-    throw Error({.code = Code::kUnknownSession,
-                 .text = "no open session has this id",
-                 .remedy = "Open a session, or resume one with its token."});
-  Member& member = *found->second;
-  check_identity(member, arrival.caller);
-  member.last_request_ns = arrival.started_ns;
-  check_epoch(request, &member);
-  if (must_wait(member)) return reply;
-  const shard::Shard& shard = *member.shard;
+// Reads the profiles of the nodes in `rows`, which `asked` names, into a batch.
+void profiles_of(const wire::Batch& asked, const shard::Rows& rows, const shard::Shard& shard, wire::Batch& made) {
   const physics::Model& model = shard.model();
-  if (!model.keeps_profile())
-    throw Error({.code = Code::kUnsupported,
-                 .text = "the nodes of this scene keep no profile: layer.heat is \"modes\", a sum of exponentials that "
-                         "gives the interface temperature alone",
-                 .remedy = "Open the session with layer.heat = \"profile\", and with cells and grading in place of a "
-                           "tolerance.",
-                 .field = "layer.heat"});
-  const shard::Rows rows = check_profile_nodes(request.batch, shard.nodes());
   physics::ProfileGrid grid = model.profile_grid();
   const physics::Model* of_grid = &model;
   const std::size_t vertices = grid.position.size();
-  if (const std::size_t most = wire::kMaxRowsPerMessage / vertices; rows.slots.size() > most)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("profiles of {} nodes with {} vertices each; a message has at most {} rows",
-                                     rows.slots.size(), vertices, wire::kMaxRowsPerMessage),
-                 .remedy = fmt::format("Ask for at most {} nodes at once.", most),
-                 .field = wire::name(Field::kNodeId)});
-  const auto ids = request.batch.u64(Field::kNodeId);
-  const auto pressures = request.batch.f64(Field::kPressure);
+  const auto ids = asked.u64(Field::kNodeId);
+  const auto pressures = asked.f64(Field::kPressure);
   const auto components = static_cast<std::uint32_t>(model.options().tangential_components);
   wire::Batch batch = wire::Batch::of(profile_columns(model.layout()), rows.slots.size() * vertices, components);
   const std::span<std::uint64_t> id_of_row = batch.u64(Field::kNodeId);
@@ -83,7 +58,42 @@ Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr&
                      .shear_stress = rows_of(Field::kLayerShearStress),
                      .second_shear_stress = rows_of(Field::kLayerShearStress, 1)});
   }
-  reply->batch = std::move(batch);
+  made = std::move(batch);
+}
+
+}  // namespace
+
+Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
+  const auto found = members_.find(request.session_id);
+  if (found == members_.end() || !found->second->shard)
+    throw Error({.code = Code::kUnknownSession,
+                 .text = "no open session has this id",
+                 .remedy = "Open a session, or resume one with its token."});
+  Member& member = *found->second;
+  check_identity(member, arrival.caller);
+  member.last_request_ns = arrival.started_ns;
+  check_epoch(request, &member);
+  if (must_wait(member)) return reply;
+  hold(member);
+  const shard::Shard& shard = *member.shard;
+  const physics::Model& model = shard.model();
+  if (!model.keeps_profile())
+    throw Error({.code = Code::kUnsupported,
+                 .text = "the nodes of this scene keep no profile: layer.heat is \"modes\", a sum of exponentials that "
+                         "gives the interface temperature alone",
+                 .remedy = "Open the session with layer.heat = \"profile\", and with cells and grading in place of a "
+                           "tolerance.",
+                 .field = "layer.heat"});
+  const shard::Rows rows = check_profile_nodes(request.batch, shard.nodes());
+  const std::size_t vertices = model.profile_grid().position.size();
+  if (const std::size_t most = wire::kMaxRowsPerMessage / vertices; rows.slots.size() > most)
+    throw Error({.code = Code::kLimit,
+                 .text = fmt::format("profiles of {} nodes with {} vertices each; a message has at most {} rows",
+                                     rows.slots.size(), vertices, wire::kMaxRowsPerMessage),
+                 .remedy = fmt::format("Ask for at most {} nodes at once.", most),
+                 .field = wire::name(Field::kNodeId)});
+  aside(rows.slots.size() * vertices * kBytesPerVertex, [&] { profiles_of(request.batch, rows, shard, reply->batch); });
   reply->body =
       wire::Profiles{.nodes = rows.slots.size(), .vertices = vertices, .state_version = shard.state_version()};
   return reply;

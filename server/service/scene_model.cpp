@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -38,7 +39,8 @@ physics::Material material_of(const v1::Body& body, const std::string& table) {
   physics::MaterialResult made = physics::make_material(body.material(), scene::numbers_of(body),
                                                         physics::FlowLaws::numbered(static_cast<int>(body.flow_law())));
   if (!made.fault.empty())
-    refuse(table + "." + made.fault_field, fmt::format("{}.{}: {}", table, made.fault_field, made.fault),
+    refuse(table + "." + made.fault_field,
+           fmt::format("{}.{}: {}", table, made.fault_field, wire::printable(made.fault, wire::kMaxTextBytes)),
            "Name a material of the catalog, or give every constant.");
   if (body.melting_curve() == v1::MELTING_CURVE_LINDEMANN)
     choose_melting_curve(made.material, physics::MeltingCurve::kLindemann);
@@ -152,6 +154,21 @@ void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
   if (!refused.faults.empty()) throw Refused(std::move(refused));
 }
 
+// The share of the plastic work that becomes heat, from the table of the strategy.
+std::optional<double> taylor_quinney_factor_of(const v1::Scene& scene) {
+  const bool forced = scene.strategy() == v1::STRATEGY_FORCE_DRIVEN;
+  const bool of_other =
+      forced ? scene.velocity_driven().has_taylor_quinney_factor() : scene.interface().has_taylor_quinney_factor();
+  if (of_other) {
+    const char* const key = forced ? "velocity_driven.taylor_quinney_factor" : "interface.taylor_quinney_factor";
+    const char* const own = forced ? "interface.taylor_quinney_factor" : "velocity_driven.taylor_quinney_factor";
+    refuse(key, fmt::format("{} belongs to the other strategy, here the key is {}", key, own), "Move it there.");
+  }
+  if (forced && scene.interface().has_taylor_quinney_factor()) return scene.interface().taylor_quinney_factor();
+  if (scene.velocity_driven().has_taylor_quinney_factor()) return scene.velocity_driven().taylor_quinney_factor();
+  return {};
+}
+
 // Converts a checked scene without its pairs, whose defaults have been filled in. Also fills in the constants that the
 // scene leaves to the server.
 SceneModel convert_tables(v1::Scene& scene) {
@@ -169,11 +186,9 @@ SceneModel convert_tables(v1::Scene& scene) {
   options.drive =
       driven.drive() == v1::DRIVE_INTERFACE_SLIP ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
   if (driven.has_friction_coefficient()) options.friction_coefficient = driven.friction_coefficient();
-  if (driven.has_taylor_quinney_factor()) options.taylor_quinney_factor = driven.taylor_quinney_factor();
+  options.taylor_quinney_factor = taylor_quinney_factor_of(scene);
   if (scene.has_interface()) options.interface = interface_of(scene.interface());
   options.plastic_layer = scene.interface().plastic_layer();
-  if (scene.interface().has_taylor_quinney_factor())
-    options.taylor_quinney_factor = scene.interface().taylor_quinney_factor();
   if (scene.has_hard_layer()) {
     fill_hard_layer(scene, options);
     options.hard_grid = grid_of(scene.hard_layer());
@@ -217,9 +232,10 @@ bool may_differ(std::string_view path, bool is_number) {
          std::ranges::count(kNumbers, path) != 0;
 }
 
-// Refuses a pair whose layer has other options or other states than the scene's.
-void check_shape(const v1::Scene& scene, const physics::ModelOptions& options, const v1::Scene& whole,
-                 const physics::ModelOptions& of_pair, const std::string& table) {
+// Refuses a pair whose layer has other options or other states than the scene's. Returns the warnings of its model.
+std::vector<std::string> check_shape(const v1::Scene& scene, const physics::Model& model, const v1::Scene& whole,
+                                     const physics::ModelOptions& of_pair, const std::string& table) {
+  const physics::ModelOptions& options = model.options();
   const std::string remedy = "Open a session of its own for nodes with other options.";
   std::string key = scene::first_difference(scene, whole, may_differ);
   if (options.friction_coefficient.has_value() != of_pair.friction_coefficient.has_value())
@@ -231,7 +247,8 @@ void check_shape(const v1::Scene& scene, const physics::ModelOptions& options, c
            fmt::format("{0}.{1} differs from the scene's {1}: pairs of one session differ in constants, not in options",
                        table, key),
            remedy);
-  if (!shard::same_states(physics::Model(options), physics::Model(of_pair)))
+  const physics::Model model_of_pair(of_pair);
+  if (!shard::same_states(model, model_of_pair))
     refuse(table,
            fmt::format("the layer of [{}] has other states than the scene's: {}", table,
                        options.tolerance ? "the tolerance chooses its cells by its constants"
@@ -241,6 +258,7 @@ void check_shape(const v1::Scene& scene, const physics::ModelOptions& options, c
                ? "Give cells and grading in place of a tolerance, and a profile in place "
                  "of modes; or open a session of its own for the pair."
                : remedy);
+  return model_of_pair.warnings();
 }
 
 // Adds the table of a pair to the keys that are at fault in the scene that the pair makes.
@@ -259,23 +277,23 @@ SceneModel convert(v1::Scene& scene) {
     made.warnings = scene::unusual_values(scene);
     return made;
   }
-  if (static_cast<std::size_t>(scene.pair_size()) > wire::kMaxPairs)
-    refuse("pair", fmt::format("{} tables [pair.NAME], at most {} are allowed", scene.pair_size(), wire::kMaxPairs),
-           "Give nodes parameters, or divide the pairs over several sessions.");
-  const v1::Scene given = scene;
+  const v1::Scene given = scene::without_pairs(scene);
   SceneModel made = convert_tables(scene);
-  for (int i = 0; i < given.pair_size(); ++i) {
-    v1::Scene whole = scene::scene_of_pair(given, given.pair(i));
+  const v1::Scene outside = scene::without_pairs(scene);  // with all constants
+  const physics::Model outside_model(made.options);
+  for (v1::Pair& pair : *scene.mutable_pair()) {
+    v1::Scene whole = scene::scene_of_pair(given, pair);
     scene::fill_defaults(whole);
     try {
       const SceneModel model = convert_tables(whole);
-      check_shape(scene, made.options, whole, model.options, "pair." + given.pair(i).name());
-      made.pairs.push_back({given.pair(i).name(), model.options});
+      std::vector<std::string> warnings =
+          check_shape(outside, outside_model, whole, model.options, "pair." + pair.name());
+      made.pairs.push_back({pair.name(), model.options, std::move(warnings)});
     } catch (const Refused& refused) {
       if (refused.faults.front().path.starts_with("pair.")) throw;
-      throw of_pair(refused, given.pair(i));
+      throw of_pair(refused, pair);
     }
-    scene::set_pair(scene, whole, *scene.mutable_pair(i));
+    scene::set_pair(outside, whole, pair);
   }
   made.effective = scene::to_toml(scene);
   if (made.effective.size() > wire::kMaxSceneBytes)

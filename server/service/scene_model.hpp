@@ -17,6 +17,7 @@ namespace shearbus::service {
 struct PairModel {
   std::string name;
   physics::ModelOptions options;
+  std::vector<std::string> warnings;  // of its model
 };
 
 struct SceneModel {

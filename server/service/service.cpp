@@ -13,6 +13,7 @@
 #include "proto/wire/codec.hpp"
 #include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
@@ -28,12 +29,30 @@ std::string short_name(const wire::SessionId& id) {
   return fmt::format("{:02x}{:02x}{:02x}{:02x}", id[0], id[1], id[2], id[3]);
 }
 
+// Bytes that it takes to read and convert one of a scene: its time in that of memory.
+constexpr std::uint64_t kBytesPerSceneByte = 256;
+// The same of the model that a set of parameters needs.
+constexpr std::uint64_t kBytesPerModel = std::uint64_t{256} << 10;
+
+std::uint64_t bytes_of_nodes(const wire::Batch& batch) {
+  constexpr std::uint64_t kBytesPerNode = 64;  // to sort and compare an id
+  return kBytesPerNode * batch.u64(Field::kNodeId).size();
+}
+
+std::uint64_t bytes_of_models(std::size_t nodes, bool several) {
+  return several ? kBytesPerModel * std::min(nodes, wire::kMaxParameterSets) : 0;
+}
+
+bool Service::being_opened(const wire::SessionId& session) {
+  const auto opens = [&](const auto& request) { return request.get() != turn_of_ && request->opens == session; };
+  if (std::ranges::none_of(long_, opens)) return false;
+  turn_ = Turn::kWaiting;
+  return true;
+}
+
 std::string printable(const std::string& text) {
   constexpr std::size_t kLongest = 80;
-  std::string shown = text.substr(0, kLongest);
-  for (char& c : shown)
-    if (c < ' ' || c > '~') c = '?';
-  return shown;
+  return wire::printable(text, kLongest);
 }
 
 Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* store)
@@ -41,7 +60,9 @@ Service::Service(ServiceOptions options, shard::TaskPool& pool, store::Store* st
   started_ns_ = options_.now_ns();
 }
 
-Service::~Service() = default;
+Service::~Service() {
+  give_up();
+}
 
 // Writes a line of the log. A line that cannot be written is lost.
 void Service::log(const std::string& line) const noexcept try {
@@ -52,6 +73,9 @@ void Service::log(const std::string& line) const noexcept try {
 std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, Turn* turn) noexcept try {
   if (turn != nullptr) *turn = Turn::kAnswered;
   if (failed()) return std::nullopt;
+  constexpr std::size_t kLong = std::size_t{16} << 10;  // of shorter messages all but steps are measured below
+  std::optional<Longest> measured;
+  if (frames.size() > 1 && frames[1].size() > kLong) measured.emplace(options_.cpu_ns, metrics_.longest_turn_ns);
   may_wait_ = turn != nullptr;
   turn_ = Turn::kAnswered;
   ++metrics_.requests;
@@ -143,6 +167,14 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     address(member->running->request);
     return end_step(*member, arrival);
   }
+  if (LongRequest* const again = asked_again(frames)) {
+    address(again->arrival.request);
+    if (!again->task->ended()) {
+      turn_ = Turn::kComputing;
+      return reply;
+    }
+    if (ReplyPtr ended = end_long(*again)) return ended;
+  }
   try {
     wire::decode(frames, request);
   } catch (const Error&) {
@@ -150,8 +182,17 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     throw;
   }
   address(request);
+  std::optional<Longest> measured;
+  if (!std::holds_alternative<wire::Downscale>(request.body))
+    measured.emplace(options_.cpu_ns, metrics_.longest_turn_ns);
   arrival.started_ns = options_.now_ns();
   current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns};
+  if (caller.is_revoked)
+    throw Error({.code = Code::kNotPermitted,
+                 .text = fmt::format("{} was taken off the server's list of authorised keys, or has another role there "
+                                     "since this connection was made",
+                                     caller.identity),
+                 .remedy = "Ask the operator of the server for access. With another role, connect again."});
   if (shutting_down_)
     throw Error(
         {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
@@ -166,6 +207,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   }
   if (const auto* look = std::get_if<wire::Inspect>(&request.body)) {
     check_operator(caller);
+    if (must_wait_for_changes()) return reply;
     inspect(*look, request, *reply);
     return reply;
   }
@@ -176,16 +218,14 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   }
   if (std::holds_alternative<wire::Checkpoint>(request.body)) {
     check_operator(caller);
+    if (must_wait_for_changes()) return reply;
     checkpoint_now(*reply);
     return reply;
   }
-  if (const auto* where = std::get_if<wire::ResumeSession>(&request.body)) return resume(*where, arrival, reply);
-  if (std::holds_alternative<wire::ReadProfiles>(request.body)) return read_profiles(arrival, reply);
   // The header holds the checksum of the payload, which decode() has compared, so the hash of the header identifies the
   // whole request.
   arrival.hash = wire::hash_of(frames.first(1));
-  if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) return open_session(*open, arrival, reply);
-  return answer_in_session(arrival, reply);
+  return answer_in_turn(arrival, reply);
 }
 
 // Checks the epoch of a request; `member` is null if the session of the request is unknown. Accepts a request that is
@@ -284,16 +324,32 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   }
   check_may_open(request);
   check_session_quota(arrival.caller);
-  const auto node_ids = check_opening_nodes(request.batch, open.domain);
+  if (being_opened(open.session_id) || must_wait_for_domain(arrival.caller.identity, open.domain)) return reply;
+  std::span<const std::uint64_t> node_ids;
+  SceneModel made;
+  aside(bytes_of_nodes(request.batch) + kBytesPerSceneByte * open.scene.size(), [&] {
+    node_ids = check_opening_nodes(request.batch, open.domain);
+    made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
+  });
   check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
-  SceneModel made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
   check_work_budget(made.options);
-  SessionPairs pairs(made, open.parameters);
-  shard::PairTable table = pairs.table(made.options);
-  const NewNodes nodes = new_nodes(request.batch, open.pairs, pairs, table);
-  auto shard_made = make_shard(std::move(table), open.check_closure);
-  check_memory(shard_made->bytes_with(node_ids.size(), nodes.of()), node_ids.size(), arrival.caller,
-               arrival.caller.identity);
+  SessionPairs pairs;
+  NewNodes nodes;
+  std::unique_ptr<shard::Shard> shard_made;
+  std::uint64_t wanted = 0;
+  const bool several = !made.pairs.empty() || !open.parameters.empty();
+  aside(kBytesPerSceneByte * open.scene.size() + bytes_of_models(node_ids.size(), several), [&] {
+    pairs = SessionPairs(made, open.parameters);
+    shard::PairTable table = pairs.table(made.options);
+    nodes = new_nodes(request.batch, open.pairs, pairs, table);
+    shard_made = make_shard(std::move(table), open.check_closure);
+    wanted = shard_made->bytes_with(node_ids.size(), nodes.of());
+  });
+  check_memory(wanted, node_ids.size(), arrival.caller, arrival.caller.identity);
+  aside(wanted, [&] { shard_made->apply(shard_made->adding(node_ids, nodes.temperatures, nullptr, nodes.of())); });
+  check_may_open(request);  // once more: others have been answered meanwhile
+  check_session_quota(arrival.caller);
+  check_memory(wanted, node_ids.size(), arrival.caller, arrival.caller.identity);
 
   auto member = std::make_unique<Member>();
   member->id = open.session_id;
@@ -306,9 +362,9 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   member->scene = std::move(made.effective);
   member->idle_limit_s = open.idle_limit_s;
   member->shard = std::move(shard_made);
-  member->shard->apply(member->shard->adding(node_ids, nodes.temperatures, nullptr, nodes.of()));
   member->pairs = std::move(pairs);
-  reply->body = opened(*member);
+  auto& body = reply->body.emplace<wire::SessionOpened>(opened(*member));
+  std::ranges::copy(member->pairs.unusual_parameters(request.batch), std::back_inserter(body.warnings));
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =
@@ -426,8 +482,17 @@ Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& r
     throw Error(std::move(verdict.status));
   }
 
-  if (std::holds_alternative<wire::Downscale>(request.body)) return downscale(member, arrival, reply);
+  if (std::holds_alternative<wire::Downscale>(request.body))
+    return member.long_request != nullptr && must_wait(member) ? reply : downscale(member, arrival, reply);
   if (must_wait(member)) return reply;
+  return change_session(member, arrival, reply);
+}
+
+Service::ReplyPtr Service::change_session(Member& member, const Arrival& arrival, const ReplyPtr& reply) {
+  const wire::Request& request = arrival.request;
+  if (!std::holds_alternative<wire::Commit>(request.body) && must_wait_for_domain(member.identity, member.domain))
+    return reply;
+  hold(member);
   if (std::holds_alternative<wire::Commit>(request.body)) {
     if (!member.trial_stands())
       throw Error({.code = Code::kNothingToCommit,
@@ -465,7 +530,7 @@ Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& r
 void Service::close_idle_sessions() noexcept try {
   std::vector<wire::Request> closings;
   for (const auto& [id, member] : members_) {
-    if (!member->shard || member->running || member->idle_limit_s == 0) continue;
+    if (!member->shard || member->running || member->long_request || member->idle_limit_s == 0) continue;
     const double idle_s = 1e-9 * static_cast<double>(options_.now_ns() - member->last_request_ns);
     if (idle_s < static_cast<double>(member->idle_limit_s)) continue;
     closings.push_back({.session_id = id,
@@ -484,6 +549,8 @@ void Service::close_idle_sessions() noexcept try {
 void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
                             wire::Reply& reply) {
   std::string because = printable(close.reason);
+  const std::uint64_t held = member.held_bytes();
+  aside(held, [] {});
   keep(arrival, member.id, &member);
   wire::SessionClosed totals = member.totals;
   ++totals.requests;  // counts close_session itself
@@ -496,12 +563,16 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   reply.body = totals;
   --metrics_.sessions;
   metrics_.nodes -= member.shard->nodes().size();
-  metrics_.state_bytes -= member.held_bytes();
-  member.marks.clear();
+  metrics_.state_bytes -= held;
   member.parts.reset();
-  member.shard.reset();
+  std::vector<store::MarkImage> marks = std::move(member.marks);
+  std::unique_ptr<shard::Shard> shard = std::move(member.shard);
   forget_transfers_of(member.domain_it_is_in());
-  if (closed.size() > kClosedSessionsKept) {
+  change_aside(member, held, [&] {
+    marks.clear();
+    shard.reset();
+  });
+  if (closed.size() > kClosedSessionsKept && members_.at(closed.front())->long_request == nullptr) {
     members_.erase(closed.front());
     closed.pop_front();
   }

@@ -41,14 +41,15 @@ struct ReplyFrames {
 struct Caller {
   std::string_view identity;  // "uid 1000", "key ...", "anonymous" or "process"
   bool is_operator = false;   // may act in any session and on the server itself
+  bool is_revoked = false;    // was admitted, and may do nothing any more
 };
 
 // What became of a request.
 enum class Turn {
   kAnswered,   // it was answered, or never will be
-  kComputing,  // its step is computed in slices: ask again after work() has returned true, with the same frames, which
-               // must stay where they are in memory
-  kWaiting,    // it waits for the step of another request: ask again after work() has returned true
+  kComputing,  // it is worked on, in slices or aside: ask again after work() has returned true, with the same frames,
+               // which must stay where they are in memory
+  kWaiting,    // it waits for the work of another request: ask again after work() has returned true
 };
 
 struct ServiceOptions {
@@ -62,9 +63,14 @@ struct ServiceOptions {
   double slice_work = 0.0;       // work of each thread in one slice of a step  [evaluations]; 0: steps are not sliced
   double max_work_budget = 0.0;  // largest work_budget of a scene; 0: any
   std::function<std::uint64_t()> now_ns;                     // a monotonic clock
+  std::function<std::uint64_t()> cpu_ns;                     // processor time of the calling thread; may be empty
   std::function<void(const std::string&)> log;               // writes one line of the log; may be empty
   std::function<void(wire::ServerStatus&)> complete_status;  // adds counters from outside of the service; may be empty
   std::function<void()> while_replaying;  // called often during a recovery; may throw store::Interrupted; may be empty
+  // Memory whose use takes about a millisecond: what uses so much of it is done aside  [bytes].
+  std::uint64_t aside_from = std::uint64_t{2} << 20;
+  std::function<void()> wake;  // called on other threads when computing() has become true; empty: every request that is
+                               // no step is answered at once, however long that takes
   std::function<void(bool begins)> around_checkpoint;  // called before (true) and after a checkpoint; may be empty
   std::function<void(Frames request, const ReplyFrames& reply)> exchanged;  // called with every answer; may be empty
 };
@@ -84,14 +90,17 @@ class Service : private store::Recovery {
 
   // Returns the answer to one request. Never throws. The result is empty if the request has run but there was no memory
   // for its answer (the client repeats the request and gets the answer then), and always once failed() is true.
-  // With `turn` a long step is computed in slices, between which other requests are answered; without it the answer
-  // comes at once, and no step may be waiting for work().
+  // With `turn` a long step is computed in slices, and the long parts of other requests on a thread aside, while other
+  // requests are answered; without it the answer comes at once, and no step may be waiting for work().
   std::optional<ReplyFrames> handle(Frames frames, const Caller& caller = {}, Turn* turn = nullptr) noexcept;
 
-  // Computes one slice of a waiting step, of each in turn. Returns true if a step is complete, so that requests which
-  // wait can be asked again.
+  // Computes one slice of a waiting step, of each in turn, and goes on with the requests whose work aside is done.
+  // Returns true if a request is complete, so that requests which wait can be asked again.
   bool work() noexcept;
-  bool computing() const { return !computing_.empty(); }  // whether steps wait for work()
+  bool computing() const;                                              // whether requests wait for work()
+  bool busy() const { return !computing_.empty() || !long_.empty(); }  // or have work aside
+  // Ends the requests that have work aside. They must not be asked again.
+  void give_up() noexcept;
 
   // Continues a session under another scene, with its states. For programs that replay a part of a session with other
   // laws. Throws Error for a scene at fault, std::invalid_argument for a scene whose layers have other states; the
@@ -134,6 +143,7 @@ class Service : private store::Recovery {
   struct Member;
   struct Arrival;
   struct RunningStep;
+  struct LongRequest;
   // Sessions of one identity with the same domain name; a session without a name is in no domain.
   struct Domain {
     std::string_view identity;
@@ -147,7 +157,9 @@ class Service : private store::Recovery {
   ReplyPtr blank_reply();
   void spare(ReplyPtr reply) noexcept;
   void spare(std::unique_ptr<RunningStep> step) noexcept;
+  ReplyPtr answer_in_turn(Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr answer_in_session(Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr change_session(Member& member, const Arrival& arrival, const ReplyPtr& reply);
   void hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const;
   ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply);
@@ -165,8 +177,29 @@ class Service : private store::Recovery {
   // Refuses states that the server, or the quota of the user `owner`, has no memory for.
   void check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
   ReplyPtr repeat(ReplyPtr kept);
+  // long_requests.cpp: requests that are no steps and take long. Such a request is run again from its beginning, as a
+  // task on a thread of its own. There it has its turn on this thread for all that concerns the service, and gives it up
+  // while it does what is long.
+  ReplyPtr begin_long(Arrival& arrival, const ReplyPtr& reply);
+  void give_turn(LongRequest& request);
+  ReplyPtr end_long(LongRequest& request);
+  LongRequest* asked_again(Frames frames) const;
+  bool resume_long() noexcept;
+  void finish_changes() noexcept;
+  bool changing() const;
+  // Does what takes a time in proportion to `bytes`, the memory it reads or writes, and needs nothing of the service that
+  // another request may change. Nothing may be changed before the first such part of a request.
+  void aside(std::uint64_t bytes, const std::function<void()>& act);
+  // The same for what changes the states of a session and must not fail, after the request is in the journal.
+  void change_aside(Member& member, std::uint64_t bytes, const std::function<void()>& act);
+  bool must_wait_for_domain(std::string_view identity, std::string_view domain);
+  bool must_wait_for_changes();
+  bool being_opened(const wire::SessionId& session);
+  void hold(Member& member);
+
   // steps.cpp: a step, from its checks to its answer.
   ReplyPtr downscale(Member& member, Arrival& arrival, const ReplyPtr& reply);
+  bool make_operators(Member& member, const Arrival& arrival);
   std::unique_ptr<RunningStep> begin_step(Member& member, Arrival& arrival, const ReplyPtr& reply);
   bool slice(Member& member);
   void end_step(Member& member, RunningStep& running, const Arrival& arrival);
@@ -225,12 +258,12 @@ class Service : private store::Recovery {
   // Defined in nodes.cpp: the functions that change which nodes a session has, and those of marks.
   static constexpr std::uint64_t kNoneWithdrawn = std::numeric_limits<std::uint64_t>::max();
   void check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
-                    std::span<const std::uint64_t> node_ids) const;
+                    std::span<const std::uint64_t> node_ids);
   void register_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
   void retire_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
   void offer_nodes(Member& member, const wire::OfferNodes& offer, const Arrival& arrival, wire::Reply& reply);
   void accept_nodes(Member& member, const wire::AcceptNodes& accept, const Arrival& arrival, wire::Reply& reply);
-  void apply(Member& member, shard::Shard::NodeChange&& change, wire::Reply& reply);
+  void apply(Member& member, shard::Shard::NodeChange&& change, std::uint64_t bytes, wire::Reply& reply);
   std::vector<wire::TransferId> offers_of(const Member& member) const;  // waiting offers of the session, oldest first
   void forget_transfers_of(const Domain& domain);
   void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);
@@ -259,14 +292,17 @@ class Service : private store::Recovery {
   store::Store* store_;
   std::uint64_t epoch_;       // options_.epoch; during recovery the epoch of the server that ran the request first
   std::uint64_t claims_ = 0;  // number of granted claims (resume_session); claim i has the epoch epoch_ + i
-  std::uint64_t granted_epoch_ = 0;  // during a recovery: epoch of the claim that is replayed
-  bool replaying_ = false;           // true while a recovery runs the requests of the journal again
-  bool kept_ = false;                // true while the present request is in the journal and has not run
-  bool may_wait_ = false;            // true if the present request may be answered later
-  Turn turn_ = Turn::kAnswered;      // turn of the present request
-  std::deque<Member*> computing_;    // sessions whose step waits for work(), the next one first
-  std::vector<Member*> computed_;    // sessions whose step is complete and not answered yet
-  std::vector<Member*> journaled_;   // sessions whose request is in the journal, in its order
+  std::uint64_t granted_epoch_ = 0;                 // during a recovery: epoch of the claim that is replayed
+  bool replaying_ = false;                          // true while a recovery runs the requests of the journal again
+  bool kept_ = false;                               // true while the present request is in the journal and has not run
+  bool may_wait_ = false;                           // true if the present request may be answered later
+  Turn turn_ = Turn::kAnswered;                     // turn of the present request
+  std::deque<Member*> computing_;                   // sessions whose step waits for work(), the next one first
+  std::vector<Member*> computed_;                   // sessions whose step is complete and not answered yet
+  std::vector<Member*> journaled_;                  // sessions whose request is in the journal, in its order
+  std::vector<std::unique_ptr<LongRequest>> long_;  // requests with work aside, and those complete but not answered yet
+  LongRequest* turn_of_ = nullptr;                  // the one of them that has its turn
+  bool may_step_aside_ = false;                     // whether the present request may become one of them
   // Memory of an earlier step and of its reply, for the next one: a step of a size that the server has answered before
   // allocates next to nothing.
   std::unique_ptr<RunningStep> spare_step_;

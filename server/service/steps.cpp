@@ -36,10 +36,10 @@ void Service::RunningStep::clear() noexcept {
   *this = std::move(blank);
 }
 
-// While a step is computed, every other request of its session waits.
+// While a step is computed or a request has work aside, every other request of its session waits.
 bool Service::must_wait(const Member& member) {
-  if (!member.running) return false;
-  if (!may_wait_) throw Error({.code = Code::kInternal, .text = "a step of the session is being computed"});
+  if (!member.running && (member.long_request == nullptr || member.long_request == turn_of_)) return false;
+  if (!may_wait_) throw Error({.code = Code::kInternal, .text = "a request of the session is being worked on"});
   turn_ = Turn::kWaiting;
   return true;
 }
@@ -54,6 +54,7 @@ bool Service::follows_running(const Member& member, const Arrival& arrival) cons
 
 Service::ReplyPtr Service::downscale(Member& member, Arrival& arrival, const ReplyPtr& reply) {
   if (!member.running) {
+    if (member.pairs.several() && make_operators(member, arrival)) return nullptr;
     member.running = begin_step(member, arrival, reply);
     try {
       while (!slice(member)) {
@@ -73,6 +74,19 @@ Service::ReplyPtr Service::downscale(Member& member, Arrival& arrival, const Rep
     return reply;
   }
   return end_step(member, arrival);
+}
+
+// Makes the operators of the step, of each of many pairs, aside. Returns true if it has, as a task: its request is then
+// asked again and finds them.
+bool Service::make_operators(Member& member, const Arrival& arrival) {
+  const auto& step = std::get<wire::Downscale>(arrival.request.body);
+  const double dt = step.dt_s;
+  if (dt == member.operators_made_for) return false;
+  check_times(step, member.shard->model().options());
+  hold(member);
+  aside(bytes_of_models(member.shard->pairs().size(), true), [&] { member.shard->operators(dt); });
+  member.operators_made_for = dt;
+  return turn_of_ != nullptr;
 }
 
 // The session whose complete step was begun with these frames; null if there is none. The request was checked when it
@@ -183,7 +197,9 @@ bool Service::slice(Member& member) {
 }
 
 bool Service::work() noexcept {
-  if (computing_.empty()) return false;
+  const bool ended = resume_long();
+  if (computing_.empty()) return ended;
+  const Longest measured(options_.cpu_ns, metrics_.longest_turn_ns);
   // The turn is the user's who has had the least time, and of this user's sessions the one that waits longest.
   const auto next = std::ranges::min_element(
       computing_, {}, [&](const Member* waiting) { return users_.find(waiting->identity)->second.turn_ns; });
@@ -198,7 +214,7 @@ bool Service::work() noexcept {
       return true;
     }
     computing_.push_back(&member);
-    return false;
+    return ended;
   } catch (const std::exception& fault) {
     // A journaled request has not run: states and journal differ. Another one is asked again and begins anew.
     failed_ = failed_ || member.running->kept;

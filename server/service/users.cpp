@@ -23,8 +23,8 @@ Service::Usage Service::usage_of(std::string_view identity) const {
   for (const auto& [id, member] : members_) {
     if (!member->shard || member->identity != identity) continue;
     ++usage.sessions;
-    usage.nodes += member->shard->nodes().size();
-    usage.state_bytes += member->held_bytes();
+    usage.nodes += member->changing ? member->nodes_before : member->shard->nodes().size();
+    usage.state_bytes += member->changing ? member->held_before : member->held_bytes();
   }
   for (const auto& [id, transfer] : transfers_) {
     if (transfer.identity != identity) continue;
@@ -64,7 +64,7 @@ void Service::check_memory_quota(std::uint64_t wanted, std::size_t nodes, const 
 wire::ServerStatus Service::status_for(const Caller& caller) const {
   std::vector<std::uint64_t> regimes(wire::kRegimeCount, 0);
   for (const auto& [id, member] : members_)
-    if (member->shard && (caller.is_operator || member->identity == caller.identity))
+    if (member->shard && !member->changing && (caller.is_operator || member->identity == caller.identity))
       member->shard->count_regimes(regimes);
   if (caller.is_operator) {
     wire::ServerStatus all = status();

@@ -171,8 +171,8 @@ void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions
   }
 }
 
-// Checks the length and the end time of a step. Scenes with heat modes or a tolerance have a larger shortest
-// step.
+}  // namespace
+
 void check_times(const wire::Downscale& step, const physics::ModelOptions& options) {
   if (!(step.dt_s >= kShortestStep && step.dt_s <= kLongestStep))
     refuse(Code::kInvalidValue, "dt_s",
@@ -194,6 +194,8 @@ void check_times(const wire::Downscale& step, const physics::ModelOptions& optio
     refuse(Code::kInvalidValue, "time_s", fmt::format("time_s is {}; expected a finite time", step.time_s),
            "Nothing was changed; correct it and send the step again.");
 }
+
+namespace {
 
 shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes) {
   shard::Rows rows;

@@ -49,6 +49,9 @@ void check_parameters(const wire::Batch& batch, std::span<const std::string> key
 // Refuses what only sessions of several pairs have.
 void refuse_pair_columns(const wire::Batch& batch, std::size_t names);
 
+// Checks the length and the end time of a step. Scenes with heat modes or a tolerance have a larger shortest step.
+void check_times(const wire::Downscale& step, const physics::ModelOptions& options);
+
 // Checks options and columns of a step; returns for each row of the request the slot of its node in the node table.
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
                        const shard::NodeTable& nodes);

@@ -9,6 +9,7 @@ namespace shearbus::shard {
 
 TaskPool::TaskPool(unsigned threads) {
   try {
+    workers_.reserve(threads);
     for (unsigned i = 1; i < threads; ++i) workers_.push_back(wire::own_thread([this] { work(); }));
   } catch (...) {
     stop();

@@ -1,4 +1,4 @@
-// Fork and join over a few threads that sleep between jobs. The server has no other worker threads.
+// Fork and join over a few threads that sleep between jobs. No other threads compute steps.
 #pragma once
 
 #include <atomic>

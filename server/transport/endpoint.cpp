@@ -52,6 +52,7 @@ Endpoint Endpoint::parse(std::string_view text) {
     if (address.size() > wire::kLongestSocketPath)
       refuse(text, "has a path of " + std::to_string(address.size()) + " bytes, and the path of a socket has at most " +
                        std::to_string(wire::kLongestSocketPath));
+    if (address.front() == '~') refuse(text, "begins with ~, which only a shell replaces by a home directory");
     endpoint.scheme = Scheme::kIpc;
     endpoint.path = address;
     return endpoint;

@@ -1,7 +1,9 @@
 #include "server/transport/router.hpp"
 
 #include <poll.h>
+#include <sys/eventfd.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <array>
 #include <cerrno>
@@ -81,6 +83,19 @@ Router::Router(RouterOptions options)
 
 Router::~Router() = default;
 
+Wake::Wake() : file_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  if (file_ < 0) throw std::runtime_error("no eventfd to wake the server: too many open files");
+}
+
+Wake::~Wake() {
+  ::close(file_);
+}
+
+void Wake::operator()() const noexcept {
+  const std::uint64_t one = 1;
+  static_cast<void>(::write(file_, &one, sizeof one) < 0);  // a counter that is full wakes, too
+}
+
 std::string Router::bind(const std::string& text) {
   const Endpoint endpoint = Endpoint::parse(text);
   try {
@@ -97,24 +112,57 @@ std::string Router::bind(const std::string& text) {
         break;
     }
   } catch (const zmq::error_t& fault) {
-    throw std::runtime_error("cannot listen on " + text + ": " + fault.what());
+    throw std::runtime_error("cannot listen on " + text + ": " +
+                             (fault.num() == ENODEV
+                                  ? "\"" + endpoint.host +
+                                        "\" is neither an address nor a network interface of this machine; names of "
+                                        "hosts are not looked up. For this machine alone: tcp://127.0.0.1:" +
+                                        endpoint.port
+                                  : fault.what()));
   }
   return socket_.get(zmq::sockopt::last_endpoint);
 }
 
 void Router::bind_ipc(const Endpoint& endpoint) {
   SocketPath path(endpoint.path, options_.ipc_users.empty());
-  socket_.set(zmq::sockopt::curve_server, false);
-  guard(Peer::Way::kIpc);
-  {
-    const Umask umask(077);
-    bind_socket(endpoint.text);
-  }
-  paths_.push_back(std::move(path));
-  if (!paths_.back().admit(options_.ipc_users) && options_.log_access)
+  listen_at(path, endpoint.text);
+  if (!path.admit(options_.ipc_users) && options_.log_access)
     options_.log_access("the file system of " + endpoint.path +
                         " has no access lists: every user of this machine can connect there, and is refused then "
                         "unless --allow-uid names the user");
+  paths_.push_back({.path = std::move(path), .endpoint = endpoint.text, .fault = {}});
+}
+
+void Router::listen_at(SocketPath& path, const std::string& endpoint) {
+  socket_.set(zmq::sockopt::curve_server, false);
+  guard(Peer::Way::kIpc);
+  const Umask umask(077);
+  bind_socket(endpoint);
+  path.remember();
+}
+
+// A second bind of the path leaves the first listener as it is: without a file nobody reaches it, and its connections
+// stay. To unbind it would close them.
+std::vector<std::string> Router::look_after_paths() {
+  std::vector<std::string> lines;
+  for (Listener& listener : paths_) {
+    if (listener.path.stands()) continue;
+    try {
+      listener.path.take_again(options_.ipc_users.empty());
+      listen_at(listener.path, listener.endpoint);
+      static_cast<void>(listener.path.admit(options_.ipc_users));
+      listener.fault.clear();
+      lines.push_back("ALARM: the socket " + listener.endpoint +
+                      " was removed, so that no new client could connect; it was made again. Whoever cleans that "
+                      "directory should leave it out");
+    } catch (const std::exception& fault) {
+      const std::string line = "ALARM: the socket " + listener.endpoint +
+                               " was removed: no new client can connect, and it cannot be made again: " + fault.what();
+      if (line != listener.fault) lines.push_back(line);
+      listener.fault = line;
+    }
+  }
+  return lines;
 }
 
 void Router::bind_tcp(const Endpoint& endpoint) {
@@ -152,19 +200,25 @@ void Router::guard(Peer::Way way) {
 // zmq_poll() would look at the socket before and after it sleeps, and ask the kernel each time. Here the file of the
 // socket is enough: the last call of receive() before has found no message, and libzmq makes the file readable when it
 // has something to tell after that.
-bool Router::sleep(int stop_fd, int wait_ms) {
-  std::array<pollfd, 2> files = {{{.fd = socket_.get(zmq::sockopt::fd), .events = POLLIN, .revents = 0},
-                                  {.fd = stop_fd, .events = POLLIN, .revents = 0}}};
+bool Router::sleep(int stop_fd, int wait_ms, const Wake* wake) {
+  std::array<pollfd, 3> files = {{{.fd = socket_.get(zmq::sockopt::fd), .events = POLLIN, .revents = 0},
+                                  {.fd = stop_fd, .events = POLLIN, .revents = 0},
+                                  {.fd = wake != nullptr ? wake->file_ : -1, .events = POLLIN, .revents = 0}}};
   if (::poll(files.data(), files.size(), wait_ms) < 0 && errno != EINTR)
     throw std::system_error(errno, std::generic_category(), "the server cannot wait for messages");
+  if (files[2].revents != 0) {
+    std::uint64_t calls = 0;
+    static_cast<void>(::read(wake->file_, &calls, sizeof calls) < 0);
+  }
   return files[1].revents == 0;
 }
 
 void Router::run(const Handler& handler, int stop_fd, const Pulse& pulse) {
   bool drained = false;  // no message waited when the socket was looked at last
   for (;;) {
-    const bool busy = pulse.busy && pulse.busy();
-    if (!sleep(stop_fd, busy || !drained ? 0 : pulse.every_ms)) return;
+    bool busy = pulse.busy && pulse.busy();
+    if (!sleep(stop_fd, busy || !drained ? 0 : pulse.every_ms, pulse.wake)) return;
+    busy = busy || (pulse.busy && pulse.busy());  // it may have become so while the router waited
     drained = false;
     for (int i = 0; i < kAnswersBeforePoll && !drained; ++i) drained = !answer_one(handler);
     if (busy && pulse.work()) {

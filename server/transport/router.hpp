@@ -49,6 +49,21 @@ struct Answer {
 // process.
 using Handler = std::function<Answer(Frames, std::string_view user)>;
 
+// Ends the wait of a router from another thread.
+class Wake {
+ public:
+  Wake();  // throws std::runtime_error if there is no file to be had
+  Wake(const Wake&) = delete;
+  Wake& operator=(const Wake&) = delete;
+  ~Wake();
+
+  void operator()() const noexcept;
+
+ private:
+  friend class Router;
+  int file_;
+};
+
 // Work that the router does between requests.
 struct Pulse {
   int every_ms = -1;           // longest wait between two calls of `beat`; -1: called after requests only
@@ -58,6 +73,7 @@ struct Pulse {
   // empty.
   std::function<bool()> busy;
   std::function<bool()> work;
+  const Wake* wake = nullptr;  // called when busy() may have become true while the router waits; may be null
 };
 
 struct RouterOptions {
@@ -93,6 +109,10 @@ class Router {
   // must not be bound, std::runtime_error if the bind fails.
   std::string bind(const std::string& endpoint);
 
+  // Looks whether the files of ipc endpoints are still those that were made, and makes and binds lost ones again.
+  // Connections stay. Returns a line for the log for each change. To be called now and then.
+  std::vector<std::string> look_after_paths();
+
   // Answers requests until `stop_fd` is readable or `pulse.beat` returns false. A request in progress is completed
   // first.
   void run(const Handler& handler, int stop_fd, const Pulse& pulse = {});
@@ -119,6 +139,7 @@ class Router {
   };
 
   void bind_ipc(const Endpoint& endpoint);
+  void listen_at(SocketPath& path, const std::string& endpoint);
   void bind_tcp(const Endpoint& endpoint);
   void guard(Peer::Way way);  // makes the access handler judge every peer of the endpoint that is bound next
   bool answer_one(const Handler& handler);
@@ -127,11 +148,16 @@ class Router {
   void bind_socket(const std::string& endpoint);
   void process_events();
   bool receive(zmq::message_t& frame);
-  bool sleep(int stop_fd, int wait_ms);  // false: stop_fd is readable
+  bool sleep(int stop_fd, int wait_ms, const Wake* wake);  // false: stop_fd is readable
   void send(zmq::message_t& peer, const Answer& answer);
 
   RouterOptions options_;
-  std::vector<SocketPath> paths_;  // must outlive the context, which may have open sockets at these paths
+  struct Listener {
+    SocketPath path;
+    std::string endpoint;
+    std::string fault;  // why it could not be made again at the last look
+  };
+  std::vector<Listener> paths_;  // must outlive the context, which may have open sockets at these paths
   zmq::context_t context_;
   std::unique_ptr<AccessHandler> access_;
   zmq::socket_t socket_;

@@ -91,12 +91,19 @@ bool is_served(const std::string& path) {
   return served;
 }
 
-int take_lock(const std::string& path) {
+// Refuses a path at which a file is that is no socket, or a socket at which a process listens.
+void refuse_other_socket(const std::string& path) {
   struct stat existing {};
   if (::lstat(path.c_str(), &existing) == 0 && !S_ISSOCK(existing.st_mode))
     throw std::runtime_error("ipc://" + path +
                              " is a file or directory, not a socket: listening there would delete it; "
                              "choose another path");
+  if (is_served(path))
+    throw std::runtime_error("another server listens on ipc://" + path + ", although its lock file " + path +
+                             ".lock was removed; stop it first, or choose another path");
+}
+
+int take_lock(const std::string& path) {
   const std::string lock = path + ".lock";
   const int file = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) throw std::runtime_error("cannot open lock file " + lock + ": " + std::strerror(errno));
@@ -108,10 +115,11 @@ int take_lock(const std::string& path) {
                                "); stop it first, or choose another path");
     throw std::runtime_error("cannot lock " + lock + ": " + std::strerror(fault));
   }
-  if (is_served(path)) {
+  try {
+    refuse_other_socket(path);
+  } catch (...) {
     ::close(file);
-    throw std::runtime_error("another server listens on ipc://" + path + ", although its lock file " + lock +
-                             " was removed; stop it first, or choose another path");
+    throw;
   }
   return file;
 }
@@ -123,11 +131,42 @@ SocketPath::SocketPath(const std::string& path, bool private_to_owner) : path_(p
   lock_ = take_lock(path);
 }
 SocketPath::SocketPath(SocketPath&& other) noexcept
-    : path_(std::move(other.path_)), lock_(std::exchange(other.lock_, -1)) {}
+    : path_(std::move(other.path_)),
+      lock_(std::exchange(other.lock_, -1)),
+      device_(other.device_),
+      inode_(other.inode_) {}
 SocketPath& SocketPath::operator=(SocketPath&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(lock_, other.lock_);
+  std::swap(device_, other.device_);
+  std::swap(inode_, other.inode_);
   return *this;
+}
+
+void SocketPath::remember() {
+  struct stat found {};
+  if (::lstat(path_.c_str(), &found) != 0) return;
+  device_ = found.st_dev;
+  inode_ = found.st_ino;
+}
+
+bool SocketPath::stands() const {
+  struct stat found {};
+  return inode_ == 0 || (::lstat(path_.c_str(), &found) == 0 && found.st_dev == device_ && found.st_ino == inode_);
+}
+
+void SocketPath::take_again(bool private_to_owner) {
+  check_directory(path_, private_to_owner);
+  struct stat held {};
+  struct stat there {};
+  const bool locked = ::fstat(lock_, &held) == 0 && ::lstat((path_ + ".lock").c_str(), &there) == 0 &&
+                      held.st_dev == there.st_dev && held.st_ino == there.st_ino;
+  if (!locked) {
+    const int fresh = take_lock(path_);
+    ::close(std::exchange(lock_, fresh));
+  } else {
+    refuse_other_socket(path_);
+  }
 }
 // The attribute is the access list of the kernel: a header, and entries in the order of their tags and user ids. Only
 // the owner and the named users may write, which a connection needs; the mask bounds what an entry of a user can give.
@@ -155,7 +194,7 @@ bool SocketPath::admit(std::vector<std::uint32_t> users) const {
 // file stays, because removing it would race with a server that has just opened it.
 SocketPath::~SocketPath() {
   if (lock_ < 0) return;
-  ::unlink(path_.c_str());
+  if (stands()) ::unlink(path_.c_str());
   ::close(lock_);
 }
 

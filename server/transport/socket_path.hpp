@@ -2,6 +2,8 @@
 // listening server.
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -24,9 +26,16 @@ class SocketPath {
   // has no access lists; then every user can connect. Throws std::runtime_error on other faults.
   bool admit(std::vector<std::uint32_t> users) const;
 
+  void remember();      // the socket has been made
+  bool stands() const;  // whether the file at the path is still that of the socket
+  // Prepares to make the socket again: as the constructor does, for a path whose socket, lock or directory is gone.
+  void take_again(bool private_to_owner);
+
  private:
   std::string path_;
   int lock_ = -1;
+  dev_t device_ = 0;  // of the socket's file, and its number there; 0: not known
+  ino_t inode_ = 0;
 };
 
 }  // namespace shearbus::transport

@@ -110,9 +110,10 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
   // An interface on a flowing layer needs two searches, one for stick and one for slip. Each search evaluates at most
-  // 300 sums over the layer; both together seldom evaluate more than 100.
+  // 300 sums over the layer; both together seldom evaluate more than 100. Each slip that is tried has a search of its own
+  // for the stress of the contact.
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
-          .limit_values = 60 * kLanes * solves,
+          .limit_values = (options.plastic_layer ? 60 * 30 : 60) * kLanes * solves,
           .newton_steps = 20000,
           .guarded_steps = kLanes};
 }

@@ -166,7 +166,6 @@ std::vector<Physics> all_physics() {
                               {"force, sleep", sleeping(force)},
                               {"force, two-sided, sleep", sleeping(two_sided(force))},
                               {"force, plastic layer, sleep", sleeping(plastic_layer)},
-                              {"force, plastic layer, junctions", flowing_junctions},
                               {"force, plastic layer, weakening", flowing_weakening},
                               {"force, plastic layer, junctions, work heats", work_heats},
                               {"force, Preston, junctions, work heats", preston(work_heats)},

@@ -550,6 +550,91 @@ static void interruptions(pid_t* server) {
   OK(shearbus_close(&session, &status));
 }
 
+/* What a session tells of itself and of its server; the end of it by shearbus_end(). */
+static void facts(void) {
+  shearbus_request request = request_of(SHEARBUS_TRIAL);
+  shearbus_result result = SHEARBUS_RESULT_INIT;
+  shearbus_info info = SHEARBUS_INFO_INIT;
+  shearbus_totals totals = SHEARBUS_TOTALS_INIT;
+  shearbus_nodes told = SHEARBUS_NODES_INIT, given = SHEARBUS_NODES_INIT;
+  const char* keys[] = {"interface.friction_coefficient"};
+  const double friction[N] = {0.1, 0.2, 0.3, 0.1, 0.2, 0.3}, *values[] = {friction};
+  shearbus_options options = options_of();
+  shearbus_session* session = NULL;
+  reset();
+  given.n = N;
+  given.node_ids = ids;
+  given.n_parameters = 1;
+  given.parameters = keys;
+  given.values = values;
+  OK(shearbus_open_nodes(&session, &options, &given, &status));
+  CHECK(strcmp(shearbus_text(session, SHEARBUS_SCENE_NAME), "constant_friction") == 0);
+  CHECK(strcmp(shearbus_text(session, SHEARBUS_PAIR_NAMES), "") == 0);
+  CHECK(strcmp(shearbus_text(session, SHEARBUS_PARAMETER_KEYS), "interface.friction_coefficient\n") == 0);
+  CHECK(strcmp(shearbus_text(session, SHEARBUS_SERVER_VERSION), shearbus_version()) == 0);
+  CHECK(strstr(shearbus_text(session, SHEARBUS_CAPABILITIES), "parts_ahead\n") != NULL);
+  CHECK(strcmp(shearbus_text(session, SHEARBUS_DURABILITY), "none") != 0);
+  CHECK(strlen(shearbus_text(session, SHEARBUS_ACCESS)) > 0);
+  CHECK(strcmp(shearbus_text(session, -1), "") == 0 && strcmp(shearbus_text(session, SHEARBUS_ACCESS + 1), "") == 0);
+  CHECK(strcmp(shearbus_text(NULL, SHEARBUS_ACCESS), "") == 0);
+  OK(shearbus_step(session, &request, &result, &status));
+  CHECK(result.replayed == 0);
+  OK(shearbus_commit(session, &status));
+  OK(shearbus_mark(session, "one", &status));
+  OK(shearbus_mark(session, "two", &status));
+  CHECK(strcmp(shearbus_text(session, SHEARBUS_MARK_NAMES), "one\ntwo\n") == 0);
+  OK(shearbus_inspect(session, &info, &status));
+  CHECK(info.state_version == 1 && info.max_marks == 2 && info.max_rows_per_message >= 1000);
+  OK(shearbus_resumed_nodes(session, &told, &status));
+  CHECK(told.n == 0);
+  char ticket[SHEARBUS_TICKET_BYTES];
+  OK(shearbus_ticket(session, ticket, &status));
+  shearbus_leave(&session);
+
+  OK(shearbus_resume(&session, &options, ticket, &status));
+  OK(shearbus_resumed_nodes(session, &told, &status));
+  CHECK(told.n == N && memcmp(told.node_ids, ids, sizeof ids) == 0 && told.n_parameters == 1);
+  CHECK(strcmp(told.parameters[0], keys[0]) == 0 && memcmp(told.values[0], friction, sizeof friction) == 0);
+  OK(shearbus_inspect(session, &info, &status));
+  CHECK(info.state_version == 1);
+  REFUSED(shearbus_set_reply_deadline(session, -1.0, &status), SHEARBUS_INVALID_VALUE, "reply_deadline_s");
+  OK(shearbus_set_reply_deadline(session, 5.0, &status));
+  OK(shearbus_end(session, &totals, &status));
+  CHECK(totals.node_steps == N && totals.requests >= 4);
+  REFUSED(shearbus_end(session, &totals, &status), SHEARBUS_UNKNOWN_SESSION, "");
+  shearbus_leave(&session);
+  CHECK(session == NULL);
+}
+
+static int asked;
+static int stops_at_the_third(void* user) {
+  return ++*(int*)user >= 3;
+}
+/* A host that is told to stop ends a call that waits, and makes it again later. */
+static void interrupted(pid_t server) {
+  shearbus_session* session = NULL;
+  shearbus_options options = options_of();
+  shearbus_request request = request_of(SHEARBUS_ADVANCE);
+  shearbus_result result = SHEARBUS_RESULT_INIT;
+  options.interrupted = stops_at_the_third;
+  options.interrupted_user = &asked;
+  reset();
+  OK(shearbus_open(&session, &options, N, ids, NULL, &status));
+  asked = 0;
+  kill(server, SIGSTOP);
+  REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_UNKNOWN_OUTCOME, "");
+  CHECK(asked == 3 && strstr(status.text, "interrupted") != NULL);
+  kill(server, SIGCONT);
+  asked = -1000;
+  OK(shearbus_step(session, &request, &result, &status));
+  CHECK(result.replayed == 1 && result.state_version == 1);
+  OK(shearbus_close(&session, &status));
+  options.endpoint = "file:///nowhere/at/all";
+  asked = 0;
+  REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNREACHABLE, "");
+  CHECK(asked == 3 && session == NULL);
+}
+
 int main(int argc, char** argv) {
   if (argc != 3 || mkdtemp(directory) == NULL) return 2;
   program = argv[1];
@@ -564,6 +649,8 @@ int main(int argc, char** argv) {
   environment();
   closure();
   stick_form();
+  facts();
+  interrupted(server);
   interruptions(&server);
   const int code = stop(server, SIGTERM);
   CHECK(WIFEXITED(code) && WEXITSTATUS(code) == 0);

@@ -238,7 +238,7 @@ class Page:
         words = lambda *flags: run("pkg-config", *flags, "shearbus", env={**os.environ, "PKG_CONFIG_PATH": str(config.parent)}).stdout.split()
         self.flags, self.libraries, (self.module,) = words("--cflags"), words("--libs"), words("--variable=fortran_source")
         (library,) = prefix.rglob("libshearbus.so.1")
-        self.environment = {**os.environ, "LD_LIBRARY_PATH": str(library.parent), "SHEARBUS_SERVER": str(prefix / "bin/shearbus-server"),
+        self.environment = {**os.environ, "LD_LIBRARY_PATH": str(library.parent),
                             "PYTHONPATH": str(prefix / "lib/python3/dist-packages")}
 
     def listing(self, language, name=""):

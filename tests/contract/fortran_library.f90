@@ -6,7 +6,7 @@ program fortran_library
   use shearbus
   implicit none
   integer, parameter :: n = 6
-  character(len=500) :: scene, endpoint, pid_file, msg
+  character(len=1000) :: scene, endpoint, pid_file, msg
   integer :: faults, stat, i
   faults = 0
   call get_command_argument(1, scene)
@@ -82,6 +82,7 @@ contains
     call refused('temperatures', 105, 'initial_temperature has the size 1, expected 2')
     call bus%open(scene=scene, nodes=[1], check_closure='maybe', endpoint=endpoint, stat=stat, msg=msg)
     call refused('a word', 301, 'check_closure is -1')
+    call refused('the words that are', 301, "Use 'warn', 'off' or 'error'")
     call bus%open(scene=scene, nodes=[1], endpoint='ipc:///nowhere', connect_deadline=0.2_real64, stat=stat, msg=msg)
     call refused('no server', 500, 'UNREACHABLE')
     call check('no session', .not. bus%is_open() .and. bus%ticket() == '')
@@ -217,6 +218,7 @@ contains
     call far_field%step(dt)
     call far_field%step(dt, stat=stat, msg=msg)
     call refused('an answer that is not applied', 504, 'NOT_CLOSED')
+    call refused('the remedy in words of Fortran', 504, "check_closure = 'warn'")
     call far_field%close()
   end subroutine
 

@@ -1,18 +1,24 @@
 #!/usr/bin/python3
 """The host of client/examples/host.py on both problems of the conformity kit, and hosts and clients made
-wrong on purpose.
+wrong on purpose: a client by a proxy that spoils what the right one sends and receives.
 
 kit_host.py ENDPOINT PROBLEM [FAULT]
 
 The fault "stick_form" is none: the same host in stick form."""
+import contextlib
 import importlib.util
 import pathlib
 import sys
+import tempfile
+import threading
+
+import zmq
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(SOURCE / "client/python"))
 import numpy  # noqa: E402
 import shearbus  # noqa: E402
+from shearbus.conformity.mock_server import EPOCH, OK, read, varint  # noqa: E402
 
 spec = importlib.util.spec_from_file_location("host", SOURCE / "client/examples/host.py")
 example = importlib.util.module_from_spec(spec)
@@ -62,13 +68,19 @@ def run(endpoint, problem, fault=None):
     masses = [mass / area for mass in masses]
     if fault == "sides_swapped":
         masses.reverse()
-    bus = shearbus.open(example.SCENE,
-                        range(3),
-                        endpoint,
-                        connect_deadline=5.0,
-                        reply_deadline=2.0,
-                        retry_after=RETRY_S, closure="off")
-    spoil(bus, fault)
+    with contextlib.ExitStack() as stack:
+        if fault in Spoiler.FAULTS:
+            endpoint = stack.enter_context(Spoiler(endpoint, fault)).endpoint
+        bus = shearbus.open(example.SCENE, range(3), endpoint, connect_deadline=5.0, reply_deadline=2.0, retry_after=RETRY_S,
+                            closure="off")
+        play(bus, fault, steps, dt, soft, hard, masses, area)
+        if fault == "never_closes":
+            bus.leave()
+        bus.__exit__(None)
+
+
+def play(bus, fault, steps, dt, soft, hard, masses, area):
+    """Plays a run of a host into a session."""
     nodes, first = slice(0, 3), None
     for step in range(steps):
         length = dt if step > 0 or (fault or "").startswith("whole_first_step") else dt / 2
@@ -89,58 +101,130 @@ def run(endpoint, problem, fault=None):
         hard.accelerate(length, 0.0 if fault == "one_side_only" else stress)
         for body in (soft, hard):
             body.deform(dt)
-    if fault == "never_closes":
-        bus.leave()
-    bus.__exit__(None)
 
 
-def spoil(bus, fault):
-    """Makes the client wrong in the way that `fault` names."""
-    connection = bus._connection
-    if fault == "sequence_skips":
-        bus._sequence += 1
-    elif fault == "no_epoch":
-        bus._epoch = 0
-    elif fault == "same_request_id":
-        number = connection.next_request_id()
-        connection.next_request_id = lambda: number
-    elif fault == "wrong_sum":
-        frames = bus._frames
-        bus._frames = lambda *arguments: [
-            f if i == 0 else bytes(f)[:-1] + b"\x01" for i, f in enumerate(frames(*arguments))
-        ]
-    elif fault == "repeats_other_bytes":
-        send, sent = connection._send, []
+def replaced(header, number, value):
+    """Returns a header whose field `number` has another value, or is left out for None."""
+    out, at = b"", 0
+    for found, size in fields_in(header):
+        out += b"" if found == number else header[at:at + size]
+        at += size
+    if value is None:
+        return out
+    fixed = number == REQUEST_ID
+    return out + varint(number << 3 | (1 if fixed else 0)) + (value.to_bytes(8, "little") if fixed else varint(value))
 
-        def send_with_another_id(frames):
-            if frames[0] in sent:
-                frames = [bytes(frames[0]) + b"\x18\x00", *frames[1:]]  # protocol_minor = 0, written out
-            sent.append(frames[0])
-            return send(frames)
-        connection._send = send_with_another_id
-    elif fault == "repeats_on_the_same_socket":
-        connection.close = lambda: None
-    elif fault == "takes_any_reply":
-        receive = connection._receive
 
-        def receive_any(request_id, until, started):
-            original = shearbus.connection.header.REPLY_HEADER.decode
+def fields_in(header):
+    """Yields the number and the bytes of each field of a header."""
+    at = 0
+    while at < len(header):
+        end = next(end for end in range(at + 2, len(header) + 1) if _is_field(header[at:end]))
+        yield next(iter(read(header[at:end]))), end - at
+        at = end
 
-            def decode(data):
-                found = original(data)
-                found.request_id = request_id
-                return found
-            shearbus.connection.header.REPLY_HEADER.decode = decode
-            try:
-                return receive(request_id, until, started)
-            finally:
-                shearbus.connection.header.REPLY_HEADER.decode = original
-        connection._receive = receive_any
-    elif fault == "goes_on_after_a_restart":
-        def adopt(_):
-            bus._epoch = 0
-            return 0
-        bus._follow_restart = adopt
+
+def _is_field(data):
+    try:
+        return len(read(data)) == 1 and sum(map(len, read(data).values())) == 1
+    except (IndexError, ValueError):
+        return False
+
+
+MINOR, REQUEST_ID, SEQUENCE, EPOCH_FIELD, STATUS = 3, 4, 6, 7, 9  # fields of the envelope
+STEP = 18  # body of a request, and of the reply to it
+
+
+class Spoiler:
+    """A proxy that makes a right client wrong in the way that `fault` names. Each socket of the client gets one of its own to
+    the server, but for a client that repeats on the same socket."""
+
+    FAULTS = ("sequence_skips", "no_epoch", "same_request_id", "wrong_sum", "repeats_other_bytes", "repeats_on_the_same_socket",
+              "takes_any_reply", "goes_on_after_a_restart")
+
+    def __init__(self, server, fault):
+        self.server, self.fault, self.seen, self.ids = server, fault, set(), []
+        self.step, self.adopted = None, False
+        self.answered, self.late = set(), None  # ids of the requests that the client has an answer to; a second answer to one
+        self.directory = tempfile.TemporaryDirectory(prefix="shearbus-")
+        self.endpoint = f"ipc://{self.directory.name}/spoiler"
+        self.over = threading.Event()
+        self.thread = threading.Thread(target=self.serve)
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.over.set()
+        self.thread.join()
+        self.directory.cleanup()
+
+    def serve(self):
+        with zmq.Context() as context, context.socket(zmq.ROUTER) as front:
+            front.bind(self.endpoint)
+            links = {}
+            while not self.over.is_set():
+                poller = zmq.Poller()
+                for socket in (front, *links.values()):
+                    poller.register(socket, zmq.POLLIN)
+                ready = dict(poller.poll(10))
+                if front in ready:
+                    peer, *frames = front.recv_multipart()
+                    self.peer = peer
+                    one = b"" if self.fault == "repeats_on_the_same_socket" else peer
+                    if one not in links:
+                        links[one] = context.socket(zmq.DEALER)
+                        links[one].connect(self.server)
+                    links[one].send_multipart(self.request(frames))
+                    if self.late and STEP in read(frames[0]):
+                        front.send_multipart([peer, *self.taken_for_the_last(self.late)])
+                        self.late = None
+                for one, socket in links.items():
+                    if socket in ready:
+                        frames = self.reply(socket.recv_multipart(), socket)
+                        if frames:
+                            front.send_multipart([one or self.peer, *frames])
+            for socket in links.values():
+                socket.close(0)
+
+    def request(self, frames):
+        """Returns the frames that the wrong client sends."""
+        header, *payload = frames
+        fields = read(header)
+        again, number = header in self.seen, fields[REQUEST_ID][0]
+        self.seen.add(header)
+        self.ids.append(number)
+        if self.fault == "sequence_skips" and fields.get(SEQUENCE, [0])[0]:
+            header = replaced(header, SEQUENCE, fields[SEQUENCE][0] + 1)
+        elif self.fault == "no_epoch" or self.adopted:
+            header = replaced(header, EPOCH_FIELD, None)
+        elif self.fault == "same_request_id":
+            header = replaced(header, REQUEST_ID, self.ids[0])
+        elif self.fault == "wrong_sum" and payload:
+            payload = [payload[0][:-1] + b"\x01"]
+        elif self.fault == "repeats_other_bytes" and again:
+            header += varint(MINOR << 3) + b"\x00"  # protocol_minor = 0, written out
+        if STEP in fields:
+            self.step = [header, *payload]
+        return [header, *payload]
+
+    def reply(self, frames, socket):
+        """Returns the frames that the client takes for the reply to its last request; None for none."""
+        header = frames[0]
+        code = read(read(header)[STATUS][0])[1][0] if STATUS in read(header) else OK
+        if self.fault == "goes_on_after_a_restart" and code == EPOCH:
+            self.adopted = True
+            socket.send_multipart([replaced(self.step[0], EPOCH_FIELD, None), *self.step[1:]])
+            return None
+        if self.fault == "takes_any_reply" and read(header)[REQUEST_ID][0] in self.answered:
+            self.late = frames if STEP in read(header) else self.late
+            return None
+        return self.taken_for_the_last(frames) if self.fault in ("same_request_id", "takes_any_reply") else frames
+
+    def taken_for_the_last(self, frames):
+        self.answered.add(self.ids[-1])
+        return [replaced(frames[0], REQUEST_ID, self.ids[-1]), *frames[1:]]
 
 
 if __name__ == "__main__":

@@ -5,9 +5,12 @@ python_client.py --endpoint ENDPOINT --server SHEARBUS_SERVER --source DIR [--ct
     [--replay SHEARBUS_REPLAY] [--server-key FILE --key FILE] [TEST...]
 --endpoint is a running server; the tests start more with --server."""
 import argparse
+import importlib
 import importlib.util
+import inspect
 import os
 import pathlib
+import pickle
 import signal
 import subprocess
 import sys
@@ -173,31 +176,23 @@ class Steps(Live):
         self.assertEqual((rest.temperature[1], one.temperature[0], rest.temperature[0]), tuple(expected))
 
     def test_a_step_of_more_rows_than_a_message_holds_is_divided_into_parts(self):
-        for scene in (VELOCITY_DRIVEN, TWO_COMPONENTS):
-            nodes = numpy.arange(23)
-            whole, divided = self.open(scene, nodes), self.open(scene, nodes)
-            divided._max_rows = 5
-            jump = numpy.linspace(-100, 100, nodes.size)
-            if scene is TWO_COMPONENTS:
-                jump = numpy.stack([jump, jump[::-1]], axis=1)
-            for step in range(3):
-                x, y = (bus.step(1e-9, jump=jump * (step + 1), pressure=11.2e9) for bus in (whole, divided))
-                self.assertEqual((x.state_version, x.columns), (y.state_version, y.columns))
-                for name in x.columns:
-                    numpy.testing.assert_array_equal(getattr(x, name), getattr(y, name))
-            some = nodes[::-2]
-            with divided.trial(1e-9, nodes=some, jump=jump[: some.size], pressure=11.2e9) as trial:
-                trial.reject()
-            x, y = (bus.step(1e-9, nodes=some, jump=jump[: some.size], pressure=11.2e9) for bus in (whole, divided))
-            numpy.testing.assert_array_equal(x.temperature, y.temperature)
-            # The last part is refused: the parts before it are dropped.
-            far_away = numpy.append(some[:-1], 1000)
-            self.assert_refused(shearbus.ContentError, "UNKNOWN_NODE", lambda: divided.step(
-                1e-9, nodes=far_away, jump=jump[: some.size], pressure=11.2e9), nodes=[1000])
-            divided.retire(nodes[:1])
-            whole.retire(nodes[:1])
-            x, y = (bus.step(1e-9, jump=jump[1:], pressure=11.2e9) for bus in (whole, divided))
-            numpy.testing.assert_array_equal(x.temperature, y.temperature)
+        scene = {"name": "parts", "strategy": "velocity_driven", "soft": {"material": "aluminium_dlp"},
+                 "hard": {"material": "steel_dlp"}, "layer": {"thickness_m": 20e-6, "cells": 8, "grading": 1.1}}
+        most = self.open().welcome.limits.max_rows_per_message
+        nodes = numpy.arange(most + 7)
+        jump = numpy.linspace(-100, 100, nodes.size)
+        whole, pieces = self.open(scene, nodes), self.open(scene, nodes)
+        for some in (slice(0, most // 2), slice(most // 2, None)):
+            x = pieces.step(1e-9, nodes=nodes[some], jump=jump[some], pressure=1e9)
+        y = whole.step(1e-9, jump=jump, pressure=1e9)
+        self.assertEqual((y.state_version, y.columns), (1, x.columns))
+        for name in x.columns:
+            numpy.testing.assert_array_equal(getattr(x, name), getattr(y, name)[some])
+        # The last part is refused: the parts before it are dropped.
+        jump[-1] = 1e9
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: whole.step(1e-9, jump=jump, pressure=1e9),
+                            "jump", [nodes[-1]])
+        self.assertEqual(whole.rollback(), 1)
 
     def test_two_components_are_an_extra_axis(self):
         bus = self.open(TWO_COMPONENTS)
@@ -273,13 +268,11 @@ class Forms(Live):
         return {"jump": self.FAR["jump"], "pressure": 1e9, "stick_stress": z * free, "impedance": z}
 
     def test_the_stick_form_has_the_answers_of_the_far_field_form(self):
-        far, stick = self.open(self.scene), self.open(self.scene)
+        far, stick = (self.open(self.scene, closure="off") for _ in range(2))
         for dt in (1e-9, 3e-9):
             a, b = (bus.step(dt, **values) for bus, values in ((far, self.FAR), (stick, self.stick(dt))))
             for name in ("stress", "jump_new", "temperature"):
                 numpy.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-12)
-            far._closure.forget()
-            stick._closure.forget()
         both = {**self.FAR, **self.stick(1e-9)}
         self.assert_refused(shearbus.MessageError, "SHAPE", lambda: far.step(1e-9, **both), "stress_soft")
         part = {name: value for name, value in self.stick(1e-9).items() if name != "impedance"}
@@ -321,9 +314,10 @@ class Forms(Live):
         worst = abs(second.closure).argmax()
         self.assertEqual((second.largest_closure, second.closure_node), (abs(second.closure[worst]), NODES[worst]))
         self.assertAlmostEqual(second.layer_time, 4e-6)
-        told = [str(w.message).split(":")[0] for w in caught if pathlib.Path(w.filename).name == "python_client.py"]
+        told = [str(w.message).split(":")[0] for w in caught if w.category is shearbus.ClosureWarning and
+                pathlib.Path(w.filename).name == "python_client.py"]
         self.assertEqual(sorted(told), sorted(set(told)))
-        self.assertLessEqual({"time_s", "closure"}, set(told))
+        self.assertLessEqual({"time", "closure"}, set(told))
 
     def test_a_server_that_lacks_a_capability_is_named(self):
         bus = self.open(self.scene, idle_limit=3600)
@@ -401,32 +395,6 @@ class Decisions(Live):
         taker.retire(taker.nodes)
         self.assertEqual(len(taker.step(1e-9, jump=1.0, pressure=1e9).stress), 0)
 
-    def test_a_claim_that_was_granted_after_its_refusal_is_this_clients_own(self):
-        session = self.open()
-        session.step(1e-9, **drive(1, 2, 3))
-        send, ask, happened = session._send, session._ask, []
-
-        def restarted(envelope, verb, *rest, **how):
-            if verb == "downscale" and "restart" not in happened:
-                happened.append("restart")
-                raise shearbus.SessionError(shearbus.Code.EPOCH, "the server was restarted")
-            return send(envelope, verb, *rest, **how)
-
-        def granted_too_late(verb, body, *rest, **envelope):
-            reply = ask(verb, body, *rest, **envelope)
-            if body.get("claim") and "refusal" not in happened:
-                happened.append("refusal")
-                raise shearbus.ServerError(shearbus.Code.NO_SPACE, "the disk is full")
-            return reply
-
-        session._send, session._ask = restarted, granted_too_late
-        self.assert_refused(shearbus.ServerError, "NO_SPACE", lambda: session.step(1e-9, **drive(1, 2, 3)))
-        self.assertEqual(session.step(1e-9, **drive(1, 2, 3)).state_version, 2)
-        self.assertEqual(happened, ["restart", "refusal"])
-        successor = shearbus.resume(session.ticket, OPTIONS.endpoint)
-        self.addCleanup(successor.close)
-        self.assert_refused(shearbus.SessionError, "SUPERSEDED", lambda: session.step(1e-9, **drive(1, 2, 3)))
-
     def test_a_successor_resumes_by_the_ticket(self):
         bus, plain = self.open(), self.open()
         expected = [each.step(1e-9, **drive(100, 90, 80)).stress for each in (bus, plain)]
@@ -497,12 +465,13 @@ class Refusals(Live):
         self.bus, self.plain = self.open(), self.open()
 
     def silently(self, call, kind, code, field, nodes=None, text=""):
-        connection = self.bus._connection
-        connection.call = lambda *_: self.fail("something was sent")
+        sends, self.bus._step_call = self.bus._step_call, lambda *_: self.fail("something was sent")
+        self.bus._call = self.bus._step_call
         try:
             return self.assert_refused(kind, code, call, field, nodes, text)
         finally:
-            del connection.call
+            del self.bus._call
+            self.bus._step_call = sends
 
     def test_values_are_refused_by_the_name_of_their_column(self):
         good = drive(1, 2, 3)
@@ -517,10 +486,10 @@ class Refusals(Live):
             self.silently(lambda: self.bus.step(1e-9, **{**good, **wrong}), shearbus.MessageError, "SHAPE", "pressure")
         for value in (numpy.nan, numpy.inf, -numpy.inf):
             bad = numpy.array([1.0, 2.0, value])
-            self.silently(lambda: self.bus.step(1e-9, **{**good, "jump": bad}), shearbus.ContentError, "INVALID_VALUE",
-                          "jump", [2**64 - 1], f"jump of node {2**64 - 1} is {value}")
-            self.silently(lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), shearbus.ContentError,
-                          "INVALID_VALUE", "jump", [7])
+            self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: self.bus.step(1e-9, **{**good, "jump": bad}),
+                                "jump", [2**64 - 1], f"jump of node {2**64 - 1} is {value}")
+            self.assert_refused(shearbus.ContentError, "INVALID_VALUE",
+                                lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), "jump", [7])
         self.silently(lambda: self.bus.step(1e-9, jump=1.0),
                       shearbus.MessageError,
                       "SHAPE",
@@ -544,14 +513,14 @@ class Refusals(Live):
         self.silently(lambda: self.bus.register([5, -4]), shearbus.ContentError, "INVALID_VALUE", "nodes", text="-4")
         self.silently(lambda: self.bus.retire([7, 3, 7]), shearbus.ContentError, "DUPLICATE_NODE", "nodes", [7])
         self.silently(lambda: self.bus.offer([7, 7]), shearbus.ContentError, "DUPLICATE_NODE", "nodes", [7])
-        self.silently(lambda: self.bus.register([5], [numpy.nan]), shearbus.ContentError, "INVALID_VALUE",
-                      "initial_temperature", [5])
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: self.bus.register([5], [numpy.nan]),
+                            "initial_temperature", [5])
 
     def test_the_servers_refusals_have_the_class_of_their_code(self):
         step = lambda **more: self.bus.step(**{"dt": 1e-9, **drive(1, 2, 3), **more})
         fault = self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: step(dt=0.0))
         self.assertTrue(fault.text and fault.remedy)
-        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: step(pressure=1e13), "pressure_pa", NODES)
+        self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: step(pressure=1e13), "pressure", NODES)
         self.assert_refused(shearbus.ContentError, "UNKNOWN_NODE", lambda: step(nodes=[3, 8, 7]), "node_id", [8])
         self.assert_refused(shearbus.ContentError, "DUPLICATE_NODE", lambda: self.bus.register([7]), "node_id", [7])
         self.assert_refused(shearbus.SessionError, "NOTHING_TO_COMMIT", self.bus.commit)
@@ -566,16 +535,16 @@ class Refusals(Live):
         self.assertEqual(type(shearbus.errors.error(499, "of a later version")), shearbus.ServerError)
 
     def test_a_draining_server_opens_no_session(self):
-        with shearbus.Server(OPTIONS.server) as server:
-            subprocess.run([OPTIONS.ctl, "drain", "--server", server.endpoint], check=True, stdout=subprocess.DEVNULL)
-            self.assert_refused(shearbus.ServerError, "DRAINING", lambda: self.open(endpoint=server.endpoint))
+        server = self.durable()
+        subprocess.run([OPTIONS.ctl, "drain", "--server", server.endpoint], check=True, stdout=subprocess.DEVNULL)
+        self.assert_refused(shearbus.ServerError, "DRAINING", lambda: self.open(endpoint=server.endpoint))
 
     def test_a_server_that_is_not_there_is_told(self):
-        for endpoint in ("bogus", "udp://x", "ipc:///nowhere/at/all", 7):
+        for endpoint in ("bogus", "udp://x", "ipc:///nowhere/at/all"):
             self.assert_refused(shearbus.Unreachable, "UNREACHABLE",
                                 lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
-        self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key="a", key="b"))
-        self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(endpoint="tcp://127.0.0.1:9", key="b"))
+        self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key_file="a", secret_key_file="b"))
+        self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(endpoint="tcp://127.0.0.1:9", secret_key_file="b"))
 
 
 class Losses(Live):
@@ -605,7 +574,7 @@ class Losses(Live):
         server.process.send_signal(signal.SIGSTOP)
         self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(50, 60, 70)))
         server.process.send_signal(signal.SIGCONT)
-        bus._connection.reply_deadline = 5.0
+        bus.reply_deadline = 5.0
         answer = bus.step(1e-9, **drive(50, 60, 70))
         self.assertEqual(answer.state_version, 2)
         numpy.testing.assert_array_equal(answer.stress, plain.step(1e-9, **drive(50, 60, 70)).stress)
@@ -616,7 +585,7 @@ class Losses(Live):
         server.process.send_signal(signal.SIGSTOP)
         self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(50, 60, 70)))
         server.process.send_signal(signal.SIGCONT)
-        bus._connection.reply_deadline = 5.0
+        bus.reply_deadline = 5.0
         time.sleep(0.1)  # the copies of the lost request are run before the next one arrives
         self.assert_refused(shearbus.SessionError, "SEQUENCE_REUSED", lambda: bus.step(1e-9, **drive(1, 1, 1)))
         self.assertEqual(bus.step(1e-9, **drive(1, 1, 1)).state_version, 2)
@@ -628,9 +597,9 @@ class Losses(Live):
         server.process.send_signal(signal.SIGSTOP)
         self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", bus.close)
         server.process.send_signal(signal.SIGCONT)
-        bus._connection.reply_deadline = 5.0
-        self.assertEqual(bus.close().node_steps, 3)
-        self.assert_refused(shearbus.SessionError, "UNKNOWN_SESSION", bus.close)
+        bus.reply_deadline = 5.0
+        totals = bus.close()
+        self.assertEqual((totals.node_steps, bus.close()), (3, totals))
 
     def test_an_interrupt_leaves_a_session_that_can_be_closed(self):
         server = self.durable()
@@ -641,39 +610,6 @@ class Losses(Live):
             bus.step(1e-9, **drive(50, 60, 70))
         server.process.send_signal(signal.SIGCONT)
         self.assertEqual(bus.close().node_steps, 3)
-
-    def test_a_claim_whose_answer_a_second_restart_has_lost_is_this_clients_own(self):
-        for another_claims in (False, True):
-            server = self.durable()
-            bus = self.open(endpoint=server.endpoint, reply_deadline=5.0)
-            bus.step(1e-9, **drive(1, 2, 3))
-            server.kill()
-            server.start()
-            ask, lost = bus._ask, []
-
-            def ask_and_lose(verb, body, *rest, **envelope):
-                reply = ask(verb, body, *rest, **envelope)
-                if body.get("claim") and len(lost) < 2 - another_claims:
-                    lost.append(body["claim"])
-                    server.kill()
-                    server.start()
-                    raise shearbus.UnknownOutcome(shearbus.Code.UNKNOWN_OUTCOME, "no answer")
-                return reply
-
-            bus._ask = ask_and_lose
-            for _ in range(2 - another_claims):
-                self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(4, 5, 6)))
-            if another_claims:
-                successor = shearbus.resume(bus.ticket, server.endpoint)
-                self.addCleanup(successor.leave)
-                server.kill()
-                server.start()
-                for _ in range(2):
-                    self.assert_refused(shearbus.SessionError, "SUPERSEDED", lambda: bus.step(1e-9, **drive(4, 5, 6)))
-                bus.leave()
-            else:
-                self.assertEqual(bus.step(1e-9, **drive(4, 5, 6)).state_version, 2)
-                bus.close()
 
     def test_a_server_without_durability_that_was_replaced_is_told(self):
         with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
@@ -748,6 +684,7 @@ class Hosts(Live):
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 jump, exact, closure = host.run(OPTIONS.endpoint)
+            caught = [w for w in caught if w.category is not shearbus.SceneWarning]
             self.assertEqual([w.category for w in caught], [shearbus.ClosureWarning])
             self.assertEqual(pathlib.Path(caught[0].filename).name, "host.py")
             self.assertGreater(abs(jump - exact).max(), 1e-3)
@@ -771,46 +708,6 @@ class Hosts(Live):
             bus.step(1e-9, nodes=[NODES[1]], jump=trial.jump_new[1], **step)
             bus.step(1e-9, nodes=[NODES[1], NODES[0]], jump=[last.jump_new[1], last.jump_new[0] * 0 + 7], **step)
         self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(closure="maybe"), "closure")
-
-    def test_without_an_endpoint_it_has_a_server_of_its_own(self):
-        os.environ["SHEARBUS_SERVER"] = OPTIONS.server
-        self.addCleanup(os.environ.pop, "SHEARBUS_SERVER")
-        with shearbus.open(VELOCITY_DRIVEN, nodes=NODES) as bus:
-            bus.step(1e-9, **drive(1, 2, 3))
-            socket = bus._connection.endpoint.removeprefix("ipc://")
-        self.assertFalse(pathlib.Path(socket).parent.exists())
-        os.environ["SHEARBUS_SERVER"] = "/bin/false"
-        self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.open(VELOCITY_DRIVEN, nodes=NODES))
-        os.environ["SHEARBUS_SERVER"] = "no-such-program"
-        self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.open(VELOCITY_DRIVEN, nodes=NODES))
-
-    def test_its_own_server_ends_with_a_host_that_is_killed(self):
-        program = (
-            "import shearbus, sys, time; bus = shearbus.open(sys.argv[1], nodes=[1]); "
-            "print(bus._connection.endpoint, flush=True); "
-            "time.sleep(60)")
-        environment = {
-            **os.environ, "SHEARBUS_SERVER": OPTIONS.server, "PYTHONPATH": str(OPTIONS.source / "client/python")
-        }
-        host = subprocess.Popen([sys.executable, "-B", "-c", program, VELOCITY_DRIVEN],
-                                stdout=subprocess.PIPE,
-                                env=environment,
-                                text=True)
-        endpoint = host.stdout.readline().strip()
-        self.open(endpoint=endpoint).close()
-        host.kill()
-        host.wait()
-        host.stdout.close()
-        deadline = time.monotonic() + 10
-        while time.monotonic() < deadline:
-            try:
-                self.open(endpoint=endpoint, connect_deadline=0.2, reply_deadline=0.5).close()
-            except shearbus.Unreachable:
-                break
-            except shearbus.Error:  # the server is stopping
-                pass
-        self.assert_refused(shearbus.Unreachable, "UNREACHABLE",
-                            lambda: self.open(endpoint=endpoint, connect_deadline=0.2))
 
     def test_the_environment_replaces_endpoint_and_scene(self):
         scene = OPTIONS.source / "client/examples/constant_friction.toml"
@@ -836,6 +733,234 @@ class Hosts(Live):
         self.assertIn("node  5  P   500 MPa  [V] 92.183880 m/s  exact 92.183880\n", done.stdout)
 
 
+class Processes(Live):
+    """A server in this process; what threads, forked children, signals and the end of a process do to a session."""
+
+    STEP = {"jump": [1.0, 2.0, 3.0], "pressure": 11.2e9}
+
+    def run_program(self, text, *arguments, **options):
+        environment = {**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")}
+        return subprocess.run([sys.executable, "-B", "-W", "ignore", "-c", text, *arguments], env=environment, timeout=60,
+                              capture_output=True, text=True, **options)
+
+    def test_without_an_endpoint_the_server_is_in_this_process(self):
+        plain = self.open()
+        before = threading.active_count(), len(os.listdir("/proc/self/task"))
+        with shearbus.open(VELOCITY_DRIVEN, nodes=NODES) as bus:
+            self.assertGreater(len(os.listdir("/proc/self/task")), before[1])
+            numpy.testing.assert_array_equal(bus.step(1e-9, **self.STEP).stress, plain.step(1e-9, **self.STEP).stress)
+        self.assertEqual((threading.active_count(), len(os.listdir("/proc/self/task"))), before)
+        with tempfile.TemporaryDirectory() as directory:
+            with shearbus.open(VELOCITY_DRIVEN, nodes=NODES, state_dir=directory, threads=2) as bus:
+                bus.step(1e-9, **self.STEP)
+                self.assertTrue(bus.durable)
+                bus.leave()
+            with shearbus.resume(bus.ticket, state_dir=pathlib.Path(directory)) as bus:
+                self.assertEqual(bus.step(1e-9, **self.STEP).state_version, 2)
+
+    def test_a_process_ends_with_its_session_open(self):
+        for ending in ("", "bus.leave()", "del bus", "sys.exit()"):
+            done = self.run_program("import shearbus, sys; bus = shearbus.open(sys.argv[1], nodes=[1]); "
+                                    f"bus.step(1e-9, jump=1.0, pressure=1e9); print('end', flush=True); {ending}", VELOCITY_DRIVEN)
+            self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "end\n", ""))
+
+    def test_a_process_ends_while_a_daemon_thread_waits_in_a_call(self):
+        server = self.durable()
+        begin = "import shearbus, sys, threading, time; bus = shearbus.open(sys.argv[1], [1], sys.argv[2]); print(1, flush=True); sys.stdin.readline(); "
+        calls = {"a step": "bus.step(1e-9, jump=1.0, pressure=1e9)", "an opening": "shearbus.open(sys.argv[1], [2], sys.argv[2])"}
+        for name, call in calls.items():
+            program = begin + f"threading.Thread(target=lambda: {call}, daemon=True).start(); time.sleep(0.3)"
+            host = subprocess.Popen([sys.executable, "-B", "-W", "ignore", "-c", program, VELOCITY_DRIVEN, server.endpoint], stdin=subprocess.PIPE,
+                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                    env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+            host.stdout.readline()
+            server.process.send_signal(signal.SIGSTOP)
+            _, said = host.communicate("\n", timeout=60)
+            server.process.send_signal(signal.SIGCONT)
+            self.assertEqual(host.returncode, 0, (name, said))
+            self.assertNotIn("FATAL", said)
+
+    def test_a_forked_child_is_told_and_does_not_keep_the_parent(self):
+        for endpoint in (None, OPTIONS.endpoint):
+            with shearbus.open(VELOCITY_DRIVEN, nodes=NODES, endpoint=endpoint) as bus:
+                reading, writing = os.pipe()
+                child = os.fork()
+                if child == 0:
+                    try:
+                        bus.step(1e-9, **self.STEP)
+                    except shearbus.SessionError as fault:
+                        os.write(writing, str(fault).encode())
+                        bus.leave()
+                    time.sleep(3)
+                    os._exit(0)
+                os.close(writing)
+                begun = time.monotonic()
+                with open(reading) as told:
+                    self.assertIn("OTHER_PROCESS: this session belongs to process", os.read(told.fileno(), 1000).decode())
+                bus.step(1e-9, **self.STEP)
+                bus.close()
+                self.assertLess(time.monotonic() - begun, 2.5)
+                os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+
+    def test_a_second_thread_is_refused_at_once(self):
+        server = self.durable()
+        bus = self.open(endpoint=server.endpoint)
+        server.process.send_signal(signal.SIGSTOP)
+        thread = threading.Thread(target=bus.step, args=(1e-9,), kwargs=self.STEP)
+        thread.start()
+        time.sleep(0.2)
+        for call in (lambda: bus.step(1e-9, **self.STEP), bus.rollback, bus.close):
+            with self.assertRaisesRegex(shearbus.SessionError, "IN_USE: another thread is inside a call"):
+                call()
+        server.process.send_signal(signal.SIGCONT)
+        thread.join()
+        self.assertEqual(bus.step(1e-9, **self.STEP).state_version, 2)
+
+    def test_a_session_is_not_pickled_and_an_answer_is(self):
+        bus = self.open()
+        answer = bus.step(1e-9, **self.STEP)
+        with self.assertRaisesRegex(TypeError, "cannot be pickled.*shearbus.resume"):
+            pickle.dumps(bus)
+        again = pickle.loads(pickle.dumps(answer))
+        numpy.testing.assert_array_equal(again.stress, answer.stress)
+        self.assertEqual((again.columns, again.state_version), (answer.columns, 1))
+
+    def test_an_interrupt_ends_any_wait(self):
+        server = self.durable()
+        server.process.send_signal(signal.SIGSTOP)
+        waits = {"an opening": lambda: self.open(endpoint=server.endpoint, connect_deadline=60.0),
+                 "a connection": lambda: self.open(endpoint="ipc:///nowhere/at/all", connect_deadline=60.0),
+                 "an endpoint file": lambda: self.open(endpoint="file:///nowhere/at/all", connect_deadline=60.0)}
+        for name, call in waits.items():
+            begun = time.monotonic()
+            threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+            with self.assertRaises(KeyboardInterrupt, msg=name):
+                call()
+            self.assertLess(time.monotonic() - begun, 5, name)
+        server.process.send_signal(signal.SIGCONT)
+
+    def test_a_signal_whose_handler_returns_ends_nothing(self):
+        server, came = self.durable(), []
+        bus = self.open(endpoint=server.endpoint)
+        before = signal.signal(signal.SIGUSR1, lambda *_: came.append(1))
+        self.addCleanup(signal.signal, signal.SIGUSR1, before)
+        server.process.send_signal(signal.SIGSTOP)
+        for wait in (0.1, 0.2, 0.3):
+            threading.Timer(wait, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+        threading.Timer(0.6, server.process.send_signal, (signal.SIGCONT,)).start()
+        self.assertEqual(bus.step(1e-9, **self.STEP).state_version, 1)
+        self.assertEqual(len(came), 3)
+
+    def test_a_library_that_is_not_there_or_is_another_is_told_in_a_sentence(self):
+        program = "import shearbus, shearbus.conformity; shearbus.open('x.toml', nodes=[1])"
+        with tempfile.TemporaryDirectory() as directory:
+            other = pathlib.Path(directory, "libshearbus.so.1")
+            source = "const char* shearbus_version(void) { return \"0.0.9\"; }\n"
+            for names, text in (((), "has no shearbus_"), (FUNCTIONS, "is version 0.0.9, and this package is")):
+                lines = [source, *(f"void shearbus_{name}(void) {{}}" for name in names if name != "version")]
+                subprocess.run(["cc", "-shared", "-fPIC", "-x", "c", "-", "-o", other], input="\n".join(lines), text=True, check=True)
+                told = self.run_program(program.replace("import", f"import os; os.environ['SHEARBUS_LIBRARY'] = '{other}'; import", 1)).stderr
+                self.assertIn(text, told.splitlines()[-1])
+            told = self.run_program(program.replace("import", "import os; os.environ['SHEARBUS_LIBRARY'] = '/nowhere'; import", 1)).stderr
+            self.assertRegex(told.splitlines()[-1], "LibraryError.*cannot be loaded: /nowhere.*SHEARBUS_LIBRARY")
+
+
+class Manners(Live):
+    """Arguments of a wrong type or value, and how things show themselves."""
+
+    def test_arguments_of_wrong_types_and_values_are_refused_by_name(self):
+        bus = self.open()
+        for kind, call, field in (
+                (TypeError, lambda: bus.step(True, **drive(1, 2, 3)), "dt"),
+                (TypeError, lambda: bus.step("1e-9", **drive(1, 2, 3)), "dt"),
+                (TypeError, lambda: bus.step(1e-9, time=None, **drive(1, 2, 3)), "time"),
+                (TypeError, lambda: bus.step(1e-9, step=1.5, **drive(1, 2, 3)), "step"),
+                (TypeError, lambda: bus.step(1e-9, attempt=True, **drive(1, 2, 3)), "attempt"),
+                (ValueError, lambda: bus.step(1e-9, step=-1, **drive(1, 2, 3)), "step"),
+                (ValueError, lambda: bus.step(1e-9, absent_nodes="cool", **drive(1, 2, 3)), "absent_nodes"),
+                (TypeError, lambda: bus.mark(b"dump"), "name"),
+                (ValueError, lambda: bus.mark("a\0b"), "name"),
+                (TypeError, lambda: bus.accept("x" * 16), "transfer"),
+                (ValueError, lambda: bus.accept(b"x" * 15), "transfer"),
+                (TypeError, lambda: self.open(reply_deadline="5"), "reply_deadline"),
+                (ValueError, lambda: self.open(reply_deadline=-1), "reply_deadline"),
+                (ValueError, lambda: self.open(connect_deadline=float("nan")), "connect_deadline"),
+                (TypeError, lambda: self.open(retry_after=True), "retry_after"),
+                (TypeError, lambda: self.open(endpoint=7), "endpoint"),
+                (TypeError, lambda: self.open(endpoint=b"ipc:///x"), "endpoint"),
+                (TypeError, lambda: self.open(domain=b"run"), "domain"),
+                (TypeError, lambda: self.open(name=3), "name"),
+                (TypeError, lambda: self.open(idle_limit=1.5), "idle_limit"),
+                (TypeError, lambda: self.open(pair=[b"weak"] * 3), "pair"),
+                (ValueError, lambda: self.open(closure="maybe"), "closure")):
+            with self.assertRaises(kind) as caught:
+                call()
+            self.assertIsInstance(caught.exception, shearbus.MessageError)
+            self.assertEqual(caught.exception.field, field)
+        for ticket in (bus.ticket + "\n", bus.ticket.encode(), bus.ticket.upper()):
+            self.assert_refused(shearbus.SessionError, "RESUME_REFUSED", lambda: shearbus.resume(ticket, OPTIONS.endpoint), "ticket")
+
+    def test_a_step_tells_its_signature(self):
+        named = inspect.signature(shearbus.Session.step).parameters
+        self.assertEqual((list(named)[:3], named["absent_nodes"].default), (["self", "dt", "nodes"], "keep"))
+        self.assertNotIn("commit_previous", named)
+        self.assertIn("commit_previous", inspect.signature(shearbus.Session.trial).parameters)
+
+    def test_modules_tell_their_names_and_nothing_else(self):
+        self.assertFalse({"numpy", "os", "pathlib"} & set(dir(shearbus)))
+        for module in (shearbus, shearbus.columns, shearbus.errors, *(importlib.import_module(f"shearbus.{name}")
+                                                                      for name in ("answer", "history", "scene", "session"))):
+            self.assertTrue(module.__all__ and all(hasattr(module, name) for name in module.__all__), module)
+
+    def test_sessions_answers_and_histories_show_themselves(self):
+        bus = self.open(record=True, nodes=range(30))
+        self.assertRegex(repr(bus.history), "History of no steps")
+        answer = bus.step(1e-9, jump=numpy.linspace(1, 100, 30), pressure=11.2e9)
+        self.assertRegex(repr(answer), r"Answer of 30 nodes.*\n  stress +\[.*\.\.\..*\] \[Pa\]\n")
+        self.assertRegex(repr(bus.history), r"1 steps of 30 nodes(.*\n)+  jump \[m/s\] +1 to 100\n")
+        self.assertIn("30 nodes, at ", repr(bus))
+        for one, text in ((answer, "<th>stress [Pa]</th>"), (bus.history, "<td>jump [m/s]</td><td>1</td>"), (bus, "<td>velocity_driven</td>")):
+            self.assertIn(text, one._repr_html_())
+        self.assertIn("temperature", dir(answer))
+        self.assertNotIn("interface_work", dir(answer))
+
+    def test_doubts_of_the_scene_are_told_at_the_opening(self):
+        sound = (OPTIONS.source / "client/examples/constant_friction.toml").read_text()
+        swapped = sound.replace("[soft]", "[other]").replace("[hard]", "[soft]").replace("[other]", "[hard]")
+        for scene, told in ((sound, []), (VELOCITY_DRIVEN, []), (swapped, ["the layer that flows should be the weaker body"])):
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                bus = self.open(scene)
+            self.assertEqual([(w.category, str(w.message), pathlib.Path(w.filename).name) for w in caught],
+                             [(shearbus.SceneWarning, text, "python_client.py") for text in bus.warnings if told])
+            self.assertEqual(len(caught), len(told))
+            for warning, text in zip(caught, told):
+                self.assertIn(text, str(warning.message))
+
+    def test_columns_of_any_layout_have_the_bits_of_plain_ones(self):
+        """Few rows are copied, many are read where they lie; both in any order and step."""
+        for count in (5, 3000):
+            for scene in (VELOCITY_DRIVEN, TWO_COMPONENTS):
+                width = 2 if scene is TWO_COMPONENTS else 1
+                plain, other = self.open(scene, range(count)), self.open(scene, range(count))
+                jump = numpy.linspace(-100, 100, count * width).reshape(count, width)
+                jump = jump if width == 2 else jump[:, 0]
+                pressure = numpy.linspace(1e9, 2e9, count)
+                x = plain.step(1e-9, jump=jump, pressure=pressure)
+                y = other.step(1e-9, jump=numpy.asfortranarray(jump[::-1])[::-1], pressure=numpy.repeat(pressure, 3)[::3])
+                for name in x.columns:
+                    numpy.testing.assert_array_equal(getattr(x, name), getattr(y, name))
+                    self.assertFalse(getattr(y, name).flags.writeable)
+                constant = numpy.broadcast_to(numpy.float64(1e9), (count,))
+                x, y = (bus.step(1e-9, jump=jump, pressure=p) for bus, p in ((plain, 1e9), (other, constant)))
+                numpy.testing.assert_array_equal(x.temperature, y.temperature)
+                pressure[count // 2] = numpy.nan
+                self.assert_refused(shearbus.ContentError, "INVALID_VALUE",
+                                    lambda: other.step(1e-9, jump=jump, pressure=pressure), "pressure", [count // 2])
+                self.assertEqual(other.rollback(), 2)
+
+
 class Keys(Live):
     """Against a server on tcp with keys."""
 
@@ -843,7 +968,7 @@ class Keys(Live):
         return super().open(connect_deadline=20.0, **options)  # a wrong key shows after three handshakes
 
     def test_a_client_with_the_right_keys_is_served(self):
-        bus = self.open(server_key=OPTIONS.server_key, key=OPTIONS.key)
+        bus = self.open(server_key_file=OPTIONS.server_key, secret_key_file=OPTIONS.key)
         self.assertEqual((bus.welcome.access, len(bus.step(1e-9, **drive(1, 2, 3)).stress)), ("key", 3))
 
     def test_a_client_without_or_with_other_keys_is_refused(self):
@@ -853,20 +978,20 @@ class Keys(Live):
             self.assert_refused(shearbus.AuthError, "AUTH", self.open, text="expects clients with keys")
             fault = self.assert_refused(shearbus.AuthError,
                                         "AUTH",
-                                        lambda: self.open(server_key=OPTIONS.server_key, key=other[1]),
+                                        lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file=other[1]),
                                         text="does not admit this client's key")
             self.assertIn(pathlib.Path(other[0]).read_text().split()[0], fault.remedy)
             self.assert_refused(shearbus.AuthError,
                                 "AUTH",
-                                lambda: self.open(server_key=other[0], key=OPTIONS.key),
+                                lambda: self.open(server_key_file=other[0], secret_key_file=OPTIONS.key),
                                 text="handshake")
             os.chmod(other[1], 0o644)
             self.assert_refused(shearbus.AuthError,
                                 "AUTH",
-                                lambda: self.open(server_key=OPTIONS.server_key, key=other[1]),
+                                lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file=other[1]),
                                 text="0600")
             self.assert_refused(shearbus.AuthError, "AUTH",
-                                lambda: self.open(server_key=OPTIONS.server_key, key="/nowhere"))
+                                lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file="/nowhere"))
 
 
 if __name__ == "__main__":
@@ -883,5 +1008,6 @@ if __name__ == "__main__":
         os.environ.pop(name, None)
     sys.path.insert(0, str(OPTIONS.source / "client/python"))
     import shearbus
+    from shearbus._library import FUNCTIONS
 
     unittest.main(argv=[sys.argv[0], *rest], verbosity=2)

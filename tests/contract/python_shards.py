@@ -34,30 +34,25 @@ def drive(nodes, step=0):
     return {"jump": 20 + ids % 97 + step, "pressure": 5e9 + 1e5 * (ids % 1009)}
 
 
-class Options(ctypes.Structure):
-    """struct shearbus_options."""
-
-    _fields_ = [("size", ctypes.c_size_t), *[(name, ctypes.c_char_p) for name in (
-        "endpoint", "scene_file", "scene_text", "domain", "name", "server_key_file", "secret_key_file")],
-                *[(name, ctypes.c_double) for name in ("connect_deadline_s", "reply_deadline_s", "retry_after_s")],
-                ("log", ctypes.c_void_p), ("log_user", ctypes.c_void_p), ("state_dir", ctypes.c_char_p),
-                ("threads", ctypes.c_uint32), ("check_closure", ctypes.c_int), ("idle_limit_s", ctypes.c_uint64)]
+def mixed(x):
+    """The mixing function of SplitMix64 (proto/WIRE.md, "Several servers"), of an array of uint64."""
+    x = (x ^ (x >> numpy.uint64(30))) * numpy.uint64(0xbf58476d1ce4e5b9)
+    x = (x ^ (x >> numpy.uint64(27))) * numpy.uint64(0x94d049bb133111eb)
+    return x ^ (x >> numpy.uint64(31))
 
 
-class Column(ctypes.Structure):
-    """struct shearbus_input and shearbus_output."""
+def shard_of(nodes, shards):
+    """The shard of each node, as the page says."""
+    seeds = mixed(numpy.asarray(nodes, numpy.uint64))
+    return numpy.argmax([mixed(seeds + numpy.uint64((k + 1) * 0x9e3779b97f4a7c15 % 2**64)) for k in range(shards)], axis=0)
 
-    _fields_ = [("field", ctypes.c_uint32), ("component", ctypes.c_uint32), ("values", ctypes.c_void_p),
-                ("stride_bytes", ctypes.c_ssize_t)]
 
-
-class Request(ctypes.Structure):
-    """struct shearbus_request."""
-
-    _fields_ = [("size", ctypes.c_size_t), ("dt_s", ctypes.c_double), ("time_s", ctypes.c_double), ("step", ctypes.c_uint64),
-                ("attempt", ctypes.c_uint32), ("mode", ctypes.c_int), ("commit_previous", ctypes.c_int), ("all_or_nothing", ctypes.c_int),
-                ("n", ctypes.c_size_t), ("node_ids", ctypes.c_void_p), ("inputs", ctypes.POINTER(Column)), ("n_inputs", ctypes.c_size_t),
-                ("outputs", ctypes.POINTER(Column)), ("n_outputs", ctypes.c_size_t), ("open_absent", ctypes.c_int)]
+def ticket_of_shard(ticket, shard, shards):
+    """The ticket by which one server alone knows its part of a session, as the page says."""
+    session, token = (bytes.fromhex(part) for part in ticket.split(":"))
+    mask = int(mixed(numpy.array([(shards << 32) + shard + 1], numpy.uint64))[0])
+    own = (int.from_bytes(session[:8], "little") ^ mask).to_bytes(8, "little") + session[8:]
+    return f"{own.hex()}:{token.hex()}"
 
 
 class CHost:
@@ -68,7 +63,7 @@ class CHost:
         self.library.shearbus_node_count.restype = ctypes.c_size_t
         self.library.shearbus_node_ids.restype = ctypes.POINTER(ctypes.c_uint64)
         self.session = ctypes.c_void_p()
-        options = Options(size=ctypes.sizeof(Options), endpoint=endpoint.encode(), scene_text=SCENE.encode())
+        options = _library.Options(endpoint=endpoint.encode(), scene_text=SCENE.encode())
         if ticket is None:
             ids = numpy.array(NODES, numpy.uint64)
             code = self.library.shearbus_open(ctypes.byref(self.session), ctypes.byref(options), ctypes.c_size_t(len(ids)), ids.ctypes.data_as(ctypes.c_void_p),
@@ -84,9 +79,9 @@ class CHost:
     def step(self, step, trial=False):
         values = {name: numpy.ascontiguousarray(column) for name, column in drive(self.nodes, step).items()}
         stress = numpy.empty(len(self.nodes))
-        columns = [Column(BY_NAME[name].number, 0, array.ctypes.data, 0) for name, array in (*values.items(), ("stress", stress))]
-        request = Request(size=ctypes.sizeof(Request), dt_s=1e-9, mode=int(trial), n=len(self.nodes), inputs=(Column * 2)(*columns[:2]), n_inputs=2,
-                          outputs=(Column * 1)(columns[2]), n_outputs=1)
+        columns = [_library.Column(BY_NAME[name].number, 0, array.ctypes.data, 0) for name, array in (*values.items(), ("stress", stress))]
+        request = _library.Request(dt_s=1e-9, mode=int(trial), n=len(self.nodes), inputs=(_library.Column * 2)(*columns[:2]), n_inputs=2,
+                                   outputs=(_library.Column * 1)(columns[2]), n_outputs=1)
         code = self.library.shearbus_step(self.session, ctypes.byref(request), None, None)
         assert code == 0, code
         return stress
@@ -155,29 +150,23 @@ class Live(unittest.TestCase):
         return caught.exception
 
 
-class Names(unittest.TestCase):
-    def test_a_list_has_a_comma_between_two_endpoints(self):
-        self.assertEqual(shards.endpoints_in("tcp://a:1,ipc:///b , file:///c"), ["tcp://a:1", "ipc:///b", "file:///c"])
-        self.assertEqual(shards.endpoints_in("ipc:///a,b"), ["ipc:///a,b"])  # a comma in a path
-        self.assertEqual(shards.endpoints_in(""), [""])  # which no connection accepts
-        for text in ("tcp://a:1,", "tcp://a:1,,tcp://b:1", "tcp://a:1, ,tcp://b:1", ",tcp://a:1"):
-            with self.assertRaisesRegex(shearbus.ContentError, "empty endpoint"):
-                shards.endpoints_in(text)
-        with self.assertRaisesRegex(shearbus.ContentError, "tcp://a:1 is named twice"):
-            shards.endpoints_in("tcp://a:1,tcp://b:1,tcp://a:1")
-
-    def test_a_directory_stands_for_its_endpoint_files(self):
+class Names(Live):
+    def test_a_list_names_each_server_once(self):
+        for text, told in (("tcp://a:1,", "empty endpoint"), ("tcp://a:1,,tcp://b:1", "empty endpoint"), ("tcp://a:1, ,tcp://b:1", "empty endpoint"),
+                           (",tcp://a:1", "empty endpoint"), ("tcp://a:1,tcp://b:1,tcp://a:1", "tcp://a:1 is named twice")):
+            self.refused("INVALID_VALUE", lambda: shearbus.open(SCENE, NODES, text), told)
         with tempfile.TemporaryDirectory() as directory:
-            with self.assertRaisesRegex(shearbus.ContentError, "no endpoint files"):
-                shards.endpoints_in(f"file://{directory}")
-            for name in ("1", "0", "2.partial"):
-                pathlib.Path(directory, name).write_text("x")
-            self.assertEqual(shards.endpoints_in(f"file://{directory}"), [f"file://{directory}/0", f"file://{directory}/1"])
+            self.refused("INVALID_VALUE", lambda: shearbus.open(SCENE, NODES, f"file://{directory}"), "no endpoint files")
 
-    def test_a_nodes_shard_is_that_of_every_client(self):
-        ids = numpy.array([0, 1, 2, 3, 100, 2**40, 2**64 - 1], numpy.uint64)
-        found = "".join(str(shards.shard_of(ids[i:i + 1], count)[0]) for i in range(len(ids)) for count in (2, 3, 5))
-        self.assertEqual(found, "003003111003000111114")
+    def test_each_server_has_the_nodes_that_the_page_says(self):
+        servers = self.servers(3)
+        bus = self.open(servers)
+        bus.leave()
+        on = shard_of(NODES, 3)
+        for number, endpoint in enumerate(servers.endpoint.split(",")):
+            part = shearbus.resume(ticket_of_shard(bus.ticket, number, 3), endpoint)
+            self.assertEqual(part.nodes.tolist(), [node for node, shard in zip(NODES, on) if shard == number])
+            part.leave()
 
 
 class Bits(Live):
@@ -224,9 +213,8 @@ class Bits(Live):
             for one, other in zip(found, expected):
                 numpy.testing.assert_array_equal(one, other, f"{count} shards")
 
-    def test_of_two_tangential_components_and_of_parts(self):
+    def test_of_two_tangential_components(self):
         def play(bus):
-            bus._max_rows = 15  # a message holds 200,000 rows
             jump = numpy.stack([drive(bus.nodes)["jump"], numpy.arange(len(bus.nodes))], axis=1)
             first = bus.step(1e-9, jump=jump, pressure=1e9)
             bus.trial(1e-9, jump=2 * jump, pressure=1e9)
@@ -327,7 +315,7 @@ class Losses(Live):
     def test_a_refused_step_leaves_all_shards_at_the_same_step(self):
         servers, one = self.servers(2), self.servers(1)
         ids = numpy.array(NODES, numpy.uint64)
-        on = shards.shard_of(ids, 2)
+        on = shard_of(ids, 2)
         versions = []
         for each in (one, servers):
             bus = self.open(each)
@@ -341,6 +329,14 @@ class Losses(Live):
 
 
 class Successors(Live):
+    def on_shards(self, bus, servers, numbers, call):
+        """Makes a call on some servers of a session that was left, each by itself."""
+        endpoints = servers.endpoint.split(",")
+        for number in numbers:
+            part = shearbus.resume(ticket_of_shard(bus.ticket, number, len(endpoints)), endpoints[number])
+            call(part)
+            part.leave()
+
     def test_c_and_python_hand_a_session_to_each_other(self):
         servers, one = self.servers(3), self.servers(1)
         host = CHost(servers.endpoint)
@@ -368,21 +364,19 @@ class Successors(Live):
         for committed in (0, 1, 2):
             bus.trial(1e-9, **drive(bus.nodes, committed))
             plain.trial(1e-9, **drive(NODES, committed))
-            for shard in bus._shards[:committed]:
-                shard.commit()
             bus.leave()
+            self.on_shards(bus, servers, range(committed), lambda part: part.commit())
             bus = shearbus.resume(bus.ticket, servers.endpoint)
             self.addCleanup(bus.leave)
             plain.commit()
             if not committed:  # the trial stands on all, and the successor decides
-                self.assertTrue(bus._trial_stands)
                 bus.commit()
             found = bus.step(1e-9, nodes=NODES, **drive(NODES, 9))
             expected = plain.step(1e-9, **drive(NODES, 9))
             self.assertEqual(found.state_version, expected.state_version)
             numpy.testing.assert_array_equal(found.stress, expected.stress)
-        bus._shards[1].trial(1e-9, **drive(bus._shards[1].nodes))  # on one shard alone
         bus.leave()
+        self.on_shards(bus, servers, [1], lambda part: part.trial(1e-9, **drive(part.nodes)))
         bus = shearbus.resume(bus.ticket, servers.endpoint)
         self.refused("NOTHING_TO_COMMIT", bus.commit)
         self.assertEqual(bus.step(1e-9, **drive(bus.nodes)).state_version, plain.step(1e-9, **drive(NODES)).state_version)
@@ -392,9 +386,8 @@ class Successors(Live):
         servers = self.servers(2)
         bus = self.open(servers)
         bus.mark("start")
-        for step in range(2):
-            bus._shards[1].step(1e-9, **drive(bus._shards[1].nodes, step))
         bus.leave()
+        self.on_shards(bus, servers, [1, 1], lambda part: part.step(1e-9, **drive(part.nodes)))
         bus = shearbus.resume(bus.ticket, servers.endpoint)
         self.refused("EPOCH", lambda: bus.step(1e-9, **drive(bus.nodes)), "state versions are 0, 2")
         self.refused("EPOCH", bus.commit)
@@ -421,6 +414,6 @@ if __name__ == "__main__":
     OPTIONS, rest = parser.parse_known_args()
     sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client/python"))
     import shearbus
-    from shearbus import shards
+    from shearbus import _library
     from shearbus.columns import BY_NAME
     unittest.main(argv=[sys.argv[0], *rest])

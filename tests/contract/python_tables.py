@@ -1,22 +1,18 @@
 #!/usr/bin/python3
-"""Holds the tables of the Python client to the contract: its columns to proto/wire/columns.inc, its messages and
-numbers to the .proto files, and its bytes to those of protobuf over random messages.
+"""Holds the tables of the Python client to the contract: its columns to proto/wire/columns.inc, its numbers to the .proto
+files, its structs and functions to the C header.
 
-python_tables.py --source DIR --work DIR [--protoc PROTOC]   (root of the sources; a directory for the generated
-modules)"""
+python_tables.py --source DIR --work DIR --include DIR [--protoc PROTOC]   (root of the sources; a directory for the generated
+modules; the directory of the generated header shearbus/columns.h)"""
 import argparse
-import os
+import ctypes
 import pathlib
-import random
 import re
 import subprocess
 import sys
 import unittest
 
 OPTIONS = None
-SEED = int(os.environ.get("SHEARBUS_SEED", "20260101"))
-KIND = {"TYPE_UINT32": "uint", "TYPE_UINT64": "uint", "TYPE_ENUM": "uint", "TYPE_BOOL": "bool", "TYPE_DOUBLE": "double",
-        "TYPE_FIXED64": "fixed64", "TYPE_FIXED32": "fixed32", "TYPE_BYTES": "bytes", "TYPE_STRING": "string"}
 
 
 def arguments(text):
@@ -52,32 +48,6 @@ def column_faults(columns, text):
             yield f"column {number}: columns.inc has {expected.get(number)}, the Python client {found.get(number)}"
 
 
-def messages_of(header):
-    found = {}
-    for value in vars(header).values():
-        if isinstance(value, header.Message):
-            found[value.name] = value
-    return found
-
-
-def message_faults(message, descriptor):
-    """Yields the differences between a message of the client and its descriptor."""
-    def row(field):
-        kind = field.message_type.name if field.message_type else KIND[next(
-            k for k in KIND if getattr(type(field), k, None) == field.type)]
-        repeated = field.label == field.LABEL_REPEATED
-        return field.number, "numbers" if repeated and kind == "uint" else kind, repeated
-
-    expected = {field.name: row(field) for field in descriptor.fields}
-    found = {
-        field.name: (field.number, field.message.name if field.message else field.kind, field.repeated)
-        for field in message.fields
-    }
-    for name in found:  # a field of the schema that the client does not know is safe to ignore (WIRE.md, "Versions")
-        if expected.get(name) != found[name]:
-            yield f"{message.name}.{name}: the schema has {expected.get(name)}, the Python client {found[name]}"
-
-
 class Tables(unittest.TestCase):
     def test_columns_are_those_of_the_contract(self):
         self.assertGreater(len(list(rows_of(OPTIONS.columns_text))), 25)
@@ -95,20 +65,49 @@ class Tables(unittest.TestCase):
         more = OPTIONS.columns_text + 'OUTPUT(kNew, 99, new_pa, new, "Pa", Float64, Scalar, Reply, Reply, "added")\n'
         self.assertEqual(len(list(column_faults(shearbus.COLUMNS, more))), 1)
 
-    def test_messages_are_those_of_the_contract(self):
-        messages = messages_of(header)
-        self.assertGreater(len(messages), 25)
-        for name, message in messages.items():
-            descriptor = symbols.message_types_by_name.get(name) or control.message_types_by_name.get(name) \
-                or downscale.message_types_by_name[name]
-            self.assertEqual(list(message_faults(message, descriptor)), [])
-            for field in message.fields:
-                row = field.name, field.number + 100, field.message or field.kind, field.repeated
-                wrong = header.Message(name, row)
-                self.assertEqual(len(list(message_faults(wrong, descriptor))), 1)
+    def test_structs_are_those_of_the_header(self):
+        structs = [value for value in vars(_library).values() if isinstance(value, type) and issubclass(value, ctypes.Structure)
+                   and hasattr(value, "_fields_")]
+        self.assertGreaterEqual(len(structs), 8)
+        lines, expected = [], {}
+        for struct in structs:
+            for name in {"shearbus_column": ("shearbus_input", "shearbus_output")}.get(struct.__name__, (struct.__name__,)):
+                lines.append(f'printf("{name} %zu\\n", sizeof({name}));')
+                expected[name] = ctypes.sizeof(struct)
+                for field, _ in struct._fields_:
+                    lines.append(f'printf("{name}.{field} %zu %zu\\n", offsetof({name}, {field}), sizeof((({name}*)0)->{field}));')
+                    at = getattr(struct, field)
+                    expected[f"{name}.{field}"] = at.offset, at.size
+        program = OPTIONS.work / "structs"
+        source = f"#include <stdio.h>\n#include <shearbus/shearbus.h>\nint main(void) {{ {' '.join(lines)} }}\n"
+        subprocess.run(["cc", f"-I{OPTIONS.source}/client/include", f"-I{OPTIONS.include}", "-x", "c", "-", "-o", program],
+                       input=source, text=True, check=True)
+        found = {}
+        for line in subprocess.run([program], check=True, capture_output=True, text=True).stdout.splitlines():
+            name, *numbers = line.split()
+            found[name] = int(numbers[0]) if len(numbers) == 1 else tuple(map(int, numbers))
+        self.assertEqual(found, expected)
+        # The last member of a struct ends it, so no later one is missing here.
+        for struct in structs:
+            last = getattr(struct, struct._fields_[-1][0])
+            self.assertLess(ctypes.sizeof(struct) - last.offset - last.size, ctypes.alignment(struct), struct)
+        self.assertEqual(answer.RESULT.size, _library.Result.replayed.offset + _library.Result.replayed.size)
+
+    def test_functions_are_those_of_the_header(self):
+        text = (OPTIONS.source / "client/include/shearbus/shearbus.h").read_text()
+        declared = {name: (0 if given == "void" else given.count(",") + 1)
+                    for name, given in re.findall(r"SHEARBUS_API [\w\s*]*?shearbus_(\w+)\((.*?)\);", text, re.S)}
+        for name, (_, arguments) in _library.FUNCTIONS.items():
+            self.assertEqual(len(arguments), declared.get(name), name)
+        for first, last, names in ((r"SHEARBUS_SCENE_NAME", "SHEARBUS_ACCESS", range(8)),):
+            listed = re.search(rf"enum {{\s*{first} = 0.*?{last} = \d+", text, re.S)[0]
+            self.assertEqual([int(number) for number in re.findall(r" = (\d+)", listed)], list(names))
 
     def test_numbers_are_those_of_the_contract(self):
         server_side = {code.name: code.value for code in shearbus.Code if code < 500}
+        header = (OPTIONS.source / "client/include/shearbus/shearbus.h").read_text()
+        client_side = {name: int(number) for name, number in re.findall(r"^  SHEARBUS_(\w+) = (5\d\d),?", header, re.M)}
+        self.assertEqual({code.name: code.value for code in shearbus.Code if code >= 500}, client_side)
         self.assertEqual(server_side,
                          {name.removeprefix("CODE_"): number for name, number in pb.Code.items() if number})
         for values, enum in ((shearbus.Regime, "Regime"), (shearbus.Outcome, "Outcome")):
@@ -122,89 +121,18 @@ class Tables(unittest.TestCase):
         self.assertEqual({column.number for column in shearbus.COLUMNS} & set(shearbus.columns.LEDGER),
                          set(range(40, 49)))
 
-    def random_values(self, message, draw):
-        values = {}
-        for field in message.fields:
-            if draw.random() < 0.3:
-                continue
-            many = draw.randrange(5) if field.repeated else 1
-            items = [
-                self.random_values(field.message, draw) if field.message else {
-                    "uint": lambda: draw.choice([0, 1, 127, 128, 300, 2**31 - 1]), "numbers":
-                    lambda: draw.choice([0, 1, 127, 128, 2**32 - 1]), "bool": lambda: draw.random() < 0.5, "double":
-                    lambda: draw.choice([0.0, 1e-9, -3.5, 1e300]), "fixed64": lambda: draw.getrandbits(64), "fixed32":
-                    lambda: draw.getrandbits(32), "bytes": lambda: draw.randbytes(draw.randrange(200)), "string":
-                    lambda: draw.choice(["", "paper.toml", "µs \"x\"\n"])
-                }[field.kind]() for _ in range(many)
-            ]
-            values[field.name] = items if field.repeated else items[0]
-        return values
-
-    def of_protobuf(self, values, target):
-        for name, value in values.items():
-            if isinstance(value, dict):
-                getattr(target, name).SetInParent()
-                self.of_protobuf(value, getattr(target, name))
-            elif isinstance(value, list) and value and isinstance(value[0], dict):
-                for item in value:
-                    self.of_protobuf(item, getattr(target, name).add())
-            elif isinstance(value, list):
-                getattr(target, name).extend(value)
-            else:
-                setattr(target, name, value)
-        return target
-
-    def assert_same(self, found, target):
-        for field, value in target.ListFields():
-            mine = getattr(found, field.name)
-            if field.message_type and field.label == field.LABEL_REPEATED:
-                self.assertEqual(len(mine), len(value))
-                for a, b in zip(mine, value):
-                    self.assert_same(a, b)
-            elif field.message_type:
-                self.assert_same(mine, value)
-            else:
-                self.assertEqual(list(mine) if field.label == field.LABEL_REPEATED else mine,
-                                 list(value) if field.label == field.LABEL_REPEATED else value, field.name)
-
-    def test_bytes_are_those_of_protobuf(self):
-        draw = random.Random(SEED)
-        for kind, target in ((header.REQUEST_HEADER, pb.RequestHeader), (header.REPLY_HEADER, pb.ReplyHeader)):
-            for round_ in range(300):
-                values = self.random_values(kind, draw)
-                bodies = [
-                    field.name for field in target.DESCRIPTOR.oneofs_by_name["body"].fields if field.name in values
-                ]
-                for name in set(bodies) - set(draw.sample(bodies, min(1, len(bodies)))):
-                    del values[name]
-                expected = self.of_protobuf(values, target())
-                self.assertEqual(kind.encode(values), expected.SerializeToString(deterministic=True),
-                                 f"seed {SEED}, round {round_}")
-                self.assert_same(kind.decode(kind.encode(values)), expected)
-
-    def test_damaged_bytes_are_refused_or_read(self):
-        draw = random.Random(SEED)
-        for _ in range(2000):
-            data = bytearray(header.REPLY_HEADER.encode(self.random_values(header.REPLY_HEADER, draw)))
-            for _ in range(draw.randrange(1, 4)):
-                if data:
-                    data[draw.randrange(len(data))] = draw.randrange(256)
-            try:
-                header.REPLY_HEADER.decode(bytes(data[: draw.randrange(len(data) + 1)]))
-            except (ValueError, IndexError):
-                pass  # the errors that a caller turns into UnexpectedReply
-
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--source", required=True, type=pathlib.Path)
     parser.add_argument("--work", required=True, type=pathlib.Path)
+    parser.add_argument("--include", required=True, type=pathlib.Path)
     parser.add_argument("--protoc", default="protoc")
     OPTIONS, rest = parser.parse_known_args()
     OPTIONS.columns_text = (OPTIONS.source / "proto/wire/columns.inc").read_text()
     sys.path.insert(0, str(OPTIONS.source / "client/python"))
     import shearbus
-    from shearbus import header, session
+    from shearbus import _library, answer, session
 
     OPTIONS.work.mkdir(parents=True, exist_ok=True)
     protos = OPTIONS.source / "proto"
@@ -213,7 +141,7 @@ if __name__ == "__main__":
     subprocess.run([OPTIONS.protoc, f"-I{protos}", f"--python_out={OPTIONS.work}",
                     *sorted(str(p) for p in (protos / "shearbus/v1").glob("*.proto"))], check=True)
     shearbus.__path__.append(str(OPTIONS.work / "shearbus"))
-    from shearbus.v1 import control_pb2, downscale_pb2, envelope_pb2 as pb
+    from shearbus.v1 import downscale_pb2, envelope_pb2 as pb
 
-    symbols, control, downscale = pb.DESCRIPTOR, control_pb2.DESCRIPTOR, downscale_pb2.DESCRIPTOR
+    downscale = downscale_pb2.DESCRIPTOR
     unittest.main(argv=[sys.argv[0], *rest], verbosity=2)

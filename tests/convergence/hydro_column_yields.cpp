@@ -85,7 +85,7 @@ TEST(ShearColumnYields, OneFieldOnFineZonesIsTheReference) {
   const Answer at_200 = one_field(200.0, 2e-6);
   EXPECT_NEAR(at_200.impulse / 481.0, 1.0, 0.005);
   EXPECT_NEAR(at_200.displacement / 151e-6, 1.0, 0.03);
-  EXPECT_EQ(at_200.slip, 0.0);
+  EXPECT_LT(at_200.slip, 0.1e-6) << "of the first half step, which stops the jump of the interface nodes";
 }
 
 // The fine zones take a minute: with SHEARBUS_LONG only, by hand and at night (ctest -C long).

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -48,8 +49,9 @@ struct Message {
 };
 
 struct SlicedServer {
+  // `aside`: everything that may be long is done aside.
   explicit SlicedServer(store::Storage& disk, std::uint64_t epoch = 77, store::StoreOptions options = {},
-                        unsigned threads = 1)
+                        unsigned threads = 1, bool aside = false)
       : store(disk,
               [&] {
                 options.epoch = epoch;
@@ -60,7 +62,9 @@ struct SlicedServer {
                  .server_version = "test",
                  .nodes_per_task = 4,
                  .slice_work = 1.0,
-                 .now_ns = [this] { return clock += 1'000'000; }},
+                 .now_ns = [this] { return clock += 1'000'000; },
+                 .aside_from = 1,
+                 .wake = aside ? [] {} : std::function<void()>()},
                 pool, &store) {
     service.recover();
   }
@@ -291,6 +295,137 @@ TEST(Slices, AServerThatDiesWithinAStepLosesNothing) {
     EXPECT_EQ(server.insist(step(3, 1)).payload(), twin.ask(step(3, 1)).payload());
     EXPECT_EQ(server.insist(ServiceHarness::in_session(wire::Mark{.name = "there"}, 2, 2)).code(), Code::kOk);
   }
+}
+
+wire::Request of_nodes(wire::Request request, std::span<const std::uint64_t> nodes) {
+  request.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, nodes.size());
+  std::ranges::copy(nodes, request.batch.u64(wire::Field::kNodeId).begin());
+  return request;
+}
+
+// Requests of every verb that may be long, of two sessions of one domain.
+std::vector<wire::Request> long_requests() {
+  const auto nodes = support::node_ids(kNodes);
+  const auto in_domain = [](wire::Request open) {
+    std::get<wire::OpenSession>(open.body).domain = "run";
+    return open;
+  };
+  const wire::TransferId transfer = {7};
+  const auto first = std::span(nodes).first(13);
+  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0, 1);
+  std::get<wire::ResumeSession>(resume.body).resume_token.fill(9);
+  std::vector<wire::Request> all;
+  all.push_back(in_domain(opening(1)));
+  all.push_back(step(1, 1));
+  all.push_back(ServiceHarness::in_session(wire::Mark{.name = "here"}, 2));
+  all.push_back(of_nodes(ServiceHarness::in_session(wire::RetireNodes{}, 3), first));
+  all.push_back(of_nodes(ServiceHarness::in_session(wire::RegisterNodes{}, 4), first));
+  all.push_back(step(5, 1));
+  all.push_back(ServiceHarness::in_session(wire::Rollback{.to_mark = "here"}, 6));
+  all.push_back(step(7, 1));
+  all.push_back(ServiceHarness::in_session(wire::Rollback{.to_mark = "here"}, 8));
+  all.push_back(of_nodes(ServiceHarness::in_session(wire::ReadProfiles{}, 0), first));
+  all.push_back(of_nodes(ServiceHarness::in_session(wire::OfferNodes{.transfer_id = transfer}, 9), first));
+  wire::Request other = in_domain(opening(2));
+  all.push_back(of_nodes(std::move(other), std::vector<std::uint64_t>{5000, 5001}));
+  all.push_back(ServiceHarness::in_session(wire::AcceptNodes{.transfer_id = transfer}, 1, 2));
+  all.push_back(ServiceHarness::in_session(wire::Mark{.name = "here"}, 10));
+  all.push_back(std::move(resume));
+  // Refused: the nodes are the other session's.
+  all.push_back(of_nodes(ServiceHarness::in_session(wire::RegisterNodes{}, 11), first));
+  all.push_back(ServiceHarness::in_session(wire::Mark{.name = "there"}, 2, 2));
+  all.push_back(ServiceHarness::in_session(wire::CloseSession{}, 11));
+  return all;
+}
+
+TEST(LongRequests, HaveTheAnswersOfThoseThatAreAnsweredAtOnceAndOutliveTheServer) {
+  for (const std::size_t checkpoint_behind : std::array<std::size_t, 4>{0, 4, 8, 100}) {
+    MemoryStorage disk, other_disk;
+    DurableServer whole(other_disk);
+    {
+      SlicedServer server(disk, 77, {}, 1, true);
+      const std::vector<wire::Request> requests = long_requests();
+      for (std::size_t i = 0; i < requests.size(); ++i) {
+        const auto answer = server.insist(requests[i]);
+        const auto expected = whole.ask(requests[i]);
+        ASSERT_EQ(answer.code(), expected.code()) << i << ": " << describe(answer.reply.status);
+        ASSERT_EQ(answer.code() == Code::kNodeOwned, i == 15) << describe(answer.reply.status);
+        ASSERT_EQ(answer.code() == Code::kOk, i != 15) << describe(answer.reply.status);
+        EXPECT_EQ(answer.reply.body.index(), expected.reply.body.index()) << i;
+        EXPECT_EQ(answer.payload(), expected.payload()) << i;
+        if (i == checkpoint_behind) {
+          EXPECT_TRUE(server.service.checkpoint());
+        }
+      }
+      EXPECT_FALSE(server.service.busy());
+      EXPECT_EQ(server.service.status().state_bytes, whole.service.status().state_bytes);
+      EXPECT_EQ(server.service.status().nodes, whole.service.status().nodes);
+    }
+    SlicedServer server(disk, 78, {}, 1, true);
+    const auto nodes = std::vector<std::uint64_t>{5000, 5001};
+    const auto request =
+        ServiceHarness::step(3, support::step_columns(Strategy::kVelocityDriven, nodes, 1, true), Mode::kAdvance, 2);
+    EXPECT_EQ(server.insist(request).payload(), whole.ask(request).payload());
+  }
+}
+
+TEST(LongRequests, LetOthersBeAnsweredAndTheirOwnSessionWaits) {
+  MemoryStorage disk;
+  SlicedServer server(disk, 77, {}, 1, true);
+  for (const std::uint8_t session : kSessions) {
+    wire::Request open = opening(session);
+    std::get<wire::OpenSession>(open.body).domain = session == 1 ? "one" : "";
+    ASSERT_EQ(server.insist(open).code(), Code::kOk);
+  }
+  const Message marking(ServiceHarness::in_session(wire::Mark{.name = "here"}, 1));
+  Turn turn{};
+  ASSERT_FALSE(server.ask(marking, &turn));
+  EXPECT_EQ(turn, Turn::kComputing);
+  EXPECT_TRUE(server.service.busy());
+  const Message rival(step(1, 1));
+  EXPECT_FALSE(server.ask(rival, &turn));
+  EXPECT_EQ(turn, Turn::kWaiting) << "a step of the session";
+  wire::Request same_domain = of_nodes(opening(3), std::vector<std::uint64_t>{7000});
+  std::get<wire::OpenSession>(same_domain.body).domain = "one";
+  const Message neighbour(same_domain);
+  EXPECT_FALSE(server.ask(neighbour, &turn));
+  EXPECT_EQ(turn, Turn::kWaiting) << "another session of the domain";
+  EXPECT_EQ(server.ask(Message(ServiceHarness::in_session(wire::ServerStatusQuery{}, 0)))->code(), Code::kOk);
+  const Message other(step(1, 2));
+  ASSERT_FALSE(server.ask(other, &turn));
+  EXPECT_EQ(turn, Turn::kComputing) << "a step of another session";
+  EXPECT_FALSE(server.ask(marking, &turn));
+  EXPECT_EQ(turn, Turn::kComputing) << "it is asked again, as after the end of another request";
+
+  std::optional<support::Answer> step_of_other, marked, refused, opened;
+  for (int n = 0; n < 10'000'000 && !(step_of_other && marked && refused && opened); ++n) {
+    if (!server.service.work()) continue;
+    if (!marked) marked = server.ask(marking);
+    if (!step_of_other) step_of_other = server.ask(other);
+    if (marked && !refused) refused = server.ask(rival);
+    if (marked && !opened) opened = server.ask(neighbour);
+  }
+  ASSERT_TRUE(step_of_other && marked && refused && opened);
+  EXPECT_EQ(step_of_other->payload(), answer_of_twin(2, 1));
+  EXPECT_EQ(marked->code(), Code::kOk);
+  EXPECT_EQ(refused->code(), Code::kSequenceReused) << "the mark had its number";
+  EXPECT_EQ(opened->code(), Code::kOk);
+}
+
+TEST(LongRequests, OfAServerThatEndsAreGivenUpAndRunAgain) {
+  MemoryStorage disk;
+  const auto requests = long_requests();
+  const Message last(ServiceHarness::in_session(wire::Mark{.name = "late"}, 2));
+  {
+    SlicedServer server(disk, 77, {}, 1, true);
+    server.insist(requests[0]);
+    server.insist(requests[1]);
+    EXPECT_FALSE(server.ask(last));
+  }
+  SlicedServer server(disk, 78, {}, 1, true);
+  const auto marked = server.insist(ServiceHarness::in_session(wire::Mark{.name = "late"}, 2));
+  EXPECT_EQ(marked.code(), Code::kOk);
+  EXPECT_FALSE(marked.reply.replayed) << "it was not journaled before its work aside was done";
 }
 
 TEST(Checkpoints, AreWrittenWhileRequestsAreAnsweredAndHoldTheirMoment) {

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 """Hosts whose surroundings this script makes: hosts.py CASE ... with one of the cases
-  no_thread       a user who may have few processes and threads: refusals that name the limit, in hosts and in shearbus-server
+  no_thread       few processes, threads or memory: refusals that name the limit, in hosts and in shearbus-server
   locale          Turkish and German hosts: the bits and the texts of a plain one
   fortran_traps   a Fortran host that traps floating-point exceptions: the output of a plain one
 Exit code 77: what is needed is not there."""
@@ -38,6 +38,8 @@ def as_user(threads, command):
 
 
 def no_thread(given):
+    if given.sanitized:
+        skip("sanitizers need more memory and threads")
     if os.geteuid() != 0 or shutil.which("setpriv") is None:
         skip("only root can become another user, by setpriv")
     with tempfile.TemporaryDirectory() as place:
@@ -59,6 +61,13 @@ def no_thread(given):
                     expect("(ulimit -u)" in found.stdout and found.stdout.startswith("UNREACHABLE") and not found.stderr,
                            f"{threads} threads, {endpoint}: the refusal names the limit", found)
             expect(refused > 0, f"{endpoint}: too few threads are refused", found)
+        # From too little memory for the libraries to be loaded to enough.
+        codes = [run(["bash", "-c", f'ulimit -v {kilobytes}; exec "$@"', "bash", given.host, "open", scene, "embedded"])
+                 for kilobytes in range(20_000, 200_000, 6_000)]
+        for found in codes:
+            expect(found.returncode in (0, 3) or "error while loading shared libraries" in found.stderr,
+                   "with little memory a session is opened or refused", found)
+        expect(codes[-1].returncode == 0 and any("(ulimit -v)" in found.stdout for found in codes), "memory is refused", codes[-1])
         for threads in (1, 2, 3):
             found = as_user(threads, [given.server, "--threads", "4", "--log-level", "off", "--bind", f"ipc://{place}/own/bus"])
             expect(found.returncode == 1 and "(ulimit -u)" in found.stderr and found.stderr.count("\n") == 1,
@@ -100,6 +109,7 @@ def main():
     for name in ("scene", "host", "cxx_host", "server", "plain", "traps"):
         parser.add_argument(f"--{name}", type=pathlib.Path)
     parser.add_argument("--endpoint", default="embedded")
+    parser.add_argument("--sanitized", action="store_true")
     given = parser.parse_args()
     globals()[given.case](given)
 

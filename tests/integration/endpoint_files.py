@@ -83,7 +83,7 @@ class EndpointFiles(unittest.TestCase):
         self.assertEqual(found["host"], os.uname().nodename)
         self.assertRegex(found["epoch"], r"^[0-9a-f]{16}$")
         self.assertIn("expects clients with keys", self.ctl("ping", "--server", self.endpoint, code=1))
-        with self.session(key=key) as session:
+        with self.session(secret_key_file=key) as session:
             self.step(session)
         os.environ["SHEARBUS_SECRET_KEY_FILE"] = str(key)
         self.addCleanup(os.environ.pop, "SHEARBUS_SECRET_KEY_FILE")
@@ -117,8 +117,8 @@ class EndpointFiles(unittest.TestCase):
         self.assertIn("/other/s", self.ctl("ping", "--server", self.endpoint, "--timeout", 5) + listing(self.file)["endpoint"])
 
     def test_a_file_that_cannot_be_written_ends_the_server_with_the_reason(self):
-        self.assertIn("absent/file: cannot be written: No such file", self.ended(self.serve(file=self.path / "absent/file"), 1))
-        self.assertIn("cannot be written", self.ended(self.serve(file=self.path / "servers"), 1))
+        self.assertIn("absent/file: there is no directory", self.ended(self.serve(file=self.path / "absent/file"), 1))
+        self.assertIn("is a directory", self.ended(self.serve(file=self.path / "servers"), 1))
         self.assertIn("a character that an endpoint file cannot hold", self.ended(self.serve(bind=f'ipc://{self.path}/a"b/s'), 1))
 
     def test_whoever_waits_is_told_of_an_absent_incomplete_or_stale_file(self):
@@ -159,7 +159,7 @@ class EndpointFiles(unittest.TestCase):
         server = self.serve(*options, bind="tcp://127.0.0.1:0")
         self.wait("--key", key)
         before = listing(self.file)
-        with self.session(key=key, reply_deadline=30.0) as session:
+        with self.session(secret_key_file=key, reply_deadline=30.0) as session:
             self.step(session)
             server.kill()
             server.wait()

@@ -21,7 +21,7 @@ OPTIONS = None
 SEED = int(os.environ.get("SHEARBUS_SEED", "1"))
 KILLS = int(os.environ.get("SHEARBUS_RESTART_KILLS", "4"))  # kills in each test
 # Entries of the summary: times, and where the run was made.
-NOT_COMPARED = {"run_time_s", "service_share", "waiting_share", "cpu_share", "provenance"}
+NOT_COMPARED = {"run_time_s", "cpu_time_s", "service_share", "waiting_share", "cpu_share", "provenance"}
 
 
 def shortened_cone(directory):

@@ -35,13 +35,19 @@ class Verification(unittest.TestCase):
         scenes = {p.stem for p in pathlib.Path(OPTIONS.problems, "verification").glob("*.toml")}
         self.assertEqual(scenes, set(BOUNDS))
 
-    def check(self, name):
+    def test_zones_graded_to_the_line_slide_as_equal_ones(self):
+        self.check("sliding_half_spaces", ("[hydro.sliding_plates]", "[hydro.sliding_plates]\nfirst_zone_m = 5e-6"))
+
+    def check(self, name, change=None):
         with tempfile.TemporaryDirectory() as directory:
             out = pathlib.Path(directory)
             text = pathlib.Path(OPTIONS.problems, "verification", name + ".toml").read_text()
             for key, value in COARSER.get(name, {}).items():
                 text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
                 self.assertEqual(found, 1)
+            if change:
+                self.assertIn(change[0], text)
+                text = text.replace(*change)
             (out / "scene.toml").write_text(text)
             done = subprocess.run([OPTIONS.hydro, str(out / "scene.toml"), "--out", str(out / "run"), "--no-plot"],
                                   capture_output=True, text=True, timeout=250)

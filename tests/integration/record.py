@@ -18,12 +18,13 @@ from replay_support import EXAMPLES
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client" / "python"))
 sys.dont_write_bytecode = True
 import shearbus
-import shearbus.header as header
-from shearbus.checksum import xxh3
+from shearbus.conformity.mock_server import read, xxh3
 
 GRADED = EXAMPLES / "paper_velocity_driven_graded.toml"
 SERVER, CLIENT = 1, 2
-ENVELOPE = ("magic", "protocol_major", "protocol_minor", "request_id", "session_id", "sequence", "epoch", "payload")
+# Bodies of the requests that a log has (proto/shearbus/v1/envelope.proto).
+VERBS = {17: "open_session", 18: "downscale", 19: "commit", 20: "rollback", 21: "close_session", 23: "resume_session",
+         24: "mark", 25: "register_nodes", 26: "retire_nodes", 27: "offer_nodes", 28: "accept_nodes"}
 
 
 def read_log(path):
@@ -49,9 +50,8 @@ def verbs(records):
     """Names of the requests' bodies, with the code of each refusal."""
     said = []
     for request, _, reply, _ in records:
-        asked = vars(header.REQUEST_HEADER.decode(request))
-        name = next(name for name, value in asked.items() if value is not None and name not in ENVELOPE)
-        code = header.REPLY_HEADER.decode(reply).status.code if reply else None
+        name = next(VERBS[number] for number in read(request) if number in VERBS)
+        code = read(read(reply)[9][0])[1][0] if reply else None
         said.append(name if code == shearbus.Code.OK else f"{name} {shearbus.Code(code).name if code else 'unanswered'}")
     return said
 
@@ -314,6 +314,15 @@ class Clients(RecordTest):
         said = self.fortran_host(str(self.path / "file"))
         self.assertIn("File exists", said)
         self.assertEqual((self.path / "file").read_text(), "kept")
+
+    def test_a_log_that_cannot_be_opened_is_told_and_no_fault_of_the_host(self):
+        log = self.path / "none" / "log"
+        os.environ["SHEARBUS_LOG"] = str(log)
+        self.addCleanup(os.environ.pop, "SHEARBUS_LOG", None)
+        said = self.fortran_host(f"{self.records}/")
+        self.assertIn(f"SHEARBUS_LOG: {log} cannot be opened: No such file or directory; it gets no lines", said)
+        log.parent.mkdir()
+        self.assertNotIn("cannot be opened", self.fortran_host(f"{self.records}/"))
 
 
 if __name__ == "__main__":

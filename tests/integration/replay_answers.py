@@ -66,7 +66,7 @@ class Results(ReplayTest):
                     np.testing.assert_array_equal(file[name][:], history[name][:])
             units = {"time": "s", "pressure": "Pa", "velocity_jump": "m s-1", "shear_stress": "Pa", "sliding_velocity": "m s-1", "interface_temperature": "K"}
             for name, unit in units.items():
-                self.assertEqual(file[name].attrs["units"], unit)
+                self.assertEqual(file[name].attrs["units"].decode(), unit)
             self.assertEqual(file["time"].attrs["t0"], -1e-9)
             self.assertEqual(file["shear_stress"].shape, (4, 2))
             self.assertEqual(h5py.check_enum_dtype(file["regime"].dtype),
@@ -113,7 +113,7 @@ class Results(ReplayTest):
             np.testing.assert_allclose(group["time"], np.array([1, 11, 30]) * 1e-9, rtol=1e-12)
             self.assertEqual(list(group["node_id"]), [12, 10])
             self.assertEqual(group["layer_temperature"].shape, (3, 2, group["position"].size))
-            self.assertEqual({name: data.attrs["units"] for name, data in group.items()}, {
+            self.assertEqual({name: data.attrs["units"].decode() for name, data in group.items()}, {
                 "time": "s", "node_id": "1", "pressure": "Pa", "position": "m", "width": "m", "layer_temperature": "K",
                 "layer_plastic_strain": "1", "layer_flow_stress": "Pa", "layer_shear_stress": "Pa"})
             rows = [0, 10, 29]

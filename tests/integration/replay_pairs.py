@@ -1,4 +1,5 @@
 """Nodes of a history that have a pair of materials and parameters of their own: from tables and recordings to the bits of runs alone."""
+import contextlib
 import os
 import pathlib
 import subprocess
@@ -39,7 +40,6 @@ class Pairs(support.ReplayTest):
     def setUp(self):
         super().setUp()
         os.environ.pop("SHEARBUS_RECORD", None)
-        os.environ["SHEARBUS_SERVER"] = support.PROGRAMS["server"]
         self.scene = self.file("scene.toml", scene_text(tables="[pair.brass.soft]\nmaterial = \"copper_ofhc\"\n"))
 
     def file(self, name, text):
@@ -108,7 +108,7 @@ class Pairs(support.ReplayTest):
         self.history_of(pair=["brass"] * 4)
         self.assertIn("column pair in a session of one pair", self.replay(scene=self.file("one.toml", scene_text())).stderr)
         head = "time [ns],node,pressure [Pa],pair\n"
-        for text, reason in ((head + "1,7,1,a\n2,7,1,b\n", 'pair of node 7 changes from "a" to "b" at row 1'),
+        for text, reason in ((head + "1,7,1,a\n2,7,1,b\n", 'line 3: pair of node 7 changes from "a" to "b"'),
                              (head.replace("pair", f"parameter/{MU} [Pa]") + "1,7,1,1\n", "has the unit")):
             self.assertIn(reason, self.replay("--steps", history=self.file("t.csv", text), scene=self.scene).stderr)
 
@@ -150,7 +150,7 @@ class Pairs(support.ReplayTest):
 
     def test_nodes_whose_pair_a_log_does_not_tell_are_refused(self):
         far = dict(pressure=0.1e9, stress_soft=0.0, stress_hard=0.0, mass_soft=2.7, mass_hard=7.9, jump=40.0)
-        with shearbus.Server() as server:
+        with contextlib.closing(support.Server()) as server:
             giver = shearbus.open(self.scene, [1, 2], server.endpoint, domain="d", pair="brass")
             os.environ["SHEARBUS_RECORD"] = str(self.path / "taker.log")
             taker = shearbus.open(self.scene, [3], server.endpoint, domain="d", pair="", record=True)

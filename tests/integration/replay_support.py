@@ -4,6 +4,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 import h5py
@@ -47,6 +48,24 @@ class ReplayTest(unittest.TestCase):
                     file[name] = values
             if t0 is not None:
                 file["time"].attrs["t0"] = t0
+
+
+class Server:
+    """A server of a host of the Python client, without durability."""
+
+    def __init__(self):
+        self._place = tempfile.TemporaryDirectory(prefix="shearbus-")
+        bus = pathlib.Path(self._place.name, "bus")
+        self.endpoint = f"ipc://{bus}"
+        self._process = subprocess.Popen([PROGRAMS["server"], "--bind", self.endpoint, "--log-level", "error"])
+        end = time.monotonic() + 30
+        while not bus.exists() and self._process.poll() is None and time.monotonic() < end:
+            time.sleep(0.005)
+
+    def close(self):
+        self._process.terminate()
+        self._process.wait()
+        self._place.cleanup()
 
 
 def velocity_history(steps=5, nodes=3, **changes):

@@ -159,13 +159,13 @@ class Tables(Tool):
             (good.replace("0.1,11,100", "0.1,11"), ("line 3: 2 values, expected 3",)),
             (good.replace("0.1,11,", "0.1,nan,"), ('line 3: pressure is "nan"',)),
             (good.replace("0.1,11,", "0.1,1.1e,"), ('line 3: pressure is "1.1e"',)),
-            (good.replace("0.1,", "0,"), ("time 0 s of row 1 is not after",)),
+            (good.replace("0.1,", "0,"), ("line 3: time 0 s is not after",)),
             (good.replace("velocity_jump [m/s]", "speed [m/s]"), ("/velocity_jump [T,N]",)),
             (good.replace("pressure [GPa]", "time [s]"), ("time stands in two columns",)),
             ("", ("holds no table",)),
             ("1,2,3\n", ("the first line has no names", "--columns")),
             ("time [us];pressure [GPa];velocity_jump [m/s]\n0;1.000,5;1\n", ('"1.000,5"',)),
-            ("time [us],node,pressure [GPa],velocity_jump [m/s]\n0,1,1,1\n0,2,1,1\n1,1,1,1\n", ("rows of some nodes only",)),
+            ("time [us],node,pressure [GPa],velocity_jump [m/s]\n0,1,1,1\n0,2,1,1\n1,1,1,1\n", ("line 4",)),
         ):
             run = self.tool(self.csv(text), "--scene", GRADED, "--out", self.out, "--points", code=1)
             for word in words:
@@ -252,7 +252,7 @@ class Logs(Tool):
         self.log = self.path / "host.log"
         os.environ["SHEARBUS_RECORD"] = str(self.log)
         self.addCleanup(os.environ.pop, "SHEARBUS_RECORD")
-        self.server = shearbus.Server(support.PROGRAMS["server"])
+        self.server = support.Server()
         self.addCleanup(self.server.close)
 
     def host(self, scene=EXAMPLES / "force_driven.toml", steps=20, nodes=(4, 9, 2), drop_trial=True):
@@ -313,6 +313,18 @@ class Logs(Tool):
         self.assertEqual(one["shear_stress"][1, 0], first.stress[0])
         self.tool("export", self.log, "--out", self.history, "--node", 3)
         self.assertEqual(self.read(self.history)["time"].shape, (1,))
+
+    def test_a_log_has_the_ranges_and_the_warnings_of_a_history(self):
+        with shearbus.open(GRADED, [1, 2], self.server.endpoint) as bus:
+            for _ in range(20):
+                bus.step(1e-9, jump=[50.0, 60.0], pressure=[11.2e3, 5e3])
+        text = self.tool(self.log)
+        self.assertIn("inputs                      P 5000 to 11200 Pa; [V] 50 to 60 m/s; dt 1e-09 s", text)
+        self.assertEqual(text.count("warning: "), 1)
+        self.assertIn("as MPa it would be 11.2 GPa", text)
+        self.log.unlink()
+        self.host()
+        self.assertNotIn("warning: ", self.tool(self.log))
 
     def test_another_scene_gives_another_log_that_stands_for_itself(self):
         self.host()

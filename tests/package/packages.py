@@ -32,7 +32,7 @@ DEPENDS = {
     "shearbus-server": ["libzmq5", "libhdf5-103-1", "libprotobuf32", "libspdlog1.10-fmt9", "adduser"],
     "libshearbus1": ["libzmq5", "libc6"],
     "libshearbus-dev": ["libshearbus1 (= "],
-    "python3-shearbus": ["python3-numpy", "python3-zmq", "libxxhash0"],
+    "python3-shearbus": ["python3-numpy", "libshearbus1"],
     "shearbus-doc": [],
 }
 EXPOSURE = 20  # largest exposure of the service, in tenths, as systemd-analyze security counts it

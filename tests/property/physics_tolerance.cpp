@@ -88,6 +88,45 @@ TEST_P(PhysicsTolerance, FastAndSlowAgreeOnHowFineAndOnTheAnswer) {
   EXPECT_LT(apart, compared / 20);
 }
 
+// A push against the slip stops it within the step, and would have turned it. Friction f = mu P then does the work of the
+// way until the stop, t = V / (push + f (1/m_soft + 1/m_hard)), which no piece of the step sees whose push alone turns it.
+TEST(PhysicsToleranceOfAStop, TheHeatOfSlipThatStopsInTheStepIsKept) {
+  Draw draw(95);
+  double worst[3] = {}, largest = 0.0;
+  for (int node = 0; node < 80; ++node) {
+    const double tolerances[] = {1e-3, 1e-4, 1e-5};
+    const double T_start = draw.chance(0.5) ? 300.0 : draw.uniform(1100.0, 1210.0);
+    const double V = draw.sign() * draw.uniform(2.0, 20.0), mu = 0.02, P = 2e9;
+    const double push = -std::copysign(draw.uniform(15e6, 35e6), V), m = draw.uniform(0.005, 0.02), dt = 20e-9;
+    for (int k = 0; k < 3; ++k) {
+      ModelOptions options = paper_options(Strategy::kForceDriven);
+      options.initial_temperature = T_start;
+      options.interface = {mu, 1e12};
+      options = discretised(options, tolerances[k]);
+      Rig rig(options, 1);
+      rig.set_all(V, P);
+      rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = m;
+      rig.inputs.stress_soft[0] = push;
+      rig.inputs.stress_hard[0] = 0.0;
+      rig.step(dt);
+      const double slows = (std::abs(push) + 2.0 * mu * P) / m, until = std::abs(V) / slows;
+      ASSERT_LT(until, dt);
+      ASSERT_EQ(rig.outputs.velocity_jump_new[0], 0.0) << node;
+      const double heat = rig.conducted_share() * mu * P * 0.5 * std::abs(V) * until;
+      const double response =
+          options.modes ? rig.operators->modes().response : rig.operators->heat().layer_response()[0];
+      const double range = std::max(1220.0 - T_start, 0.01 * 1220.0);
+      const double error = response / dt * std::abs(rig.outputs.friction_heat[0] - heat) / range;
+      worst[k] = std::max(worst[k], error / tolerances[k]);
+      largest = std::max(largest, response / dt * heat / range);
+    }
+  }
+  std::printf("heat of slip that stops: worst error over the tolerance %.2g %.2g %.2g, of a heat up to %.2g\n",
+              worst[0], worst[1], worst[2], largest);
+  for (const double one : worst) EXPECT_LE(one, 1.0);
+  EXPECT_GT(largest, 3e-3);
+}
+
 TEST_P(PhysicsTolerance, ALaneAloneHasTheSameBits) {
   Draw draw(92);
   for (int scene = 0; scene < 30; ++scene) {

@@ -184,7 +184,7 @@ class Run:
             self.of = {name: data[:, nodes] for name, data in file.items() if isinstance(data, h5py.Dataset) and data.ndim == 2 and data.dtype.kind == "f"}
             meta = file["meta"].attrs
             self.provenance = {"scene": meta.get("scene_name", ""), "program": meta.get("producer", ""), "commit": meta.get("commit", "")}
-            self.units = {name: file[name].attrs["units"] for name in self.of} | {"slip_distance": "m"}
+            self.units = {name: file[name].attrs["units"].decode() for name in self.of} | {"slip_distance": "m"}
             self.of_step = {name for name in self.of if re.search(r"\b(during|mean of|in) (the|this) step", str(file[name].attrs["long_name"]))}
         self.of["slip_distance"] = np.cumsum(np.abs(self.of["sliding_velocity"]) * self.step[:, None], axis=0)
 

@@ -36,7 +36,10 @@ class PhysicsLedger : public ::testing::TestWithParam<Strategy> {};
 TEST_P(PhysicsLedger, HeatReleasedIsHeatStored) {
   Draw draw(41);
   for (int scene = 0; scene < 80; ++scene) {
-    Rig rig(random_options(draw, GetParam(), scene % 2 == 1));
+    ModelOptions options = random_options(draw, GetParam(), scene % 2 == 1);
+    Draw aside = draw;
+    draw_work_heat(aside, options);
+    Rig rig(options);
     for (int step = 0; step < 15; ++step) {
       random_inputs(draw, rig, scene % 2 == 1);
       double heat_before[kLanes];
@@ -73,7 +76,10 @@ TEST(PhysicsLedgerOfForces, ClosesButForTheClipOfStoppingJumps) {
   Draw draw(42);
   int exact = 0, clipped = 0;
   for (int scene = 0; scene < 120; ++scene) {
-    Rig rig(random_options(draw, Strategy::kForceDriven, false));
+    ModelOptions options = random_options(draw, Strategy::kForceDriven, false);
+    Draw aside = draw;
+    draw_work_heat(aside, options);
+    Rig rig(options);
     for (int step = 0; step < 25; ++step) {
       random_inputs(draw, rig, false);
       const double dt = random_dt(draw, false);

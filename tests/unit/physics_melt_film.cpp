@@ -59,6 +59,37 @@ TEST(PhysicsMeltFilm, TheSolidContactKeepsItsStrengthUpToMelting) {
   EXPECT_GT(rig.film_thickness(), 0.0);
 }
 
+// A cold contact that holds what it is asked for sticks: the slip that rounding leaves of the stress that sticks is no
+// other answer.
+TEST(PhysicsMeltFilm, AColdContactThatHoldsSticks) {
+  Draw draw(31);
+  Rig rig(melting_options(12, 1.4));
+  const std::vector<double> fresh = rig.committed;
+  int stuck = 0;
+  for (int n = 0; n < 4000; ++n) {
+    rig.committed = fresh;
+    for (int l = 0; l < kLanes; ++l) {
+      rig.inputs.pressure[l] = 2e9;
+      rig.inputs.velocity_jump[l] = draw.sign() * draw.log_uniform(1e-3, 10.0);
+      rig.inputs.mass_soft[l] = draw.log_uniform(1e-3, 1.0);
+      rig.inputs.mass_hard[l] = draw.log_uniform(1e-3, 1.0);
+      rig.inputs.stress_soft[l] = draw.uniform(-8e7, 8e7);
+      rig.inputs.stress_hard[l] = draw.uniform(-8e7, 8e7);
+    }
+    rig.step(1e-9);
+    for (int l = 0; l < kLanes; ++l) {
+      const double driven = 1e-9 * (rig.inputs.stress_soft[l] / rig.inputs.mass_soft[l] +
+                                    rig.inputs.stress_hard[l] / rig.inputs.mass_hard[l]);
+      const double size = std::abs(rig.inputs.velocity_jump[l]) + std::abs(driven);
+      if (std::abs(rig.outputs.velocity_jump_new[l]) > 1e-13 * size) continue;
+      ++stuck;
+      ASSERT_EQ(rig.outputs.regime[l], Regime::kStick) << n << ", " << l;
+      ASSERT_EQ(rig.outputs.outcome[l], 0) << n << ", " << l;
+    }
+  }
+  EXPECT_GT(stuck, 5000);
+}
+
 TEST(PhysicsMeltFilm, InvariantsAndTwinHoldThroughAPulse) {
   for (const double dt : {0.25e-9, 1e-9, 4e-9}) {
     Rig rig(melting_options(16, 1.3));

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <random>
 #include <string>
 #include <string_view>
@@ -267,6 +269,69 @@ TEST(SceneText, DepthIsRefusedBeforeItIsBuilt) {
   for (int i = 0; i < 15'000; ++i) tables += "{a.a.a.a.a.a=";
   EXPECT_THAT(refusal_of("x = " + tables), HasSubstr("nested"));
   EXPECT_EQ(refusal_of("source = 'a.b.c.d.e.f.g.h.i.j.k.l'  # ............\n" + std::string(kPaper)), "");
+}
+
+// Time of this thread  [s].
+double cpu_s() {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+// Shortest time in which a text is read, in several trials: the machine may be busy.
+double time_to_read(const std::string& toml) {
+  double best = std::numeric_limits<double>::infinity();
+  for (int trial = 0; trial < 3; ++trial) {
+    const double begun = cpu_s();
+    static_cast<void>(refusal_of(toml));
+    best = std::min(best, cpu_s() - begun);
+  }
+  return best;
+}
+
+// The work of reading is in proportion to the length, whatever the text holds: a text four times as long takes about
+// four times as long, and not sixteen times.
+TEST(SceneText, WorkIsInProportionToTheLength) {
+  const auto repeated = [](int count, const auto& line) {
+    std::string text = kPaper;
+    for (int i = 0; i < count; ++i) text += line(std::to_string(i));
+    return text;
+  };
+  using Line = std::string (*)(const std::string&);
+  const std::pair<const char*, Line> kinds[] = {
+      {"pairs", [](const std::string& i) { return "[pair.p" + i + ".soft]\nmaterial = \"aluminium_dlp\"\n"; }},
+      {"pairs at fault", [](const std::string& i) { return "[pair.p" + i + ".soft]\ndensity_kg_per_m3 = -1\n"; }},
+      {"empty pairs", [](const std::string& i) { return "[pair.p" + i + "]\n"; }},
+      {"unknown keys of pairs", [](const std::string& i) { return "[pair.p" + i + ".soft]\ndensity = 1\n"; }},
+  };
+  for (const auto& [kind, line] : kinds)
+    EXPECT_LT(time_to_read(repeated(240, line)), 8.0 * time_to_read(repeated(60, line))) << kind;
+  const std::pair<const char*, Line> long_kinds[] = {
+      {"unknown keys", [](const std::string& i) { return "friction_koefficient_" + i + " = 1\n"; }},
+      {"unknown tables", [](const std::string& i) { return "[interfase" + i + "]\n"; }},
+      {"dotted keys", [](const std::string& i) { return "a.b.c.d.e.f.g.h.i" + i + " = 1\n"; }},
+  };
+  for (const auto& [kind, line] : long_kinds)
+    EXPECT_LT(time_to_read(repeated(4000, line)), 8.0 * time_to_read(repeated(1000, line))) << kind;
+  // What no scene has is refused before it is read.
+  const double of_a_scene = time_to_read(kPaper);
+  const std::string pairs = repeated(5000, kinds[0].second);
+  EXPECT_LT(time_to_read(pairs), 200.0 * of_a_scene);
+  EXPECT_THAT(refusal_of(pairs), HasSubstr("5000 tables [pair.NAME], at most 256 are allowed"));
+}
+
+TEST(SceneText, MoreKeysThanASceneHasAreRefused) {
+  std::string keys = kPaper;
+  std::string list = "name = [";
+  for (int i = 0; i < 20'000; ++i) {
+    keys += "a" + std::to_string(i) + " = 1\n";
+    list += "1,";
+  }
+  EXPECT_THAT(refusal_of(keys), HasSubstr("more than 16384 keys, tables and values of lists"));
+  EXPECT_THAT(refusal_of(list + "1]\n"), StartsWith("scene.toml:1:"));
+  EXPECT_THAT(refusal_of(list + "1]\n"), HasSubstr("more than 16384 keys, tables and values of lists"));
+  EXPECT_EQ(refusal_of("source = \"" + std::string(50'000, ',') + "\"\n" + kPaper + "# " + std::string(50'000, '=')),
+            "scene.toml:1:1: source has 50000 bytes, expected at most 4096");
 }
 
 // ---- scenes that are written and read back ----

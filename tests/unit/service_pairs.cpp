@@ -71,8 +71,9 @@ wire::Batch named(const Ids& ids) {
 // The text of the scene of one kind of nodes alone.
 std::string scene_alone(const std::string& effective, const Kind& kind) {
   const scene::SceneFile file = scene::parse(effective, "effective");
-  v1::Scene whole = scene::scene_of_pair(
-      file.scene, kind.first == 0 ? v1::Pair() : file.scene.pair(static_cast<int>(kind.first) - 1));
+  v1::Scene whole =
+      scene::scene_of_pair(scene::without_pairs(file.scene),
+                           kind.first == 0 ? v1::Pair() : file.scene.pair(static_cast<int>(kind.first) - 1));
   scene::set_value(whole, kYield, kind.second);
   return scene::to_toml(whole);
 }
@@ -376,6 +377,23 @@ TEST(ServicePairs, AToleranceThatChoosesOtherCellsIsRefused) {
 }
 
 // Requests about new nodes at fault, each refused with nothing changed.
+TEST(ServicePairs, AParameterInAnotherUnitIsNamedWithItsFirstNode) {
+  ServiceHarness harness;
+  for (const double value : {25e6, 25.0}) {
+    wire::Request opening =
+        ServiceHarness::opening(scene_with_pairs(Strategy::kForceDriven), Ids{1}, value == 25.0 ? 2 : 1);
+    opening.batch = new_nodes({7, 8}, {{0, 25e6}, {0, value}});
+    std::get<wire::OpenSession>(opening.body).pairs = {""};
+    std::get<wire::OpenSession>(opening.body).parameters = {kYield};
+    const Answer answer = harness.ask(opening);
+    ASSERT_TRUE(answer.reply.status.ok()) << answer.reply.status.text;
+    EXPECT_EQ(std::ranges::count(std::get<wire::SessionOpened>(answer.reply.body).warnings,
+                                 "soft.yield_strength_pa of node 8 = 25 Pa is unusual: values from 1e5 to 5e10 Pa are "
+                                 "expected. Is it in Pa?"),
+              value == 25.0 ? 1 : 0);
+  }
+}
+
 TEST(ServicePairs, FaultyPairsAndParametersOfNodesAreRefused) {
   ServiceHarness harness;
   const auto open = [&](std::vector<std::string> pairs, std::vector<std::string> parameters, wire::Batch batch,

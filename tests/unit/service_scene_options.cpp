@@ -157,7 +157,16 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   scene = support::force_scene();
   scene.mutable_hard_layer();
   scene.mutable_velocity_driven()->set_taylor_quinney_factor(0.9);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("the plastic work of a force-driven layer heats nothing"));
+  EXPECT_EQ(refusal_of(scene).field, "velocity_driven.taylor_quinney_factor");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("here the key is interface.taylor_quinney_factor"));
+  scene.mutable_velocity_driven()->clear_taylor_quinney_factor();
+  scene.mutable_interface()->set_taylor_quinney_factor(0.9);
+  EXPECT_EQ(refusal_of(scene).field, "interface.taylor_quinney_factor");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("a layer that is rigid does no plastic work"));
+  scene.mutable_interface()->set_plastic_layer(true);
+  EXPECT_EQ(scene_model(scene).options.taylor_quinney_factor, 0.9);
+  scene.clear_hard_layer();
+  EXPECT_EQ(refusal_of(scene).field, "interface.taylor_quinney_factor");
 }
 
 TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {

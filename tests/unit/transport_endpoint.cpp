@@ -9,10 +9,10 @@ namespace shearbus::transport {
 namespace {
 
 TEST(Endpoint, OtherTransportsOfTheLibraryAreRefused) {
-  for (const char* text :
-       {"pgm://eth0;239.0.0.1:5555", "ws://127.0.0.1:80", "tipc://{5560,0,0}", "udp://127.0.0.1:1", "norm://1:1",
-        "vmci://*:1", "127.0.0.1:5555", "", "tcp://", "ipc://", "ipc://*", "ipc://@name", "tcp://127.0.0.1",
-        "tcp://:5555", "tcp://127.0.0.1:65536", "tcp://127.0.0.1:port", "tcp://127.0.0.1:", "TCP://127.0.0.1:1"})
+  for (const char* text : {"pgm://eth0;239.0.0.1:5555", "ws://127.0.0.1:80", "tipc://{5560,0,0}", "udp://127.0.0.1:1",
+                           "norm://1:1", "vmci://*:1", "127.0.0.1:5555", "", "tcp://", "ipc://", "ipc://*",
+                           "ipc://@name", "ipc://~/bus", "tcp://127.0.0.1", "tcp://:5555", "tcp://127.0.0.1:65536",
+                           "tcp://127.0.0.1:port", "tcp://127.0.0.1:", "TCP://127.0.0.1:1"})
     EXPECT_THROW(Endpoint::parse(text), std::invalid_argument) << text;
 }
 

@@ -6,6 +6,8 @@
 #include <random>
 #include <string>
 
+#include "proto/wire/status.hpp"
+
 namespace shearbus::wire {
 namespace {
 
@@ -48,6 +50,62 @@ TEST(Utf8, AnyBytesBecomeValidTextOfAtMostTheLengthAsked) {
       ASSERT_EQ(text, bytes) << n;
     }
   }
+}
+
+TEST(Printable, EscapesCommandsAndInvalidBytesAndNothingElse) {
+  constexpr std::size_t kMost = 200;
+  EXPECT_EQ(printable("Stra\xC3\x9F"
+                      "e \xE2\x82\xAC \\ \"",
+                      kMost),
+            "Stra\xC3\x9F"
+            "e \xE2\x82\xAC \\ \"");
+  EXPECT_EQ(printable("a\x1b[2J\nb\tc\rd\x7f", kMost), "a\\x1b[2J\\nb\\tc\\rd\\x7f");
+  EXPECT_EQ(printable("\xC2\x9B"
+                      "31m\xE2\x80\xAE\xE2\x80\xA8",
+                      kMost),
+            "\\x9b31m\\u{202e}\\u{2028}");
+  EXPECT_EQ(printable("\xFF"
+                      "a\xE2\x82",
+                      kMost),
+            "\\xffa\\xe2\\x82");
+  EXPECT_EQ(printable(std::string(1, '\0'), kMost), "\\x00");
+  EXPECT_EQ(printable_lines("a\n\x1b\r\nb"), "a\n\\x1b\\r\nb");
+}
+
+TEST(Printable, CutsBetweenWhatItShows) {
+  EXPECT_EQ(printable("123456", 6), "123456");
+  EXPECT_EQ(printable("123456", 5), "12...");
+  EXPECT_EQ(printable("12\x1b"
+                      "456",
+                      8),
+            "12...");
+  EXPECT_EQ(printable("12\x1b"
+                      "456",
+                      9),
+            "12\\x1b456");
+  EXPECT_EQ(printable("12345", 2), "..");
+  EXPECT_EQ(printable("\n\n\n", 0), "");
+}
+
+TEST(Printable, AnyBytesBecomeOneLineOfAtMostTheLengthAsked) {
+  std::mt19937_64 random(2);
+  for (int n = 0; n < 20000; ++n) {
+    std::string bytes(random() % 12, '\0');
+    for (char& byte : bytes) byte = static_cast<char>(random() % 256);
+    const std::size_t most = random() % 40;
+    const std::string text = printable(bytes, most);
+    ASSERT_TRUE(is_utf8(text)) << n;
+    ASSERT_FALSE(has_control_character(text)) << n;
+    ASSERT_LE(text.size(), most) << n;
+  }
+}
+
+TEST(Printable, AFaultIsPrintableWhateverItQuotes) {
+  const Error fault({.code = Code::kInvalidScene, .text = "a\x1b[2J\nb", .remedy = "c\x07", .field = "d\x1b"});
+  EXPECT_EQ(fault.status().text, "a\\x1b[2J\nb");
+  EXPECT_EQ(fault.status().remedy, "c\\x07");
+  EXPECT_EQ(fault.status().field, "d\\x1b");
+  EXPECT_EQ(std::string(fault.what()).find('\x1b'), std::string::npos);
 }
 
 }  // namespace

@@ -133,7 +133,7 @@ enum {
   SHEARBUS_OUTCOME_SUBSTEPPED = 1,
   SHEARBUS_OUTCOME_MULTIPLE_ROOTS = 2,
   SHEARBUS_OUTCOME_OUTSIDE_DOMAIN = 4,
-  SHEARBUS_OUTCOME_SUDDEN = 8,       /* stress or slip changed so much that shorter steps may give another jump */
+  SHEARBUS_OUTCOME_SUDDEN = 8, /* stress or slip changed so much that shorter steps may give another jump */
   SHEARBUS_OUTCOME_OVER_BUDGET = 16, /* with FAILED: the step needed more work than the scene's work_budget */
   SHEARBUS_OUTCOME_ASLEEP = 32,
   SHEARBUS_OUTCOME_FIRST_ORDER = 64,
@@ -165,15 +165,22 @@ SHEARBUS_API uint32_t shearbus_field_number(const char* name);
 
 /* Called from inside a call of this library with one line of text, without line end: about the session that was
  * opened, a warning, or, after 2, 4, 8, ... s of waiting, what the call waits for. The callback must not call this
- * library. */
+ * library, and runs in the default floating-point environment. */
 typedef void (*shearbus_log_fn)(void* user, const char* line);
+
+/* Called from inside a call of this library that waits, about ten times a second and after each signal; never within
+ * the first 0.1 s without a signal. The call goes on after 0. After another value it ends as if its deadline had
+ * passed, with SHEARBUS_UNKNOWN_OUTCOME or, if nothing was sent, SHEARBUS_UNREACHABLE. The callback must not call this
+ * library. */
+typedef int (*shearbus_interrupted_fn)(void* user);
 
 /* A force-driven host that applies the answered stress has, except for rounding, the velocity jump that its last
  * step answered. By default the library compares the two in the first 100 steps and warns once of a difference, with
  * the mistake of the host that explains it. */
 enum {
   SHEARBUS_CHECK_WARN = 0,
-  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface */
+  SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface; also no
+                              warnings about the inputs of steps */
   SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED */
 };
 
@@ -199,9 +206,11 @@ typedef struct shearbus_options {
   uint32_t threads;      /* embedded: number of threads that solve layers; default 1 */
   int check_closure;     /* SHEARBUS_CHECK_WARN, _OFF or _ERROR */
   uint64_t idle_limit_s; /* the server closes the session after this time without a request; 0: never */
+  shearbus_interrupted_fn interrupted; /* NULL: a call ends with its answer or its deadline */
+  void* interrupted_user;
 } shearbus_options;
 #define SHEARBUS_OPTIONS_INIT \
-  { sizeof(shearbus_options), 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
+  { sizeof(shearbus_options), 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0 }
 
 /* Opens a session with n nodes; *session is NULL before the call. initial_temperature_k: one value per node, or NULL
  * for the scene's value. After a fault *session is NULL again, with two exceptions: after SHEARBUS_UNKNOWN_OUTCOME
@@ -240,6 +249,19 @@ SHEARBUS_API int shearbus_open_nodes(shearbus_session** session, const shearbus_
  * second close is. In a fork, close and leave only forget the session, which stays with the process that opened it. */
 SHEARBUS_API int shearbus_close(shearbus_session** session, shearbus_status* status);
 
+typedef struct shearbus_totals {
+  size_t size;
+  uint64_t requests;
+  uint64_t node_steps;
+  uint64_t solver_ns;
+  uint64_t asleep_node_steps; /* of node_steps, those that were answered without solving */
+} shearbus_totals;
+#define SHEARBUS_TOTALS_INIT \
+  { sizeof(shearbus_totals), 0, 0, 0, 0 }
+/* shearbus_close() for a host that wants the session's totals (may be NULL), or that makes the call again after a fault:
+ * the handle stays, whatever the code is, and shearbus_leave() frees it. After SHEARBUS_OK the session is closed. */
+SHEARBUS_API int shearbus_end(shearbus_session* session, shearbus_totals* totals, shearbus_status* status);
+
 /* Frees the session here and leaves it open on the server, for shearbus_resume(). *session is NULL afterwards, unless
  * another thread is inside a call on it. */
 SHEARBUS_API void shearbus_leave(shearbus_session** session);
@@ -256,6 +278,16 @@ SHEARBUS_API int shearbus_resume(shearbus_session** session, const shearbus_opti
  * `nodes` leaves out is not compared, nor are initial temperatures. */
 SHEARBUS_API int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* options, const char* ticket,
                                        const shearbus_nodes* nodes, shearbus_status* status);
+/* What the server told of the nodes of a resumed session: ids, pairs and parameters as they were given, in the order
+ * that shearbus_node_ids() had then. `pairs` are "" and the pairs of the scene. Without pairs and parameters in the
+ * scene, or if the server did not tell, n_pairs and n_parameters are 0; n is 0 for a session that was opened. The
+ * pointers are valid as long as the session. */
+SHEARBUS_API int shearbus_resumed_nodes(const shearbus_session* session, shearbus_nodes* nodes,
+                                        shearbus_status* status);
+
+/* Changes the deadline of all later calls on the session (shearbus_options.reply_deadline_s). */
+SHEARBUS_API int shearbus_set_reply_deadline(shearbus_session* session, double reply_deadline_s,
+                                             shearbus_status* status);
 
 /* ---- steps ---- */
 
@@ -293,9 +325,10 @@ typedef struct shearbus_result {
   double largest_closure_m_per_s; /* largest |jump of the host - jump answered before| of the rows */
   uint64_t closure_node;
   double layer_time_s; /* sum of the dt_s of the answered steps of closure_node */
+  int replayed;        /* 1: the answer that the server had kept of a request that it received again */
 } shearbus_result;
 #define SHEARBUS_RESULT_INIT \
-  { sizeof(shearbus_result), 0, 0, 0, 0, 0, 0, 0.0, 0, 0.0 }
+  { sizeof(shearbus_result), 0, 0, 0, 0, 0, 0, 0.0, 0, 0.0, 0 }
 
 /* Steps nodes and fills the outputs, which are unchanged after a fault. result may be NULL. */
 SHEARBUS_API int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
@@ -370,13 +403,29 @@ typedef struct shearbus_info {
   size_t size;
   int strategy; /* 1 velocity-driven, 2 force-driven */
   uint32_t tangential_components;
-  uint64_t bytes_per_node; /* memory that a node takes on the server */
-  uint64_t last_sequence;  /* number of the last answered request; 0 is the opening */
-  int outlives_server;     /* 1: a durable server, which answers again after its restart */
+  uint64_t bytes_per_node;       /* memory that a node takes on the server */
+  uint64_t last_sequence;        /* number of the last answered request; 0 is the opening */
+  int outlives_server;           /* 1: a durable server, which answers again after its restart */
+  uint64_t state_version;        /* number of commits so far, as the last answer told it */
+  uint64_t max_rows_per_message; /* a step of more rows is sent in parts */
+  uint64_t max_marks;            /* number of marks that the server keeps */
 } shearbus_info;
 #define SHEARBUS_INFO_INIT \
-  { sizeof(shearbus_info), 0, 0, 0, 0, 0 }
+  { sizeof(shearbus_info), 0, 0, 0, 0, 0, 0, 0, 0 }
 SHEARBUS_API int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shearbus_status* status);
+
+/* Texts about the session and its server; a list has one entry per line. "" for a session that is NULL. */
+enum {
+  SHEARBUS_SCENE_NAME = 0,
+  SHEARBUS_PAIR_NAMES = 1,     /* list: the pairs of the scene */
+  SHEARBUS_PARAMETER_KEYS = 2, /* list: the keys that have a value per node */
+  SHEARBUS_MARK_NAMES = 3, /* list: the marks that the server keeps, oldest first, as the last shearbus_mark() told */
+  SHEARBUS_SERVER_VERSION = 4,
+  SHEARBUS_CAPABILITIES = 5, /* list: what the server can do (proto/WIRE.md, "Versions") */
+  SHEARBUS_DURABILITY = 6,   /* of the server's sessions, such as "none" */
+  SHEARBUS_ACCESS = 7        /* how the server has admitted this client, such as "key" */
+};
+SHEARBUS_API const char* shearbus_text(const shearbus_session* session, int which);
 
 /* The columns of this session's steps: writes at most `capacity` of their numbers to `fields` and returns how many
  * columns there are. */

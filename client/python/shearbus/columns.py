@@ -1,4 +1,4 @@
-"""The columns of the protocol, read from columns.inc, which the server and the C library are built from. Nothing else in
+"""The columns of the protocol, read from columns.inc, which the server and the library are built from. Nothing else in
 the package lists columns: which of them a step needs, and which its reply brings, is what the server answers when a
 session is opened."""
 import pathlib
@@ -6,6 +6,8 @@ import re
 from typing import NamedTuple
 
 import numpy
+
+__all__ = ["BY_NAME", "BY_NUMBER", "COLUMNS", "Column"]
 
 FLOAT64, UINT64, UINT8 = 1, 2, 3
 DTYPE = {FLOAT64: numpy.dtype("<f8"), UINT64: numpy.dtype("<u8"), UINT8: numpy.dtype("u1")}

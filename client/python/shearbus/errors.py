@@ -1,6 +1,10 @@
 """The errors of the package: one exception class for each class of status codes (proto/WIRE.md, "Status")."""
 import enum
 
+__all__ = ["AuthError", "ClosureError", "ClosureWarning", "Code", "ContentError", "Error", "LibraryError", "MessageError",
+           "SceneWarning", "ServerError", "SessionError", "UnexpectedReply", "UnknownOutcome", "Unreachable", "WrongType",
+           "WrongValue"]
+
 
 class Code(enum.IntEnum):
     """Status codes of the protocol. The codes from 500 on exist on the client's side only."""
@@ -43,19 +47,27 @@ class Code(enum.IntEnum):
     UNEXPECTED_REPLY = 502
     AUTH = 503
     NOT_CLOSED = 504
+    NO_MEMORY = 510
+    LIBRARY_FAULT = 511
+    IN_USE = 512
+    OTHER_PROCESS = 513
+
+
+# A text may quote what strangers wrote: no command of it reaches a terminal or a log. The ends of lines stay.
+COMMANDS = {code: f"\\x{code:02x}" for code in (*range(10), *range(11, 32), *range(127, 160))}
 
 
 class Error(Exception):
     """A refused or failed call. Nothing was changed, except where the class says otherwise.
 
     code: a Code, or a plain number that this version does not know; text: what was expected and what was found;
-    remedy: what to do; field: the field, column or keyword at fault; nodes: at most 16 node ids at fault;
-    last_sequence: the session's last request, where the code is about sequences."""
+    remedy: what to do; field: the field, column or keyword at fault; nodes: at most 16 node ids at fault."""
 
-    def __init__(self, code, text, remedy="", field="", nodes=(), last_sequence=0):
+    def __init__(self, code, text, remedy="", field="", nodes=()):
         self.code = Code(code) if code in Code._value2member_map_ else code
+        text, remedy, field = (part.translate(COMMANDS) for part in (text, remedy, field))
         self.text, self.remedy, self.field = text, remedy, field
-        self.nodes, self.last_sequence = list(nodes), last_sequence
+        self.nodes = list(nodes)
         name = self.code.name if isinstance(self.code, Code) else str(code)
         super().__init__(f"{name}: {text}" + (f" ({remedy})" if remedy else ""))
 
@@ -64,8 +76,17 @@ class MessageError(Error):
     """1xx: the request is not as the protocol asks: missing, surplus or wrongly shaped columns."""
 
 
+class WrongType(MessageError, TypeError):
+    """An argument has a type that it cannot have."""
+
+
+class WrongValue(MessageError, ValueError):
+    """An argument has a value that it cannot have."""
+
+
 class SessionError(Error):
-    """2xx: the two sides differ about what has happened in the session."""
+    """2xx: the two sides differ about what has happened in the session; or another thread is in a call on it (IN_USE), or it
+    is of the process of which this one is a fork (OTHER_PROCESS)."""
 
 
 class ContentError(Error):
@@ -97,14 +118,26 @@ class ClosureError(Error):
     """The host's jump is not the jump that its last step answered; the step was not sent."""
 
 
+class LibraryError(Error, ImportError):
+    """The library libshearbus is not there, cannot be loaded, or is of another version than this package."""
+
+
+class ClosureWarning(UserWarning):
+    """The host's jump is not the jump that its last step answered, or a step has doubtful times or units."""
+
+
+class SceneWarning(UserWarning):
+    """The server has opened the session and doubts something of its scene."""
+
+
 _CLASSES = {1: MessageError, 2: SessionError, 3: ContentError, 4: ServerError}
 _CLIENT_SIDE = {
     Code.UNREACHABLE: Unreachable, Code.UNKNOWN_OUTCOME: UnknownOutcome, Code.UNEXPECTED_REPLY: UnexpectedReply,
-    Code.AUTH: AuthError
+    Code.AUTH: AuthError, Code.NOT_CLOSED: ClosureError, Code.IN_USE: SessionError, Code.OTHER_PROCESS: SessionError
 }
 
 
-def error(code, text, remedy="", field="", nodes=(), last_sequence=0):
+def error(code, text, remedy="", field="", nodes=()):
     """Returns the exception of a status code. A code that this version does not know is treated as its class."""
     kind = _CLIENT_SIDE.get(code) or _CLASSES.get(int(code) // 100, Error)
-    return kind(code, text, remedy, field, nodes, last_sequence)
+    return kind(code, text, remedy, field, nodes)

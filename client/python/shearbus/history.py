@@ -1,14 +1,45 @@
 """The history of a session: what was sent and answered in every step that was kept."""
+import contextlib
 import datetime
 import os
+import tempfile
 from typing import Any, NamedTuple
 
 import numpy
 
-from .columns import BY_NAME, BY_NUMBER, NODE_ID
+from .answer import html_table, shown, unit_of
+from .columns import BY_NAME, BY_NUMBER
+
+__all__ = ["History"]
 
 MASSES = ("mass_soft", "mass_hard")
 REGIMES = {"OPEN": 0, "STICK": 1, "COULOMB": 2, "TRESCA": 3, "MELTING": 4}
+
+
+@contextlib.contextmanager
+def _partial(path):
+    """Gives the name of a new file beside the history, which gets the history's name once it is whole."""
+    import h5py
+
+    path = os.path.realpath(path)  # a link is followed
+    if os.path.lexists(path) and not (os.path.isfile(path) and os.path.getsize(path) == 0):
+        kind = None
+        with contextlib.suppress(OSError, KeyError), h5py.File(path) as older:
+            if isinstance(older.get("meta", getlink=True), h5py.HardLink):
+                kind = older["meta"].attrs.get("format")
+        if kind != "shearbus-history":
+            raise FileExistsError(f"{path}: is there and is no history; remove or rename it, or write elsewhere")
+    number, partial = tempfile.mkstemp(prefix=os.path.basename(path) + ".", suffix=".partial", dir=os.path.dirname(path))
+    os.close(number)
+    try:
+        yield partial
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(partial, 0o666 & ~mask)
+        os.replace(partial, path)
+    except BaseException:
+        os.unlink(partial)
+        raise
 
 
 class Row(NamedTuple):
@@ -40,9 +71,8 @@ class History:
         for row, node in enumerate(nodes.tolist()):
             self._own[node] = {name: values[row] for name, values in columns.items()}
 
-    def _add(self, body, columns, frame, answer, committed):
-        time = body["time_s"] or ((self._rows[-1].time if self._rows else 0.0) + body["dt_s"])
-        row = Row(body["dt_s"], time, body["step"], columns, frame, answer)
+    def _add(self, dt, time, step, columns, frame, answer, committed):
+        row = Row(dt, time or ((self._rows[-1].time if self._rows else 0.0) + dt), step, columns, frame, answer)
         self._standing = None if committed else row
         if committed:
             self._rows.append(row)
@@ -65,6 +95,26 @@ class History:
     def __len__(self):
         return len(self._rows)
 
+    def _ranges(self):
+        """Yields (column with its unit, smallest value, largest value)."""
+        for name in self.columns:
+            values = [self._values(row, name) for row in self._rows if len(row.answer.nodes)]
+            if values:
+                yield name + unit_of(name), shown(min(value.min() for value in values)), shown(max(value.max() for value in values))
+
+    def _title(self):
+        if not self._rows:
+            return "History of no steps"
+        counts = {len(row.answer.nodes) for row in self._rows}
+        return (f"History of {len(self)} steps of {' to '.join(str(n) for n in sorted({min(counts), max(counts)}))} nodes, "
+                f"t = {self._rows[-1].time:g} s at its end")
+
+    def __repr__(self):
+        return "\n".join([f"<{self._title()}", *(f"  {name:<24} {low} to {high}" for name, low, high in self._ranges())]) + ">"
+
+    def _repr_html_(self):
+        return html_table(self._title(), [("column", "smallest", "largest"), *self._ranges()])
+
     @property
     def nodes(self):
         first = self._rows[0].answer.nodes if self._rows else numpy.empty(0, numpy.uint64)
@@ -80,7 +130,7 @@ class History:
 
     @staticmethod
     def _names(row):
-        sent = dict.fromkeys(BY_NUMBER[number].name for number, _ in row.columns if number != NODE_ID.number)
+        sent = dict.fromkeys(BY_NUMBER[number].name for number, _ in row.columns)
         return (*sent, *row.answer.columns)
 
     @staticmethod
@@ -145,14 +195,15 @@ class History:
 
     def to_hdf5(self, path, scene=""):
         """Writes the history as proto/wire/recording.md describes it, which shearbus-replay reads. scene: text of the
-        scene, such as Session.scene. The file appears under its name only when it is complete. Needs h5py."""
+        scene, such as Session.scene. The file appears under its name only when it is complete, and replaces an older
+        history only: FileExistsError for any other file. Needs h5py."""
         import h5py
 
         if not self._rows:
             raise ValueError("the history has no steps")
         own = self._own_datasets(self.nodes)
-        nodes, partial = self.nodes, f"{os.fspath(path)}.partial"
-        with h5py.File(partial, "w", libver=("earliest", "v110")) as file:
+        nodes = self.nodes
+        with _partial(path) as partial, h5py.File(partial, "w", libver=("earliest", "v110")) as file:
             kept = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletcher32": True}
 
             def write(name, values, unit, **options):
@@ -186,4 +237,3 @@ class History:
             })
             if scene:
                 meta["scene"] = scene
-        os.replace(partial, path)

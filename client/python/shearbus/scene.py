@@ -1,12 +1,16 @@
 """A scene as a dict: edited, and written as the TOML text that the server reads."""
 import copy
 import json
+import os
 import pathlib
 import tomllib
 
 import numpy
 
+from ._values import text
 from .errors import Code, ContentError
+
+__all__ = ["Scene", "toml_of"]
 
 
 def _value(key, value):
@@ -35,6 +39,19 @@ def toml_of(scene, path=""):
             table = f"{path}{_value('', str(key))}"
             lines += [f"[{table}]", toml_of(value, table + ".")]
     return "\n".join(lines) + "\n"
+
+
+def scene_of(scene):
+    """Returns the members of shearbus_options that give a scene."""
+    if isinstance(scene, dict):
+        return {"scene_text": toml_of(scene).encode()}
+    if isinstance(scene, str) and "\n" in scene:
+        return {"scene_text": text("scene", scene)}
+    if not isinstance(scene, (str, os.PathLike)):
+        raise ContentError(Code.INVALID_SCENE,
+                           f"the scene is {type(scene).__name__}, expected a path, TOML text or a dict",
+                           field="scene")
+    return {"scene_file": text("scene", scene, path=True)}
 
 
 class Scene(dict):

@@ -23,6 +23,16 @@ double turning_error(const NodeInputs& in, double dt, double before, double afte
   return std::abs(before) * (1.0 - after_turning / (after_turning + 2.0 * mobility * std::abs(s)));
 }
 
+// Friction work that the answer of a substep leaves out where its slip stops or turns against the far stresses  [J/m2].
+double lost_work(const NodeInputs& in, double dt, double before, double after, double s) {
+  const double mobility = 1.0 / in.mass_soft + 1.0 / in.mass_hard;
+  const double push = dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
+  if (before == 0.0 || before * (before + push) >= 0.0) return 0.0;
+  const double kinetic = 0.5 * before * before / mobility;
+  const double turn = dt * std::abs(before) / (std::abs(before) + std::abs(after));
+  return after == 0.0 ? kinetic : std::min(2.0 * kinetic, std::abs(s * before) * turn);
+}
+
 bool is_sheared(const ModelOptions& options) {
   return options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
 }
@@ -193,12 +203,14 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
     const NodeOutputs whole = advance_uncontrolled(options, length * dt, in, coarse);
     std::vector<NodeOutputs> half(2);
     NodeInputs then = in;
-    double turning = 0.0, s = s_before;
+    double turning = 0.0, lost = 0.0, s = s_before;
     for (NodeOutputs& out : half) {
       out = advance_uncontrolled(options, 0.5 * length * dt, then, fine);
       if (!forced) continue;
       turning +=
           turning_error(inputs, 0.5 * length * dt, then.velocity_jump, out.velocity_jump_new, s, out.shear_stress);
+      lost += conducted_share(options) *
+              lost_work(inputs, 0.5 * length * dt, then.velocity_jump, out.velocity_jump_new, out.shear_stress);
       s = out.shear_stress;
       then.velocity_jump = out.velocity_jump_new;
     }
@@ -220,7 +232,8 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
     }
     double T0 = std::max(std::abs(half[1].interface_temperature - whole.interface_temperature), corner) *
                 std::pow(length / rest, 1.5);
-    const double heat = share * std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat) + path;
+    const double heat =
+        share * std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat) + path + lost;
     double mean = 0.0;
     if (forced) {
       const double off = std::abs(half[1].velocity_jump_new - whole.velocity_jump_new) + turning;

@@ -82,7 +82,7 @@ struct OneStep {
   }
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }
   // An interface that sticks at the end of the step has slipped by what stops in it.
-  Load stuck(double a) const { return {a, forced ? std::max(0.0, mean(a) - end(a)) : 0.0, std::max(0.0, end(a))}; }
+  Load stuck(double a) const { return slipping(a, forced ? std::max(0.0, mean(a) - end(a)) : 0.0); }
   Load slipping(double a, double v) const { return {a, v, std::max(0.0, mean(a) - v)}; }
 
   // Friction heat at z = 0  [W/m2]. Velocity-driven the whole imposed jump heats, DLP (18), as `heat` distributes it.
@@ -220,22 +220,32 @@ std::vector<Candidate> slips_next_to_flow(const OneStep& step, double a_stick) {
     // a_stick stops the slip exactly at the end of the step
     if (const Load l = at(v); l.a < a_stick) found.push_back({l, false});
   };
+  struct Point {
+    double v;
+    bool at_interface;
+    double open;
+  };
+  const auto point = [&](double v) {
+    const Load l = at(v);
+    return Point{v, at_interface(l), open(l)};
+  };
   const std::vector<double> scanned = velocities(step, most);
+  Point next = point(scanned[0]);
   for (std::size_t i = 0; i + 1 < scanned.size(); ++i) {
-    double lo = scanned[i], hi = scanned[i + 1];
+    Point lo = next, hi = next = point(scanned[i + 1]);
     // Where limit and ceiling are equal, the interface slips and the layer flows.
-    if (at_interface(at(lo)) != at_interface(at(hi))) {
-      const bool first = at_interface(at(lo));
-      const double both = bisect([&](double v) { return at_interface(at(v)) == first ? -1.0 : 1.0; }, lo, hi);
-      if (open(at(both)) <= 0.0) add(both);
+    if (lo.at_interface != hi.at_interface) {
+      const bool first = lo.at_interface;
+      const Point both = point(bisect([&](double v) { return at_interface(at(v)) == first ? -1.0 : 1.0; }, lo.v, hi.v));
+      if (both.open <= 0.0) add(both.v);
       (first ? hi : lo) = both;
-    } else if (!at_interface(at(lo))) {
+    } else if (!lo.at_interface) {
       continue;
     }
-    const bool below = open(at(lo)) < 0.0;
+    const bool below = lo.open < 0.0;
     if (i == 0 && !below) add(0.0);
-    if (below == (open(at(hi)) < 0.0)) continue;
-    add(bisect([&](double v) { return (below ? 1.0 : -1.0) * open(at(v)); }, lo, hi));
+    if (below == (hi.open < 0.0)) continue;
+    add(bisect([&](double v) { return (below ? 1.0 : -1.0) * open(at(v)); }, lo.v, hi.v));
   }
   if (scanned.size() == 1) add(0.0);
   return found;

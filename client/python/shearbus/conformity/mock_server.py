@@ -24,7 +24,8 @@ RESUME_REFUSED, SUPERSEDED, INVALID_VALUE, UNKNOWN_NODE, DUPLICATE_NODE, SHUTTIN
 HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME = 16, 17, 18, 19, 20, 21, 23  # bodies, also of replies
 FLOAT64, UINT64, UINT8 = 1, 2, 3
 CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
-NODE_ID, TEMPERATURE, JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD = 1, 2, 10, 11, 12, 13, 14, 15
+NODE_ID, TEMPERATURE, PAIR, PARAMETER = 1, 2, 3, 4
+JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD = 10, 11, 12, 13, 14, 15
 STICK_STRESS, IMPEDANCE = 18, 19
 REQUIRED = (JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD)
 STICK_FORM = (JUMP, PRESSURE, STICK_STRESS, IMPEDANCE)
@@ -217,6 +218,7 @@ class Refusal(Exception):
 class Session:
     def __init__(self, token, nodes, scene, opening):
         self.token, self.nodes, self.scene = token, nodes, scene
+        self.keys, self.parameters = [], {}  # keys of the scene by which nodes differ; their columns (the answer is that of the problem)
         self.sequence, self.kept = 0, (opening, None)  # the last request's frames and the reply to it
         self.jumps = {}  # node -> the jump that was answered last
         self.standing = None
@@ -330,9 +332,10 @@ class MockServer:
         if payload is None:
             return [write(head + fields)]
         frame, columns = b"", []
-        for field, values in payload.items():
-            element = UINT64 if field == NODE_ID else UINT8 if field in (34, 35) else FLOAT64
-            columns.append((3, [(1, field), (3, element), (4, len(frame)), (5, len(values))]))
+        for column, values in payload.items():
+            field, component = column if isinstance(column, tuple) else (column, 0)
+            element = UINT64 if field in (NODE_ID, PAIR) else UINT8 if field in (34, 35) else FLOAT64
+            columns.append((3, [(1, field), (2, component), (3, element), (4, len(frame)), (5, len(values))]))
             frame += struct.pack(f"<{len(values)}{CODE[element]}", *values)
             frame += bytes(-len(frame) % 8)
         return [write(head + [(8, [(1, len(frame)), (2, ("fixed64", xxh3(frame))), *columns])] + fields), frame]
@@ -351,7 +354,7 @@ class MockServer:
             durability = "process" if self.restart_after is not None else "none"
             limits = [(1, 524288), (2, 33554432), (3, 200000), (4, 1024), (5, 2), (20, 2), (21, 1 << 30)]
             return [(1, 1), (3, "mock"), (4, limits), (5, "force_driven"), (5, "trial"), (5, "resume"),
-                    (5, "stick_form"), (6, durability), (20, "uid")], None
+                    (5, "stick_form"), (5, "parameters"), (6, durability), (20, "uid")], None
         check("hello_first", self.greeted, "no hello")
         if body == OPEN:
             return self.open(fields, columns, header, frames, peer)
@@ -422,13 +425,16 @@ class MockServer:
             raise Refusal(DUPLICATE_NODE if nodes else SHAPE, "expected distinct nodes in column node_id")
         self.new_id(header)
         session = self.sessions[session_id] = Session(token, list(nodes), fields.get(1, [b""])[0], frames)
+        session.keys = fields.get(9, [])
+        session.parameters = {column: values for column, values in columns.items() if column[0] == PARAMETER}
         self.peers[bytes(frames[0])] = peer
         return self.opened(session), None
 
     def opened(self, session):
         """Returns the body session_opened. A mock server has no scene of its own: the text comes back as it was."""
         packed = lambda numbers: b"".join(map(varint, numbers))
-        return [(1, session.scene), (4, 2), (5, 1), (6, packed(REQUIRED)), (8, packed(REPLY_COLUMNS)), (10, "mock")]
+        return [(1, session.scene), (4, 2), (5, 1), (6, packed(REQUIRED)), (8, packed(REPLY_COLUMNS)), (10, "mock"),
+                *((12, key) for key in session.keys)]
 
     def resume(self, session, fields, header):
         if fields.get(1, [b""])[0] != session.token:
@@ -440,7 +446,8 @@ class MockServer:
                 raise Refusal(SUPERSEDED, "not the next claim, without a claimant, or with another epoch")
             session.claim = claim
         body = [(1, self.opened(session)), (2, session.sequence), (3, session.version), (5, session.claim)]
-        return [field for field in body if field[1] != 0], {NODE_ID: session.nodes}
+        pairs = {PAIR: [0] * len(session.nodes)} if session.keys else {}
+        return [field for field in body if field[1] != 0], {NODE_ID: session.nodes, **pairs, **session.parameters}
 
     def faults_of_the_script(self, session, header, frames):
         """Behaves as a durable server that was restarted and is then told to stop, where the script says so."""

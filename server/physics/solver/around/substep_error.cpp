@@ -49,6 +49,18 @@ double turning_error(const Forcing& forcing, double dt, double before, double af
   return std::abs(before) / (1.0 + rise / turned);
 }
 
+// Friction work that the answer of a part of a substep leaves out where its slip stops or turns against the far stresses:
+// one stress acts, along the jump after the part, and slip of the other sign before it is taken as 0. If the jump stops,
+// the work is at most the kinetic energy of the jump before; if it turns, twice that of the slip until then  [J/m2].
+double lost_work(const Forcing& forcing, double dt, double before, double after, double stress) {
+  const double free = before + dt * forcing.acceleration;
+  if (before == 0.0 || before * free >= 0.0) return 0.0;
+  const double energy = 0.5 * before * before / forcing.mobility;
+  if (after == 0.0) return energy;
+  const double until = dt * std::abs(before) / (std::abs(before) + std::abs(after));
+  return std::min(2.0 * energy, std::abs(stress * before) * until);
+}
+
 // The stress from which the path of a substep starts: an open interface loses its stress at once.
 double start_of(const Substep& substep, const SubstepAnswer& answer) {
   return answer.regime == Regime::kOpen ? 0.0 : substep.stress_before;
@@ -171,6 +183,11 @@ double SubstepErrors::of_halves(const Substep& substep, const SubstepAnswer& pie
       .T0 = std::max(std::abs(halves[1].T0 - piece.T0), corner) * (substep.of_rest * std::sqrt(substep.of_rest)),
       .heat = share * std::abs(halves[0].heat + halves[1].heat - piece.heat)};
   if (forced_) {
+    const Forcing forcing = forcing_of(inputs_, substep.lane);
+    const double half = 0.5 * substep.length * dt_;
+    errors.heat += problem_.heat_partition *
+                   (lost_work(forcing, half, substep.velocity_jump, halves[0].jump_new, halves[0].stress) +
+                    lost_work(forcing, half, halves[0].jump_new, halves[1].jump_new, halves[1].stress));
     errors.T0 = std::max(errors.T0, jump_as_temperature(substep, piece, halves));
     return largest(substep, halves[1].stress, errors);
   }

@@ -62,12 +62,11 @@ void FlowingSlip::ask_slip(Phase phase, double v) {
   ask(phase, known ? load_ : slip_load(v));
 }
 
-// ---- Loads. Plastic work is the stress times the slip that the balance leaves to the layer, so that its amount belongs
-// to the end of the step; only where it becomes heat is taken from the step before.
+// ---- Loads. Plastic work is the stress times what slip leaves of the mean jump, so that its amount belongs to the end of
+// the step and all work of the stress is heat; only where it becomes heat is taken from the step before.
 
 LayerLoad FlowingSlip::stick_load(double a) const {
-  const double flow = heats_by_work() ? std::max(0.0, trial_.stress_stick - a) * trial_.per_stress : 0.0;
-  return {a, start_.heat_partition * (a * stopping_.slip(a)), a * flow};
+  return slip_load(a, stopping_.slip(a));
 }
 
 LayerLoad FlowingSlip::slip_load(double a, double v) const {
@@ -100,6 +99,20 @@ double FlowingSlip::not_molten(double a, const LoadUnder& load_under) const {
   for (int ulps = 1; melts(load_under(a)) && ulps < kMostUlps; ulps *= 2)
     a *= 1.0 - ulps * std::numeric_limits<double>::epsilon();
   return a;
+}
+
+// A load with so much less plastic work that the layer stays solid. Only the last digits of the jumps make a step need
+// it: under light bodies the work is a difference of numbers up to 1e16 times larger.
+LayerLoad FlowingSlip::solid(LayerLoad load) const {
+  if (!(load.work > 0.0) || !melts(load)) return load;
+  double lo = 0.0, hi = load.work;
+  for (;;) {
+    load.work = 0.5 * (lo + hi);
+    if (load.work <= lo || load.work >= hi) break;
+    (melts(load) ? hi : lo) = load.work;
+  }
+  load.work = lo;
+  return load;
 }
 
 // The largest stress that the layer carries at the temperatures of a load: the stress ceiling of its hottest vertex.
@@ -141,8 +154,9 @@ double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
   double a = load_.stress;
   for (int step = 0; step < kNearbySteps; ++step) {
     const NearbyFlow::Slip flow = nearby.at(a, stick_load(a).heat());
-    double heat_slope = stopping_.slip(a) > 0.0 ? start_.heat_partition * (stopping_.c - 2.0 * stopping_.b * a) : 0.0;
-    if (heats_by_work()) heat_slope += (trial_.stress_stick - 2.0 * a) * trial_.per_stress;
+    const double stops = stopping_.slip(a) > 0.0 ? stopping_.c - 2.0 * stopping_.b * a : 0.0;
+    double heat_slope = start_.heat_partition * stops;
+    if (heats_by_work()) heat_slope += slipping_.c - 2.0 * slipping_.b * a - stops;
     const double open = a + compliance_ * flow.value - trial_.stress_stick;
     const double next = a - open / (1.0 + compliance_ * (flow.by_stress + flow.by_flux * heat_slope));
     if (!(next > 0.0)) return -1.0;
@@ -199,7 +213,7 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
       return;
     case Phase::kOtherAnswer:
       several_ = rigid_holds(slip);
-      return ask_stick(Phase::kDone, a_stick_);
+      return ask(Phase::kDone, solid(stick_load(a_stick_)));
     case Phase::kStickGuess:
       return guess_stick(slip, nearby);
     case Phase::kStickEnd: {
@@ -341,7 +355,7 @@ void FlowingSlip::end_stick(double a) {
   if (surely || carried >= a) {
     kind_ = Kind::kStick;
     if (!rigid_.sticks && start_.before.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kOtherAnswer);
-    return ask_stick(Phase::kDone, a);
+    return ask(Phase::kDone, solid(stick_load(a)));
   }
   at_ceiling_ = false;
   if (start_.before.sticks && !rigid_.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kRigid);
@@ -387,6 +401,7 @@ void FlowingSlip::end_slip(double v) {
   kind_ = Kind::kSlip;
   ask_slip(Phase::kDone, v);
   if (at_ceiling_) load_ = slip_load(std::min(load_.stress, layer_at(load_)), v);
+  load_ = solid(load_);
 }
 
 FlowingSlip::Answer FlowingSlip::answer(double slip) const {

@@ -84,6 +84,7 @@ class FlowingSlip {
   LayerLoad slip_load(double v) const;
   template <class LoadUnder>
   double not_molten(double a, const LoadUnder& load_under) const;
+  LayerLoad solid(LayerLoad load) const;
   bool layer_holds(double v) const;
   void bound_slip_by_layer();
   double stick_balance(double slip) const { return load_.stress + compliance_ * slip - trial_.stress_stick; }

@@ -12,7 +12,8 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr int kNewtonSteps = 20;  // most steps in which phases and stress are sought together
+constexpr double kSticks = 1e-13;  // a root within this share of the stress that sticks is that stress
+constexpr int kNewtonSteps = 20;   // most steps in which phases and stress are sought together
 
 // Stress and heat flux of a closed contact, in magnitudes.
 struct Carried {
@@ -36,8 +37,9 @@ template <class Respond>
 Carried choose(const FilmSlip& slip, const Respond& respond, bool stuck) {
   const bool holds = can_stick(slip, respond);
   if (holds && stuck) return {slip.stick, slip.flux(slip.stick), true, false};
-  const double a = slip.root_most_slip(respond);
-  const bool sticks = holds && a >= slip.stick;
+  const double root = slip.root_most_slip(respond);
+  const bool sticks = holds && root >= slip.stick * (1.0 - kSticks);
+  const double a = sticks ? slip.stick : root;
   return {a, slip.flux(a), sticks, holds && !sticks};
 }
 

@@ -1,0 +1,222 @@
+"""libshearbus: where it is, its structs and functions (client/include/shearbus/shearbus.h), and its faults as exceptions."""
+import atexit
+import ctypes
+import functools
+import glob
+import logging
+import os
+import pathlib
+import re
+import sys
+import threading
+import time
+import warnings
+import weakref
+
+from .columns import COLUMNS
+from .errors import ClosureWarning, Code, LibraryError, error
+
+NAME = "libshearbus.so.1"
+VERSION = "0.1.0"
+VARIABLE = "SHEARBUS_LIBRARY"
+PACKAGE = pathlib.Path(__file__).resolve().parent
+REMEDY = (f"Build it (deploy/run), install it (cmake --install build), or name the file in the environment variable {VARIABLE}.")
+ENDING_S = 5.0  # longest time that a call may take to end with the interpreter
+APPENDED = 2**31 - 1  # a place behind all lines of a list
+
+log = logging.getLogger("shearbus")
+
+Size, Double, Text, Address = ctypes.c_size_t, ctypes.c_double, ctypes.c_char_p, ctypes.c_void_p
+Number, Word, Whole = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_int
+Log = ctypes.CFUNCTYPE(None, Address, Text)
+Interrupted = ctypes.CFUNCTYPE(Whole, Address)
+
+
+class _Struct(ctypes.Structure):
+    """A struct of the header whose first member is its size."""
+
+    def __init__(self, **members):
+        super().__init__(ctypes.sizeof(self), **members)
+
+
+def _struct(name, rows):
+    """Returns a class for a struct: rows of a type and names with spaces between them."""
+    fields = [(member, kind) for kind, names in rows for member in names.split()]
+    first = fields[0][0] == "size"
+    return type(name, (_Struct if first else ctypes.Structure,), {"_fields_": fields, "__doc__": f"struct {name}."})
+
+
+Status = _struct("shearbus_status", [(Size, "size"), (Whole, "code n_nodes"), (Number * 16, "nodes"), (ctypes.c_char * 64, "field"),
+                                     (ctypes.c_char * 512, "remedy"), (ctypes.c_char * 2048, "text")])
+Column = _struct("shearbus_column", [(Word, "field component"), (Address, "values"), (ctypes.c_ssize_t, "stride_bytes")])
+Options = _struct("shearbus_options", [
+    (Size, "size"), (Text, "endpoint scene_file scene_text domain name server_key_file secret_key_file"),
+    (Double, "connect_deadline_s reply_deadline_s retry_after_s"), (Log, "log"), (Address, "log_user"), (Text, "state_dir"),
+    (Word, "threads"), (Whole, "check_closure"), (Number, "idle_limit_s"), (Interrupted, "interrupted"),
+    (Address, "interrupted_user")])
+Nodes = _struct("shearbus_nodes", [
+    (Size, "size n"), (Address, "node_ids initial_temperature_k"), (Size, "n_pairs"), (ctypes.POINTER(Text), "pairs"),
+    (Address, "pair"), (Size, "n_parameters"), (ctypes.POINTER(Text), "parameters"), (ctypes.POINTER(Address), "values")])
+Request = _struct("shearbus_request", [
+    (Size, "size"), (Double, "dt_s time_s"), (Number, "step"), (Word, "attempt"),
+    (Whole, "mode commit_previous all_or_nothing"), (Size, "n"), (Address, "node_ids"), (ctypes.POINTER(Column), "inputs"),
+    (Size, "n_inputs"), (ctypes.POINTER(Column), "outputs"), (Size, "n_outputs"), (Whole, "open_absent")])
+Result = _struct("shearbus_result", [
+    (Size, "size"), (Number, "nodes flagged_nodes state_version solver_ns service_ns round_trip_ns"),
+    (Double, "largest_closure_m_per_s"), (Number, "closure_node"), (Double, "layer_time_s"), (Whole, "replayed")])
+Info = _struct("shearbus_info", [
+    (Size, "size"), (Whole, "strategy"), (Word, "tangential_components"), (Number, "bytes_per_node last_sequence"),
+    (Whole, "outlives_server"), (Number, "state_version max_rows_per_message max_marks")])
+Totals = _struct("shearbus_totals", [(Size, "size"), (Number, "requests node_steps solver_ns asleep_node_steps")])
+
+FUNCTIONS = {  # name -> (type of the result, types of the arguments)
+    "version": (Text, []), "node_count": (Size, [Address]), "node_ids": (Address, [Address]),
+    "effective_scene": (Text, [Address]), "warnings": (Text, [Address]), "text": (Text, [Address, Whole]),
+    "columns": (Size, [Address, Whole, Size, Address]), "offers": (Size, [Address, Size, Address]), "leave": (None, [Address]),
+    **{name: (Whole, [Address] * count) for name, count in {
+        "open_nodes": 4, "resume_nodes": 5, "end": 3, "ticket": 3, "resumed_nodes": 3, "step": 4, "commit": 2, "rollback": 2,
+        "mark": 3, "rollback_to": 3, "register_nodes": 3, "inspect": 3, "accept": 3}.items()},
+    "set_reply_deadline": (Whole, [Address, Double, Address]), "retire": (Whole, [Address, Size, Address, Address]),
+    "offer": (Whole, [Address, Size, Address, Address, Address]),
+    "profiles": (Whole, [Address, Size, Address, Address, Address, Size, Address, Address])}
+
+
+def places():
+    """Yields the files that may be the library, most wanted first: that of the environment alone, if it names one; in the
+    package, as a wheel has it; of a build of the source tree around the package; of the installation that has the package;
+    of the system's loader."""
+    if named := os.environ.get(VARIABLE):
+        yield pathlib.Path(named, NAME) if os.path.isdir(named) else named
+        return
+    yield PACKAGE / NAME
+    root = PACKAGE.parents[2]
+    if (root / "client/include/shearbus/shearbus.h").exists():
+        yield root / "build/lib" / NAME
+    prefix = PACKAGE.parents[3]  # of PREFIX/lib/python3/dist-packages/shearbus
+    yield from (pathlib.Path(found) for lib in ("lib", "lib64", "lib/*-linux-gnu*")
+                for found in sorted(glob.glob(f"{glob.escape(str(prefix))}/{lib}/{NAME}")))
+    yield NAME
+
+
+@functools.cache
+def library():
+    """Returns the library, loaded once. Raises LibraryError where there is none, or one of another version."""
+    for place in places():
+        if isinstance(place, pathlib.Path) and not place.exists() and not os.environ.get(VARIABLE):
+            continue
+        try:
+            loaded = ctypes.CDLL(os.fspath(place))
+        except OSError as fault:
+            raise LibraryError(Code.LIBRARY_FAULT, f"the library of the Python client cannot be loaded: {fault}", REMEDY) from None
+        for name, (result, arguments) in FUNCTIONS.items():
+            function = getattr(loaded, f"shearbus_{name}", None)
+            if function is None:
+                raise LibraryError(Code.LIBRARY_FAULT, f"{place} has no shearbus_{name}: it is older than this package, {VERSION}",
+                                   REMEDY)
+            function.restype, function.argtypes = result, arguments
+        if (version := loaded.shearbus_version().decode()) != VERSION:
+            raise LibraryError(Code.LIBRARY_FAULT, f"{place} is version {version}, and this package is {VERSION}",
+                               "Install both from one build.")
+        return loaded
+    raise AssertionError("the last place is the loader's")
+
+
+def address(array):
+    """Returns the address of an array's values."""
+    return array.__array_interface__["data"][0]
+
+
+def texts(values):
+    """Returns an array of C texts."""
+    return (Text * len(values))(*(value.encode() for value in values))
+
+
+_hosts, _ending = weakref.WeakSet(), []
+os.register_at_fork(after_in_child=_hosts.clear)
+
+
+@atexit.register
+def _end_calls():
+    """Ends the calls that wait in daemon threads: without an interpreter they could not call back."""
+    _ending.append(True)
+    until = time.monotonic() + ENDING_S
+    for host in list(_hosts):
+        in_call = host.turn.locked()
+        if host.turn.acquire(timeout=max(0.0, until - time.monotonic())) and not in_call:
+            host.turn.release()  # other turns stay taken, for a daemon thread that makes its call again
+
+
+class Host:
+    """What the library calls back while a call waits: it takes the lines that the library says, and ends the call where a
+    signal's handler, such as that of Ctrl-C, raises an exception. Neither callback begins in Python code, in whose first
+    instruction a handler would run and its exception be lost: the one is the list's own insert(), the other resumes a
+    generator inside of its `try`."""
+
+    def __init__(self):
+        self.lines, self.raised, self.turn = [], [], threading.Lock()  # turn: held during a call
+        _hosts.add(self)
+        waiting = self._wait(self.lines, self.raised)
+        next(waiting)
+        self.log, self.interrupted = Log(self.lines.insert), Interrupted(functools.partial(next, waiting))
+
+    @staticmethod
+    def _wait(lines, raised):
+        while True:
+            try:
+                while True:
+                    yield bool(raised or _ending)
+                    for line in [line for line in lines if not line.startswith(b"warning: ")]:
+                        lines.remove(line)
+                        say(line)
+            except GeneratorExit:
+                return
+            except BaseException as fault:  # raised when the call has ended
+                raised.append(fault)
+
+    def give_to(self, options):
+        options.log, options.log_user, options.interrupted = self.log, APPENDED, self.interrupted
+
+    def after_call(self, opening=False):
+        """Raises what a signal's handler has raised, and passes on the lines of a call."""
+        lines = self.lines[:]
+        self.lines.clear()
+        if self.raised:
+            fault = self.raised[0]
+            self.raised.clear()
+            raise fault
+        for line in lines:
+            text = line.decode(errors="replace")
+            if text.startswith("warning: ") and not opening:
+                warn(in_python(text.removeprefix("warning: ")), ClosureWarning)
+            elif not text.startswith("warning: "):  # those of an opening come as SceneWarning
+                say(line)
+
+
+def say(line):
+    level = logging.INFO if line.startswith((b"session of ", b"note: ")) else logging.WARNING
+    log.log(level, "%s", line.decode(errors="replace"))
+
+
+def warn(text, kind):
+    """Warns at the line outside of this package that made the call."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and pathlib.Path(frame.f_code.co_filename).parent == pathlib.Path(__file__).parent:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, kind, stacklevel=level)
+
+
+# Names of the library and of the protocol -> those of a Python host. A name behind a dot is a key of the scene.
+_OWN = {**{column.wire_name: column.name for column in COLUMNS}, **{column.quantity: column.name for column in COLUMNS},
+        "dt_s": "dt", "time_s": "time", "scene_text": "scene", "check_closure = warn": 'closure="warn"'}
+_NAMES = re.compile(rf"(?<![\w.])({'|'.join(sorted(map(re.escape, _OWN), key=len, reverse=True))})(?!\w|\.\w)")
+
+
+def in_python(text):
+    """Names things as a Python host does."""
+    return _NAMES.sub(lambda found: _OWN[found[0]], text)
+
+
+def fault_of(status):
+    """Returns the exception of a status."""
+    words = [in_python(getattr(status, name).decode(errors="replace")) for name in ("text", "remedy", "field")]
+    return error(status.code, *words, status.nodes[:status.n_nodes])

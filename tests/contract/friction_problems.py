@@ -1,0 +1,125 @@
+#!/usr/bin/python3
+"""Runs the host of client/examples/host.py, in both request forms, on each problem of client/examples/problems, and compares it with the tables.
+
+friction_problems.py [ENDPOINT] [--measure]     without an endpoint the server runs in this process"""
+import importlib.util
+import pathlib
+import sys
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(SOURCE / "client/python"), str(SOURCE / "tests/contract")]
+import numpy  # noqa: E402
+import problem_answers  # noqa: E402
+import shearbus  # noqa: E402
+
+spec = importlib.util.spec_from_file_location("host", SOURCE / "client/examples/host.py")
+host = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(host)
+
+PLATE_ZONES, DT, SKIPPED = 200, 1e-9, 20  # SKIPPED: steps after the start and after each front whose T0 is not looked at
+BOUNDS = {  # problem -> V (m/s), s (relative to its largest), T0 (K); client/examples/problems/README.md has them
+    "constant_friction": (1e-7, 1e-9, 0.3),
+    "softening_friction": (0.03, 6e-4, 0.5),
+    "finite_plate": (1e-7, 1e-9, 0.2),
+    "stick_slip_brake": (1e-7, 1e-9, 0.05),
+    "flash_to_melting": (0.02, 3e-3, 2.0),
+    "opening_and_closing": (1e-7, 1e-9, 0.6),
+    "turned_line": (1e-7, 1e-9, 0.3),
+}
+
+
+def scene_of(problem):
+    """Returns the scene of a problem: that of the example host with the problem's friction."""
+    law = problem["friction"]
+    scene = {"name": problem["name"], "strategy": "force_driven", "soft": {"material": "aluminium_dlp"}, "hard": {"material": "steel_dlp"},
+             "layer": {"thickness_m": 100e-6, "cells": 80, "grading": 1.06, "far_boundary": "half_space"},
+             "interface": {"friction_coefficient": law.get("coefficient", 0.3), "yield_strength_pa": law.get("yield_strength_pa", 10e9)}}
+    if "line" in problem:
+        scene["tangential_components"] = 2
+    return scene
+
+
+def body(problem, side, steps, dt, columns):
+    """Returns the columns of zones of a body; `columns` of them, one for each component of a node."""
+    given = problem["soft" if side > 0 else "hard"]
+    zones = PLATE_ZONES if "thickness_m" in given else steps
+    host.NODES = columns
+    return host.Body(given["density_kg_per_m3"], given["shear_modulus_pa"], 0.0, side, zones, dt)
+
+
+def run(problem, form, endpoint=None):
+    """Returns the times and the jump, stress (both along the line), temperature, and the components of the velocities of a run."""
+    pair = problem_answers.Pair(problem)
+    dt = DT if pair.round_trip == numpy.inf else pair.round_trip / (2 * PLATE_ZONES)
+    steps = int(problem_answers.TIMES[problem["name"]][-1] / dt) + 2
+    angle = numpy.radians(problem.get("line", {}).get("angle_degrees", 0.0))
+    tangent = numpy.array([numpy.cos(angle), numpy.sin(angle)]) if "line" in problem else numpy.ones(1)
+    soft, hard = (body(problem, side, steps, dt, len(tangent)) for side in (1, -1))
+    soft.velocity += pair.jump * tangent[:, None]
+    rows = []
+    shaped = lambda values: values[None, :] if len(tangent) > 1 else values  # one node
+    with shearbus.open(scene_of(problem), [0], endpoint, closure="error") as bus:
+        for step in range(steps):
+            length = dt if step else dt / 2
+            pressure = problem["pressure"]["pressure_pa"][numpy.searchsorted(problem["pressure"]["time_s"], step * dt, "right") - 1]
+            jump, far = soft.velocity[:, 0] - hard.velocity[:, 0], (soft.stress[:, 0], hard.stress[:, 0])
+            inputs = {"stress_soft": shaped(far[0]), "stress_hard": shaped(far[1]), "mass_soft": soft.half_mass, "mass_hard": hard.half_mass}
+            if form == "stick":
+                impedance = 1 / (length * (1 / soft.half_mass + 1 / hard.half_mass))
+                free = jump + length * (far[0] / soft.half_mass + far[1] / hard.half_mass)
+                inputs = {"impedance": impedance, "stick_stress": shaped(impedance * free)}
+            answer = bus.step(length, jump=shaped(jump), pressure=pressure, step=step, **inputs)
+            stress = numpy.reshape(answer.stress, -1)
+            for one in (soft, hard):
+                one.accelerate(length, stress)
+                one.deform(dt)
+            rows.append([(step + 0.5) * dt, tangent @ (soft.velocity[:, 0] - hard.velocity[:, 0]), tangent @ stress, answer.temperature[0],
+                         *soft.velocity[:, 0], *hard.velocity[:, 0], *stress])
+    return smooth(numpy.array(rows).T)
+
+
+def smooth(rows):
+    """Returns rows without what alternates from step to step: after a sudden change of stress a velocity at half steps swings about its mean."""
+    inner = (rows[:, :-2] + 2 * rows[:, 1:-1] + rows[:, 2:]) / 4
+    return numpy.hstack([rows[:, :1], inner, rows[:, -1:]])
+
+
+def errors(problem, table, found):
+    """Returns the largest errors of V, s and T0 of a run against the rows of a table."""
+    times = table["time_s"]
+    expected = [table["jump_m_per_s"], table["shear_stress_pa"]]
+    values = [found[1], found[2]]
+    if "line" in problem:  # the components, which are in the table
+        names = [f"velocity_{side}_{axis}_m_per_s" for side in ("soft", "hard") for axis in "xy"]
+        expected = [numpy.hstack([table[name] for name in names]), numpy.hstack([table["friction_on_hard_x_pa"], table["friction_on_hard_y_pa"]])]
+        at = lambda rows: numpy.hstack([numpy.interp(times, found[0], row) for row in rows])
+        values = [at(found[4:8]), at(found[8:10])]
+    else:
+        values = [numpy.interp(times, found[0], row) for row in values]
+    late = times > SKIPPED * (found[0][1] - found[0][0])
+    temperature = numpy.interp(times, found[0], found[3])
+    return (abs(values[0] - expected[0]).max(), abs(values[1] - expected[1]).max() / abs(expected[1]).max(),
+            abs(temperature - table["temperature_k"])[late].max())
+
+
+def main(words):
+    measure = "--measure" in words
+    endpoint = next((word for word in words if word != "--measure"), None)
+    wrong, played = [], set()
+    for problem, path in problem_answers.problems(SOURCE / "client/examples/problems"):
+        table = numpy.genfromtxt(path, delimiter=",", names=True)
+        for form in ("far_field", "stick"):
+            found = errors(problem, table, run(problem, form, endpoint))
+            played.add(problem["name"])
+            if measure:
+                print(problem["name"], form, *(f"{value:.2e}" for value in found))
+            if any(not value <= bound for value, bound in zip(found, BOUNDS[problem["name"]])):
+                wrong.append(f"{problem['name']}, {form}: errors of V, s, T0 {found}, expected at most {BOUNDS[problem['name']]}")
+    if played != set(BOUNDS):
+        wrong.append(f"expected the problems {sorted(BOUNDS)}, found {sorted(played)}")
+    print("\n".join(wrong) or f"{len(played)} problems in both forms are as in their tables")
+    return bool(wrong)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

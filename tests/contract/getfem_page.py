@@ -1,0 +1,132 @@
+#!/usr/bin/python3
+"""Runs the listing of deploy/docs/pages/tutorials/getfem.md, in both request forms, and compares it with exact answers and with what the page
+prints; then the conformity kit on it. Exit code 77 where GetFEM is not installed.
+
+getfem_page.py --build BUILD"""
+import argparse
+import importlib.util
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+PAGE = SOURCE / "deploy/docs/pages/tutorials/getfem.md"
+sys.path[:0] = [str(SOURCE / "client/python"), str(SOURCE / "tests/contract")]
+if importlib.util.find_spec("getfem") is None or importlib.util.find_spec("scipy") is None:
+    print("skipped: expected the modules getfem and scipy, found none (packages python3-getfem++, python3-scipy)")
+    sys.exit(77)
+
+import numpy  # noqa: E402
+import problem_answers  # noqa: E402
+import tomllib  # noqa: E402
+
+FORMS = ("far_field", "stick")
+PROBLEMS = {"two_half_spaces": "constant_friction", "finite_plate": "finite_plate", "brake": "stick_slip_brake", "hot_spot": "softening_friction"}
+
+
+def listing():
+    return re.search(r"^<!-- file: getfem_host.py -->\n```python\n(.*?)^```", PAGE.read_text(), re.M | re.S)[1]
+
+
+class Run:
+    """What a run of the listing has at the end of each step: means over the interface, and spreads over its nodes."""
+
+    def __init__(self, host, name, form):
+        soft, hard, steps = host.problem(name, form)
+        blocks = soft, hard
+        energy = sum((block.mass * (block.v**2).sum(2)).sum() / 2 for block in blocks)
+        rows, self.heat = [], 0.0
+        for time, area, jump, answer in steps:
+            mean = lambda values: values @ area / area.sum()
+            self.heat += answer.friction_heat @ area
+            rows.append((time, mean(jump), mean(answer.stress), mean(answer.temperature), numpy.ptp(jump), numpy.argmax(answer.temperature),
+                         answer.stress[6], answer.temperature.max()))
+        self.time, self.jump, self.stress, self.temperature, self.spread, self.hottest, self.spot, self.highest = numpy.array(rows).T
+        for block in blocks:  # kinetic, elastic, and that of the initial stress
+            energy -= (block.mass * (block.v**2).sum(2)).sum() / 2
+            energy -= (block.u - host.DT * block.v).ravel() @ (block.stiffness @ block.u.ravel()) / 2 - block.push * block.u[0, :, 1].sum()
+        self.lost = energy
+        self.end = f"{time * 1e9:.1f} ns: [V] {abs(self.jump[-1]):.2f} m/s, s {self.stress[-1] / 1e6:.2f} MPa, T0 up to {self.highest[-1]:.1f} K"
+
+    def mean(self, values, start, end):
+        return values[(self.time > start) & (self.time < end)].mean()
+
+
+def faults_of(name, run):
+    """Yields what a run has that is not exact to the accuracy of its mesh."""
+    problem = tomllib.loads((SOURCE / f"client/examples/problems/{PROBLEMS[name]}.toml").read_text())
+    pair = problem_answers.Pair(problem)
+
+    def near(what, found, expected, most):
+        if not abs(found - expected) <= most:
+            yield f"{name}: expected {what} {expected:.9g} within {most:g}, found {found:.9g}"
+
+    if name == "hot_spot":
+        half = run.time > run.time[-1] / 2
+        yield from near("the mean jump (m/s)", run.jump[half].mean(), (pair.jump - run.stress / pair.both)[half].mean(), 0.05)
+        soft, hard = (problem[side]["conductivity_w_per_m_k"] / problem[side]["diffusivity_m2_per_s"] ** 0.5 for side in ("soft", "hard"))
+        yield from near("the heat of the soft side over the energy lost", run.heat / run.lost, soft / (soft + hard), 1e-3)
+        if set(run.hottest) != {6} or not run.spot[0] < 0.8 * run.stress[0] or run.spread.max() < 1:
+            yield f"{name}: the spot is not the hottest node and the one with the least friction"
+        return
+    yield from near("the spread of the jumps (m/s)", run.spread.max(), 0, 1e-8)
+    edges = [n * pair.round_trip for n in range(4)] if pair.round_trip < 1 else [0, 4e-7]
+    for start, end in zip(edges, edges[1:]):
+        start, end = start + 0.5 * (end - start), end - 10e-9
+        if run.time[-1] > end or name == "two_half_spaces":
+            stress, soft, hard, temperature = problem_answers.braked(problem, numpy.array([(start + end) / 2, 2e-6]))
+            yield from near(f"the mean jump (m/s) around {(start + end) / 2:g} s", run.mean(run.jump, start, end), soft[0] - hard[0], 0.05)
+            yield from near(f"the mean stress (Pa) around {(start + end) / 2:g} s", run.mean(run.stress, start, end), stress[0], 0.5e6)
+            yield from near(f"T0 (K) at {(start + end) / 2:g} s", numpy.interp((start + end) / 2, run.time, run.temperature), temperature[0], 0.5)
+    if name == "brake":
+        yield from near("the slip (m)", run.jump.sum() * (run.time[1] - run.time[0]), (22.1838804 + 10.6061766) * pair.round_trip, 5e-8)
+        yield from near("the time of rest (s)", run.time[numpy.argmax(abs(run.jump) < 1e-6)], 2 * pair.round_trip, 30e-9)
+        yield from near("the jump at the end (m/s)", run.jump[-1], 0, 1e-9)
+
+
+def faults(host, path, build):
+    page = PAGE.read_text()
+    for name in PROBLEMS:
+        runs = [Run(host, name, form) for form in FORMS]
+        for run in runs:
+            yield from faults_of(name, run)
+        for what in ("jump", "stress", "temperature"):
+            a, b = (getattr(run, what) for run in runs)
+            if abs(a - b).max() > 1e-9 * abs(a).max():
+                yield f"{name}: the two forms differ in {what} by {abs(a - b).max():g}"
+        if runs[0].end not in page:
+            yield f"{name}: the page does not print {runs[0].end!r}"
+    for form in FORMS:
+        command = [sys.executable, "-B", "-m", "shearbus.conformity", *(word for name in ("two_half_spaces", "finite_plate", "restart") for word in ("--scenario", name)),
+                   "--", sys.executable, "-B", str(path), "@problem", form]
+        kit = subprocess.run(command, cwd=SOURCE, env=environment(build), text=True, capture_output=True)
+        if kit.returncode:
+            yield f"the conformity kit, {form}: {kit.stdout[-2000:]}{kit.stderr[-1000:]}"
+
+
+def environment(build):
+    return {**os.environ, "PYTHONPATH": str(SOURCE / "client/python"), "SHEARBUS_LIBRARY": str(build / "lib")}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--build", type=pathlib.Path, required=True)
+    options = parser.parse_args()
+    os.environ.update(environment(options.build))
+    os.chdir(SOURCE)  # where the page stands
+    with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
+        path = pathlib.Path(directory, "getfem_host.py")
+        path.write_text(listing())
+        spec = importlib.util.spec_from_file_location("getfem_host", path)
+        host = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(host)
+        found = list(faults(host, path, options.build))
+    print("\n".join(found) or f"{len(PROBLEMS)} problems in both forms have their exact answers, and the kit passes")
+    return bool(found)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,224 @@
+"""A server over time and seen by others than its operator: a key that is taken off the list, a socket whose file is
+removed, endpoints and host names that mean nothing, what a user who is no operator is told. Needs --server, --ctl and
+--source."""
+import argparse
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import urllib.request
+
+parser = argparse.ArgumentParser()
+for option in ("server", "ctl", "source"):
+    parser.add_argument(f"--{option}", required=True)
+OPTIONS, REST = parser.parse_known_args()
+sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
+import shearbus  # noqa: E402
+from shearbus import connection  # noqa: E402
+
+SCENE = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
+PATIENCE_S = 30.0
+
+
+class OverTime(unittest.TestCase):
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory(prefix="shearbus-time-")
+        self.addCleanup(scratch.cleanup)
+        self.path = pathlib.Path(scratch.name)
+        self.file = self.path / "servers/one"
+        self.file.parent.mkdir()
+
+    def serve(self, bind, *arguments):
+        log = self.path / "log"
+        with open(log, "w", encoding="utf8") as out:
+            server = subprocess.Popen([OPTIONS.server, "--bind", bind, "--threads", "1", "--endpoint-file", self.file,
+                                       *map(str, arguments)], stdout=out, stderr=out)
+        server.text = lambda: log.read_text(encoding="utf8")
+
+        def end():
+            if server.poll() is None:
+                server.kill()
+            server.wait()
+        self.addCleanup(end)
+        self.until(lambda: "listening on" in server.text() or server.poll() is not None, server)
+        return server
+
+    def until(self, holds, server):
+        end = time.monotonic() + PATIENCE_S
+        while not holds():
+            self.assertLess(time.monotonic(), end, server.text())
+            time.sleep(0.02)
+
+    def run_ctl(self, *words):
+        return subprocess.run([OPTIONS.ctl, *map(str, words)], capture_output=True, text=True, timeout=60, check=False)
+
+    def ctl(self, *words):
+        done = self.run_ctl(*words)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        return done.stdout
+
+    def keys(self):
+        """Makes keys of a server, an operator and a user. Returns the server's options."""
+        self.ctl("keygen", self.path / "server")
+        self.ctl("keygen", "--operator", self.path / "operator")
+        self.ctl("keygen", self.path / "user")
+        self.authorise("operator", "user")
+        return "--curve-secret", self.path / "server.secret", "--authorized-keys", self.path / "keys"
+
+    def authorise(self, *names):
+        """Replaces the list of authorised keys, as an editor does."""
+        made = self.path / "keys.new"
+        made.write_text("".join((self.path / f"{name}.public").read_text() for name in names))
+        made.chmod(0o600)
+        made.rename(self.path / "keys")
+
+    def open(self, endpoint=None, **options):
+        session = shearbus.open(SCENE, range(4), endpoint or f"file://{self.file}", closure="off",
+                                **{"reply_deadline": PATIENCE_S, **options})
+        self.addCleanup(session.leave)
+        return session
+
+    def step(self, session):
+        return session.step(1e-9, jump=10.0, pressure=1e8, stress_soft=0.0, stress_hard=0.0, mass_soft=1.0, mass_hard=1.0)
+
+    def test_a_key_that_is_taken_off_the_list_is_refused_on_its_connections(self):
+        server = self.serve("tcp://127.0.0.1:*", *self.keys())
+        user, other = self.open(key=self.path / "user.secret"), self.open(key=self.path / "operator.secret")
+        self.step(user), self.step(other)
+        self.authorise("operator")
+        time.sleep(1.5)
+        with self.assertRaises(shearbus.Error) as fault:
+            self.step(user)
+        self.assertEqual(fault.exception.code, shearbus.Code.NOT_PERMITTED)
+        self.assertIn("list of authorised keys", str(fault.exception))
+        self.assertIn("was revoked", server.text())
+        self.step(other)
+        # The states are as they were, and the key may come back.
+        self.authorise("operator", "user")
+        time.sleep(1.5)
+        self.step(user)
+        self.assertIn("is authorised again", server.text())
+
+    def test_a_list_that_cannot_be_used_revokes_nothing_and_says_so(self):
+        server = self.serve("tcp://127.0.0.1:*", *self.keys())
+        user = self.open(key=self.path / "user.secret")
+        (self.path / "keys").chmod(0o666)
+        self.until(lambda: "ALARM: no key is admitted" in server.text(), server)
+        self.step(user)
+        (self.path / "keys").chmod(0o600)
+        time.sleep(1.5)
+        self.step(user)
+        self.assertEqual(server.text().count("ALARM"), 1)
+
+    def test_a_user_who_is_no_operator_is_told_nothing_false(self):
+        self.serve("tcp://127.0.0.1:*", *self.keys(), "--state-dir", self.path / "state")
+        user = self.open(key=self.path / "user.secret")
+        self.step(user)
+        told = ["status", "--server", f"file://{self.file}", "--key"]
+        of_operator = self.ctl(*told, self.path / "operator.secret")
+        for hidden in ("journal", "connections", "process", "turns"):
+            self.assertIn(f"\n{hidden} ", of_operator)
+        self.assertIn("1 of yours with 4 nodes", text := self.ctl(*told, self.path / "user.secret"))
+        for hidden in ("\njournal", "\nconnections", "\nprocess", "\nturns", "ADMITTED", " 0 files", "0.0 MB resident"):
+            self.assertNotIn(hidden, text)
+        told.insert(1, "--json")
+        for hidden in ("checkpoints", "journal_bytes", "resident_bytes", "open_files", "longest_turn_s"):
+            self.assertIn(hidden, json.loads(self.ctl(*told, self.path / "operator.secret")))
+            self.assertNotIn(hidden, json.loads(self.ctl(*told, self.path / "user.secret")))
+        metrics = self.ctl("metrics", "--server", f"file://{self.file}", "--key", self.path / "user.secret")
+        self.assertIn("shearbus_sessions 1", metrics)
+        for hidden in ("admitting", "resident", "open_files", "journal", "checkpoints", "connections", "messages"):
+            self.assertNotIn(f"shearbus_{hidden}", metrics)
+        all_of = self.ctl("status", "--all", self.file.parent, "--key", self.path / "user.secret")
+        self.assertIn("1 session of yours", all_of)
+
+    def test_metrics_are_not_served_to_the_world_by_a_port_alone(self):
+        self.serve(f"ipc://{self.path}/bus/s")
+        for address in ("9464", ":9464", "+9464", "127.0.0.1:0,9464", "localhost", ""):
+            refused = self.run_ctl("metrics", "--server", f"file://{self.file}", f"--listen={address}")
+            self.assertNotEqual(refused.returncode, 0, address)
+            if address:
+                self.assertIn("127.0.0.1:9464", refused.stderr, address)
+        served = subprocess.Popen([OPTIONS.ctl, "metrics", "--server", f"file://{self.file}", "--listen", "127.0.0.1:0"],
+                                  stdout=subprocess.PIPE, text=True)
+        self.addCleanup(served.stdout.close)
+        self.addCleanup(served.wait)
+        self.addCleanup(served.terminate)
+        port = int(served.stdout.readline().split()[3].rstrip(","))
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30) as answer:
+            self.assertIn("shearbus_sessions", answer.read().decode())
+
+    def test_a_socket_whose_file_was_removed_is_made_again_and_connections_stay(self):
+        socket = self.path / "bus/s"
+        server = self.serve(f"ipc://{socket}")
+        before = self.open()
+        self.step(before)
+        for remove in (socket.unlink, lambda: shutil.rmtree(socket.parent)):
+            made = socket.stat().st_ino
+            remove()
+            self.until(lambda: socket.exists() and socket.stat().st_ino != made, server)
+            self.assertIn("was removed", server.text())
+            self.step(before)
+            with self.open() as after:
+                self.step(after)
+            self.assertEqual(socket.stat().st_mode & 0o077, 0)
+            second = subprocess.run([OPTIONS.server, "--bind", f"ipc://{socket}"], capture_output=True, text=True,
+                                    timeout=60, check=False)
+            self.assertEqual(second.returncode, 1)
+            self.assertIn("another server listens", second.stderr)
+        self.assertEqual(server.text().count("ALARM"), 2)
+        server.send_signal(signal.SIGTERM)
+        self.assertEqual(server.wait(timeout=PATIENCE_S), 0)
+        self.assertFalse(socket.exists())
+
+    def test_what_stands_in_the_place_of_a_removed_socket_is_left_alone(self):
+        socket = self.path / "bus/s"
+        server = self.serve(f"ipc://{socket}")
+        before = self.open()
+        socket.unlink()
+        socket.write_text("a file of somebody")
+        self.until(lambda: "cannot be made again" in server.text(), server)
+        time.sleep(2.5)
+        self.step(before)
+        self.assertEqual(server.text().count("cannot be made again"), 1)
+        server.send_signal(signal.SIGTERM)
+        self.assertEqual(server.wait(timeout=PATIENCE_S), 0)
+        self.assertEqual(socket.read_text(), "a file of somebody")
+
+    def test_a_host_name_is_no_address_to_listen_on(self):
+        for host in ("localhost", "nosuchhost.invalid", "eth99"):
+            done = subprocess.run([OPTIONS.server, "--bind", f"tcp://{host}:7447", "--insecure-plaintext"],
+                                  capture_output=True, text=True, timeout=60, check=False)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn(f'"{host}" is neither an address nor a network interface', done.stderr)
+            self.assertIn("tcp://127.0.0.1:7447", done.stderr)
+
+    def test_a_host_name_that_does_not_resolve_is_named(self):
+        endpoint = "tcp://nosuchhost.invalid:7447"
+        said = self.run_ctl("status", "--server", endpoint, "--timeout", "0.3").stderr
+        self.assertIn('the host name "nosuchhost.invalid" does not resolve', said)
+        self.assertNotIn("--bind", said)
+        with self.assertRaises(shearbus.Error) as fault:
+            self.open(endpoint, connect_deadline=0.3)
+        self.assertIn('the host name "nosuchhost.invalid" does not resolve', str(fault.exception))
+        said = self.run_ctl("status", "--server", "tcp://127.0.0.1:1", "--timeout", "0.3").stderr
+        self.assertIn("no server answered", said)
+
+    def test_a_host_with_ipv6_alone_is_explained(self):
+        whole = connection.socket_library.getaddrinfo
+        connection.socket_library.getaddrinfo = lambda *_, **__: [(connection.socket_library.AF_INET6, 1, 6, "",
+                                                                   ("fd00::1", 0, 0, 0))]
+        self.addCleanup(setattr, connection.socket_library, "getaddrinfo", whole)
+        with self.assertRaises(shearbus.Error) as fault:
+            self.open("tcp://six.invalid:7447", connect_deadline=0.3)
+        self.assertIn("reached by their numbers: tcp://[fd00::1]:7447", str(fault.exception))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *REST])

@@ -1,0 +1,162 @@
+"""Texts of strangers (scenes, tables, files and their names, endpoint files) with commands to a terminal and ends of
+lines in every place: no program prints them, and none makes a second line of them. Needs --server, --ctl, --hydro,
+--replay, --report and --source."""
+import argparse
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import h5py
+import numpy as np
+
+parser = argparse.ArgumentParser()
+for option in ("server", "ctl", "hydro", "replay", "report", "source"):
+    parser.add_argument(f"--{option}", required=True)
+OPTIONS, REST = parser.parse_known_args()
+sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
+import shearbus  # noqa: E402
+
+os.environ["SHEARBUS_SERVER"] = OPTIONS.server  # of the sessions below
+
+EVIL = "x\x1b[2J\x07\u009b31m\u202e\nforged: line"
+TOML = '"x\\u001b[2J\\u0007\\u009b31m\\u202e\\nforged: line"'
+SCENE = """name = "plain"
+strategy = "velocity_driven"
+[soft]
+material = "aluminium_dlp"
+[hard]
+material = "steel_dlp"
+"""
+COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]")
+
+
+class HostileTexts(unittest.TestCase):
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory(prefix="shearbus-texts-")
+        self.addCleanup(scratch.cleanup)
+        self.path = pathlib.Path(scratch.name)
+        self.said = 0
+
+    def check(self, text, what, quoted=True):
+        self.assertNotRegex(text, COMMANDS, what)
+        self.assertFalse([line for line in text.splitlines() if line.startswith("forged")], f"{what}: {text}")
+        if quoted:
+            self.assertIn("\\x1b[2J", text, f"{what}: the name is shown, escaped")
+        self.said += 1
+
+    def run_program(self, program, *words, code=1, quoted=True):
+        done = subprocess.run([getattr(OPTIONS, program), *map(os.fspath, words)], capture_output=True, timeout=120, check=False,
+                              cwd=self.path)
+        text = (done.stdout + done.stderr).decode("utf8", "surrogateescape")
+        self.assertIn(done.returncode, code if isinstance(code, tuple) else (code,), text)
+        self.check(text, f"{program} {words}", quoted)
+        return text
+
+    def file(self, name, text):
+        path = self.path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    def scenes(self):
+        """Scenes with the text in every place."""
+        yield "unknown key", f"{TOML} = 1\n" + SCENE
+        yield "unknown table", SCENE + f"[{TOML}]\n"
+        yield "key of a table", SCENE.replace("[hard]", f"{TOML} = 1\n[hard]")
+        yield "material", SCENE.replace('"steel_dlp"', TOML)
+        yield "choice", SCENE.replace('"velocity_driven"', TOML)
+        yield "text for a number", SCENE + f"[layer]\nthickness_m = {TOML}\n"
+        yield "name of a pair", SCENE + f"[pair.{TOML}.soft]\nmaterial = 'aluminium_dlp'\n"
+        yield "material of a pair", SCENE + f"[pair.a.soft]\nmaterial = {TOML}\n"
+        yield "number for a table", f"soft = {TOML}\n" + SCENE.replace('[soft]\nmaterial = "aluminium_dlp"\n', "")
+
+    def test_scenes_in_programs_and_in_refusals(self):
+        session = None
+        for what, text in self.scenes():
+            scene = self.file("scene.toml", text)
+            said = self.run_program("ctl", "check", scene)
+            self.assertRegex(said, r"scene\.toml:\d+:\d+: ", what)
+            with self.assertRaises(shearbus.Error) as fault:
+                session = shearbus.open(text, [1], closure="off")
+            self.check(str(fault.exception) + fault.exception.field, what)
+            self.check(fault.exception.text, what)
+        self.assertIsNone(session)
+        self.file("scene.toml", f"name = {TOML}\n" + SCENE.split("\n", 1)[1])
+        self.run_program("ctl", "check", "scene.toml", quoted=False)
+        hydro = self.file("hydro.toml", SCENE + f"[hydro]\n{TOML} = 1\n")
+        self.run_program("hydro", hydro)
+
+    def test_names_of_files(self):
+        scene = self.file(EVIL + ".toml", f"{TOML} = 1\n" + SCENE)
+        good = self.file("good.toml", SCENE)
+        for program, *words in (("ctl", "check", scene), ("ctl", "check", scene.with_suffix(".gone")), ("hydro", scene),
+                                ("replay", scene, "--scene", good, "--out", "out.h5"),
+                                ("replay", self.path / EVIL, "--scene", good, "--out", "out.h5"),
+                                ("report", scene),
+                                ("ctl", "status", "--server", f"file://{self.path}/{EVIL}", "--timeout", "0.1"),
+                                ("server", "--bind", f"ipc://{self.path}/{EVIL}/no/s"),
+                                ("server", "--bind", f"ipc://{self.path}/bus/s", "--state-dir", scene),
+                                ("server", "--bind", f"ipc://{self.path}/bus/s", "--log-file", scene / "log")):
+            self.run_program(program, *words, code=(1, 2))
+        self.run_program("replay", "plot", scene, "--out", "out.png", code=(1, 2), quoted=False)
+        self.assertFalse((self.path / "out.h5").exists())
+
+    def test_tables_and_histories(self):
+        scene = self.file("good.toml", SCENE)
+        rows = "\n1e-9,1,100,5e9\n"
+        tables = {"unit": f"time [s],node_id,velocity_jump [m/s\x1b[2J],pressure [Pa]{rows}",
+                  "column": f"time [s],node_id,velocity_jump\x1b[2J [m/s],pressure [Pa]{rows}",
+                  "number": "time [s],node_id,velocity_jump [m/s],pressure [Pa]\n1e-9,1,1\x1b[2J0,5e9\n",
+                  "id": "time [s],node_id,velocity_jump [m/s],pressure [Pa]\n1e-9,1\x1b[2J,10,5e9\n"}
+        for what, text in tables.items():
+            self.run_program("replay", self.file(f"{what}.csv", text), "--steps", "--scene", scene, "--out", "out.h5",
+                             quoted=what != "column")  # a column that nobody asks for is not named
+        for what in ("parameter", "dataset"):
+            with h5py.File(self.path / "history.h5", "w") as file:
+                file["time"] = [1e-9]
+                file["node_id"] = np.array([1], np.uint64)
+                file["pressure"], file["velocity_jump"] = [[5e9]], [[100.0]]
+                file[f"parameter/{EVIL}" if what == "parameter" else EVIL] = [1.0]
+            self.run_program("replay", "history.h5", "--scene", scene, "--out", "out.h5", code=(0, 1), quoted=what == "parameter")
+
+    def test_parameters_marks_and_names_of_sessions(self):
+        with shearbus.open(SCENE, [1], closure="off") as session:
+            for call in (lambda: session.mark(EVIL), lambda: session.rollback_to(EVIL),
+                         lambda: shearbus.open(SCENE, [1], closure="off", parameters={EVIL: 1.0}),
+                         lambda: shearbus.open(SCENE, [1], closure="off", pair=EVIL),
+                         lambda: shearbus.open(SCENE, [1], closure="off", domain=EVIL)):
+                with self.assertRaises((shearbus.Error, ValueError)) as fault:
+                    call()
+                self.check(str(fault.exception), str(fault.exception), quoted=False)
+
+    def test_endpoint_files_and_the_log(self):
+        directory = self.path / "servers"
+        directory.mkdir()
+        contents = 'version = "{0}"\nhost = "{0}"\nserver_key = ""\nendpoint = "{1}"\nepoch = "{0}"\n'
+        (directory / EVIL).write_text(contents.format("1", "ipc:///nowhere/s"))
+        (directory / "content").write_text(contents.format("x\x1b[2J", "ipc:///nowhere/\x1b[2J"))
+        said = self.run_program("ctl", "status", "--all", directory, "--timeout", "0.1")
+        self.assertEqual(len(said.splitlines()), 2, said)
+        self.run_program("ctl", "status", "--all", directory, "--timeout", "0.1", "--json", quoted=False)
+        log = self.path / "log"
+        server = subprocess.Popen([OPTIONS.server, "--bind", f"ipc://{self.path}/bus/s", "--log-file", log],
+                                  stderr=subprocess.DEVNULL)
+        self.addCleanup(server.wait)
+        self.addCleanup(server.kill)
+        while not log.exists() or "listening" not in log.read_text():
+            time.sleep(0.02)
+        for options in ({"domain": "a\u202eb"}, {"domain": EVIL}):
+            try:
+                session = shearbus.open(SCENE, [1], f"ipc://{self.path}/bus/s", closure="off", **options)
+                session.close()
+            except shearbus.Error as fault:
+                self.check(str(fault), "the domain", quoted=False)
+        self.check(log.read_text(), "the log", quoted=False)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *REST])
