@@ -608,7 +608,7 @@ class Losses(Live):
         threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
         with self.assertRaises(KeyboardInterrupt):
             bus.step(1e-9, **drive(50, 60, 70))
-        server.process.send_signal(signal.SIGCONT)
+        threading.Timer(0.4, server.process.send_signal, (signal.SIGCONT,)).start()  # the next call waits, too
         self.assertEqual(bus.close().node_steps, 3)
 
     def test_a_server_without_durability_that_was_replaced_is_told(self):

@@ -170,8 +170,8 @@ class Host:
                         say(line)
             except GeneratorExit:
                 return
-            except BaseException as fault:  # raised when the call has ended
-                raised.append(fault)
+            except BaseException as fault:  # raised when the call has ended, without this frame: who clears it ends the generator
+                raised.append(fault.with_traceback(fault.__traceback__.tb_next))
 
     def give_to(self, options):
         options.log, options.log_user, options.interrupted = self.log, APPENDED, self.interrupted
