@@ -18,13 +18,13 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(SOURCE / "client/python"))
 import numpy  # noqa: E402
 import shearbus  # noqa: E402
-from shearbus.conformity.mock_server import EPOCH, OK, read, varint  # noqa: E402
+from shearbus.conformity.mock_server import EPOCH, OK, Problem, read, varint  # noqa: E402
 
 spec = importlib.util.spec_from_file_location("host", SOURCE / "client/examples/host.py")
 example = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(example)
 
-STEPS = {"two_half_spaces": 100, "finite_plate": 350}
+STEPS = {"two_half_spaces": 100, "finite_plate": 350, "stick_slip_brake": 1000, "opening_and_closing": 300}
 DEPTH, PLATE_ZONES = 0.5e-3, 100  # of the plate, m
 RETRY_S = 0.1
 # Fault -> the check of the kit that must notice it, and the scenario that shows it.
@@ -51,17 +51,21 @@ FAULTS = {
     "repeats_on_the_same_socket": ("fresh_socket", "losses"),
     "takes_any_reply": ("closure", "losses"),
     "goes_on_after_a_restart": ("restart", "restart"),
+    "pressure_of_the_start": ("pressure", "opening_and_closing"),
+    "friction_without_stick": ("rest", "stick_slip_brake"),
+    "friction_while_open": ("closure", "opening_and_closing"),
 }
 
 
 def run(endpoint, problem, fault=None):
     """Runs a host on a problem. Raises shearbus.Error if it cannot."""
     steps, dt = STEPS[problem], example.DT
-    plate = problem == "finite_plate" and fault != "plate_without_a_back"
-    if problem == "finite_plate":
+    finite = problem in ("finite_plate", "stick_slip_brake")
+    plate = finite and fault != "plate_without_a_back"
+    if finite:
         dt = DEPTH / PLATE_ZONES * numpy.sqrt(2703.0 / 27.6e9)
     transit = 2 * dt if fault == "whole_first_step_of_long_zones" else dt
-    soft = example.Body(2703.0, 27.6e9, example.INITIAL_JUMP, +1, PLATE_ZONES if plate else steps, transit)
+    soft = example.Body(2703.0, 27.6e9, Problem(problem).jump, +1, PLATE_ZONES if plate else steps, transit)
     hard = example.Body(7900.0, 77e9, 0.0, -1, steps, transit)
     masses = [body.half_mass * (2 if fault == "masses_of_whole_zones" else 1) for body in (soft, hard)]
     area = 0.9 if fault == "small_area" else 1.0  # that the host takes for the area of a node, relative to the true one
@@ -73,14 +77,15 @@ def run(endpoint, problem, fault=None):
             endpoint = stack.enter_context(Spoiler(endpoint, fault)).endpoint
         bus = shearbus.open(example.SCENE, range(3), endpoint, connect_deadline=5.0, reply_deadline=2.0, retry_after=RETRY_S,
                             closure="off")
-        play(bus, fault, steps, dt, soft, hard, masses, area)
+        play(bus, problem, fault, steps, dt, soft, hard, masses, area)
         if fault == "never_closes":
             bus.leave()
         bus.__exit__(None)
 
 
-def play(bus, fault, steps, dt, soft, hard, masses, area):
+def play(bus, problem, fault, steps, dt, soft, hard, masses, area):
     """Plays a run of a host into a session."""
+    pressure_at = Problem("two_half_spaces" if fault == "pressure_of_the_start" else problem).pressure
     nodes, first = slice(0, 3), None
     for step in range(steps):
         length = dt if step > 0 or (fault or "").startswith("whole_first_step") else dt / 2
@@ -93,9 +98,13 @@ def play(bus, fault, steps, dt, soft, hard, masses, area):
             inputs = {"stick_stress": z * (free + (0 if fault == "stick_stress_without_jump" else jump)),
                       "impedance": masses[0] / length if fault == "impedance_of_one_side" else z}
         answer = bus.step(length, jump=-jump if fault == "sign_of_the_jump" else jump,
-                          pressure=1.0 if fault == "pressure_in_gpa" else 1e9, step=step, **inputs)
+                          pressure=1.0 if fault == "pressure_in_gpa" else pressure_at(step * dt), step=step, **inputs)
         first = answer.stress[0] if first is None else first
         stress = answer.stress[0] if fault != "stress_of_the_first_step_for_ever" else first * 1.01
+        if fault == "friction_without_stick" and abs(stress) > 0:
+            stress = numpy.copysign(example.FRICTION * 0.5e9, stress)
+        if fault == "friction_while_open":
+            stress = first
         stress = stress * area
         soft.accelerate(length, stress)
         hard.accelerate(length, 0.0 if fault == "one_side_only" else stress)

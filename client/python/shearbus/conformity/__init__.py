@@ -15,7 +15,10 @@ SCENARIOS = {
     "finite_plate": ("finite_plate", PROBLEM_CHECKS),
     "losses": ("two_half_spaces", mock_server.REPEATED + ["sequence", "closure", "jump", "closed"]),
     "restart": ("two_half_spaces", mock_server.RESTARTED + ["sequence", "closure", "jump", "closed"]),
+    "stick_slip_brake": ("stick_slip_brake", PROBLEM_CHECKS + ["rest"]),
+    "opening_and_closing": ("opening_and_closing", PROBLEM_CHECKS),
 }
+DEFAULT = ("two_half_spaces", "finite_plate", "losses", "restart")  # the others need a host whose pressure changes with time
 
 
 def play(scenario, client, delay):
@@ -65,7 +68,7 @@ def command_client(command, timeout):
     return client
 
 
-def judge(client, delay, server=None, scenarios=tuple(SCENARIOS)):
+def judge(client, delay, server=None, scenarios=DEFAULT):
     """Plays the scenarios, and the problems against a real server if one is given. Prints what failed. Returns (checks
     that hold, checks)."""
     good = total = 0
