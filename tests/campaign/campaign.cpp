@@ -113,7 +113,7 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   // 300 sums over the layer; both together seldom evaluate more than 100. Each slip that is tried has a search of its own
   // for the stress of the contact.
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
-          .limit_values = (options.plastic_layer ? 60 * 30 : 60) * kLanes * solves,
+          .limit_values = (options.plastic_layer ? 60 * 200 : 60) * kLanes * solves,
           .newton_steps = 20000,
           .guarded_steps = kLanes};
 }

@@ -168,7 +168,6 @@ std::vector<Physics> all_physics() {
                               {"force, plastic layer, sleep", sleeping(plastic_layer)},
                               {"force, plastic layer, weakening", flowing_weakening},
                               {"force, plastic layer, junctions, work heats", work_heats},
-                              {"force, Preston, junctions, work heats", preston(work_heats)},
                               {"force, junctions, work heats, sleep", sleeping(work_heats)},
                               {"force, all of it", in_two_directions(two_sided(under_pressure(plastic_layer)))}};
   add_missing(base, all);

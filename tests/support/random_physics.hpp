@@ -196,7 +196,10 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     // Next to a layer that flows the contact is drawn from a copy of the generator, so that the other draws stay as they
     // were before such a layer had contact laws.
     Draw aside = draw;
-    draw_contact(options.plastic_layer ? aside : draw, extreme, options);
+    if (!options.plastic_layer)
+      draw_contact(draw, extreme, options);
+    else if (!extreme)
+      draw_contact(aside, extreme, options);
   }
   if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {
     options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();

@@ -400,7 +400,11 @@ double FlowingSlip::slip_balance(double slip) const {
 void FlowingSlip::end_slip(double v) {
   kind_ = Kind::kSlip;
   ask_slip(Phase::kDone, v);
-  if (at_ceiling_) load_ = slip_load(std::min(load_.stress, layer_at(load_)), v);
+  // At the ceiling of the layer the heat is kept, and with it the temperature of which the ceiling is one.
+  if (const double most = layer_at(load_); at_ceiling_ && most > 0.0 && most < load_.stress) {
+    slip_ *= load_.stress / most;
+    load_.stress = most;
+  }
   load_ = solid(load_);
 }
 
