@@ -23,7 +23,7 @@ nitpicky = True
 nitpick_ignore_regex = [
     (r"(c|cpp):.*", r"std|std::.*|u?int\d+_t|size_t|ptrdiff_t|MPI_Comm"),
     (r"cpp:.*", r"Values?|Function|Opening|Arguments|shearbus(::v1)?|(shearbus|SHEARBUS)_\w+"),
-    (r"py:.*", r"(numpy|zmq|enum|pathlib)\..*|Warning|optional|Bit|IntFlag|IntEnum"),
+    (r"py:.*", r"(numpy|zmq|enum|pathlib|types)\..*|Warning|optional|Bit|IntFlag|IntEnum"),
 ]
 
 breathe_projects = {"shearbus": os.environ["SHEARBUS_DOXYGEN"]}

@@ -1,7 +1,9 @@
 #!/usr/bin/python3
 """Runs the host of client/examples/host.py, in both request forms, on each problem of client/examples/problems, and compares it with the tables.
 
-friction_problems.py [ENDPOINT] [--measure]     without an endpoint the server runs in this process"""
+friction_problems.py [ENDPOINT] [--measure | --self-test]     without an endpoint the server runs in this process
+--measure prints the errors; --self-test runs hosts that begin a thousandth too fast, which must be noticed"""
+import copy
 import importlib.util
 import pathlib
 import sys
@@ -102,9 +104,24 @@ def errors(problem, table, found):
             abs(temperature - table["temperature_k"])[late].max())
 
 
+def self_test(endpoint):
+    """Returns the problems in which a host that begins a thousandth too fast was not noticed."""
+    missed = []
+    for problem, path in problem_answers.problems(SOURCE / "client/examples/problems"):
+        wrong = copy.deepcopy(problem)
+        wrong["start"]["velocity_jump_m_per_s"] *= 1.001
+        found = errors(problem, numpy.genfromtxt(path, delimiter=",", names=True), run(wrong, "stick", endpoint))
+        if found[0] <= BOUNDS[problem["name"]][0]:
+            missed.append(f"{problem['name']}: a start that is a thousandth too fast was not noticed, {found}")
+    return missed
+
+
 def main(words):
-    measure = "--measure" in words
-    endpoint = next((word for word in words if word != "--measure"), None)
+    measure, endpoint = "--measure" in words, next((word for word in words if not word.startswith("--")), None)
+    if "--self-test" in words:
+        missed = self_test(endpoint)
+        print("\n".join(missed) or "wrong hosts are noticed")
+        return bool(missed)
     wrong, played = [], set()
     for problem, path in problem_answers.problems(SOURCE / "client/examples/problems"):
         table = numpy.genfromtxt(path, delimiter=",", names=True)

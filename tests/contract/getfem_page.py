@@ -2,7 +2,7 @@
 """Runs the listing of deploy/docs/pages/tutorials/getfem.md, in both request forms, and compares it with exact answers and with what the page
 prints; then the conformity kit on it. Exit code 77 where GetFEM is not installed.
 
-getfem_page.py --build BUILD"""
+getfem_page.py --build BUILD [--self-test]      with hosts made wrong on purpose"""
 import argparse
 import importlib.util
 import os
@@ -21,9 +21,17 @@ if importlib.util.find_spec("getfem") is None or importlib.util.find_spec("scipy
 
 import numpy  # noqa: E402
 import problem_answers  # noqa: E402
+import shearbus  # noqa: E402
 import tomllib  # noqa: E402
 
 FORMS = ("far_field", "stick")
+WRONG = {  # mistake -> what the listing has, and what the wrong host has instead
+    "weights in the wrong order": ("shared / shared.sum(1)[:, None]", "(shared / shared.sum(1)[:, None])[:, ::-1]"),
+    "mass of whole zones": ("1 / (w @ (area_hard / m_hard))", "2 / (w @ (area_hard / m_hard))"),
+    "stick stress without forces": ('"stick_stress": impedance * free[:, X]', '"stick_stress": impedance * jump[:, X]'),
+    "another density": ("depth, 2703.0", "depth, 2900.0"),
+    "friction on one side": ("f_hard[0] -= w.T @ traction", "f_hard[0, :, Z] -= (w.T @ traction)[:, Z]"),
+}
 PROBLEMS = {"two_half_spaces": "constant_friction", "finite_plate": "finite_plate", "brake": "stick_slip_brake", "hot_spot": "softening_friction"}
 
 
@@ -112,6 +120,28 @@ def faults(host, path, build):
             yield f"the conformity kit, {form}: {kit.stdout[-2000:]}{kit.stderr[-1000:]}"
 
 
+def faults_of_listing(source, build):
+    with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
+        path = pathlib.Path(directory, "getfem_host.py")
+        path.write_text(source)
+        spec = importlib.util.spec_from_file_location("getfem_host", path)
+        host = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(host)
+        yield from faults(host, path, build)
+
+
+def noticed(right, wrong, build):
+    """Returns whether a host with one mistake has a fault, or is stopped by the closure check."""
+    source = listing()
+    assert source.count(right) == 1, right
+    try:
+        fault = next(faults_of_listing(source.replace(right, wrong), build), None)
+    except shearbus.ClosureError as error:
+        fault = str(error)
+    print(f"{right} -> {wrong}: {fault}"[:300])
+    return fault is not None
+
+
 def environment(build):
     return {**os.environ, "PYTHONPATH": str(SOURCE / "client/python"), "SHEARBUS_LIBRARY": str(build / "lib")}
 
@@ -119,17 +149,16 @@ def environment(build):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True)
+    parser.add_argument("--self-test", action="store_true")
     options = parser.parse_args()
     os.environ.update(environment(options.build))
     os.chdir(SOURCE)  # where the page stands
-    with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
-        path = pathlib.Path(directory, "getfem_host.py")
-        path.write_text(listing())
-        spec = importlib.util.spec_from_file_location("getfem_host", path)
-        host = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(host)
-        found = list(faults(host, path, options.build))
-    print("\n".join(found) or f"{len(PROBLEMS)} problems in both forms have their exact answers, and the kit passes")
+    if options.self_test:
+        found = [f"not noticed: {mistake}" for mistake, (right, wrong) in WRONG.items() if not noticed(right, wrong, options.build)]
+        print("\n".join(found) or f"{len(WRONG)} wrong hosts are noticed")
+    else:
+        found = list(faults_of_listing(listing(), options.build))
+        print("\n".join(found) or f"{len(PROBLEMS)} problems in both forms have their exact answers, and the kit passes")
     return bool(found)
 
 

@@ -1,9 +1,12 @@
 #!/usr/bin/python3
 """The answers of the friction problems of client/examples/problems, from the formulas of its README.md.
 
-problem_answers.py DIR [--write]      compares DIR/*.csv with the formulas, or writes them"""
+problem_answers.py DIR [--write]      compares DIR/*.csv with the formulas, or writes them
+problem_answers.py DIR --self-test    does so with tables that have one wrong value"""
 import pathlib
+import shutil
 import sys
+import tempfile
 import tomllib
 
 import numpy
@@ -150,13 +153,11 @@ def problems(directory):
         yield problem, path.with_suffix(".csv")
 
 
-def main(directory, write=""):
+def faults_of(directory):
+    """Returns what the tables of a directory have that is not of the formulas."""
     faults = []
-    for problem, table in problems(pathlib.Path(directory)):
+    for problem, table in problems(directory):
         columns = answer(problem)
-        if write == "--write":
-            table.write_text(text(columns))
-            continue
         lines = table.read_text().splitlines()
         if lines[0] != ",".join(columns):
             faults.append(f"{table.name}: expected the columns {','.join(columns)}, found {lines[0]}")
@@ -166,7 +167,28 @@ def main(directory, write=""):
             scale = max(abs(expected).max(), 1e-300)
             if len(values) != len(expected) or abs(values - expected).max() > 1e-8 * scale:
                 faults.append(f"{table.name}: the column {name} is not that of the formulas")
-    print("\n".join(faults) or "the tables are those of the formulas")
+    return faults
+
+
+def self_test(directory):
+    """Returns the tables whose wrong value, a millionth too much in the last line, was not noticed."""
+    with tempfile.TemporaryDirectory(prefix="shearbus-") as copy:
+        copy = pathlib.Path(shutil.copytree(directory, copy, dirs_exist_ok=True))
+        for _, table in problems(copy):
+            *lines, last = table.read_text().splitlines()
+            time, jump, stress, temperature, *rest = last.split(",")
+            table.write_text("\n".join([*lines, ",".join([time, jump, stress, format(float(temperature) * (1 + 1e-6), DIGITS), *rest])]) + "\n")
+        noticed = "\n".join(faults_of(copy))
+        return [f"{table.name}: a wrong value was not noticed" for _, table in problems(copy) if table.name not in noticed]
+
+
+def main(directory, mode=""):
+    directory = pathlib.Path(directory)
+    if mode == "--write":
+        for problem, table in problems(directory):
+            table.write_text(text(answer(problem)))
+    faults = self_test(directory) if mode == "--self-test" else faults_of(directory)
+    print("\n".join(faults) or ("wrong tables are noticed" if mode == "--self-test" else "the tables are those of the formulas"))
     return bool(faults)
 
 
