@@ -420,7 +420,7 @@ def draw(path, curves, run):
             here = np.flatnonzero(nodes == node)
             here = here[np.argsort(curve.time[here])]
             time, colour = curve.time[here] * (1.0 if strained else 1e6), f"C{k % 5}"
-            upper.plot(time, curve.values[here], ".", ms=3, color=style.FAINT, label="measured" if k == 0 else None)
+            upper.plot(time, curve.values[here], ".", ms=3, color=colour if strained else style.FAINT, label="measured" if k == 0 else None)
             upper.plot(time, model[here], lw=1.6, color=colour, label=label_of(curve, node))
             lower.plot(time, curve.values[here] - model[here], ".", ms=3, color=colour)
         upper.set_ylabel(f"{curve.quantity.replace('_', ' ')} ({run.units[curve.quantity]})")
