@@ -59,7 +59,7 @@ yield_strength_pa = 200e6
 
 guest::HydroScene cone() {
   guest::HydroScene scene =
-      hydro::load_scene(std::string(SHEARBUS_SOURCE_DIR) + "/hydro_stub/problems/cone_al_steel_coarse.toml").scene;
+      hydro::load_scene(SHEARBUS_SOURCE_DIR "/hydro_stub/problems/cone_al_steel_coarse.toml").scene;
   scene.mutable_hydro()->mutable_cone_target()->set_zone_width_m(1e-3);
   scene.mutable_hydro()->set_end_time_s(4e-6);
   return scene;

@@ -91,7 +91,8 @@ TEST(Explain, NoLineIsWiderThanATerminal) {
   const std::string reason = part(forced, "layer.inertia").excluded;
   ASSERT_GT(reason.size(), 100U);
   std::string text = forced.text();
-  const std::string margin = '\n' + std::string(46, ' ');
+  std::string margin(47, ' ');
+  margin.front() = '\n';
   EXPECT_THAT(text, HasSubstr(margin));
   for (std::size_t at = 0; (at = text.find(margin, at)) != std::string::npos;) {
     text.erase(at, margin.size() - 1);  // leaves one space of the margin
