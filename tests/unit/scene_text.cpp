@@ -545,7 +545,9 @@ TEST(SceneReference, HasEveryTable) {
     EXPECT_THAT(scene, ::testing::Not(HasSubstr(heading)));
     EXPECT_THAT(hydro, HasSubstr(heading));
   }
-  EXPECT_THAT(scene, HasSubstr("| `thickness_m` | number | m | 2e-05 | above 0 and at most 1 m; usually from 1e-08 to 0.01 m |"));
+  EXPECT_THAT(
+      scene,
+      HasSubstr("| `thickness_m` | number | m | 2e-05 | above 0 and at most 1 m; usually from 1e-08 to 0.01 m |"));
   EXPECT_THAT(hydro, HasSubstr("| `end_time_s` | number | s | required |"));
 }
 

@@ -133,7 +133,7 @@ enum {
   SHEARBUS_OUTCOME_SUBSTEPPED = 1,
   SHEARBUS_OUTCOME_MULTIPLE_ROOTS = 2,
   SHEARBUS_OUTCOME_OUTSIDE_DOMAIN = 4,
-  SHEARBUS_OUTCOME_SUDDEN = 8, /* stress or slip changed so much that shorter steps may give another jump */
+  SHEARBUS_OUTCOME_SUDDEN = 8,       /* stress or slip changed so much that shorter steps may give another jump */
   SHEARBUS_OUTCOME_OVER_BUDGET = 16, /* with FAILED: the step needed more work than the scene's work_budget */
   SHEARBUS_OUTCOME_ASLEEP = 32,
   SHEARBUS_OUTCOME_FIRST_ORDER = 64,
