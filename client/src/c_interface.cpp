@@ -1,6 +1,8 @@
 // The C interface (client/include/shearbus/shearbus.h): the sessions of the C++ core behind functions that return
 // codes. No exception leaves a function: see guarded().
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -208,23 +210,36 @@ struct Scene {
   std::string name;  // name of the scene in messages
 };
 
+// A text of the host as messages quote it: on one line, without commands to a terminal.
+std::string in_message(std::string_view text) {
+  constexpr std::size_t kLongest = 4096;
+  return wire::printable(text, kLongest);
+}
+
 std::string text_of_file(const std::string& path) {
+  const std::string shown = in_message(path);
   const auto fail = [&] {
     if (errno == EMFILE)
-      refuse(Code::kUnreachable, fmt::format("the scene {} cannot be read: {}", path, wire::limit_of_files()), {});
-    refuse(Code::kInvalidScene, fmt::format("the scene {} cannot be read: {}", path, std::strerror(errno)),
+      refuse(Code::kUnreachable, fmt::format("the scene {} cannot be read: {}", shown, wire::limit_of_files()), {});
+    refuse(Code::kInvalidScene, fmt::format("the scene {} cannot be read: {}", shown, std::strerror(errno)),
            "Name a TOML file that this process may read.", "scene_file");
   };
-  std::FILE* file = std::fopen(path.c_str(), "re");
+  // A pipe could keep the host waiting, and a device has no end.
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+  struct stat found {};
+  std::FILE* file = descriptor >= 0 ? ::fdopen(descriptor, "r") : nullptr;
   if (file == nullptr) fail();
   const auto close = [](std::FILE* open) { static_cast<void>(std::fclose(open)); };
   const std::unique_ptr<std::FILE, decltype(close)> owner(file, close);
+  if (::fstat(descriptor, &found) == 0 && !S_ISREG(found.st_mode) && !S_ISDIR(found.st_mode))
+    refuse(Code::kInvalidScene, fmt::format("the scene {} is a pipe or a device, expected a file", shown),
+           "Name a TOML file that this process may read.", "scene_file");
   std::string text(wire::kMaxSceneBytes + 1, '\0');
   errno = 0;
   text.resize(std::fread(text.data(), 1, text.size(), file));
   if (std::ferror(file) != 0) fail();
   if (text.size() > wire::kMaxSceneBytes)
-    refuse(Code::kLimit, fmt::format("the scene {} has more than {} bytes", path, wire::kMaxSceneBytes),
+    refuse(Code::kLimit, fmt::format("the scene {} has more than {} bytes", shown, wire::kMaxSceneBytes),
            "Is it a TOML file?", "scene_file");
   return text;
 }
@@ -358,14 +373,15 @@ struct shearbus_session {
     if (is_embedded(endpoint))
       embedded.emplace(std::string(text_or(options.state_dir)), options.threads == 0 ? 1 : options.threads);
     else if (options.state_dir != nullptr && environment("SHEARBUS_ENDPOINT").empty())
-      refuse(Code::kUnsupported, fmt::format("state_dir is set, and the server at {} is another process", endpoint),
+      refuse(Code::kUnsupported,
+             fmt::format("state_dir is set, and the server at {} is another process", in_message(endpoint)),
              "Leave state_dir NULL, or give the directory to shearbus-server --state-dir.", "state_dir");
     if (embedded && !text_or(options.domain).empty())
       refuse(
           Code::kUnsupported,
           fmt::format("the domain \"{}\" is set, and the server runs in this process, where no other process can have "
                       "a session: nodes cannot move to it",
-                      options.domain),
+                      in_message(options.domain)),
           "Give the endpoint of a shearbus-server that all processes reach, or no domain.", "domain");
     const ClientOptions defaults;
     ClientOptions to;

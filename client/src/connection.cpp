@@ -41,6 +41,7 @@ constexpr std::chrono::milliseconds kFilePause{50};       // time between two lo
 constexpr std::chrono::milliseconds kFileLook{500};       // likewise while the server that it names does not answer
 constexpr std::chrono::seconds kFirstNotice{2};           // waiting time before the log says what a call waits for
 constexpr std::chrono::milliseconds kInterruptLook{100};  // time between two calls of ClientOptions::interrupted
+constexpr std::size_t kLongestShown = 1024;               // of an endpoint in messages  [bytes]
 constexpr long kLongestSleepMs = 3'600'000;               // of one call of poll()
 constexpr int kGoodbyeLingerMs = 100;  // longest time that an unsent closing request delays the program's end
 
@@ -64,7 +65,7 @@ void check_endpoint(const ClientOptions& options) {
   if (std::none_of(known.begin(), known.end(), [&](std::string_view scheme) { return endpoint.starts_with(scheme); }))
     throw Error(
         {.code = Code::kUnreachable,
-         .text = fmt::format("\"{}\" is not an endpoint", endpoint),
+         .text = fmt::format("\"{}\" is not an endpoint", wire::printable(endpoint, kLongestShown)),
          .remedy = "Use tcp://host:port, ipc://path, file://path of an endpoint file, or the inproc:// endpoint of an "
                    "embedded server."});
   if (endpoint.starts_with("inproc://") && options.context == nullptr)
@@ -199,7 +200,6 @@ bool SocketConnection::by_file() const {
 // listen elsewhere. Returns false, with the fault in file_fault_ or refusal_, if the file cannot be used.
 bool SocketConnection::find_server() {
   server_ = {.endpoint = options().endpoint, .server_key = options().server_key, .secret_key = options().secret_key};
-  constexpr std::size_t kLongestShown = 1024;
   where_ = wire::printable(options().endpoint, kLongestShown);
   if (!by_file()) return true;
   wire::EndpointFile file;

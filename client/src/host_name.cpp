@@ -9,6 +9,8 @@
 #include <memory>
 #include <string_view>
 
+#include "proto/wire/text.hpp"
+
 namespace shearbus {
 namespace {
 
@@ -36,7 +38,9 @@ std::string fault_of_host_name(const std::string& endpoint) {
   int fault = 0;
   if (addresses_of(host, AF_INET, fault)) return {};
   const Addresses v6 = addresses_of(host, AF_INET6, fault);
-  if (!v6) return fmt::format("the host name \"{}\" does not resolve: {}", host, ::gai_strerror(fault));
+  if (!v6)
+    return fmt::format("the host name \"{}\" does not resolve: {}", wire::printable(host, NI_MAXHOST),
+                       ::gai_strerror(fault));
   std::array<char, INET6_ADDRSTRLEN> text{};
   ::inet_ntop(AF_INET6, &reinterpret_cast<const sockaddr_in6*>(v6->ai_addr)->sin6_addr, text.data(), text.size());
   return fmt::format("the host \"{0}\" has IPv6 addresses alone, which are reached by their numbers: {1}[{2}]{3}", host,

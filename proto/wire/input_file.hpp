@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::wire {
 
@@ -49,6 +50,8 @@ class RegularFile {
   }
 
  private:
+  static constexpr std::size_t kLongestName = 4096;  // of a file, in messages
+
   [[noreturn]] void refuse(const std::filesystem::path& file, const std::string& what) {
     if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
     throw_fault(file, what);
@@ -57,7 +60,8 @@ class RegularFile {
     throw_fault(file, what);
   }
   [[noreturn]] static void throw_fault(const std::filesystem::path& file, const std::string& what) {
-    throw Error({.code = Code::kInvalidValue, .text = fmt::format("{}: {}", file.string(), what)});
+    throw Error(
+        {.code = Code::kInvalidValue, .text = fmt::format("{}: {}", printable(file.string(), kLongestName), what)});
   }
 
   int descriptor_;

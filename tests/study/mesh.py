@@ -146,8 +146,13 @@ def draw(found, out):
     print(f"\nwritten: {out / 'mesh.png'}, {out / 'mesh.json'}")
 
 
+class Help(argparse.RawDescriptionHelpFormatter):
+    def add_usage(self, usage, actions, groups, prefix=None):
+        super().add_usage(usage, actions, groups, "Usage: ")
+
+
 def main():
-    parser = argparse.ArgumentParser(prog="shearbus-study mesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(prog="shearbus-study mesh", description=__doc__, formatter_class=Help)
     parser.add_argument("scene", type=pathlib.Path, nargs="?", default=ROOT / "hydro_stub/problems/cone_al_steel.toml")
     parser.add_argument("--meshes", default="0.5e-3,0.25e-3,0.125e-3", help="widths of zones that halve, m")
     parser.add_argument("--law", default="subgrid", help="interface law of the runs")
