@@ -22,7 +22,7 @@ import numpy
 OPTIONS = None
 SKIPPED = 77
 NODES = 2
-NOT_COMPARED = {"run_time_s", "service_share", "waiting_share", "cpu_share", "provenance"}  # entries of the summary
+NOT_COMPARED = {"run_time_s", "cpu_time_s", "service_share", "waiting_share", "cpu_share", "provenance"}  # entries of the summary
 NEEDED = {"munged": "munge", "slurmctld": "slurmctld", "slurmd": "slurmd", "sbatch": "slurm-client"}
 PATH = os.environ["PATH"] + ":/usr/sbin:/sbin"
 
