@@ -63,7 +63,7 @@ def no_thread(given):
             expect(refused > 0, f"{endpoint}: too few threads are refused", found)
         # From too little memory for the libraries to be loaded to enough.
         codes = [run(["bash", "-c", f'ulimit -v {kilobytes}; exec "$@"', "bash", given.host, "open", scene, "embedded"])
-                 for kilobytes in range(20_000, 200_000, 6_000)]
+                 for kilobytes in range(20_000, 400_000, 10_000)]
         for found in codes:
             expect(found.returncode in (0, 3) or "error while loading shared libraries" in found.stderr,
                    "with little memory a session is opened or refused", found)
