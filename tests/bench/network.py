@@ -83,7 +83,7 @@ def relay(port, target, delay):
 
 def play(endpoint, nodes, steps, overlapped):
     """Prints the seconds of the fastest step, and of its solver."""
-    bus = shearbus.open(SCENE, numpy.arange(nodes), endpoint, closure="off", reply_deadline=120.0, retry_after=60.0)
+    bus = shearbus.open(SCENE, numpy.arange(nodes), endpoint, check_closure="off", reply_deadline=120.0, retry_after=60.0)
     wave = numpy.arange(nodes) % 97
     values = {"jump": 50.0 + wave, "pressure": 1e9 + 1e7 * wave, "stress_soft": 1e8, "stress_hard": -1e8, "mass_soft": 0.027, "mass_hard": 0.079}
     times = []

@@ -60,7 +60,7 @@ def run(problem, form, endpoint=None):
     soft.velocity += pair.jump * tangent[:, None]
     rows = []
     shaped = lambda values: values[None, :] if len(tangent) > 1 else values  # one node
-    with shearbus.open(scene_of(problem), [0], endpoint, closure="error") as bus:
+    with shearbus.open(scene_of(problem), [0], endpoint, check_closure="error") as bus:
         for step in range(steps):
             length = dt if step else dt / 2
             pressure = problem["pressure"]["pressure_pa"][numpy.searchsorted(problem["pressure"]["time_s"], step * dt, "right") - 1]

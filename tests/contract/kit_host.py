@@ -76,7 +76,7 @@ def run(endpoint, problem, fault=None):
         if fault in Spoiler.FAULTS:
             endpoint = stack.enter_context(Spoiler(endpoint, fault)).endpoint
         bus = shearbus.open(example.SCENE, range(3), endpoint, connect_deadline=5.0, reply_deadline=2.0, retry_after=RETRY_S,
-                            closure="off")
+                            check_closure="off")
         play(bus, problem, fault, steps, dt, soft, hard, masses, area)
         if fault == "never_closes":
             bus.leave()

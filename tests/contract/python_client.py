@@ -268,7 +268,7 @@ class Forms(Live):
         return {"jump": self.FAR["jump"], "pressure": 1e9, "stick_stress": z * free, "impedance": z}
 
     def test_the_stick_form_has_the_answers_of_the_far_field_form(self):
-        far, stick = (self.open(self.scene, closure="off") for _ in range(2))
+        far, stick = (self.open(self.scene, check_closure="off") for _ in range(2))
         for dt in (1e-9, 3e-9):
             a, b = (bus.step(dt, **values) for bus, values in ((far, self.FAR), (stick, self.stick(dt))))
             for name in ("stress", "jump_new", "temperature"):
@@ -280,14 +280,14 @@ class Forms(Live):
 
     def test_a_wrong_host_in_stick_form_is_told_its_mistake(self):
         for factor, text in ((-1, "wrong sign"), (0, "is not applied"), (.5, "to one side only"), (2, "half of that")):
-            bus = self.open(self.scene, closure="error")
+            bus = self.open(self.scene, check_closure="error")
             sent = self.stick(1e-9)
             answer = bus.step(1e-9, **sent)
             sent["jump"] = (sent["stick_stress"] - factor * answer.stress) / sent["impedance"]
             self.assert_refused(shearbus.ClosureError, "NOT_CLOSED", lambda: bus.step(1e-9, **sent), "jump", text=text)
 
     def test_absent_nodes_cool_where_the_host_says_so(self):
-        keep, opened, plain = (self.open(self.scene, closure="off") for _ in range(3))
+        keep, opened, plain = (self.open(self.scene, check_closure="off") for _ in range(3))
         one = {**self.FAR, "jump": 70.0, "stress_hard": 0.0}
         for bus in (keep, opened, plain):
             bus.step(1e-9, **self.FAR)
@@ -644,7 +644,7 @@ class Hosts(Live):
     def test_a_wrong_host_is_told_its_mistake_before_the_step_is_sent(self):
         def host(soft=1, hard=1, to_soft=1, to_hard=1, mass_soft=1, mass_hard=1, swap=False, dt=1, sign=1):
             """Two masses under far stresses; the arguments are factors of what a right host has or sends."""
-            bus = self.open(OPTIONS.source / "client/examples/constant_friction.toml", closure="error")
+            bus = self.open(OPTIONS.source / "client/examples/constant_friction.toml", check_closure="error")
             v_soft, v_hard, m_soft, m_hard = numpy.array([100.0, 90, 80]), 0.0, 0.0043, 0.0123
             for length in (1e-9, 1.5e-9, 1e-9):
                 sent = {"stress_soft": soft * 30e6, "stress_hard": hard * 10e6}
@@ -692,7 +692,7 @@ class Hosts(Live):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             step = {"pressure": 1e9, "stress_soft": 0.0, "stress_hard": 0.0, "mass_soft": 0.0043, "mass_hard": 0.0123}
-            off = self.open(host.SCENE, closure="off")
+            off = self.open(host.SCENE, check_closure="off")
             bus = self.open(host.SCENE)
             answer = bus.step(1e-9, jump=100.0, **step)
             for jump in (100.0, 50.0):
@@ -707,7 +707,7 @@ class Hosts(Live):
             bus.rollback_to("here")
             bus.step(1e-9, nodes=[NODES[1]], jump=trial.jump_new[1], **step)
             bus.step(1e-9, nodes=[NODES[1], NODES[0]], jump=[last.jump_new[1], last.jump_new[0] * 0 + 7], **step)
-        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(closure="maybe"), "closure")
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(check_closure="maybe"), "check_closure")
 
     def test_the_environment_replaces_endpoint_and_scene(self):
         scene = OPTIONS.source / "client/examples/constant_friction.toml"
@@ -893,7 +893,7 @@ class Manners(Live):
                 (TypeError, lambda: self.open(name=3), "name"),
                 (TypeError, lambda: self.open(idle_limit=1.5), "idle_limit"),
                 (TypeError, lambda: self.open(pair=[b"weak"] * 3), "pair"),
-                (ValueError, lambda: self.open(closure="maybe"), "closure")):
+                (ValueError, lambda: self.open(check_closure="maybe"), "check_closure")):
             with self.assertRaises(kind) as caught:
                 call()
             self.assertIsInstance(caught.exception, shearbus.MessageError)

@@ -81,7 +81,7 @@ def write(version):
         server = Server(work, work / "states", "--record", work / "logs")
         sessions = {}
         for name, scene in SCENES.items():
-            session = sessions[name] = shearbus.open(scene, nodes=range(NODES), endpoint=server.bus, closure="off", domain=name)
+            session = sessions[name] = shearbus.open(scene, nodes=range(NODES), endpoint=server.bus, check_closure="off", domain=name)
             for step in range(STEPS):
                 if step == 2:
                     session.mark("dump")
@@ -116,7 +116,7 @@ def next_answers(work, golden, facts):
     answers = {}
     try:
         for name, ticket in facts["sessions"].items():
-            session = shearbus.resume(ticket, endpoint=server.bus, closure="off")
+            session = shearbus.resume(ticket, endpoint=server.bus, check_closure="off")
             session.commit()
             answer = session.step(DT, **columns(name, STEPS + 1))
             answers[name] = {column: np.asarray(getattr(answer, column)).tobytes() for column in answer.columns}

@@ -78,7 +78,7 @@ class Resumed(unittest.TestCase):
         return server
 
     def open(self, endpoint, record=False):
-        return shearbus.open(SCENE, NODES, endpoint, pair=PAIR, parameters=PARAMETERS, closure="off", record=record)
+        return shearbus.open(SCENE, NODES, endpoint, pair=PAIR, parameters=PARAMETERS, check_closure="off", record=record)
 
     def step(self, session):
         answer = session.step(1e-9, **STEP)
@@ -104,7 +104,7 @@ class Resumed(unittest.TestCase):
                 (dict(parameters={"soft.density_kg_per_m3": np.ones(9)}), "soft.density_kg_per_m3 is no parameter of the nodes", []),
                 (dict(nodes=np.arange(41, 50)), r"node 40 has|node 41 has|node 49 is not in the session", None)):
             with self.assertRaisesRegex(shearbus.SessionError, reason) as caught:
-                shearbus.resume(ticket, endpoint, closure="off", **(good | change))
+                shearbus.resume(ticket, endpoint, check_closure="off", **(good | change))
             self.assertEqual(caught.exception.code, shearbus.Code.RESUME_REFUSED)
             if nodes is not None:
                 self.assertEqual(list(caught.exception.nodes), nodes)
@@ -126,7 +126,7 @@ class Resumed(unittest.TestCase):
                 session.leave()  # as if the host had died
                 disaster()
                 self.refuse_others(ticket, endpoint)
-                session = shearbus.resume(ticket, endpoint, closure="off", nodes=[*NODES, 7], pair=[*PAIR, "weak"],
+                session = shearbus.resume(ticket, endpoint, check_closure="off", nodes=[*NODES, 7], pair=[*PAIR, "weak"],
                                           parameters={key: [*values, *LATE["parameters"][key]] for key, values in PARAMETERS.items()})
                 self.expect_all(session)
                 np.testing.assert_array_equal(self.step(session), self.step(twin), "the successor goes on")
@@ -168,7 +168,7 @@ class Resumed(unittest.TestCase):
 import sys, time
 sys.path[:0] = [{str(pathlib.Path(__file__).resolve().parent)!r}, {str(pathlib.Path(shearbus.__file__).parents[1])!r}]
 import resumed_pairs as test, shearbus
-session = shearbus.open(test.SCENE, test.NODES, {server.endpoint!r}, pair=test.PAIR, parameters=test.PARAMETERS, closure="off")
+session = shearbus.open(test.SCENE, test.NODES, {server.endpoint!r}, pair=test.PAIR, parameters=test.PARAMETERS, check_closure="off")
 session.register(**test.LATE)
 print(session.ticket, flush=True)
 while True:
@@ -182,14 +182,14 @@ while True:
         server.end()
         server.start()
         self.refuse_others(ticket, server.endpoint)
-        with shearbus.resume(ticket, server.endpoint, closure="off", nodes=NODES, pair=PAIR, parameters=PARAMETERS, record=True) as session:
+        with shearbus.resume(ticket, server.endpoint, check_closure="off", nodes=NODES, pair=PAIR, parameters=PARAMETERS, record=True) as session:
             self.expect_all(session)
             self.step(session)
             session.history.to_hdf5(self.place / "h.h5")  # a file of a resumed session has its pairs
 
     def test_a_session_of_one_pair_tells_none(self):
         server = self.server("bus")
-        session = shearbus.open(SCENE[:SCENE.index("[pair")], NODES, server.endpoint, closure="off")
+        session = shearbus.open(SCENE[:SCENE.index("[pair")], NODES, server.endpoint, check_closure="off")
         session.leave()
         with self.assertRaisesRegex(shearbus.SessionError, 'node 41 has the pair "" in the session, the host "copper"'):
             shearbus.resume(session.ticket, server.endpoint, nodes=NODES, pair=PAIR)

@@ -134,7 +134,7 @@ def host(work, user, seed, told):
         answers = list(run_history(session, scene, [seed, number], told))
         insist(session.close, told)
         ticket.unlink()
-        with shearbus.open(scene, nodes=nodes, endpoint=f"ipc://{work / 'calm'}", closure="off") as calm:
+        with shearbus.open(scene, nodes=nodes, endpoint=f"ipc://{work / 'calm'}", check_closure="off") as calm:
             for at, (mine, expected) in enumerate(zip(answers, run_history(calm, scene, [seed, number], dict(TOLD)), strict=True)):
                 for name, value in expected.items():
                     if mine[name] != value:

@@ -78,7 +78,7 @@ class OverTime(unittest.TestCase):
         made.rename(self.path / "keys")
 
     def open(self, endpoint=None, **options):
-        session = shearbus.open(SCENE, range(4), endpoint or f"file://{self.file}", closure="off",
+        session = shearbus.open(SCENE, range(4), endpoint or f"file://{self.file}", check_closure="off",
                                 **{"reply_deadline": PATIENCE_S, **options})
         self.addCleanup(session.leave)
         return session
@@ -88,7 +88,7 @@ class OverTime(unittest.TestCase):
 
     def test_a_key_that_is_taken_off_the_list_is_refused_on_its_connections(self):
         server = self.serve("tcp://127.0.0.1:*", *self.keys())
-        user, other = self.open(key=self.path / "user.secret"), self.open(key=self.path / "operator.secret")
+        user, other = self.open(secret_key_file=self.path / "user.secret"), self.open(secret_key_file=self.path / "operator.secret")
         self.step(user), self.step(other)
         self.authorise("operator")
         time.sleep(1.5)
@@ -106,7 +106,7 @@ class OverTime(unittest.TestCase):
 
     def test_a_list_that_cannot_be_used_revokes_nothing_and_says_so(self):
         server = self.serve("tcp://127.0.0.1:*", *self.keys())
-        user = self.open(key=self.path / "user.secret")
+        user = self.open(secret_key_file=self.path / "user.secret")
         (self.path / "keys").chmod(0o666)
         self.until(lambda: "ALARM: no key is admitted" in server.text(), server)
         self.step(user)
@@ -117,7 +117,7 @@ class OverTime(unittest.TestCase):
 
     def test_a_user_who_is_no_operator_is_told_nothing_false(self):
         self.serve("tcp://127.0.0.1:*", *self.keys(), "--state-dir", self.path / "state")
-        user = self.open(key=self.path / "user.secret")
+        user = self.open(secret_key_file=self.path / "user.secret")
         self.step(user)
         told = ["status", "--server", f"file://{self.file}", "--key"]
         of_operator = self.ctl(*told, self.path / "operator.secret")

@@ -68,7 +68,7 @@ class EndpointFiles(unittest.TestCase):
 
     def session(self, **options):
         scene = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
-        return shearbus.open(scene, range(4), self.endpoint, closure="off", **options)
+        return shearbus.open(scene, range(4), self.endpoint, check_closure="off", **options)
 
     def step(self, session):
         return session.step(1e-9, jump=10.0, pressure=1e8, stress_soft=0.0, stress_hard=0.0, mass_soft=1.0, mass_hard=1.0)

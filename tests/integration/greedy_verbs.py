@@ -36,7 +36,7 @@ JITTER_S = 0.3  # of a busy machine
 def neighbour(endpoint):
     """Steps ten nodes until standard input ends, and prints when each answer that was long in coming was asked for, and
     how long it took  [s]."""
-    session = shearbus.open(PLAIN, range(10), endpoint, closure="off", reply_deadline=120.0)
+    session = shearbus.open(PLAIN, range(10), endpoint, check_closure="off", reply_deadline=120.0)
     print("ready", flush=True)
     with contextlib.suppress(KeyboardInterrupt):
         while True:
@@ -106,7 +106,7 @@ class Greedy(unittest.TestCase):
         self.assertFalse(faults, "\n".join(faults))
 
     def open(self, scene, nodes, **options):
-        return shearbus.open(scene, nodes, self.bus, closure="off", reply_deadline=600.0, **options)
+        return shearbus.open(scene, nodes, self.bus, check_closure="off", reply_deadline=600.0, **options)
 
     def test_no_verb_keeps_the_others_waiting(self):
         self.serve("--state-dir", self.path / "state", "--checkpoint-after", "1000000", "--checkpoint-every", "100000")

@@ -81,7 +81,7 @@ class HostileTexts(unittest.TestCase):
             said = self.run_program("ctl", "check", scene)
             self.assertRegex(said, r"scene\.toml:\d+:\d+: ", what)
             with self.assertRaises(shearbus.Error) as fault:
-                session = shearbus.open(text, [1], closure="off")
+                session = shearbus.open(text, [1], check_closure="off")
             self.check(str(fault.exception) + fault.exception.field, what)
             self.check(fault.exception.text, what)
         self.assertIsNone(session)
@@ -124,11 +124,11 @@ class HostileTexts(unittest.TestCase):
             self.run_program("replay", "history.h5", "--scene", scene, "--out", "out.h5", code=(0, 1), quoted=what == "parameter")
 
     def test_parameters_marks_and_names_of_sessions(self):
-        with shearbus.open(SCENE, [1], closure="off") as session:
+        with shearbus.open(SCENE, [1], check_closure="off") as session:
             for call in (lambda: session.mark(EVIL), lambda: session.rollback_to(EVIL),
-                         lambda: shearbus.open(SCENE, [1], closure="off", parameters={EVIL: 1.0}),
-                         lambda: shearbus.open(SCENE, [1], closure="off", pair=EVIL),
-                         lambda: shearbus.open(SCENE, [1], closure="off", domain=EVIL)):
+                         lambda: shearbus.open(SCENE, [1], check_closure="off", parameters={EVIL: 1.0}),
+                         lambda: shearbus.open(SCENE, [1], check_closure="off", pair=EVIL),
+                         lambda: shearbus.open(SCENE, [1], check_closure="off", domain=EVIL)):
                 with self.assertRaises((shearbus.Error, ValueError)) as fault:
                     call()
                 self.check(str(fault.exception), str(fault.exception), quoted=False)
@@ -151,7 +151,7 @@ class HostileTexts(unittest.TestCase):
             time.sleep(0.02)
         for options in ({"domain": "a\u202eb"}, {"domain": EVIL}):
             try:
-                session = shearbus.open(SCENE, [1], f"ipc://{self.path}/bus/s", closure="off", **options)
+                session = shearbus.open(SCENE, [1], f"ipc://{self.path}/bus/s", check_closure="off", **options)
                 session.close()
             except shearbus.Error as fault:
                 self.check(str(fault), "the domain", quoted=False)

@@ -117,7 +117,7 @@ class Pairs(support.ReplayTest):
         if record:
             os.environ["SHEARBUS_RECORD"] = str(record)
         far = dict(stress_soft=0.0, stress_hard=0.0, mass_soft=2.7, mass_hard=7.9, jump=40.0)
-        with shearbus.open(self.scene, [3, 4], pair=["", "brass"], parameters={MU: [0.3, 0.1]}, record=True, closure="off") as session:
+        with shearbus.open(self.scene, [3, 4], pair=["", "brass"], parameters={MU: [0.3, 0.1]}, record=True, check_closure="off") as session:
             session.register([5], pair="brass", parameters={MU: [0.2]})
             answers = [session.step(1e-9, pressure=0.1e9, **far) for _ in range(20)]
             return np.array([answer.stress for answer in answers]), session.history, session.scene

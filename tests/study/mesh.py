@@ -1,14 +1,15 @@
 #!/usr/bin/python3
-"""How much of a coupled answer is the mesh's? Runs a cone scene on meshes that halve, extrapolates each answer to zones of no width, and
-prints error against run time.
+"""How much of a coupled answer is the mesh's? Runs a cone scene on meshes that halve, extrapolates each answer
+to zones of no width, and prints error against run time.
 
     shearbus-study mesh [SCENE.toml] [--meshes 0.5e-3,0.25e-3,0.125e-3] [--law subgrid] [--out DIR]
 
-Answers: displacement of metal against metal over +-0.5 and +-1 mm and slip (means over the interface nodes), friction impulse, and the highest
-velocity of the free surface on the axis. With three meshes whose differences fall the order is theirs, between 0.5 and 2; otherwise it is 1. The
-column "zones" is the error to the extrapolated answer. The two other errors are those of the middle mesh: "dt" the change with half the Courant
-number, "layer" the change with twice the cells of the layer (or, with heat modes, a tenth of their error). first_zone_m is scaled with the zones.
-Writes mesh.json and mesh.png to --out."""
+Answers: displacement of metal against metal over +-0.5 and +-1 mm and slip (means over the interface nodes),
+friction impulse, and the highest velocity of the free surface on the axis. With three meshes whose
+differences fall the order is theirs, between 0.5 and 2; otherwise it is 1. The column "zones" is the error to
+the extrapolated answer. The two other errors are those of the middle mesh: "dt" the change with half the
+Courant number, "layer" the change with twice the cells of the layer (or, with heat modes, a tenth of their
+error). first_zone_m is scaled with the zones. Writes mesh.json and mesh.png to --out."""
 import argparse
 import json
 import math

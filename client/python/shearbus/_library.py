@@ -207,7 +207,7 @@ def warn(text, kind):
 
 # Names of the library and of the protocol -> those of a Python host. A name behind a dot is a key of the scene.
 _OWN = {**{column.wire_name: column.name for column in COLUMNS}, **{column.quantity: column.name for column in COLUMNS},
-        "dt_s": "dt", "time_s": "time", "scene_text": "scene", "check_closure = warn": 'closure="warn"'}
+        "dt_s": "dt", "time_s": "time", "scene_text": "scene"}
 _NAMES = re.compile(rf"(?<![\w.])({'|'.join(sorted(map(re.escape, _OWN), key=len, reverse=True))})(?!\w|\.\w)")
 
 

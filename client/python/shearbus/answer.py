@@ -36,7 +36,7 @@ class Answer:
     nodes: ids of the rows; state_version: number of commits so far; flagged_nodes: rows with an outcome other than
     success and asleep; solver_s, service_s, round_trip_s: times; replayed: whether the server sent a kept reply;
     largest_closure (m/s), closure_node, layer_time (s): the largest difference of a node's jump from the jump that it
-    was answered before, the node, and the time of its layer; 0 with closure="off"."""
+    was answered before, the node, and the time of its layer; 0 with check_closure="off"."""
 
     FACTS = ("state_version", "flagged_nodes", "solver_s", "service_s", "round_trip_s", "largest_closure", "closure_node",
              "layer_time", "replayed")

@@ -39,7 +39,7 @@ _doubted = {}  # an opening whose outcome is unknown: its contents -> handle and
 
 
 def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None, parameters=None, domain="", want=(),
-         record=False, closure="warn", idle_limit=0, name="shearbus-python", server_key_file=None, secret_key_file=None,
+         record=False, check_closure="warn", idle_limit=0, name="shearbus-python", server_key_file=None, secret_key_file=None,
          connect_deadline=None, reply_deadline=None, retry_after=None, state_dir=None, threads=None):
     """Opens a session: one shear layer for each node. Returns a Session, which is a context manager.
 
@@ -52,7 +52,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     parameters: a dict of number-valued keys of the scene, as "interface.friction_coefficient", with a number or an array
     (N,) each, by which the nodes differ, so that an ensemble is one session. domain: sessions of a domain share their
     node ids, and nodes move between them. want: names of columns that every reply shall have in addition ("ledger" stands
-    for the energy ledger). record: True keeps a History. closure: what a force-driven host meets whose jump is not the
+    for the energy ledger). record: True keeps a History. check_closure: what a force-driven host meets whose jump is not the
     jump that its last step answered: "warn" (of the first 100 steps, a ClosureWarning), "error" (of any step, a
     ClosureError before it is sent) or "off", for hosts whose jump has other changes, too, as where an interface turns.
     idle_limit (s): the server closes the session after so long without a request; 0 is never. name: of this host, for the
@@ -66,7 +66,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     (proto/wire/event_log.md). Doubts of the server are a SceneWarning each. Raises an Error."""
     ids = node_ids(nodes)
     given = given_nodes(ids, initial_temperature, pair, parameters)
-    options = _options(endpoint, closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after,
+    options = _options(endpoint, check_closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after,
                        state_dir, threads, domain=_values.text("domain", domain), idle_limit_s=count("idle_limit", idle_limit),
                        **scene_of(scene))
     wanted = _words(want)
@@ -88,7 +88,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     return session
 
 
-def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, want=(), record=False, closure="warn",
+def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, want=(), record=False, check_closure="warn",
            name="shearbus-python", server_key_file=None, secret_key_file=None, connect_deadline=None, reply_deadline=None,
            retry_after=None, state_dir=None, threads=None):
     """Continues the session of a client that has ended. ticket: Session.ticket of that client; the other arguments are
@@ -106,7 +106,7 @@ def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, wan
     if nodes is None and (pair is not None or parameters):
         raise MessageError(Code.SHAPE, "pair or parameters without nodes", "Give nodes=, too.", "nodes")
     given = given_nodes(node_ids(() if nodes is None else nodes), None, pair, parameters)
-    options = _options(endpoint, closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after,
+    options = _options(endpoint, check_closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after,
                        state_dir, threads)
     handle, host, status = _library.Address(), _library.Host(), _library.Status()
     host.give_to(options)
@@ -121,14 +121,14 @@ def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, wan
     return session
 
 
-def _options(endpoint, closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after, state_dir,
+def _options(endpoint, check_closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after, state_dir,
              threads, **more):
     """Returns a shearbus_options of the keywords of open()."""
     files = {"server_key_file": server_key_file, "secret_key_file": secret_key_file, "state_dir": state_dir}
     times = {"connect_deadline": connect_deadline, "reply_deadline": reply_deadline, "retry_after": retry_after}
     return _library.Options(
         endpoint=_values.text("endpoint", endpoint), name=_values.text("name", name),
-        check_closure=_values.word("closure", closure, CHECKS), threads=0 if threads is None else count("threads", threads),
+        check_closure=_values.word("check_closure", check_closure, CHECKS), threads=0 if threads is None else count("threads", threads),
         **{key: _values.text(key, value, path=True) for key, value in files.items()},
         **{f"{key}_s": _values.deadline(key, value) for key, value in times.items() if value is not None}, **more)
 
