@@ -76,10 +76,16 @@ class Browser:
         self.wait("document.readyState + location.protocol === 'completefile:'")
 
     def wait(self, condition, seconds=20.0):
-        """Waits until an expression is true. Returns whether it is."""
-        end = time.monotonic() + seconds
-        while not (true := self.value(condition)) and time.monotonic() < end:
-            time.sleep(0.02)
+        """Waits until an expression is true, across a change of page. Returns whether it is."""
+        end, true = time.monotonic() + seconds, False
+        while not true and time.monotonic() < end:
+            try:
+                true = self.value(condition)
+            except RuntimeError as fault:
+                if "Inspected target navigated" not in str(fault):  # the page changed while it was asked
+                    raise
+            if not true:
+                time.sleep(0.02)
         return true
 
     def value(self, expression):
