@@ -96,7 +96,7 @@ class Host:
 
     def __init__(self, endpoint, nodes, cells):
         sizes = [min(LARGEST_SESSION, nodes - first) for first in range(0, nodes, LARGEST_SESSION)]
-        how = {"closure": "off", "reply_deadline": 600.0, "retry_after": 600.0}
+        how = {"check_closure": "off", "reply_deadline": 600.0, "retry_after": 600.0}
         self.sessions = [shearbus.open(SCENE.format(cells=cells, grading=1 + 4 / cells), numpy.arange(size), endpoint, **how) for size in sizes]
         self.nodes, self.count = nodes, 0
 

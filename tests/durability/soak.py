@@ -58,7 +58,7 @@ POISON = ('name = "poison"\nstrategy = "velocity_driven"\ntolerance = 1e-6\nwork
 
 def connection(work, user):
     return {"endpoint": f"file://{work / 'endpoint'}", "key": str(work / f"user{user}.secret"), "name": f"user{user}",
-            "reply_deadline": PATIENCE_S, "connect_deadline": PATIENCE_S, "retry_after": 0.5, "closure": "off"}
+            "reply_deadline": PATIENCE_S, "connect_deadline": PATIENCE_S, "retry_after": 0.5, "check_closure": "off"}
 
 
 def columns(scene, rng, nodes):
