@@ -31,6 +31,24 @@ HistoryInput::HistoryInput(Table& history, const wire::SessionOpened& session, b
   if (!force_driven_) jump_origin_ = "imposed by /velocity_jump";
   for (const Field field : wire::columns_of(session.strategy).optional) use_optional(field, session);
   refuse_what_is_missing(session);
+  note_near_misses(session);
+}
+
+// A dataset that nothing reads and whose name is nearly that of an optional one was probably meant for it.
+void HistoryInput::note_near_misses(const wire::SessionOpened& session) {
+  const auto columns = wire::columns_of(session.strategy);
+  std::vector<std::string> known = {"time", "node_id"}, optional = {"dt", "initial_temperature", "pair", "parameter"};
+  for (const Field field : columns.optional) optional.push_back(wire::quantity_of(field));
+  for (const auto& fields : {columns.required, columns.stick, columns.reply, columns.on_request})
+    for (const Field field : fields) known.push_back(wire::quantity_of(field));
+  std::erase_if(optional, [&](const std::string& name) { return history_.has(name); });
+  const std::vector<std::string_view> absent(optional.begin(), optional.end());
+  for (const std::string& name : history_.names_in("")) {
+    if (std::ranges::find(known, name) != known.end()) continue;
+    const std::string_view near = wire::nearest(name, absent);
+    if (!near.empty() && near != name)
+      notes_.push_back(fmt::format("/{} is not used; did you mean /{}?", wire::as_utf8(name, 60), near));
+  }
 }
 
 void HistoryInput::require_rows(Field field) {

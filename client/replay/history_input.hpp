@@ -44,6 +44,7 @@ class HistoryInput {
   void choose_form();
   void choose_jump(bool closed_loop);
   void refuse_what_is_missing(const wire::SessionOpened& session) const;
+  void note_near_misses(const wire::SessionOpened& session);
 
   Table& history_;
   bool force_driven_;

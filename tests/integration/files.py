@@ -283,6 +283,13 @@ class Histories(Files):
         parts = support.velocity_history()
         self.write(**(parts | {"pressure": None, "Presure": parts["pressure"]}))
         self.assert_refused(self.replay(), "/pressure [T,N]", 'did you mean pressure by "Presure"?', "node_id")
+        nodes = len(parts["node_id"])
+        self.write(**(parts | {"initial_temprature": np.full(nodes, 400.0), "interface_temperature": np.full((3, nodes), 1.0)}))
+        run = self.replay()
+        self.assertEqual(run.returncode, 0, run.stderr)
+        said = run.stdout + run.stderr
+        self.assertIn("/initial_temprature is not used; did you mean /initial_temperature?", said)
+        self.assertNotIn("/interface_temperature", said)
 
     def test_pipes_and_devices_hang_nothing(self):
         self.write(**support.velocity_history())
