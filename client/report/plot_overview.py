@@ -81,7 +81,7 @@ def cone(figure, axis, runs, time):
 
 def overview(runs, time):
     main = runs[0]
-    node = int(main.molten_time().argmax())
+    node = int(np.nanmax(main["interface_temperature"][:], axis=0).argmax())
     figure = style.plt.figure(figsize=(9.6, 4.7), layout="constrained")
     figure.get_layout_engine().set(rect=(0.004, 0.105, 0.992, 0.885), wspace=0.06)
     grid = figure.add_gridspec(4, 3, width_ratios=(1.3, 0.85, 1.0), height_ratios=(3, 3, 3, 0.6))
