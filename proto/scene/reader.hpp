@@ -43,7 +43,7 @@ using CrossRules = void (*)(const google::protobuf::Message& root, Findings& fin
 // that is not TOML the error names the first syntax error. Otherwise the error lists all faults: unknown keys (with the
 // nearest known key), wrong types, missing and out-of-range values, and violated rules between keys. For example
 //   paper.toml:12:1: layer.cels is not a key of [layer]; did you mean "cells"?
-Document read(std::string_view text, std::string file, google::protobuf::Message& root, CrossRules cross_rules);
+Document read(std::string_view text, const std::string& file, google::protobuf::Message& root, CrossRules cross_rules);
 
 // Returns the text of a scene's file. Throws wire::Error{kInvalidScene} if the file cannot be read or is larger than
 // kMaxSceneBytes.

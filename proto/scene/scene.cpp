@@ -199,7 +199,7 @@ std::vector<Fault> faults_of(v1::Scene& scene) {
 }
 
 Document read(std::string_view text, std::string file, v1::Scene& scene) {
-  return read(text, std::move(file), scene, [](const Message& root, Findings& findings) {
+  return read(text, file, scene, [](const Message& root, Findings& findings) {
     check_scene(static_cast<const v1::Scene&>(root), findings);
   });
 }
