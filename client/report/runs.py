@@ -1,13 +1,12 @@
 """Reads what shearbus-hydro and shearbus-replay leave: one Run for a directory of shearbus-hydro, in one or two
 dimensions, or for a file of results. Whatever is missing in a run is None or empty; a file that is no result raises
 Fault with the reason."""
-import json
 import pathlib
-import tomllib
 
 import h5py
 import numpy as np
 from style import QUANTITIES, REGIMES, RUNS, law_colour, law_label
+from terminal import read_json, read_toml
 
 MOST_ROWS = 1500  # rows of a history that are kept: more would be finer than the pixels of a picture
 NEEDED = ("interface_temperature", "shear_stress", "sliding_velocity")
@@ -153,7 +152,7 @@ class Run:
         report = path / "summary.json" if path.is_dir() else path.with_suffix(".json")
         if report.is_file():
             self.reading = report
-            self.summary = json.loads(report.read_text())
+            self.summary = read_json(report)
         self.reading = path
         if history.is_file():
             self.reading = history
@@ -172,8 +171,8 @@ class Run:
         meta = self.table["meta"] if self.table else {}
         text = self.table["scene"] if self.table else self._scene_of_mesh()
         try:
-            self.scene_text, self.scene = text, tomllib.loads(text)
-        except tomllib.TOMLDecodeError:
+            self.scene_text, self.scene = text, read_toml(text)
+        except ValueError:
             self.scene_text, self.scene = text, {}
         self.law = meta.get("interface_law") or self.summary.get("interface_law") or "subgrid"
         self.label, self.colour = law_label(self.law), law_colour(self.law)
