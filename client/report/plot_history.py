@@ -14,7 +14,7 @@ import numpy as np
 import style
 from matplotlib.lines import Line2D
 from terminal import Parser, complain, read_toml, whole_number
-from runs import tell_apart, text_of
+from runs import check_texts, tell_apart, text_of
 
 MOST_ROWS = 4000  # more would be finer than the pixels of the picture
 PANELS = [  # label, lines: (quantity, label in a legend)
@@ -36,6 +36,10 @@ class File:
         if not h5py.is_hdf5(path):
             raise ValueError(f"{path}: expected a result or a history in HDF5, or an event log; found another kind of file. "
                              "A table in text is replayed first: shearbus-replay TABLE.csv --scene SCENE.toml --out RESULT.h5")
+        try:
+            check_texts(path)
+        except ValueError as fault:
+            raise ValueError(f"{path}: {fault}") from None
         with h5py.File(path) as file:
             if "time" not in file or "node_id" not in file:
                 raise ValueError(f"{path}: not a history or a result, it has no time and node_id")

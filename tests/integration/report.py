@@ -329,7 +329,17 @@ class Report(unittest.TestCase):
         pipe.mkdir()
         os.mkfifo(pipe / "figures.json")
         out = self.path / "no.html"
-        for runs, text in (([self.path / "gone"], "no such run"), ([empty], "neither fields.xmf nor history.h5"), ([self.path / "cone.toml"], "cannot be read"),
+        damaged = self.path / "damaged.h5"
+        with h5py.File(damaged, "w") as file:
+            file["time"], file["node_id"] = [1e-9], [1]
+            for name in ("interface_temperature", "shear_stress", "sliding_velocity"):
+                file[name] = [[1.0]]
+            meta = file.create_group("meta")
+            meta.attrs["scene_name"], meta.attrs["producer"] = "abc", "def"
+        content = bytearray(damaged.read_bytes())
+        content[content.index(b"GCOL") + 50] ^= 0xff  # of the size of the second text
+        damaged.write_bytes(content)
+        for runs, text in (([damaged], "HDF5 does not survive its texts"), ([self.path / "gone"], "no such run"), ([empty], "neither fields.xmf nor history.h5"), ([self.path / "cone.toml"], "cannot be read"),
                            ([self.path / "history.h5"], "no dataset"), ([broken], "interface.h5"), ([bad_summary], "summary.json"), ([deep], "nested too deep"),
                            ([self.column, "--figures", elsewhere], "in the same directory"), ([self.column, "--figures", piped], "in the same directory"),
                            ([self.column, "--figures", pipe], "no regular file"),
