@@ -119,7 +119,7 @@ int compare(const Options& options) {
 
 // Checks a scene: opens a session of it in a server inside this process, which checks schema and materials.
 void check(const Options& options) {
-  const std::string file = options.scene.string();
+  const std::string file = shearbus::wire::shown(options.scene);
   const shearbus::server::Embedded server;
   shearbus::Client client({.endpoint = server.endpoint(), .context = server.context(), .name = "shearbus-ctl"});
   const std::array<std::uint64_t, 1> node = {0};
@@ -153,8 +153,8 @@ void keygen(const Options& options) {
     std::filesystem::remove(secret_file);  // useless without its public key
     throw;
   }
-  fmt::print("{}: keep it where only its user can read it\n{}: {}\n", secret_file.string(), public_file.string(),
-             pair.public_key);
+  fmt::print("{}: keep it where only its user can read it\n{}: {}\n", shearbus::wire::shown(secret_file),
+             shearbus::wire::shown(public_file), pair.public_key);
 }
 
 // Prints the materials of the catalog, or one of them with its constants under their scene keys.

@@ -15,6 +15,7 @@
 #include "client/replay/log_export.hpp"
 #include "proto/wire/event_log.hpp"
 #include "proto/wire/input_file.hpp"
+#include "proto/wire/program.hpp"
 #include "proto/wire/recording.hpp"
 #include "proto/wire/whole_file.hpp"
 
@@ -79,7 +80,7 @@ void plot(const PlotOptions& options) {
     words.push_back(exported->path().string());
   }
   run(std::move(words));
-  fmt::print("{}\n", options.out.string());
+  fmt::print("{}\n", wire::shown(options.out));
 }
 
 }  // namespace shearbus::replay

@@ -10,6 +10,7 @@
 #include <regex>
 #include <sstream>
 
+#include "proto/wire/limits.hpp"
 #include "proto/wire/numbers.hpp"
 #include "proto/wire/program.hpp"
 #include "proto/wire/text.hpp"
@@ -224,8 +225,8 @@ std::optional<int> parse(CLI::App& app, int argc, const char* const* argv, const
   } catch (const CLI::Success& call) {  // --help, --version
     return app.exit(call);
   } catch (const CLI::ParseError& fault) {
-    complain(fmt::format("{}: {}\nRun {} --help for more information.", app.get_name(), text_of(app, fault),
-                         app.get_name()));
+    complain(fmt::format("{}: {}\nRun {} --help for more information.", app.get_name(),
+                         printable(text_of(app, fault), kMaxTextBytes), app.get_name()));
     return kWrongCommandLine;
   }
   return std::nullopt;

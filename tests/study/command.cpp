@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "proto/wire/program.hpp"
 #include "proto/wire/whole_file.hpp"
 #include "server/version.hpp"
 #include "shearbus_places.hpp"
@@ -50,7 +51,7 @@ void write_study(const CommandOptions& options, const std::string& name, const n
   const auto path = options.out / (name + ".json");
   wire::write_whole(path, wire::kSummaryFile,
                     out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + '\n');
-  fmt::print("\nwritten: {}\n", path.string());
+  fmt::print("\nwritten: {}\n", wire::shown(path));
   static_cast<void>(std::fflush(stdout));
   if (!options.plot) return;
   const std::string command = fmt::format("\"{}\" \"{}/tests/study/plot_{}.py\" \"{}\"", SHEARBUS_PYTHON,
