@@ -33,6 +33,7 @@
 !   secret_key_file        by tcp: file of the client's own secret key
 !   connect_deadline       s, of the opening
 !   reply_deadline         s, of every call, with its repetitions
+!   retry_after            s, after which a request without an answer is sent again on a new connection
 !   state_dir              directory in which a server in this process keeps its states
 !   threads                number of threads of a server in this process
 !   check_closure          'warn', 'error' or 'off': what a force-driven host meets whose jump is not the one that was answered
@@ -166,15 +167,15 @@ module shearbus
   interface
     ! Opens sessions of all ranks in one domain, in which nodes can move.
     module subroutine shearbus_mpi_open(ranks, comm, bus, nodes, scene, scene_text, endpoint, domain, initial_temperature, &
-                                        name, server_key_file, secret_key_file, connect_deadline, reply_deadline, state_dir, &
-                                        threads, check_closure, idle_limit, on_root, stat, msg)
+                                        name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
+                                        retry_after, state_dir, threads, check_closure, idle_limit, on_root, stat, msg)
       type(shearbus_ranks), intent(inout) :: ranks
       integer, intent(in) :: comm
       type(shearbus_interface), intent(inout), target :: bus
       integer(int64), intent(in) :: nodes(:)
       character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                                 state_dir, check_closure
-      real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+      real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after
       integer, intent(in), optional :: threads, idle_limit
       logical, intent(in), optional :: on_root
       integer, intent(out), optional :: stat
@@ -182,15 +183,15 @@ module shearbus
     end subroutine
     ! Goes on from a dump, on any number of ranks; the ranks together ask for each node of the dump once.
     module subroutine shearbus_mpi_restart(ranks, comm, bus, manifest, nodes, endpoint, name, server_key_file, &
-                                           secret_key_file, connect_deadline, reply_deadline, check_closure, idle_limit, &
-                                           stat, msg)
+                                           secret_key_file, connect_deadline, reply_deadline, &
+                                           retry_after, check_closure, idle_limit, stat, msg)
       type(shearbus_ranks), intent(inout) :: ranks
       integer, intent(in) :: comm
       type(shearbus_interface), intent(inout), target :: bus
       character(len=*), intent(in) :: manifest
       integer(int64), intent(in) :: nodes(:)
       character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, check_closure
-      real(real64), intent(in), optional :: connect_deadline, reply_deadline
+      real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after
       integer, intent(in), optional :: idle_limit
       integer, intent(out), optional :: stat
       character(len=*), intent(inout), optional :: msg
@@ -539,44 +540,44 @@ contains
   ! ---- opening and ending ----
 
   subroutine open_64(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                     parameters, values, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, &
+                     retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, nodes, '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-               parameters, values, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, &
+               retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine open_32(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                     parameters, values, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, &
+                     retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int32), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, int(nodes, int64), '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-               parameters, values, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, &
+               retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine resume(self, ticket, endpoint, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
-                    state_dir, threads, check_closure, nodes, pair, parameters, values, stat, msg)
+                    retry_after, state_dir, threads, check_closure, nodes, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     character(len=*), intent(in) :: ticket
     character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir, check_closure, &
                                               pair(:), parameters(:)
-    real(real64), intent(in), optional :: connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after, values(:, :)
     integer(int64), intent(in), optional :: nodes(:)
     integer, intent(in), optional :: threads
     integer, intent(out), optional :: stat
@@ -586,20 +587,20 @@ contains
     if (present(nodes)) expected = nodes
     call enter(self, expected, ticket//c_null_char, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
-               state_dir=state_dir, threads=threads, check_closure=check_closure, pair=pair, parameters=parameters, &
-               values=values, stat=stat, msg=msg)
+               retry_after=retry_after, state_dir=state_dir, threads=threads, check_closure=check_closure, &
+               pair=pair, parameters=parameters, values=values, stat=stat, msg=msg)
   end subroutine
 
   ! Opens a session, or resumes the one of the ticket.
   subroutine enter(self, nodes, ticket, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                   secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                   parameters, values, stat, msg)
+                   secret_key_file, connect_deadline, reply_deadline, &
+                   retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in) :: ticket
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
@@ -611,7 +612,7 @@ contains
     integer(c_int) :: code
     call clear(status)
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
+                      connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     call give_nodes(of, held, nodes, initial_temperature, pair, parameters, values, code, status)
     if (code == 0 .and. len(ticket) > 0) then
       code = c_resume_nodes(self%handle, options, ticket, of, status)
@@ -702,12 +703,12 @@ contains
 
   ! The options of the C interface, which point into `texts`.
   subroutine give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                          connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
+                          connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     type(c_options), intent(out) :: options
     type(c_text), intent(out), target :: texts(8)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure
-    real(real64), intent(in), optional :: connect_deadline, reply_deadline
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after
     integer, intent(in), optional :: threads, idle_limit
     options%size = c_sizeof(options)
     call to_c(endpoint, texts(1)%bytes, options%endpoint)
@@ -730,6 +731,7 @@ contains
     options%interrupted_user = c_null_ptr
     if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
     if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
+    if (present(retry_after)) options%retry_after_s = retry_after
     if (present(threads)) options%threads = int(threads, c_int32_t)
     if (present(idle_limit)) options%idle_limit_s = idle_limit
     if (present(check_closure)) then  ! an unknown word is a number that the library refuses

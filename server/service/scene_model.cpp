@@ -274,6 +274,7 @@ SceneModel convert(v1::Scene& scene) {
   if (scene.pair().empty()) {
     SceneModel made = convert_tables(scene);
     made.effective = scene::to_toml(scene);
+    made.scene = std::make_shared<v1::Scene>(scene);
     made.warnings = scene::unusual_values(scene);
     return made;
   }
@@ -301,6 +302,7 @@ SceneModel convert(v1::Scene& scene) {
            fmt::format("the scene with all constants of its pairs has {} bytes, at most {} are allowed",
                        made.effective.size(), wire::kMaxSceneBytes),
            "Divide the pairs over several sessions.");
+  made.scene = std::make_shared<v1::Scene>(scene);
   made.warnings = scene::unusual_values(scene);
   return made;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <functional>
 #include <iterator>
 #include <limits>
@@ -356,7 +357,8 @@ void Shard::run_seat(StepRun& run, std::size_t seat, double work) {
     }
     const StepCount done = end_tile(run.step, tile);
     here += done;
-    left -= done.work - spent_before;
+    // Lanes advance together: a tile takes the time of all its lanes, however few are active.
+    left -= (done.work - spent_before) * kLanes / std::popcount(tile.in.active);
   }
   const std::lock_guard lock(run.counting);
   run.count += here;
