@@ -88,9 +88,9 @@ bool survives_its_texts(const std::filesystem::path& file) {
   if (child == 0) try_it(name.c_str(), ends[1]);
   ::close(ends[1]);
   char done = 0;
-  const bool survived = child < 0 || uninterrupted([&] { return ::read(ends[0], &done, 1); }) == 1;
+  const bool survived = child < 0 || wire::uninterrupted([&] { return ::read(ends[0], &done, 1); }) == 1;
   ::close(ends[0]);
-  if (child > 0) uninterrupted([&] { return ::waitpid(child, nullptr, 0); });
+  if (child > 0) wire::uninterrupted([&] { return ::waitpid(child, nullptr, 0); });
   return survived;
 }
 
