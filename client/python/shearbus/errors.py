@@ -51,6 +51,7 @@ class Code(enum.IntEnum):
     LIBRARY_FAULT = 511
     IN_USE = 512
     OTHER_PROCESS = 513
+    NO_LIBRARY = 514
 
 
 # A text may quote what strangers wrote: no command of it reaches a terminal or a log. The ends of lines stay.
