@@ -73,7 +73,8 @@ module shearbus
                                 shearbus_tresca = 3, shearbus_melting = 4
   integer, parameter, public :: shearbus_substepped = 1, shearbus_multiple_roots = 2, shearbus_outside_domain = 4, &
                                 shearbus_sudden = 8, shearbus_over_budget = 16, shearbus_asleep = 32, &
-                                shearbus_first_order = 64, shearbus_failed = 128
+                                shearbus_first_order = 64, shearbus_failed = 128, &
+                                shearbus_fallback = 160  ! all of it: the host's own law answered
   integer, parameter, public :: shearbus_ticket_length = 65, shearbus_transfer_length = 32
 
   type :: shearbus_interface
@@ -107,6 +108,8 @@ module shearbus
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
     real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
     real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
+    procedure(own_law), pointer, nopass, private :: law => null()  ! of the host, and whether the last step needed it
+    integer(c_int), pointer, private :: fell_back => null()
     type(c_ptr), private :: handle = c_null_ptr
     type(c_ptr), private :: ranks = c_null_ptr         ! of one session on root: the step of all ranks is then
     type(c_funptr), private :: step_of_all = c_null_funptr
@@ -120,6 +123,9 @@ module shearbus
     procedure :: resume
     ! Makes one step of length dt with the columns of the interface.
     generic :: step => step_plain, step_32, step_64
+    ! Gives the host's own law, which fills the columns of the answer while the server is gone, if the user allows it by
+    ! SHEARBUS_FALLBACK (shearbus.h, shearbus_set_fallback). The rows of such a step have the outcome shearbus_fallback.
+    procedure :: set_fallback
     ! Keeps the result of the trial.
     procedure :: commit
     ! Drops the trial.
@@ -306,6 +312,10 @@ module shearbus
   end type
 
   abstract interface
+    subroutine own_law(bus)
+      import
+      class(shearbus_interface), intent(inout) :: bus
+    end subroutine
     ! A step of all ranks: `fault` is that of this rank before the step, which all ranks then report.
     function step_of_all_ranks(ranks, session, fault, request, result, status) bind(c) result(code)
       import
@@ -350,6 +360,14 @@ module shearbus
       type(c_ptr), value :: session
       type(c_request), intent(in) :: request
       type(c_result), intent(inout) :: result
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_set_fallback(session, law, user, status) bind(c, name='shearbus_set_fallback') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_funptr), value :: law
+      type(c_ptr), value :: user
       type(c_status), intent(inout) :: status
       integer(c_int) :: code
     end function
@@ -862,13 +880,21 @@ contains
 
   impure elemental subroutine finalise(self)
     type(shearbus_interface), intent(inout) :: self
+    call drop(self)
+  end subroutine
+
+  ! Frees the handle, on which no call is made any more, and what it pointed to.
+  subroutine drop(self)
+    class(shearbus_interface), intent(inout) :: self
     call c_leave(self%handle)
+    if (associated(self%fell_back)) deallocate (self%fell_back)
+    self%law => null()
   end subroutine
 
   subroutine copy(self, other)
     class(shearbus_interface), intent(inout) :: self
     type(shearbus_interface), intent(in) :: other
-    call c_leave(self%handle)
+    call drop(self)
     self%n = other%n
     self%nodes = other%nodes
     call take(self%jump, other%jump)
@@ -1070,6 +1096,10 @@ contains
       code = c_step(self%handle, request, answer, status)
     end if
     if (code == 0) call adopt()
+    if (code == 0 .and. associated(self%fell_back)) then
+      if (self%fell_back /= 0) call self%law(self)
+      self%fell_back = 0
+    end if
     call report(code, status, stat, msg)
   contains
     function number_of(flag) result(number)
@@ -1139,6 +1169,30 @@ contains
   end subroutine
 
   ! ---- states and nodes ----
+
+  subroutine set_fallback(self, law, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    procedure(own_law) :: law
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    integer(c_int) :: code
+    call clear(status)
+    if (.not. associated(self%fell_back)) allocate (self%fell_back, source=0_c_int)
+    code = c_set_fallback(self%handle, c_funloc(note_fallback), c_loc(self%fell_back), status)
+    if (code == 0) self%law => law
+    call report(code, status, stat, msg)
+  end subroutine
+
+  ! The law is called when the columns have the rows of the step.
+  function note_fallback(user, request) bind(c) result(code)
+    type(c_ptr), value :: user, request
+    integer(c_int) :: code
+    integer(c_int), pointer :: fell_back
+    call c_f_pointer(user, fell_back)
+    fell_back = merge(1_c_int, 0_c_int, c_associated(request))
+    code = 0
+  end function
 
   subroutine commit(self, stat, msg)
     class(shearbus_interface), intent(inout) :: self

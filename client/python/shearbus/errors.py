@@ -53,6 +53,7 @@ class Code(enum.IntEnum):
     LIBRARY_FAULT = 511
     IN_USE = 512
     OTHER_PROCESS = 513
+    NO_LIBRARY = 514
 
 
 class Error(Exception):
