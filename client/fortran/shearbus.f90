@@ -55,6 +55,7 @@
 !   manifest               file with the tickets of all sessions, beside the host's dump
 !   new_owner              rank of each node of bus, in the order of bus%nodes
 !   mark                   name under which the server keeps the states
+!   law                    subroutine with the argument bus of class(shearbus_interface), which fills the columns of the answer
 !   stat                   0, or the code of the fault
 !   msg                    what was expected and found, and what to do
 !
@@ -123,8 +124,7 @@ module shearbus
     procedure :: resume
     ! Makes one step of length dt with the columns of the interface.
     generic :: step => step_plain, step_32, step_64
-    ! Gives the host's own law, which fills the columns of the answer while the server is gone, if the user allows it by
-    ! SHEARBUS_FALLBACK (shearbus.h, shearbus_set_fallback). The rows of such a step have the outcome shearbus_fallback.
+    ! Gives a law of the host for steps while the server is gone, if the user allows it by SHEARBUS_FALLBACK (shearbus.h).
     procedure :: set_fallback
     ! Keeps the result of the trial.
     procedure :: commit
