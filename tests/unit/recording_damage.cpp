@@ -9,20 +9,19 @@
 #include <limits>
 #include <numeric>
 
+#include "proto/files/recording.hpp"
 #include "proto/wire/limits.hpp"
-#include "proto/wire/recording.hpp"
 #include "proto/wire/status.hpp"
 #include "tests/support/scratch.hpp"
 
-// After damaged metadata HDF5 leaks the objects that it had half opened, and may print "infinite loop closing library"
-// at exit. Both faults are in HDF5 and harmless. The suppression hides no fault of ours: a handle that our code forgets
-// to close is no leak to this checker.
+// After damaged metadata HDF5 leaks the objects that it had half opened: a harmless fault of HDF5. The suppression hides
+// no fault of ours: a handle that our code forgets to close is no leak to this checker.
 // NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 extern "C" const char* __lsan_default_suppressions() {
   return "leak:libhdf5\n";
 }
 
-namespace shearbus::wire {
+namespace shearbus::files {
 namespace {
 
 using test::Scratch;
@@ -86,8 +85,8 @@ std::string error_of_reading(const fs::path& path) {
     std::vector<double> row(reader.nodes());
     for (std::size_t step = 0; step < reader.steps(); ++step) reader.row("pressure", step, row);
     reader.per_node("mass_soft");
-  } catch (const Error& error) {
-    EXPECT_EQ(error.status().code, Code::kInvalidValue);
+  } catch (const wire::Error& error) {
+    EXPECT_EQ(error.status().code, wire::Code::kInvalidValue);
     std::string text = error.what();
     EXPECT_EQ(text.find('\n'), std::string::npos) << text;
     EXPECT_THAT(text, HasSubstr(path.string()));
@@ -258,7 +257,7 @@ TEST(RecordingDamage, NodeIdsAreUniqueAndNotNegative) {
 TEST(RecordingDamage, AbsurdSizesAreRefusedBeforeTheyAreAllocated) {
   const hsize_t huge = 1'000'000'000'000'000;
   EXPECT_THAT(
-      error_of({.node_id = [](RawFile& f) { f.put("node_id", {kMaxNodesPerSession + 1}, {}, H5T_NATIVE_INT); }}),
+      error_of({.node_id = [](RawFile& f) { f.put("node_id", {wire::kMaxNodesPerSession + 1}, {}, H5T_NATIVE_INT); }}),
       HasSubstr("at most 200000"));
   const Scratch scratch;
   {
@@ -365,7 +364,7 @@ TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
       }
       const std::vector<double> masses = reader.per_node("mass_soft");
       wrong += masses[0] != 1.0 || masses[1] != 2.0;
-    } catch (const Error&) {
+    } catch (const wire::Error&) {
       ++refused;
     }
   }
@@ -374,4 +373,4 @@ TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
 }
 
 }  // namespace
-}  // namespace shearbus::wire
+}  // namespace shearbus::files
