@@ -114,6 +114,11 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
       last_checkpoint_ns_(monotonic_ns()),
       log_(log.info) {}
 
+// The service may still read messages that the router has.
+Server::~Server() {
+  service_.give_up();
+}
+
 bool Server::recover(int stop_fd, ServiceManager* manager) {
   if (!store_) return true;
   stop_fd_ = stop_fd;

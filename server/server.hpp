@@ -30,6 +30,9 @@ class Server {
  public:
   // Takes the state directory. Throws if it is another server's.
   explicit Server(const ServerOptions& options, const Log& log = {});
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+  ~Server();
 
   // Binds an endpoint and returns it as bound, with its port if "*" was given. Throws what Router::bind() throws.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
+#include <limits>
 #include <new>
 #include <string_view>
 #include <system_error>
+#include <thread>
 #include <utility>
 #include <variant>
 
@@ -15,6 +18,7 @@
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/service.hpp"
+#include "server/shard/cut.hpp"
 
 namespace shearbus::service {
 
@@ -40,7 +44,7 @@ std::shared_ptr<wire::Reply> reply_from(const std::vector<std::byte>& header, co
   auto held = std::make_shared<HeldReply>();
   held->payload = payload;
   const std::array<std::span<const std::byte>, 2> frames = {header, held->payload};
-  wire::decode(std::span(frames).first(wire::declares_payload(header) ? 2 : 1), held->reply);
+  wire::decode_trusted(std::span(frames).first(wire::declares_payload(header) ? 2 : 1), held->reply);
   return {held, &held->reply};
 }
 
@@ -84,8 +88,8 @@ void make_repeat(wire::Reply& reply) {
 
 // Writes the request to the journal. After this call the request must run and must not fail, because a recovery replays
 // it.
-void Service::keep(const Arrival& arrival, const wire::SessionId& session, const Member* member,
-                   std::optional<std::uint64_t> sequence) {
+void Service::journal(const Arrival& arrival, const wire::SessionId& session, const Member* member,
+                      std::optional<std::uint64_t> sequence) {
   if (store_ == nullptr || replaying_) return;
   try {
     timed(options_.now_ns, times_.journal_append, [&] {
@@ -103,7 +107,7 @@ void Service::keep(const Arrival& arrival, const wire::SessionId& session, const
          .text = fmt::format("the request could not be kept: {}", fault.what()),
          .remedy = "Nothing was changed. Make room in the server's state directory; the same request again goes on."});
   }
-  kept_ = store_->journaling();
+  journaled_now_ = store_->journaling();
 }
 
 void Service::recover() {
@@ -173,21 +177,14 @@ void Service::clear() {
 void Service::restore(const store::Snapshot& snapshot) {
   for (const store::SessionImage& image : snapshot.sessions) {
     auto member = std::make_unique<Member>();
-    member->id = image.id;
-    member->identity = image.identity;
+    static_cast<store::SessionFacts&>(*member) = image;
     member->opened_ns = member->last_request_ns = started_ns_;
-    member->resume_token = image.resume_token;
     const bool follows = !image.before_header.empty();
     if (follows)
       member->conversation.complete(image.last_sequence - 1, image.before_hash,
                                     reply_from(image.before_header, image.before_payload));
     member->conversation.complete(image.last_sequence, image.last_hash,
                                   reply_from(image.reply_header, image.reply_payload), follows);
-    member->claim = image.claim;
-    member->claimant = image.claimant;
-    member->owner_epoch = image.owner_epoch;
-    member->superseded = image.superseded;
-    member->totals = {.requests = image.requests, .node_steps = image.node_steps, .solver_ns = image.solver_ns};
     if (!image.open) {
       closed_[image.identity].push_back(image.id);
     } else {
@@ -195,12 +192,11 @@ void Service::restore(const store::Snapshot& snapshot) {
       member->pairs = SessionPairs(made, SessionPairs::parameters_in(image.committed));
       member->scene_name = std::move(made.name);
       member->scene = std::move(made.effective);
-      member->idle_limit_s = image.idle_limit_s;
       member->shard = restored_shard(member->pairs, member->pairs.table(made.options), image.node_ids, image.committed);
       member->shard->restore(image.committed, image.trial ? &*image.trial : nullptr, image.state_version);
       if (!image.part_header.empty()) member->parts = parts_from(image, *member->shard);
-      member->marks = image.marks;
-      member->domain = image.domain;
+      for (const store::MarkImage& mark : image.marks)
+        member->marks.push_back(std::make_shared<const store::MarkImage>(mark));
       ++metrics_.sessions;
       metrics_.nodes += image.node_ids.size();
       metrics_.state_bytes += member->held_bytes();
@@ -210,7 +206,7 @@ void Service::restore(const store::Snapshot& snapshot) {
   for (const store::TransferImage& transfer : snapshot.transfers) {
     metrics_.nodes += transfer.node_ids.size();
     metrics_.state_bytes += kept_bytes(transfer.states);
-    transfers_.emplace(transfer.id, transfer);
+    transfers_.emplace(transfer.id, std::make_shared<const store::TransferImage>(transfer));
   }
   for (const store::PendingRequest& request : snapshot.pending) {
     previous_committed_ = request.previous_committed;
@@ -226,7 +222,8 @@ void Service::run_again(std::span<const std::byte> header, std::span<const std::
   const std::array<std::span<const std::byte>, 2> frames = {header, payload};
   auto fresh = std::make_shared<wire::Reply>();
   fresh->epoch = epoch;
-  if (answer(std::span(frames).first(wire::declares_payload(header) ? 2 : 1), {.identity = identity}, fresh) != fresh)
+  if (answer(std::span(frames).first(wire::declares_payload(header) ? 2 : 1),
+             {.identity = identity, .in_process = true}, fresh) != fresh)
     throw Error({.code = Code::kSequenceReused, .text = "it has run already"});
 }
 
@@ -252,49 +249,89 @@ void Service::replay(const store::Record& record, std::uint64_t epoch) {
   }
 }
 
-store::Snapshot Service::snapshot() const {
+namespace {
+
+// What a snapshot of a session refers to until it is complete.
+struct Unread {
+  std::size_t session = 0;  // place in Snapshot::sessions
+  std::shared_ptr<const wire::Reply> last;
+  std::shared_ptr<const wire::Reply> before;
+  std::shared_ptr<shard::Cut> cut;
+  std::vector<std::shared_ptr<const store::MarkImage>> marks;
+
+  void put_into(store::SessionImage& image) {
+    image.reply_payload = copy_of(last->batch.bytes());
+    if (before) image.before_payload = copy_of(before->batch.bytes());
+    for (const auto& mark : marks) image.marks.push_back(*mark);
+    shard::Cut::Contents contents = cut->read();
+    cut.reset();
+    image.node_ids = std::move(contents.node_ids);
+    image.committed = std::move(contents.committed);
+    image.trial = std::move(contents.trial);
+  }
+};
+
+struct AllUnread {
+  std::vector<Unread> sessions;
+  std::vector<std::shared_ptr<const store::TransferImage>> transfers;
+  std::vector<std::shared_ptr<PendingFrames>> pending;  // one for each of Snapshot::pending
+
+  void put_into(store::Snapshot& snapshot) {
+    for (Unread& unread : sessions) unread.put_into(snapshot.sessions[unread.session]);
+    for (const auto& transfer : transfers) snapshot.transfers.push_back(*transfer);
+    for (std::size_t i = 0; i < pending.size(); ++i) {
+      auto frames = pending[i]->take();
+      snapshot.pending[i].header_frame = std::move(frames[0]);
+      snapshot.pending[i].payload_frame = std::move(frames[1]);
+    }
+  }
+};
+
+// The header of a reply as it is sent again. The file that holds it has a sum of the payload, too.
+std::vector<std::byte> header_to_repeat(wire::Reply& reply) {
+  make_repeat(reply);
+  const std::string header = wire::encode_header(reply, {}, wire::PayloadSum::kLeftOut);
+  return copy_of(std::as_bytes(std::span(header)));
+}
+
+std::vector<std::uint32_t> rows_of_parts(const Parts& parts, const shard::NodeTable& nodes) {
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t row = 0; row < nodes.size(); ++row)
+    if (parts.stepped[nodes.slot_of(row)]) rows.push_back(row);
+  return rows;
+}
+
+}  // namespace
+
+// The states at this moment. What takes long to copy is left to whoever reads the snapshot (Snapshot::complete).
+store::Snapshot Service::snapshot() {
   store::Snapshot snapshot{.next_index = 0, .server_version = options_.server_version, .sessions = {}, .transfers = {}};
+  const auto unread = std::make_shared<AllUnread>();
   const auto add = [&](const Member& member) {
-    wire::Reply& kept = *member.conversation.kept_reply();
-    make_repeat(kept);
-    const std::string header = wire::encode_header(kept);
-    store::SessionImage image{.id = member.id,
-                              .open = member.shard != nullptr,
-                              .identity = member.identity,
-                              .resume_token = member.resume_token,
-                              .last_sequence = member.conversation.last_sequence(),
-                              .last_hash = member.conversation.last_hash(),
-                              .reply_header = copy_of(std::as_bytes(std::span(header))),
-                              .reply_payload = copy_of(kept.batch.bytes()),
-                              .requests = member.totals.requests,
-                              .node_steps = member.totals.node_steps,
-                              .solver_ns = member.totals.solver_ns,
-                              .claim = member.claim,
-                              .claimant = member.claimant,
-                              .owner_epoch = member.owner_epoch,
-                              .superseded = member.superseded};
+    const ReplyPtr& last = member.conversation.kept_reply();
+    store::SessionImage image;
+    static_cast<store::SessionFacts&>(image) = member;
+    image.open = member.shard != nullptr;
+    image.last_sequence = member.conversation.last_sequence();
+    image.last_hash = member.conversation.last_hash();
+    image.reply_header = header_to_repeat(*last);
     if (member.shard) {
-      image.domain = member.domain;
-      image.idle_limit_s = member.idle_limit_s;
-      image.scene = member.scene;
-      image.node_ids = member.shard->nodes().ids();
       image.state_version = member.shard->state_version();
-      image.committed = member.shard->committed_states();
-      image.marks = member.marks;
-      if (const session::Kept& before = member.conversation.before(); before.reply) {
-        make_repeat(*before.reply);
-        const std::string first = wire::encode_header(*before.reply);
+      const session::Kept& before = member.conversation.before();
+      if (before.reply) {
         image.before_hash = before.hash;
-        image.before_header = copy_of(std::as_bytes(std::span(first)));
-        image.before_payload = copy_of(before.reply->batch.bytes());
+        image.before_header = header_to_repeat(*before.reply);
       }
-      if (member.shard->has_trial()) image.trial = member.shard->trial_states();
       if (member.parts) {
         const std::string part = wire::encode_header(wire::Request{.body = member.parts->last});
         image.part_header = copy_of(std::as_bytes(std::span(part)));
-        for (std::uint32_t row = 0; row < member.shard->nodes().size(); ++row)
-          if (member.parts->stepped[member.shard->nodes().slot_of(row)]) image.part_rows.push_back(row);
+        image.part_rows = rows_of_parts(*member.parts, member.shard->nodes());
       }
+      unread->sessions.push_back({.session = snapshot.sessions.size(),
+                                  .last = last,
+                                  .before = before.reply,
+                                  .cut = member.shard->cut(),
+                                  .marks = member.marks});
     }
     snapshot.sessions.push_back(std::move(image));
   };
@@ -302,21 +339,25 @@ store::Snapshot Service::snapshot() const {
     for (const wire::SessionId& id : ids) add(*members_.at(id));
   for (const auto& [id, member] : members_)
     if (member->shard) add(*member);
-  for (const auto& [id, transfer] : transfers_) snapshot.transfers.push_back(transfer);
+  for (const auto& [id, transfer] : transfers_) unread->transfers.push_back(transfer);
   for (const Member* member : journaled_) {
-    const RunningStep& running = *member->running;
+    RunningStep& running = *member->running;
     snapshot.pending.push_back({.session = member->id,
                                 .epoch = epoch_,
                                 .previous_committed = running.step().commit_previous,
-                                .header_frame = copy_of(running.frames[0]),
-                                .payload_frame = copy_of(running.frames[1])});
+                                .header_frame = {},
+                                .payload_frame = {}});
+    running.pending = std::make_shared<PendingFrames>(running.frames);
+    unread->pending.push_back(running.pending);
   }
+  snapshot.complete = [unread](store::Snapshot& made) { unread->put_into(made); };
   return snapshot;
 }
 
 void Service::change_scene(const wire::SessionId& session, const std::string& scene, const std::string& scene_file) {
   const std::string effective = scene_model(scene, scene_file).effective;
   store::Snapshot states = snapshot();
+  std::exchange(states.complete, nullptr)(states);
   for (store::SessionImage& image : states.sessions)
     if (image.id == session) image.scene = effective;
   clear();
@@ -358,6 +399,28 @@ void Service::begin_checkpoint() {
   }
 }
 
+// The same for a request, which lets others have their turn while it waits for the checkpoint that may be under way and
+// for its own.
+bool Service::checkpoint_in_turn() {
+  constexpr std::uint64_t kLong = std::numeric_limits<std::uint64_t>::max();
+  if (turn_of_ == nullptr && !may_step_aside_) return checkpoint();
+  aside(kLong, [] {});  // before anything is changed
+  while (job_ || changing()) {
+    aside(kLong, [this] {
+      aside_.wait_for_end();
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));  // for changes, too
+    });
+    end_checkpoint(false);
+  }
+  begin_checkpoint();
+  const auto own = job_;
+  const std::uint64_t before = store_->counters().checkpoints;
+  if (!own) return false;
+  aside(kLong, [this] { aside_.wait_for_end(); });
+  if (job_ == own) end_checkpoint(true);
+  return store_->counters().checkpoints > before;
+}
+
 void Service::end_checkpoint(bool wait) noexcept try {
   if (!job_ || (!wait && !aside_.done())) return;
   aside_.wait();
@@ -380,7 +443,7 @@ void Service::grant(Member& member, const wire::ResumeSession& resume, const Arr
     if (epoch != 0 && std::ranges::find(superseded, epoch) == superseded.end()) superseded.push_back(epoch);
   if (superseded.size() > kMostRemembered) superseded.erase(superseded.begin(), superseded.end() - kMostRemembered);
   const std::uint64_t granted = replaying_ ? granted_epoch_ : epoch_ + claims_ + 1;
-  keep(arrival, member.id, &member, granted);
+  journal(arrival, member.id, &member, granted);
   ++claims_;
   member.superseded = std::move(superseded);
   member.claim = resume.claim;
@@ -388,7 +451,7 @@ void Service::grant(Member& member, const wire::ResumeSession& resume, const Arr
   member.epoch = member.owner_epoch = granted;
 }
 
-Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply) {
+Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end() || !found->second->shard)

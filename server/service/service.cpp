@@ -18,6 +18,7 @@
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/validate.hpp"
+#include "server/service/verb.hpp"
 
 namespace shearbus::service {
 
@@ -83,11 +84,11 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
   ++asking.requests;
   ReplyPtr reply = blank_reply();
   reply->epoch = epoch_;
-  kept_ = false;
+  journaled_now_ = false;
   current_ = {};
   try {
     reply = answer(frames, caller, reply);
-    if (std::exchange(kept_, false)) settle();
+    if (std::exchange(journaled_now_, false)) settle();
   } catch (const Error& error) {
     reply->status = error.status();
   } catch (const std::exception& fault) {
@@ -101,7 +102,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
     *turn = turn_;
     return std::nullopt;
   }
-  if (kept_) failed_ = true;  // the request is in the journal but has not run: states and journal differ
+  if (journaled_now_) failed_ = true;  // the request is in the journal but has not run: states and journal differ
   if (failed()) {
     log(fmt::format("FAILED: {}: {}", wire::name(reply->status.code), reply->status.text));
     return std::nullopt;
@@ -114,7 +115,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
     reply->batch = wire::Batch();
   }
   ReplyFrames sent;
-  sent.header = wire::encode_header(*reply);
+  sent.header = wire::encode_header(*reply, {}, current_.sum);
   sent.has_payload = !reply->batch.columns().empty();
   sent.payload = reply->batch.bytes();
   sent.owner = std::move(reply);
@@ -122,29 +123,29 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
   if (current_.started_ns != 0) times_.requests[current_.verb].add(options_.now_ns() - current_.started_ns);
   return sent;
 } catch (const std::exception&) {
-  failed_ = failed_ || kept_;
+  failed_ = failed_ || journaled_now_;
   return std::nullopt;
 }
 
 Service::ReplyPtr Service::blank_reply() {
-  if (!spare_reply_) return std::make_shared<wire::Reply>();
-  *spare_reply_ = {};
-  return std::exchange(spare_reply_, nullptr);
+  if (!used_reply_) return std::make_shared<wire::Reply>();
+  *used_reply_ = {};
+  return std::exchange(used_reply_, nullptr);
 }
 
 // Keeps the memory of a reply that was sent, unless a socket still needs it.
-void Service::spare(ReplyPtr reply) noexcept {
+void Service::recycle(ReplyPtr reply) noexcept {
   if (!reply || reply.use_count() != 1) return;
   // The last other owner may have been a thread of libzmq: to give up a copy orders its reads before what is written
   // here, which use_count() does not.
   ReplyPtr(reply).reset();
-  if (!reply->batch.columns().empty()) spare_batch_ = std::move(reply->batch);
-  spare_reply_ = std::move(reply);
+  if (!reply->batch.columns().empty()) used_batch_ = std::move(reply->batch);
+  used_reply_ = std::move(reply);
 }
 
-void Service::spare(std::unique_ptr<RunningStep> step) noexcept {
+void Service::recycle(std::unique_ptr<RunningStep> step) noexcept {
   step->clear();
-  spare_step_ = std::move(step);
+  used_step_ = std::move(step);
 }
 
 void Service::settle() {
@@ -176,7 +177,10 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     if (ReplyPtr ended = end_long(*again)) return ended;
   }
   try {
-    wire::decode(frames, request);
+    if (caller.in_process)
+      arrival.sum = wire::decode_trusted(frames, request);
+    else
+      wire::decode(frames, request);
   } catch (const Error&) {
     address(request);  // so that the refusal has the session and request ids that could be read
     throw;
@@ -186,7 +190,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   if (!std::holds_alternative<wire::Downscale>(request.body))
     measured.emplace(options_.cpu_ns, metrics_.longest_turn_ns);
   arrival.started_ns = options_.now_ns();
-  current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns};
+  current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns, .sum = arrival.sum};
   if (caller.is_revoked)
     throw Error({.code = Code::kNotPermitted,
                  .text = fmt::format("{} was taken off the server's list of authorised keys, or has another role there "
@@ -197,33 +201,8 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     throw Error(
         {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
 
-  if (const auto* greeting = std::get_if<wire::Hello>(&request.body)) {
-    hello(*greeting, caller, *reply);
-    return reply;
-  }
-  if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
-    reply->body = status_for(caller);
-    return reply;
-  }
-  if (const auto* look = std::get_if<wire::Inspect>(&request.body)) {
-    check_operator(caller);
-    if (must_wait_for_changes()) return reply;
-    inspect(*look, request, *reply);
-    return reply;
-  }
-  if (const auto* end = std::get_if<wire::Drain>(&request.body)) {
-    check_operator(caller);
-    drain(*end, caller, *reply);
-    return reply;
-  }
-  if (std::holds_alternative<wire::Checkpoint>(request.body)) {
-    check_operator(caller);
-    if (must_wait_for_changes()) return reply;
-    checkpoint_now(*reply);
-    return reply;
-  }
-  // The header holds the checksum of the payload, which decode() has compared, so the hash of the header identifies the
-  // whole request.
+  // The header holds the sum of the payload, which decode() has compared, so the hash of the header identifies the whole
+  // request. A client in this process that leaves out the sum gives each content a request_id of its own.
   arrival.hash = wire::hash_of(frames.first(1));
   return answer_in_turn(arrival, reply);
 }
@@ -263,7 +242,14 @@ void Service::check_identity(const Member& member, const Caller& caller) const {
                .remedy = "Use the key, or the user, that opened it, or ask an operator."});
 }
 
-void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const {
+Service::ReplyPtr Service::answer_by_verb(Arrival& arrival, const ReplyPtr& reply) {
+  const Verb& verb = verb_of(arrival.request);
+  if (verb.of_operators) check_operator(arrival.caller);
+  return verb.sequence ? answer_in_session(verb, arrival, reply) : verb.handler(*this, verb, nullptr, arrival, reply);
+}
+
+Service::ReplyPtr Service::hello(const wire::Hello& hello, Arrival& arrival, const ReplyPtr& reply) {
+  const Caller& caller = arrival.caller;
   if (hello.oldest_major > wire::kProtocolMajor || hello.newest_major < wire::kProtocolMajor)
     throw Error({.code = Code::kVersion,
                  .text = fmt::format("the client speaks protocol {} to {}; this server speaks {}", hello.oldest_major,
@@ -285,7 +271,8 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
                           "regimes",         "mean_stress",  "linearised", "pairs",      "parameters", "parts_ahead"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
-  reply.body = std::move(welcome);
+  reply->body = std::move(welcome);
+  return reply;
 }
 
 // Refuses a new session before its scene and nodes are read.
@@ -305,7 +292,7 @@ void Service::check_may_open(const wire::Request& request) const {
                  .remedy = "Close sessions that are no longer used."});
 }
 
-Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply) {
+Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   reply->session_id = open.session_id;
   if (open.session_id == wire::SessionId{})
@@ -374,7 +361,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arr
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
   made_member.emplace(open.session_id, std::move(member));
-  keep(arrival, open.session_id, nullptr);
+  journal(arrival, open.session_id, nullptr);
   members_.merge(made_member);
   ++metrics_.sessions;
   metrics_.nodes += node_ids.size();
@@ -455,7 +442,7 @@ void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller
                  .remedy = "Use a graded grid with fewer cells, close sessions, or give the server more memory."});
 }
 
-Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& reply) {
+Service::ReplyPtr Service::answer_in_session(const Verb& verb, Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end()) {
@@ -482,47 +469,7 @@ Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& r
     throw Error(std::move(verdict.status));
   }
 
-  if (std::holds_alternative<wire::Downscale>(request.body))
-    return member.long_request != nullptr && must_wait(member) ? reply : downscale(member, arrival, reply);
-  if (must_wait(member)) return reply;
-  return change_session(member, arrival, reply);
-}
-
-Service::ReplyPtr Service::change_session(Member& member, const Arrival& arrival, const ReplyPtr& reply) {
-  const wire::Request& request = arrival.request;
-  if (!std::holds_alternative<wire::Commit>(request.body) && must_wait_for_domain(member.identity, member.domain))
-    return reply;
-  hold(member);
-  if (std::holds_alternative<wire::Commit>(request.body)) {
-    if (!member.trial_stands())
-      throw Error({.code = Code::kNothingToCommit,
-                   .text = member.parts ? fmt::format("parts of the step are missing: {} of {} have come",
-                                                      member.parts->last.part, member.parts->last.parts)
-                                        : "no trial is standing",
-                   .remedy = "Send a trial step first, with all of its parts."});
-    keep(arrival, member.id, &member);
-    member.shard->commit();
-    reply->body = wire::Committed{.state_version = member.shard->state_version()};
-  } else if (const auto* back = std::get_if<wire::Rollback>(&request.body)) {
-    rollback(member, *back, arrival, *reply);
-  } else if (const auto* named = std::get_if<wire::Mark>(&request.body)) {
-    mark(member, *named, arrival, *reply);
-  } else if (std::holds_alternative<wire::RegisterNodes>(request.body)) {
-    register_nodes(member, arrival, *reply);
-  } else if (std::holds_alternative<wire::RetireNodes>(request.body)) {
-    retire_nodes(member, arrival, *reply);
-  } else if (const auto* offer = std::get_if<wire::OfferNodes>(&request.body)) {
-    offer_nodes(member, *offer, arrival, *reply);
-  } else if (const auto* accept = std::get_if<wire::AcceptNodes>(&request.body)) {
-    accept_nodes(member, *accept, arrival, *reply);
-  } else if (const auto* close = std::get_if<wire::CloseSession>(&request.body)) {
-    close_session(member, *close, arrival, *reply);
-  } else {
-    throw Error({.code = Code::kUnsupported, .text = "this server does not know the request"});
-  }
-  ++member.totals.requests;
-  spare(member.conversation.complete(request.sequence, arrival.hash, reply));
-  return reply;
+  return verb.handler(*this, verb, &member, arrival, reply);
 }
 
 // Closes each idle session by a request that the server makes itself, as an operator. The request is journaled, so a
@@ -551,9 +498,11 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   std::string because = printable(close.reason);
   const std::uint64_t held = member.held_bytes();
   aside(held, [] {});
-  keep(arrival, member.id, &member);
-  wire::SessionClosed totals = member.totals;
-  ++totals.requests;  // counts close_session itself
+  journal(arrival, member.id, &member);
+  const wire::SessionClosed totals{.requests = member.requests + 1,  // counts close_session itself
+                                   .node_steps = member.node_steps,
+                                   .solver_ns = member.solver_ns,
+                                   .asleep_node_steps = member.asleep_node_steps};
   log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
                   close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
                   1e-9 * static_cast<double>(totals.solver_ns)));
@@ -565,7 +514,9 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
   metrics_.nodes -= member.shard->nodes().size();
   metrics_.state_bytes -= held;
   member.parts.reset();
-  std::vector<store::MarkImage> marks = std::move(member.marks);
+  member.scene = {};
+  member.superseded = {};
+  std::vector<MarkPtr> marks = std::move(member.marks);
   std::unique_ptr<shard::Shard> shard = std::move(member.shard);
   forget_transfers_of(member.domain_it_is_in());
   change_aside(member, held, [&] {
