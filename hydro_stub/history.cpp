@@ -27,17 +27,17 @@ bool has_free_surface(const ShearBody& body) {
 }
 
 // The quantities that history.h5 records, in the order of the enum Row.
-std::vector<wire::Quantity> rows(const ShearColumn& column) {
-  std::vector<wire::Quantity> quantities = {
-      wire::quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),
-      wire::quantity_of_column(Field::kSlidingVelocity, 0, "sliding velocity, mean of the step"),
-      wire::quantity_of_column(Field::kInterfaceTemperature, 0, "temperature of the interface at the end of the step"),
-      wire::quantity_of_column(Field::kVelocityJumpNew, 0, "V_soft - V_hard at the end of the step"),
-      wire::quantity_of_column(Field::kRegime),
-      wire::quantity_of_column(Field::kPressure, 0, "sent: pressure on the interface, compression positive"),
-      wire::quantity_of_column(Field::kStressSoft, 0, "sent: shear stress in the soft zone at the interface"),
-      wire::quantity_of_column(Field::kStressHard, 0, "sent: shear stress in the hard zone at the interface"),
-      wire::quantity_of_column(Field::kVelocityJump, 0, "sent: V_soft - V_hard at the start of the step"),
+std::vector<files::Quantity> rows(const ShearColumn& column) {
+  std::vector<files::Quantity> quantities = {
+      files::quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),
+      files::quantity_of_column(Field::kSlidingVelocity, 0, "sliding velocity, mean of the step"),
+      files::quantity_of_column(Field::kInterfaceTemperature, 0, "temperature of the interface at the end of the step"),
+      files::quantity_of_column(Field::kVelocityJumpNew, 0, "V_soft - V_hard at the end of the step"),
+      files::quantity_of_column(Field::kRegime),
+      files::quantity_of_column(Field::kPressure, 0, "sent: pressure on the interface, compression positive"),
+      files::quantity_of_column(Field::kStressSoft, 0, "sent: shear stress in the soft zone at the interface"),
+      files::quantity_of_column(Field::kStressHard, 0, "sent: shear stress in the hard zone at the interface"),
+      files::quantity_of_column(Field::kVelocityJump, 0, "sent: V_soft - V_hard at the start of the step"),
   };
   if (has_free_surface(column.hard()))
     quantities.push_back({.name = "free_surface_velocity",
@@ -67,11 +67,11 @@ History::History(const std::filesystem::path& file, const ColumnProblem& problem
         meta.insert({{"scene", scene}, {"scene_name", problem.name}, {"interface_law", law}});
         return meta;
       }()) {
-  writer_.add_static(wire::quantity_of_column(Field::kMassSoft, 0, "sent: half the soft zone at the interface"),
+  writer_.add_static(files::quantity_of_column(Field::kMassSoft, 0, "sent: half the soft zone at the interface"),
                      column.inputs().mass_soft);
-  writer_.add_static(wire::quantity_of_column(Field::kMassHard, 0, "sent: half the hard zone at the interface"),
+  writer_.add_static(files::quantity_of_column(Field::kMassHard, 0, "sent: half the hard zone at the interface"),
                      column.inputs().mass_hard);
-  writer_.add_static(wire::quantity_of_column(Field::kInitialTemperature, 0, "of the interface at the start"),
+  writer_.add_static(files::quantity_of_column(Field::kInitialTemperature, 0, "of the interface at the start"),
                      problem.initial_temperature);
 }
 

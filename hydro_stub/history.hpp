@@ -1,5 +1,5 @@
 // Writes history.h5 of a run: the inputs and the answers of the interface law in each step, so that shearbus-replay can
-// repeat the run. proto/wire/recording.md describes the layout of the file.
+// repeat the run. proto/files/recording.md describes the layout of the file.
 #pragma once
 
 #include <filesystem>
@@ -8,8 +8,8 @@
 
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/shear_column.hpp"
-#include "proto/wire/profile_record.hpp"
-#include "proto/wire/recording.hpp"
+#include "proto/files/profile_record.hpp"
+#include "proto/files/recording.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
@@ -24,13 +24,13 @@ class History {
   static std::map<std::string, std::string> origin(const server::Entries& provenance);
 
   void record(const ShearColumn& column);
-  void close(const wire::ProfileRecord& profiles) {
+  void close(const files::ProfileRecord& profiles) {
     profiles.write(writer_);
     writer_.close();
   }
 
  private:
-  wire::HistoryWriter writer_;
+  files::HistoryWriter writer_;
 };
 
 // Returns the node ids of the columns in sessions and histories: 0, 1, 2, ...

@@ -6,19 +6,19 @@
 
 namespace shearbus::hydro {
 
-HistoryRows::HistoryRows(std::vector<wire::Quantity> quantities, std::size_t nodes)
+HistoryRows::HistoryRows(std::vector<files::Quantity> quantities, std::size_t nodes)
     : quantities_(std::move(quantities)), nodes_(nodes), values_(quantities_.size()) {}
 
 void HistoryRows::begin_row(double time) {
   times_.push_back(time);
 }
 
-void HistoryRows::save(wire::DumpWriter& dump, const std::string& name) const {
+void HistoryRows::save(files::DumpWriter& dump, const std::string& name) const {
   dump.numbers(name + "/time", times_);
   for (std::size_t q = 0; q < quantities_.size(); ++q) dump.numbers(name + "/" + quantities_[q].name, values_[q]);
 }
 
-void HistoryRows::load(const wire::DumpReader& dump, const std::string& name) {
+void HistoryRows::load(const files::DumpReader& dump, const std::string& name) {
   times_ = dump.numbers(name + "/time");
   for (std::size_t q = 0; q < quantities_.size(); ++q) {
     values_[q].resize(times_.size() * nodes_);
@@ -27,8 +27,8 @@ void HistoryRows::load(const wire::DumpReader& dump, const std::string& name) {
 }
 
 void HistoryRows::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
-                        const wire::ProfileRecord* profiles, std::span<const double> initial_temperature) const {
-  wire::HistoryWriter writer(file, node_ids(nodes_), quantities_, meta);
+                        const files::ProfileRecord* profiles, std::span<const double> initial_temperature) const {
+  files::HistoryWriter writer(file, node_ids(nodes_), quantities_, meta);
   if (!initial_temperature.empty())
     writer.add_static(
         {.name = "initial_temperature", .units = "K", .long_name = "temperature of the layer at the start"},

@@ -9,15 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "proto/wire/dump.hpp"
-#include "proto/wire/profile_record.hpp"
-#include "proto/wire/recording.hpp"
+#include "proto/files/dump.hpp"
+#include "proto/files/profile_record.hpp"
+#include "proto/files/recording.hpp"
 
 namespace shearbus::hydro {
 
 class HistoryRows {
  public:
-  HistoryRows(std::vector<wire::Quantity> quantities, std::size_t nodes);
+  HistoryRows(std::vector<files::Quantity> quantities, std::size_t nodes);
 
   void begin_row(double time);  // `time`: time of the row  [s]
   template <typename Values>    // Values: a range of doubles or of regimes
@@ -25,13 +25,13 @@ class HistoryRows {
     values_[quantity].insert(values_[quantity].end(), values.begin(), values.end());
   }
 
-  void save(wire::DumpWriter& dump, const std::string& name) const;
-  void load(const wire::DumpReader& dump, const std::string& name);
+  void save(files::DumpWriter& dump, const std::string& name) const;
+  void load(const files::DumpReader& dump, const std::string& name);
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
-             const wire::ProfileRecord* profiles = nullptr, std::span<const double> initial_temperature = {}) const;
+             const files::ProfileRecord* profiles = nullptr, std::span<const double> initial_temperature = {}) const;
 
  private:
-  std::vector<wire::Quantity> quantities_;
+  std::vector<files::Quantity> quantities_;
   std::size_t nodes_;
   std::vector<double> times_;
   // all rows of each quantity one after the other; a row has one value per node

@@ -8,10 +8,10 @@
 namespace shearbus::hydro {
 namespace {
 
-std::vector<wire::Quantity> interface_quantities(bool bound) {
+std::vector<files::Quantity> interface_quantities(bool bound) {
+  using files::quantity_of_column;
   using wire::Field;
-  using wire::quantity_of_column;
-  std::vector<wire::Quantity> all = {
+  std::vector<files::Quantity> all = {
       quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),
       quantity_of_column(Field::kSlidingVelocity, 0, "sliding velocity, mean of the step"),
       quantity_of_column(Field::kInterfaceTemperature, 0, "temperature of the interface"),
@@ -32,7 +32,7 @@ std::vector<wire::Quantity> interface_quantities(bool bound) {
   return all;
 }
 
-std::vector<wire::Quantity> surface_quantities() {
+std::vector<files::Quantity> surface_quantities() {
   return {{.name = "axial_velocity", .units = "m s-1", .long_name = "along the second axis"},
           {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
           {.name = "height", .units = "m", .long_name = "second coordinate of the node"}};
@@ -130,7 +130,7 @@ void InterfaceHistory::record(const lagrange::Cycle& cycle) {
   if (facts_.bound) rows_.set(q, totals_.bound_used);
 }
 
-void InterfaceHistory::save(wire::DumpWriter& dump) const {
+void InterfaceHistory::save(files::DumpWriter& dump) const {
   rows_.save(dump, "interface");
   for (const auto& [name, values] : kTotals) dump.numbers(name, totals_.*values);
   dump.numbers("interface_regimes", regimes_);
@@ -139,7 +139,7 @@ void InterfaceHistory::save(wire::DumpWriter& dump) const {
   dump.numbers("interface_energy", energy_.numbers());
 }
 
-void InterfaceHistory::load(const wire::DumpReader& dump) {
+void InterfaceHistory::load(const files::DumpReader& dump) {
   rows_.load(dump, "interface");
   for (const auto& [name, values] : kTotals) dump.fill(name, totals_.*values);
   dump.fill("interface_regimes", regimes_);
@@ -149,7 +149,7 @@ void InterfaceHistory::load(const wire::DumpReader& dump) {
 }
 
 void InterfaceHistory::write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
-                             const wire::ProfileRecord& profiles, const std::vector<double>& start_temperature) const {
+                             const files::ProfileRecord& profiles, const std::vector<double>& start_temperature) const {
   rows_.write(file, meta, &profiles, start_temperature);
 }
 

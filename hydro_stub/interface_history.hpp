@@ -11,7 +11,7 @@
 #include "hydro_stub/lagrange/cycle.hpp"
 #include "hydro_stub/metal_bands.hpp"
 #include "hydro_stub/shear_limits.hpp"
-#include "proto/wire/energy_totals.hpp"
+#include "proto/files/energy_totals.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus::hydro {
@@ -72,11 +72,11 @@ class InterfaceHistory {
   void observe(const lagrange::Cycle& cycle);  // adds the last step to the totals
   void record(const lagrange::Cycle& cycle);   // adds a row to the history
 
-  void save(wire::DumpWriter& dump) const;
-  void load(const wire::DumpReader& dump);
+  void save(files::DumpWriter& dump) const;
+  void load(const files::DumpReader& dump);
   // `start_temperature`: of the layers, where it is not that of the scene, else empty  [K]
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta,
-             const wire::ProfileRecord& profiles, const std::vector<double>& start_temperature) const;
+             const files::ProfileRecord& profiles, const std::vector<double>& start_temperature) const;
 
   std::size_t nodes() const { return totals_.slip.size(); }
   const NodeTotals& totals() const { return totals_; }
@@ -89,7 +89,7 @@ class InterfaceHistory {
   double most_bound_used() const { return peaks_[kBoundUsed]; }  // of all nodes and times
   double share(wire::Regime regime) const;          // share of all node-steps so far that were in this regime
   double share_of_slip(wire::Regime regime) const;  // share of the slip distance of all nodes
-  const wire::EnergyTotals& energy() const { return energy_; }
+  const files::EnergyTotals& energy() const { return energy_; }
   double hottest() const { return peaks_[kTemperature]; }
   double highest_pressure() const { return peaks_[kPressure]; }
   double longest_slip() const;
@@ -109,7 +109,7 @@ class InterfaceHistory {
   std::array<double, 5> regimes_{};      // number of node-steps in each regime
   std::array<double, 5> regime_slip_{};  // slip distance of all nodes in each regime  [m]
   std::array<double, 3> peaks_{};        // largest temperature [K], pressure [Pa] and share of the bound so far
-  wire::EnergyTotals energy_;
+  files::EnergyTotals energy_;
 };
 
 // The history of the nodes of a free surface, in their order along the surface.
@@ -118,8 +118,8 @@ class SurfaceHistory {
   explicit SurfaceHistory(std::vector<int> nodes);
 
   void record(const lagrange::Cycle& cycle);
-  void save(wire::DumpWriter& dump) const { rows_.save(dump, "free_surface"); }
-  void load(const wire::DumpReader& dump) { rows_.load(dump, "free_surface"); }
+  void save(files::DumpWriter& dump) const { rows_.save(dump, "free_surface"); }
+  void load(const files::DumpReader& dump) { rows_.load(dump, "free_surface"); }
   void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const {
     rows_.write(file, meta);
   }

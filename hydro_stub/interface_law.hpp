@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/wire/energy_totals.hpp"
+#include "proto/files/energy_totals.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus::hydro {
@@ -60,7 +60,7 @@ struct InterfaceAnswer {
   std::vector<double> interface_temperature;  // temperature of the interface at t(n+1/2)  [K]
   std::vector<double> friction_heat;          // heat that entered the soft body in the step  [J/m2]
   std::vector<std::uint8_t> regime;           // wire::Regime of the node: open, stick, Coulomb, Tresca or melting
-  wire::EnergyTotals energy;                  // energies of the shear layers in the step; empty for laws without layers
+  files::EnergyTotals energy;                 // energies of the shear layers in the step; empty for laws without layers
   std::uint64_t flagged = 0;  // number of nodes whose answer has a flag (substepped, several roots, failed)
 };
 

@@ -4,7 +4,7 @@
 
 #include "hydro_stub/law_name.hpp"
 #include "hydro_stub/problem.hpp"
-#include "proto/wire/progress.hpp"
+#include "proto/program/progress.hpp"
 
 namespace shearbus::hydro {
 
@@ -29,7 +29,7 @@ std::vector<double> layer_start(const guest::HydroScene& scene, const Problem2d&
   if (scene.hydro().layer_start() != guest::LAYER_START_SHOCKED) return temperature;
   std::vector<double> highest_pressure(nodes, 0.0);
   lagrange::Cycle cycle(problem.bodies);
-  wire::Progress bar("without friction", progress);
+  program::Progress bar("without friction", progress);
   while (cycle.state().time < problem.end_time && !(problem.over && problem.over(cycle))) {
     cycle.advance(problem.end_time);
     const InterfaceInputs& in = cycle.contact().inputs();
@@ -39,12 +39,12 @@ std::vector<double> layer_start(const guest::HydroScene& scene, const Problem2d&
       temperature[i] = in.zone_temperature[i];
     }
     bar.show([&](double elapsed_s) {
-      return wire::extent_of_time({.begun_s = 0.0,
-                                   .now_s = cycle.state().time,
-                                   .end_s = problem.end_time,
-                                   .begun_step = 0,
-                                   .step = cycle.steps()},
-                                  elapsed_s);
+      return program::extent_of_time({.begun_s = 0.0,
+                                      .now_s = cycle.state().time,
+                                      .end_s = problem.end_time,
+                                      .begun_step = 0,
+                                      .step = cycle.steps()},
+                                     elapsed_s);
     });
   }
   bar.clear();

@@ -20,11 +20,11 @@
 #include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/verification/problems.hpp"
 #include "hydro_stub/wall_zones.hpp"
+#include "proto/files/whole_file.hpp"
+#include "proto/program/program.hpp"
 #include "proto/scene/scene.hpp"
-#include "proto/wire/program.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
-#include "proto/wire/whole_file.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
@@ -80,7 +80,7 @@ void couple(const SceneFile& file, Problem2d& problem) {
                                               problem.hard.diffusivity);
 }
 
-void carry_out_2d(const Options& options, const SceneFile& file, const wire::DumpReader* from) {
+void carry_out_2d(const Options& options, const SceneFile& file, const files::DumpReader* from) {
   const guest::HydroScene& scene = file.scene;
   const bool cone = scene.hydro().has_cone_target();
   Problem2d problem = cone ? make_problem2d(make_cone_target(scene)) : make_verification(scene);
@@ -98,7 +98,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const wire::Dum
   if (from != nullptr && run.server.empty()) run.server = from->text("server");
   SubgridServer server{.address = options.server, .state_dir = {}, .check_closure = false};
   server.address.endpoint = run.server;
-  std::optional<wire::OneWriter> writer;
+  std::optional<files::OneWriter> writer;
   if (!options.check) {
     writer.emplace(run.out);
     if (from == nullptr) make_room_for_dumps(run.out);
@@ -152,7 +152,7 @@ void carry_out(const Options& options, SceneFile& file) {
     return;
   }
   const std::filesystem::path out = output_directory(options, scene);
-  const wire::OneWriter writer(out);
+  const files::OneWriter writer(out);
   run(scene, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
       options.progress);
   if (options.plot) plot(out);
@@ -160,7 +160,7 @@ void carry_out(const Options& options, SceneFile& file) {
 }
 
 void go_on(const Options& options, SceneFile& file) {
-  const wire::DumpReader dump = newest_dump(options.restart);
+  const files::DumpReader dump = newest_dump(options.restart);
   file = parse_scene(dump.text("scene"), dump.file().string());
   carry_out_2d(options, file, &dump);
 }
@@ -176,14 +176,14 @@ int shearbus_hydro(int argc, char** argv) {
       file = load_scene(line.options.scene);
       carry_out(line.options, file);
     }
-    return wire::end_program("shearbus-hydro", 0);
+    return program::end_program("shearbus-hydro", 0);
   } catch (const Interrupted& stopped) {
-    wire::complain("shearbus-hydro", stopped);
+    program::complain("shearbus-hydro", stopped);
     return kInterrupted;
   } catch (const wire::Error& error) {
-    wire::complain(fmt::format("shearbus-hydro: {}", describe(file.document.placed(error.status()))));
+    program::complain(fmt::format("shearbus-hydro: {}", describe(file.document.placed(error.status()))));
   } catch (const std::exception& error) {
-    wire::complain("shearbus-hydro", error);
+    program::complain("shearbus-hydro", error);
   }
   return 1;
 }
@@ -192,6 +192,6 @@ int shearbus_hydro(int argc, char** argv) {
 }  // namespace shearbus::hydro
 
 int main(int argc, char** argv) {
-  shearbus::wire::begin_program();
+  shearbus::program::begin_program();
   return shearbus::hydro::shearbus_hydro(argc, argv);
 }

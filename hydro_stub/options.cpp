@@ -5,7 +5,7 @@
 #include <CLI/CLI.hpp>
 
 #include "hydro_stub/scene.hpp"
-#include "proto/wire/command_line.hpp"
+#include "proto/program/command_line.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
@@ -44,13 +44,13 @@ CommandLine parse_command_line(int argc, char** argv) {
   std::filesystem::path key;
   app.add_option("--server-key", server_key, "by tcp: file of the server's public key")->type_name("FILE");
   app.add_option("--key", key, "by tcp: file of one's own secret key, from shearbus-ctl keygen")->type_name("FILE");
-  wire::add_choice<guest::InterfaceLaw>(app, "--interface-law", law,
-                                        {{"subgrid", guest::INTERFACE_LAW_SUBGRID},
-                                         {"coulomb_tresca", guest::INTERFACE_LAW_COULOMB_TRESCA},
-                                         {"free_slip", guest::INTERFACE_LAW_FREE_SLIP},
-                                         {"stick", guest::INTERFACE_LAW_STICK},
-                                         {"constant", guest::INTERFACE_LAW_CONSTANT}},
-                                        "interface law in place of the scene's")
+  program::add_choice<guest::InterfaceLaw>(app, "--interface-law", law,
+                                           {{"subgrid", guest::INTERFACE_LAW_SUBGRID},
+                                            {"coulomb_tresca", guest::INTERFACE_LAW_COULOMB_TRESCA},
+                                            {"free_slip", guest::INTERFACE_LAW_FREE_SLIP},
+                                            {"stick", guest::INTERFACE_LAW_STICK},
+                                            {"constant", guest::INTERFACE_LAW_CONSTANT}},
+                                           "interface law in place of the scene's")
       ->excludes(restart);
   app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
   app.add_option("--dump-interval", options.dumps.interval_s,
@@ -71,15 +71,15 @@ CommandLine parse_command_line(int argc, char** argv) {
   app.add_flag("--plot,!--no-plot", options.plot, "draw pictures of the histories (default: yes)");
   app.add_flag("--progress,!--no-progress", options.progress,
                "show how far a long run is, on a terminal (default: yes)");
-  wire::complete(app, "shearbus-hydro", server::version_text, kFooter);
-  line.exit_code = wire::parse(app, argc, argv, [&] {
+  program::complete(app, "shearbus-hydro", server::version_text, kFooter);
+  line.exit_code = program::parse(app, argc, argv, [&] {
     if (scene->empty() && restart->empty()) throw CLI::RequiredError("SCENE, or --restart DIR,");
     if (!scene->empty() && !restart->empty())
       throw CLI::ValidationError("SCENE and --restart DIR",
                                  "give one of them: the run of a directory goes on with the scene in its last dump");
   });
   if (line.exit_code) return line;
-  wire::read_keys_into(options.server, server_key, key);
+  files::read_keys_into(options.server, server_key, key);
   if (law != guest::INTERFACE_LAW_UNSPECIFIED) options.interface_law = law;
   return line;
 }

@@ -8,7 +8,7 @@
 
 #include "hydro_stub/hydro.pb.h"
 #include "hydro_stub/restart.hpp"
-#include "proto/wire/key_file.hpp"
+#include "proto/files/key_file.hpp"
 
 namespace shearbus::hydro {
 
@@ -17,7 +17,7 @@ struct Options {
   std::filesystem::path scene;             // scene to run; empty if `restart` is given
   std::filesystem::path restart;           // directory of a run to continue; empty if `scene` is given
   std::filesystem::path out;               // directory for the results; empty: out/<scene name>-<interface law>
-  wire::ServerAddress server;              // subgrid server; without an endpoint it runs in this process
+  files::ServerAddress server;             // subgrid server; without an endpoint it runs in this process
   std::optional<guest::InterfaceLaw> interface_law;  // if set, replaces the interface law of the scene
   DumpSchedule dumps;
   bool overlap = true;

@@ -12,7 +12,7 @@
 
 namespace shearbus::hydro {
 
-wire::ProfileRecord profile_record(const guest::HydroScene& scene, std::size_t nodes, InterfaceLaw& law) {
+files::ProfileRecord profile_record(const guest::HydroScene& scene, std::size_t nodes, InterfaceLaw& law) {
   const guest::Profiles& asked = scene.hydro().profiles();
   std::vector<std::uint64_t> ids;
   for (const double node : asked.node()) {
@@ -30,7 +30,7 @@ wire::ProfileRecord profile_record(const guest::HydroScene& scene, std::size_t n
   return {std::move(ids), {asked.time_s().begin(), asked.time_s().end()}};
 }
 
-void record_profiles(wire::ProfileRecord& record, double time_s, std::span<const double> pressure, InterfaceLaw& law) {
+void record_profiles(files::ProfileRecord& record, double time_s, std::span<const double> pressure, InterfaceLaw& law) {
   if (!record.due(time_s)) return;
   std::vector<double> of_nodes;
   for (const std::uint64_t node : record.node_ids()) of_nodes.push_back(pressure[node]);

@@ -32,10 +32,10 @@ fs::path restart_directory(const fs::path& run) {
   return run / "restart";
 }
 
-wire::DumpReader newest_dump(const fs::path& run) {
+files::DumpReader newest_dump(const fs::path& run) {
   for (const fs::path& file : dumps_of(run)) {
     try {
-      return wire::DumpReader(file);
+      return files::DumpReader(file);
     } catch (const wire::Error& fault) {
       fmt::print(stderr, "shearbus-hydro: warning: a restart dump is damaged: {}\n", fault.what());
     }
@@ -68,10 +68,10 @@ bool RestartDumps::due(std::uint64_t steps) const {
                       std::chrono::steady_clock::now() - last_ >= std::chrono::duration<double>(schedule_.interval_s));
 }
 
-void RestartDumps::write(std::uint64_t steps, const std::function<void(const std::string&, wire::DumpWriter&)>& fill) {
+void RestartDumps::write(std::uint64_t steps, const std::function<void(const std::string&, files::DumpWriter&)>& fill) {
   fs::create_directories(restart_directory(run_));
   const std::string name = fmt::format("dump-{:012}", steps);
-  wire::DumpWriter dump(restart_directory(run_) / (name + ".h5"));
+  files::DumpWriter dump(restart_directory(run_) / (name + ".h5"));
   fill(name, dump);
   dump.close();
   const std::vector<fs::path> all = dumps_of(run_);

@@ -12,7 +12,7 @@
 #include <string>
 #include <utility>
 
-#include "proto/wire/dump.hpp"
+#include "proto/files/dump.hpp"
 
 namespace shearbus::hydro {
 
@@ -33,7 +33,7 @@ std::filesystem::path restart_directory(const std::filesystem::path& run);
 std::filesystem::path server_directory(const std::filesystem::path& run);
 
 // Returns the newest complete dump of a run; reports damaged dumps on stderr. Throws wire::Error if there is none.
-wire::DumpReader newest_dump(const std::filesystem::path& run);
+files::DumpReader newest_dump(const std::filesystem::path& run);
 
 // Prepares the directory of a new run for its dumps. Throws wire::Error if dumps of a stopped run are there.
 void make_room_for_dumps(const std::filesystem::path& run);
@@ -44,7 +44,7 @@ class RestartDumps {
 
   bool due(std::uint64_t steps) const;
   // Writes a dump: calls `fill` with the name of the dump and the writer that takes its contents.
-  void write(std::uint64_t steps, const std::function<void(const std::string&, wire::DumpWriter&)>& fill);
+  void write(std::uint64_t steps, const std::function<void(const std::string&, files::DumpWriter&)>& fill);
   void remove() const;  // deletes the dumps after the end of the run
 
  private:

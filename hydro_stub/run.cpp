@@ -17,13 +17,13 @@
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/summary.hpp"
+#include "proto/files/whole_file.hpp"
+#include "proto/program/interrupt.hpp"
+#include "proto/program/program.hpp"
+#include "proto/program/progress.hpp"
 #include "proto/scene/scene.hpp"
-#include "proto/wire/interrupt.hpp"
-#include "proto/wire/program.hpp"
-#include "proto/wire/progress.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
-#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -74,7 +74,7 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
       std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
                                    node_ids(initial_temperature.size()), initial_temperature, server, layer_thickness);
   for (const std::string& warning : law->warnings())
-    wire::complain(fmt::format("shearbus-hydro: {}", wire::labelled(warning)));
+    program::complain(fmt::format("shearbus-hydro: {}", wire::labelled(warning)));
   return law;
 }
 
@@ -84,15 +84,15 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
   ShearColumn column(problem);
   History history(out / "history.h5", problem, column, scene::to_toml(effective_scene(scene, problem)), law_name,
                   provenance);
-  wire::ProfileRecord profiles = profile_record(scene, problem.columns, law);
+  files::ProfileRecord profiles = profile_record(scene, problem.columns, law);
   Summary summary(problem, law_name, provenance);
-  wire::Progress bar(problem.name, progress);
+  program::Progress bar(problem.name, progress);
 
   RunTime time;
   const Clock::time_point start = Clock::now();
-  wire::stop_at_next_step();
+  program::stop_at_next_step();
   for (std::uint64_t step = 0; step < problem.steps; ++step) {
-    if (wire::interrupted()) {
+    if (program::interrupted()) {
       throw std::runtime_error(fmt::format("interrupted at step {} of {}; no result is written", step, problem.steps));
     }
     column.advance(law);
@@ -113,13 +113,13 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
   time.solver = law_time.solver;
   time.bus = law_time.bus;
   summary.finish(column, time);
-  wire::write_whole(out / "summary.json", wire::kSummaryFile, summary.json());
+  files::write_whole(out / "summary.json", files::kSummaryFile, summary.json());
   fmt::print("{}", summary.text());
   law.close();
   const OmittedCost omitted = law.omitted_cost();
   for (const auto& [label, value] : omitted.lines) fmt::print("  {:<24}{}\n", label, value);
   summary.omitted(omitted);
-  wire::write_whole(out / "summary.json", wire::kSummaryFile, summary.json());
+  files::write_whole(out / "summary.json", files::kSummaryFile, summary.json());
 }
 
 namespace {

@@ -20,10 +20,10 @@
 #include "hydro_stub/law_name.hpp"
 #include "hydro_stub/profiles.hpp"
 #include "hydro_stub/summary2d.hpp"
-#include "proto/wire/fields.hpp"
-#include "proto/wire/interrupt.hpp"
-#include "proto/wire/progress.hpp"
-#include "proto/wire/whole_file.hpp"
+#include "proto/files/fields.hpp"
+#include "proto/files/whole_file.hpp"
+#include "proto/program/interrupt.hpp"
+#include "proto/program/progress.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -33,8 +33,8 @@ using lagrange::Cycle;
 using lagrange::Ledger;
 using lagrange::Vec2;
 
-wire::FieldWriter field_writer(const std::filesystem::path& sidecar, const Problem2d& problem, const std::string& scene,
-                               std::vector<double> times) {
+files::FieldWriter field_writer(const std::filesystem::path& sidecar, const Problem2d& problem,
+                                const std::string& scene, std::vector<double> times) {
   const lagrange::Mesh& mesh = problem.bodies.mesh;
   std::vector<std::int32_t> quads;
   for (int z = 0; z < mesh.num_zones(); ++z) quads.insert(quads.end(), mesh.zone_nodes(z), mesh.zone_nodes(z) + 4);
@@ -51,7 +51,7 @@ wire::FieldWriter field_writer(const std::filesystem::path& sidecar, const Probl
           std::move(times)};
 }
 
-void write_fields(wire::FieldWriter& writer, const Cycle& cycle) {
+void write_fields(files::FieldWriter& writer, const Cycle& cycle) {
   const lagrange::State& s = cycle.state();
   const auto three = [](const std::vector<Vec2>& from) {
     std::vector<double> to;
@@ -83,7 +83,7 @@ InterfaceFacts facts_of(const Problem2d& problem) {
 class Run {
  public:
   Run(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
-      const RunOptions& options, const wire::DumpReader* from)
+      const RunOptions& options, const files::DumpReader* from)
       : file_(file),
         effective_text_(scene::to_toml(effective)),
         law_(law),
@@ -111,24 +111,24 @@ class Run {
   void to_the_end() {
     const double begun_s = cycle_.state().time;
     const std::size_t begun_step = cycle_.steps();
-    wire::Progress bar(file_.scene.scene().name(), options_.progress);
+    program::Progress bar(file_.scene.scene().name(), options_.progress);
     if (fields_.times_s().empty()) timed([&] { write_fields(fields_, cycle_); });
     while (cycle_.state().time < end_time_) {
       step();
       bar.show([&](double elapsed_s) {
-        return wire::extent_of_time({.begun_s = begun_s,
-                                     .now_s = cycle_.state().time,
-                                     .end_s = end_time_,
-                                     .begun_step = begun_step,
-                                     .step = cycle_.steps()},
-                                    elapsed_s);
+        return program::extent_of_time({.begun_s = begun_s,
+                                        .now_s = cycle_.state().time,
+                                        .end_s = end_time_,
+                                        .begun_step = begun_step,
+                                        .step = cycle_.steps()},
+                                       elapsed_s);
       });
       if (cycle_.state().time >= end_time_) break;
       if (over_ && over_(cycle_)) {
         if (cycle_.state().time > fields_.times_s().back()) timed([&] { write_fields(fields_, cycle_); });
         break;
       }
-      if (wire::interrupted()) stop();
+      if (program::interrupted()) stop();
       if (dumps_.due(cycle_.steps())) timed([&] { dump(); });
     }
     bar.clear();
@@ -162,7 +162,7 @@ class Run {
   }
 
   void dump() {
-    dumps_.write(cycle_.steps(), [&](const std::string& name, wire::DumpWriter& to) {
+    dumps_.write(cycle_.steps(), [&](const std::string& name, files::DumpWriter& to) {
       to.text("kept", law_.keep(name));
       to.text("scene", scene::to_toml(file_.scene));  // `scene` names the interface law that the command line chose
       to.text("server", options_.server);
@@ -178,7 +178,7 @@ class Run {
     });
   }
 
-  void load(const wire::DumpReader& from) {
+  void load(const files::DumpReader& from) {
     const lagrange::Memory memory = cycle_.memory();
     for (const auto& [what, values] : memory.numbers) from.fill(std::string("cycle/") + what, values);
     for (const auto& [what, values] : memory.counts) from.fill(std::string("cycle/") + what, values);
@@ -221,12 +221,12 @@ class Run {
                                .output = seconds(output_),
                                .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
                                .law = law_.time_spent()}};
-    wire::write_whole(options_.out / "summary.json", wire::kSummaryFile, summary.json());
+    files::write_whole(options_.out / "summary.json", files::kSummaryFile, summary.json());
     fmt::print("{}", summary.text());
     law_.close();
     summary.omitted = law_.omitted_cost();
     for (const auto& [label, value] : summary.omitted.lines) fmt::print("  {:<24}{}\n", label, value);
-    wire::write_whole(options_.out / "summary.json", wire::kSummaryFile, summary.json());
+    files::write_whole(options_.out / "summary.json", files::kSummaryFile, summary.json());
     dumps_.remove();
   }
 
@@ -246,8 +246,8 @@ class Run {
   std::optional<InterfaceStrength> strength_;
   InterfaceHistory interface_;
   SurfaceHistory surface_;
-  wire::ProfileRecord profiles_;
-  wire::FieldWriter fields_;
+  files::ProfileRecord profiles_;
+  files::FieldWriter fields_;
   Cycle cycle_;
   Ledger start_;
   double next_row_ = 0.0;  // time of the next history row  [s]
@@ -266,9 +266,9 @@ void choose_threads() {
 }
 
 void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
-                   const RunOptions& options, const wire::DumpReader* from) {
+                   const RunOptions& options, const files::DumpReader* from) {
   std::filesystem::create_directories(options.out);
-  wire::stop_at_next_step();
+  program::stop_at_next_step();
   Run(file, effective, std::move(problem), law, options, from).to_the_end();
 }
 

@@ -8,7 +8,7 @@
 #include "hydro_stub/problem2d.hpp"
 #include "hydro_stub/restart.hpp"
 #include "hydro_stub/scene.hpp"
-#include "proto/wire/dump.hpp"
+#include "proto/files/dump.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
@@ -30,6 +30,6 @@ void choose_threads();
 // `from` is not null, the run continues from that dump. Throws Interrupted after SIGINT or SIGTERM, otherwise
 // wire::Error or std::exception; a run that does not reach its end writes neither histories nor a summary.
 void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
-                   const RunOptions& options, const wire::DumpReader* from);
+                   const RunOptions& options, const files::DumpReader* from);
 
 }  // namespace shearbus::hydro

@@ -20,7 +20,7 @@ namespace shearbus::hydro {
 namespace {
 
 ClientOptions client_options(const SubgridServer& server, const std::optional<server::Embedded>& embedded) {
-  const wire::ServerAddress& address = server.address;
+  const files::ServerAddress& address = server.address;
   ClientOptions options;
   options.check_closure = server.check_closure ? CheckClosure::kWarn : CheckClosure::kOff;
   options.name = "shearbus-hydro";

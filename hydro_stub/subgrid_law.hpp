@@ -11,13 +11,13 @@
 #include <vector>
 
 #include "hydro_stub/interface_law.hpp"
-#include "proto/wire/key_file.hpp"
+#include "proto/files/key_file.hpp"
 
 namespace shearbus::hydro {
 
 // The server that computes the layers.
 struct SubgridServer {
-  wire::ServerAddress address;      // without an endpoint the server runs in this process
+  files::ServerAddress address;     // without an endpoint the server runs in this process
   std::filesystem::path state_dir;  // state directory of a server in this process; empty: none
   // true: the client compares the velocity jumps that the host sends with the jumps of the answers. Two-dimensional
   // runs switch this off: there the jump also changes as the interface turns and as neighbouring nodes share momentum.

@@ -76,7 +76,7 @@ class Summary {
   bool yields_;
   std::array<std::uint64_t, 5> regime_count_{};
   double heat_ = 0.0;  // friction heat that entered the soft bodies, sum over nodes  [J/m2]
-  wire::EnergyTotals energy_;
+  files::EnergyTotals energy_;
   OmittedCost omitted_;
   std::uint64_t flagged_ = 0;
 

@@ -4,7 +4,7 @@
 
 namespace shearbus::hydro {
 
-nlohmann::ordered_json as_json(const wire::EnergyTotals& energy) {
+nlohmann::ordered_json as_json(const files::EnergyTotals& energy) {
   nlohmann::ordered_json out;
   for (const wire::Field term : wire::kLedgerColumns) out[name(term)] = energy.mean(term);
   return out;

@@ -11,7 +11,7 @@
 
 namespace shearbus::hydro {
 
-nlohmann::ordered_json as_json(const wire::EnergyTotals& energy);  // each energy as the mean over the nodes  [J/m2]
+nlohmann::ordered_json as_json(const files::EnergyTotals& energy);  // each energy as the mean over the nodes  [J/m2]
 nlohmann::ordered_json as_json(const OmittedCost& omitted);
 nlohmann::ordered_json as_json(const server::Entries& entries);
 

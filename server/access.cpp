@@ -9,7 +9,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "proto/wire/key_file.hpp"
+#include "proto/files/key_file.hpp"
 
 namespace shearbus::server {
 namespace {
@@ -38,12 +38,12 @@ Access::Access(const ServerOptions& options)
   if (!options.curve_secret.empty() && options.insecure_plaintext)
     throw std::invalid_argument("--insecure-plaintext would be without effect beside --curve-secret; leave it out");
   if (options.curve_secret.empty()) return;
-  secret_key_ = wire::read_secret_key(options.curve_secret);
+  secret_key_ = files::read_secret_key(options.curve_secret);
   read_authorized_keys();
 }
 
 std::string Access::public_key() const {
-  std::array<char, wire::kKeyCharacters + 1> key{};
+  std::array<char, files::kKeyCharacters + 1> key{};
   if (zmq_curve_public(key.data(), secret_key_.c_str()) != 0) throw std::runtime_error("the secret key is no key");
   return key.data();
 }
@@ -66,7 +66,7 @@ void Access::read_authorized_keys() {
                              ", which the server runs as. chown it");
   if ((found.st_mode & 022) != 0)
     throw std::runtime_error(keys_file_ + ": others can write to it, and so let anybody in; chmod go-w it");
-  for (const wire::KeyLine& line : wire::read_keys(keys_file_)) {
+  for (const files::KeyLine& line : files::read_keys(keys_file_)) {
     const std::string first_word = line.words.substr(0, line.words.find_first_of(" \t"));
     keys_[line.key] = first_word == "operator";
   }

@@ -24,12 +24,12 @@
 #include <utility>
 #include <vector>
 
-#include "proto/wire/command_line.hpp"
-#include "proto/wire/endpoint_file.hpp"
+#include "proto/files/endpoint_file.hpp"
+#include "proto/files/whole_file.hpp"
+#include "proto/program/command_line.hpp"
+#include "proto/program/program.hpp"
 #include "proto/wire/limits.hpp"
-#include "proto/wire/program.hpp"
 #include "proto/wire/text.hpp"
-#include "proto/wire/whole_file.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
 #include "server/server.hpp"
@@ -80,9 +80,10 @@ void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--state-dir", options.state_dir,
                  "Directory in which sessions outlive the server; without one they end with it")
       ->type_name("DIR");
-  shearbus::wire::add_choice(app, "--durability", options.durability, {"none", "process", "power"},
-                             "What an answer outlives, with --state-dir: nothing, the death of the server, or the loss "
-                             "of power")
+  shearbus::program::add_choice(
+      app, "--durability", options.durability, {"none", "process", "power"},
+      "What an answer outlives, with --state-dir: nothing, the death of the server, or the loss "
+      "of power")
       ->default_str(options.durability);
   app.add_option("--checkpoint-every", options.checkpoint_every_s,
                  "Seconds between two checkpoints, where anything has changed")
@@ -105,7 +106,7 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "Recover without this session, given by the first 8 or more digits of its id, repeatable. Its states "
                  "and requests are set aside in files dropped-*; the other sessions are untouched")
       ->type_name("ID");
-  shearbus::wire::whole_number(
+  shearbus::program::whole_number(
       app.add_option(
           "--drop-record", options.drop_records,
           "Recover without this record of the journal and the later ones of its session, repeatable: the session "
@@ -122,7 +123,7 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "With --record: only sessions of this scene's name or domain, repeatable")
       ->type_name("NAME")
       ->needs(record);
-  shearbus::wire::whole_number(
+  shearbus::program::whole_number(
       app.add_option("--allow-uid", options.allow_uids,
                      "Users who may connect by ipc, by number, repeatable; by default the one the server runs as"))
       ->type_name("UID");
@@ -134,8 +135,8 @@ void add_options(CLI::App& app, ServerOptions& options) {
       ->type_name("FILE");
   app.add_flag("--insecure-plaintext", options.insecure_plaintext,
                "Allow tcp without keys: whoever reaches the address is served, unknown and unencrypted");
-  shearbus::wire::add_choice(app, "--log-level", options.log_level, {"trace", "debug", "info", "warn", "error", "off"},
-                             "How much to say")
+  shearbus::program::add_choice(app, "--log-level", options.log_level,
+                                {"trace", "debug", "info", "warn", "error", "off"}, "How much to say")
       ->default_str(options.log_level);
   app.add_option("--log-file", options.log_file, "Where to say it; by default standard error")->type_name("FILE");
 }
@@ -149,24 +150,24 @@ sessions were open.)";
 
 // Every line of a log begins with its time.
 bool is_log(const std::filesystem::path& file) {
-  const std::string text = shearbus::wire::head_of(file, 11);
+  const std::string text = shearbus::files::head_of(file, 11);
   return text.size() == 11 && text[4] == '-' && text[7] == '-' && text[10] == 'T' &&
          text.find_first_not_of("0123456789-T") == std::string::npos;
 }
-constexpr shearbus::wire::FileKind kLogFile = {"a log of shearbus-server", is_log};
+constexpr shearbus::files::FileKind kLogFile = {"a log of shearbus-server", is_log};
 
 // Throws for an output that is an input, or that would write over or into a file of another kind.
 void check_outputs(const ServerOptions& options) {
-  const std::array<shearbus::wire::InputFile, 2> inputs = {
+  const std::array<shearbus::files::InputFile, 2> inputs = {
       {{"--curve-secret", options.curve_secret}, {"--authorized-keys", options.authorized_keys}}};
-  shearbus::wire::refuse_inputs_as_output("--endpoint-file", options.endpoint_file, inputs);
-  shearbus::wire::refuse_inputs_as_output("--log-file", options.log_file, inputs);
+  shearbus::files::refuse_inputs_as_output("--endpoint-file", options.endpoint_file, inputs);
+  shearbus::files::refuse_inputs_as_output("--log-file", options.log_file, inputs);
   if (!options.endpoint_file.empty())
-    shearbus::wire::check_output(options.endpoint_file, shearbus::wire::kEndpointFile);
+    shearbus::files::check_output(options.endpoint_file, shearbus::files::kEndpointFile);
   std::error_code ignored;
   const bool device = std::filesystem::is_character_file(options.log_file, ignored) ||
                       std::filesystem::is_fifo(options.log_file, ignored);
-  if (!options.log_file.empty() && !device) shearbus::wire::check_output(options.log_file, kLogFile);
+  if (!options.log_file.empty() && !device) shearbus::files::check_output(options.log_file, kLogFile);
 }
 
 // A line that reports a failure begins with this word.
@@ -190,7 +191,7 @@ void start_log(const ServerOptions& options) {
   if (options.log_file.empty()) {
     sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
   } else {
-    const std::string file = shearbus::wire::target_of_output(options.log_file).string();
+    const std::string file = shearbus::files::target_of_output(options.log_file).string();
     // The logging library would make the file with mode 0666.
     const int made = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0640);
     if (made >= 0) ::close(made);
@@ -225,16 +226,16 @@ int block_stop_signals() {
 // there.
 class PublishedEndpoint {
  public:
-  PublishedEndpoint(const std::string& file, const shearbus::wire::EndpointFile& contents)
-      : file_(shearbus::wire::target_of_output(file)), text_(text_of(contents)) {
-    shearbus::wire::write_whole(file_, shearbus::wire::kEndpointFile, text_);
+  PublishedEndpoint(const std::string& file, const shearbus::files::EndpointFile& contents)
+      : file_(shearbus::files::target_of_output(file)), text_(text_of(contents)) {
+    shearbus::files::write_whole(file_, shearbus::files::kEndpointFile, text_);
   }
   PublishedEndpoint(const PublishedEndpoint&) = delete;
   PublishedEndpoint& operator=(const PublishedEndpoint&) = delete;
   ~PublishedEndpoint() {
     std::error_code ignored;
     if (std::filesystem::symlink_status(file_, ignored).type() == std::filesystem::file_type::regular &&
-        shearbus::wire::head_of(file_, text_.size() + 1) == text_)
+        shearbus::files::head_of(file_, text_.size() + 1) == text_)
       ::unlink(file_.c_str());
   }
 
@@ -283,11 +284,11 @@ int run(const ServerOptions& options) {
       const std::string host = host_name();
       published.emplace(
           options.endpoint_file,
-          shearbus::wire::EndpointFile{.version = SHEARBUS_VERSION,
-                                       .host = host,
-                                       .server_key = options.curve_secret.empty() ? "" : server.access().public_key(),
-                                       .endpoint = shearbus::wire::address_for_clients(bound.front(), host),
-                                       .epoch = fmt::format("{:016x}", server.epoch())});
+          shearbus::files::EndpointFile{.version = SHEARBUS_VERSION,
+                                        .host = host,
+                                        .server_key = options.curve_secret.empty() ? "" : server.access().public_key(),
+                                        .endpoint = shearbus::files::address_for_clients(bound.front(), host),
+                                        .epoch = fmt::format("{:016x}", server.epoch())});
     }
     if (!server.recover(stop_fd, &manager)) {
       spdlog::info("stopped during the recovery; the next server begins it again");
@@ -316,18 +317,18 @@ int run(const ServerOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  shearbus::wire::begin_program();
+  shearbus::program::begin_program();
   CLI::App app{
       "The subgrid friction server of shearbus: it owns the shear layers of interface nodes and steps them for "
       "clients."};
   ServerOptions options;
   add_options(app, options);
-  shearbus::wire::complete(app, "shearbus-server", shearbus::server::version_text, kFooter);
-  if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
+  shearbus::program::complete(app, "shearbus-server", shearbus::server::version_text, kFooter);
+  if (const auto code = shearbus::program::parse(app, argc, argv)) return *code;
   try {
     return run(options);
   } catch (const std::exception& fault) {
-    shearbus::wire::complain("shearbus-server", fault);
+    shearbus::program::complain("shearbus-server", fault);
     return kExitFault;
   }
 }

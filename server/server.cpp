@@ -95,12 +95,12 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
       pool_(thread_count(options.threads)),
       storage_(options.state_dir.empty() ? nullptr : std::make_unique<store::PosixStorage>(options.state_dir)),
       store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch, log)) : nullptr),
-      recorder_(options.record_dir.empty()
-                    ? nullptr
-                    : std::make_unique<wire::SessionRecorder>(wire::RecorderOptions{.place = options.record_dir,
-                                                                                    .recorder = wire::Recorder::kServer,
-                                                                                    .sessions = options.record_sessions,
-                                                                                    .log = log.info})),
+      recorder_(options.record_dir.empty() ? nullptr
+                                           : std::make_unique<files::SessionRecorder>(
+                                                 files::RecorderOptions{.place = options.record_dir,
+                                                                        .recorder = files::Recorder::kServer,
+                                                                        .sessions = options.record_sessions,
+                                                                        .log = log.info})),
       service_(with_hooks(service_options(options, epoch, log)), pool_, store_.get()),
       access_(options),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,

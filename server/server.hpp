@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "proto/wire/session_recorder.hpp"
+#include "proto/files/session_recorder.hpp"
 #include "server/access.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
@@ -71,7 +71,7 @@ class Server {
   shard::TaskPool pool_;
   std::unique_ptr<store::PosixStorage> storage_;  // null without a state directory
   std::unique_ptr<store::Store> store_;
-  std::unique_ptr<wire::SessionRecorder> recorder_;  // null without a directory of recordings
+  std::unique_ptr<files::SessionRecorder> recorder_;  // null without a directory of recordings
   service::Service service_;
   Access access_;
   transport::Router router_;

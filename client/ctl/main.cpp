@@ -22,12 +22,12 @@
 #include "client/ctl/rehearse.hpp"
 #include "client/ctl/watch.hpp"
 #include "client/src/client.hpp"
+#include "proto/files/input_file.hpp"
+#include "proto/files/key_file.hpp"
+#include "proto/program/command_line.hpp"
+#include "proto/program/program.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/scene/scene.hpp"
-#include "proto/wire/command_line.hpp"
-#include "proto/wire/input_file.hpp"
-#include "proto/wire/key_file.hpp"
-#include "proto/wire/program.hpp"
 #include "proto/wire/text.hpp"
 #include "server/embedded.hpp"
 #include "server/physics/material/flow_laws.hpp"
@@ -72,7 +72,7 @@ struct Options {
 // once: a request is not repeated before the deadline. A server would make a repeated checkpoint once more.
 shearbus::Client connect(const Options& options, bool once = false) {
   const auto deadline = std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * options.timeout_s));
-  shearbus::wire::ServerAddress server{.endpoint = options.server};
+  shearbus::files::ServerAddress server{.endpoint = options.server};
   read_keys_into(server, options.server_key, options.key);
   return shearbus::Client({.endpoint = server.endpoint,
                            .server_key = server.server_key,
@@ -111,7 +111,7 @@ void wait_for_server(const Options& options) {
 int compare(const Options& options) {
   for (const std::filesystem::path& file : options.checkpoints)
     if (std::filesystem::exists(file) && !std::filesystem::is_directory(file))
-      const shearbus::wire::RegularFile regular(file);  // a pipe is refused, which would keep the comparison waiting
+      const shearbus::files::RegularFile regular(file);  // a pipe is refused, which would keep the comparison waiting
   const std::string text = shearbus::store::first_difference(options.checkpoints[0], options.checkpoints[1]);
   fmt::print("{}\n", text.empty() ? "the same states" : text);
   return text.empty() ? 0 : kExitFault;
@@ -128,11 +128,11 @@ void check(const Options& options) {
   shearbus::Session session = client.open(text, file, node);
   fmt::print("{}", session.effective_scene());
   for (const std::string& warning : session.warnings())
-    shearbus::wire::complain(fmt::format("{}: {}", file, shearbus::wire::labelled(warning)));
-  shearbus::wire::complain(fmt::format("{}: valid{}; {} bytes of state per node", file,
-                                       left_out ? " without its table [hydro]" : "", session.bytes_per_node()));
+    shearbus::program::complain(fmt::format("{}: {}", file, shearbus::wire::labelled(warning)));
+  shearbus::program::complain(fmt::format("{}: valid{}; {} bytes of state per node", file,
+                                          left_out ? " without its table [hydro]" : "", session.bytes_per_node()));
   if (left_out)
-    shearbus::wire::complain(fmt::format(
+    shearbus::program::complain(fmt::format(
         "{}: not checked: [hydro], which shearbus-hydro alone reads: shearbus-hydro {} --check", file, file));
   session.close();
 }
@@ -144,10 +144,10 @@ void keygen(const Options& options) {
   const std::filesystem::path public_file = options.key_name + ".public";
   if (std::filesystem::exists(public_file))  // checked before the secret key is written
     throw std::runtime_error(public_file.string() + ": exists already, and keys are never written over");
-  shearbus::wire::write_secret_key(secret_file, pair.secret_key);
+  shearbus::files::write_secret_key(secret_file, pair.secret_key);
   const std::string name = std::filesystem::path(options.key_name).filename().string();
   try {
-    shearbus::wire::write_public_key(
+    shearbus::files::write_public_key(
         public_file, {.key = pair.public_key, .words = (options.key_of_operator ? "operator " : "") + name});
   } catch (const std::exception&) {
     std::filesystem::remove(secret_file);  // useless without its public key
@@ -308,7 +308,7 @@ class Commands {
         ->check(CLI::Range(0.1, 1e6))
         ->capture_default_str();
     command->add_flag("--json", watch_.json, "A line of JSON for each look");
-    shearbus::wire::whole_number(
+    shearbus::program::whole_number(
         command->add_option(
             "--looks", watch_.looks,
             "End after so many looks, with exit code 1 if the last had no answer; rates come with the second"))
@@ -359,11 +359,11 @@ class Commands {
       ctl::show_top(client, options_.session, options_.top, options_.count);
     });
     top->add_option("SESSION", options_.session, "First digits of its id, or its scene's name; none: the only one");
-    shearbus::wire::add_choice<shearbus::wire::Top>(*top, "--by", options_.top,
-                                                    {{"hottest", shearbus::wire::Top::kHottest},
-                                                     {"fastest", shearbus::wire::Top::kFastest},
-                                                     {"molten", shearbus::wire::Top::kMolten}},
-                                                    "Which nodes")
+    shearbus::program::add_choice<shearbus::wire::Top>(*top, "--by", options_.top,
+                                                       {{"hottest", shearbus::wire::Top::kHottest},
+                                                        {"fastest", shearbus::wire::Top::kFastest},
+                                                        {"molten", shearbus::wire::Top::kMolten}},
+                                                       "Which nodes")
         ->default_str("hottest");
     top->add_option("--count", options_.count, "How many")
         ->check(CLI::Range(1U, static_cast<unsigned>(shearbus::wire::kMaxTopNodes)))
@@ -389,7 +389,7 @@ class Commands {
     CLI::App* drain = ask("drain", "No new sessions from here on (operator)",
                           [this](Client& client) { ctl::drain(client, options_.exit, options_.within_s); });
     CLI::Option* exit = drain->add_flag("--exit", options_.exit, "And the server ends when its last session is closed");
-    shearbus::wire::whole_number(
+    shearbus::program::whole_number(
         drain->add_option(
             "--within", options_.within_s,
             "The server ends after this time even if sessions are open, with a checkpoint and exit code 3"))
@@ -447,27 +447,27 @@ Exit codes: 0 done, 1 trouble (of compare: states differ), 2 a wrong command lin
 trouble).)";
 
 int main(int argc, char** argv) {
-  shearbus::wire::begin_program();
+  shearbus::program::begin_program();
   CLI::App app{"Questions to a running shearbus server, and about scenes."};
   app.require_subcommand(1);
   Commands commands(app);
-  shearbus::wire::complete(app, "shearbus-ctl", shearbus::server::version_text, kFooter);
+  shearbus::program::complete(app, "shearbus-ctl", shearbus::server::version_text, kFooter);
   const std::span words(argv, static_cast<std::size_t>(argc));
   const bool rehearses = argc > 1 && std::string_view(argv[1]) == "rehearse";  // it reads its own arguments
   if (!rehearses)
-    if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
+    if (const auto code = shearbus::program::parse(app, argc, argv)) return *code;
   try {
     if (rehearses) ctl::rehearse(words.subspan(2));
-    return shearbus::wire::end_program("shearbus-ctl", commands.run());
+    return shearbus::program::end_program("shearbus-ctl", commands.run());
   } catch (const shearbus::Error& fault) {
     // For a scene at fault the text is a list of lines "file:line:column: ...", which is printed without a prefix.
     const bool scene = fault.status().code == shearbus::Code::kInvalidScene;
     if (scene)
-      shearbus::wire::complain(fault.status().text);
+      shearbus::program::complain(fault.status().text);
     else
-      shearbus::wire::complain("shearbus-ctl", fault);
+      shearbus::program::complain("shearbus-ctl", fault);
   } catch (const std::exception& fault) {
-    shearbus::wire::complain("shearbus-ctl", fault);
+    shearbus::program::complain("shearbus-ctl", fault);
   }
   return commands.exit_code_of_trouble();
 }

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "proto/wire/endpoint_file.hpp"
+#include "proto/files/endpoint_file.hpp"
 #include "proto/wire/enum_names.hpp"
 #include "proto/wire/text.hpp"
 
@@ -189,8 +189,8 @@ void show_status(const Told& told, bool json) {
 
 ServerList servers_of(const std::filesystem::path& directory) {
   ServerList servers;
-  for (const auto& file : wire::endpoint_files(directory))
-    servers.emplace_back(file.filename(), std::string(wire::kFileScheme) + file.string());
+  for (const auto& file : files::endpoint_files(directory))
+    servers.emplace_back(file.filename(), std::string(files::kFileScheme) + file.string());
   return servers;
 }
 

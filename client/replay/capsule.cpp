@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 
-#include "proto/wire/input_file.hpp"
+#include "proto/files/input_file.hpp"
 #include "server/capsule_replay.hpp"
 
 namespace shearbus::replay {
 
 bool run_capsule(const std::filesystem::path& file) {
-  const wire::RegularFile regular(file);  // a pipe is refused, which would keep the program waiting
+  const files::RegularFile regular(file);  // a pipe is refused, which would keep the program waiting
   const server::CapsuleReplay capsule = server::replay_capsule(file);
   fmt::print("{}: node {}, step {} (attempt {}) of {} s to {} s, by server {}\n", file.string(), capsule.node_id,
              capsule.step, capsule.attempt, capsule.dt_s, capsule.time_s, capsule.server_version);

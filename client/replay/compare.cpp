@@ -340,8 +340,8 @@ std::string place_of(const wire::Request& request, std::uint64_t steps) {
 }
 
 bool compare(const fs::path& a, const fs::path& b, double rtol) {
-  const bool log_a = wire::is_event_log(a);
-  const bool log_b = wire::is_event_log(b);
+  const bool log_a = files::is_event_log(a);
+  const bool log_b = files::is_event_log(b);
   const Names names = {.a = a.filename() == b.filename() ? a.string() : a.filename().string(),
                        .b = a.filename() == b.filename() ? b.string() : b.filename().string()};
   if (log_a != log_b)

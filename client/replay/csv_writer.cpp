@@ -36,13 +36,13 @@ void refuse_ending_of_text(const std::filesystem::path& file) {
 CsvWriter::CsvWriter(const std::filesystem::path& file, const std::filesystem::path& like,
                      std::vector<ColumnPlace> columns, std::span<const std::uint64_t> node_ids,
                      const NodeProperties& properties)
-    : partial_(file, wire::kTableFile, wire::PartialFile::Writers::kOne),
+    : partial_(file, files::kTableFile, files::PartialFile::Writers::kOne),
       columns_(std::move(columns)),
       node_ids_(node_ids.begin(), node_ids.end()),
       properties_(properties),
       separator_(ending_of(like) == ".tsv" ? '\t' : ','),
       file_(::fdopen(::fcntl(partial_.descriptor(), F_DUPFD_CLOEXEC, 0), "w"), std::fclose) {
-  if (!file_) wire::refuse_to_write(file, errno);
+  if (!file_) files::refuse_to_write(file, errno);
   fmt::print(file_.get(), "time [s]{0}dt [s]{0}node_id", separator_);
   for (const auto& [field, component] : columns_) {
     const std::string unit = wire::column_row(field).unit;
@@ -68,13 +68,13 @@ void CsvWriter::step(double time_s, double dt_s, std::span<const std::vector<dou
     for (const auto& [key, own] : properties_.parameters) add(own[node]);
     row.push_back('\n');
     if (std::fwrite(row.data(), 1, row.size(), file_.get()) != row.size())
-      wire::refuse_to_write(partial_.file(), errno);
+      files::refuse_to_write(partial_.file(), errno);
   }
 }
 
 void CsvWriter::close() {
-  if (std::fflush(file_.get()) != 0) wire::refuse_to_write(partial_.file(), errno);
-  if (std::fclose(file_.release()) != 0) wire::refuse_to_write(partial_.file(), errno);
+  if (std::fflush(file_.get()) != 0) files::refuse_to_write(partial_.file(), errno);
+  if (std::fclose(file_.release()) != 0) files::refuse_to_write(partial_.file(), errno);
   partial_.publish();
 }
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "client/replay/node_properties.hpp"
+#include "proto/files/whole_file.hpp"
 #include "proto/wire/messages.hpp"
-#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::replay {
 
@@ -37,7 +37,7 @@ class CsvWriter {
   bool replaces() const { return partial_.replaces(); }
 
  private:
-  wire::PartialFile partial_;
+  files::PartialFile partial_;
   std::vector<ColumnPlace> columns_;
   std::vector<std::uint64_t> node_ids_;
   NodeProperties properties_;

@@ -36,7 +36,7 @@ Log::Log(const std::filesystem::path& file) : name_(file.string()), reader_(file
 
 bool Log::next() {
   while (reader_.next()) {
-    const wire::ExchangeFrames& frames = reader_.frames();
+    const files::ExchangeFrames& frames = reader_.frames();
     if (frames.reply_header.empty()) continue;
     bool asked = false;  // true once the reply is decoded: a fault after that is of the request
     try {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/wire/event_log.hpp"
+#include "proto/files/event_log.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus::replay {
@@ -18,7 +18,7 @@ class Log {
  public:
   explicit Log(const std::filesystem::path& file);
 
-  const wire::EventLogHead& head() const { return reader_.head(); }
+  const files::EventLogHead& head() const { return reader_.head(); }
   const std::string& name() const { return name_; }
   // Reads the next exchange. Returns false at the end. Throws Error if the log lacks a request that was accepted.
   bool next();
@@ -32,7 +32,7 @@ class Log {
 
  private:
   std::string name_;
-  wire::EventLogReader reader_;
+  files::EventLogReader reader_;
   wire::Request request_;
   wire::Reply reply_;
   std::uint64_t expected_ = 0;  // sequence number of the next accepted request

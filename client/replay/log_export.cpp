@@ -15,9 +15,9 @@
 #include "client/replay/csv_writer.hpp"
 #include "client/replay/log.hpp"
 #include "client/replay/node_properties.hpp"
+#include "proto/files/recording.hpp"
+#include "proto/files/whole_file.hpp"
 #include "proto/wire/columns.hpp"
-#include "proto/wire/recording.hpp"
-#include "proto/wire/whole_file.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -226,18 +226,18 @@ class TableWriter {
       csv_.emplace(options.out, options.like(), columns_, plan.nodes, plan.properties);
       return;
     }
-    std::vector<wire::Quantity> quantities;
-    for (const auto& [field, component] : columns_) quantities.push_back(wire::quantity_of_column(field, component));
+    std::vector<files::Quantity> quantities;
+    for (const auto& [field, component] : columns_) quantities.push_back(files::quantity_of_column(field, component));
     hdf5_.emplace(options.out, plan.nodes, std::move(quantities),
                   std::map<std::string, std::string>{{"producer", "shearbus-replay " + options.version},
                                                      {"scene", plan.scene},
                                                      {"input_file", options.log.filename().string()},
-                                                     {"input_hash", wire::hash_of_file(options.log)},
+                                                     {"input_hash", files::hash_of_file(options.log)},
                                                      {"times", plan.host_times ? "the host's" : "sums of dt"}},
                   plan.start_s);
     plan.properties.write(*hdf5_);
     for (const auto& [place, values] : plan.masses)
-      if (!plan.masses_change) hdf5_->add_static(wire::quantity_of_column(place.first, place.second), values);
+      if (!plan.masses_change) hdf5_->add_static(files::quantity_of_column(place.first, place.second), values);
   }
   void row(const Row& row, const std::vector<std::vector<double>>& numbers) {
     if (hdf5_) {
@@ -265,15 +265,15 @@ class TableWriter {
 
  private:
   std::vector<Place> columns_;
-  std::optional<wire::HistoryWriter> hdf5_;
+  std::optional<files::HistoryWriter> hdf5_;
   std::optional<CsvWriter> csv_;
 };
 
 }  // namespace
 
 std::size_t export_log(const ExportOptions& options) {
-  const std::array<wire::InputFile, 1> read = {{{"the log", options.log}}};
-  wire::refuse_inputs_as_output("--out", options.out, read);
+  const std::array<files::InputFile, 1> read = {{{"the log", options.log}}};
+  files::refuse_inputs_as_output("--out", options.out, read);
   refuse_ending_of_text(options.like());
   Plan plan;
   Planner planner(options, plan);

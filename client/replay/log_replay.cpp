@@ -21,15 +21,15 @@
 #include "client/src/connection.hpp"
 #include "client/src/input_check.hpp"
 #include "client/src/session.hpp"
+#include "proto/files/recording.hpp"
+#include "proto/files/session_recorder.hpp"
+#include "proto/files/whole_file.hpp"
+#include "proto/program/interrupt.hpp"
+#include "proto/program/program.hpp"
+#include "proto/program/progress.hpp"
 #include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/codec.hpp"
-#include "proto/wire/interrupt.hpp"
-#include "proto/wire/program.hpp"
-#include "proto/wire/progress.hpp"
-#include "proto/wire/recording.hpp"
-#include "proto/wire/session_recorder.hpp"
-#include "proto/wire/whole_file.hpp"
 #include "server/in_process.hpp"
 
 namespace shearbus::replay {
@@ -39,7 +39,7 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 void complain(const std::string& line) {
-  wire::complain("shearbus-replay: " + line);
+  program::complain("shearbus-replay: " + line);
 }
 
 // Answers requests: a server, or a service in this process.
@@ -59,7 +59,7 @@ class Peer {
 
 class ServerPeer final : public Peer {
  public:
-  ServerPeer(const wire::ServerAddress& server, const fs::path& record)
+  ServerPeer(const files::ServerAddress& server, const fs::path& record)
       : connection_({.endpoint = server.endpoint,
                      .server_key = server.server_key,
                      .secret_key = server.secret_key,
@@ -88,8 +88,8 @@ class InProcessPeer final : public Peer {
  public:
   explicit InProcessPeer(const fs::path& record) {
     if (!record.empty())
-      recorder_.emplace(
-          wire::RecorderOptions{.place = record, .recorder = wire::Recorder::kClient, .sessions = {}, .log = complain});
+      recorder_.emplace(files::RecorderOptions{
+          .place = record, .recorder = files::Recorder::kClient, .sessions = {}, .log = complain});
   }
 
   const wire::Reply& ask(wire::Request& request) override {
@@ -114,7 +114,7 @@ class InProcessPeer final : public Peer {
 
  private:
   server::InProcess service_;
-  std::optional<wire::SessionRecorder> recorder_;
+  std::optional<files::SessionRecorder> recorder_;
   server::InProcess::Answer answer_;
   wire::Reply reply_;
   std::uint64_t request_id_ = 0;
@@ -128,7 +128,7 @@ std::vector<fs::path> logs_below(const std::vector<fs::path>& places) {
       continue;
     }
     for (const auto& entry : fs::directory_iterator(place))
-      if (entry.is_regular_file() && wire::is_event_log(entry.path())) logs.push_back(entry.path());
+      if (entry.is_regular_file() && files::is_event_log(entry.path())) logs.push_back(entry.path());
   }
   std::ranges::sort(logs);
   if (logs.empty()) throw Error({.code = Code::kInvalidValue, .text = "there is no event log in the directory"});
@@ -173,9 +173,9 @@ class LogReplay {
     sessions.reserve(files.size());
     for (const fs::path& file : files) sessions.push_back(std::make_unique<Replayed>(file));
     const auto start = Clock::now();
-    wire::stop_at_next_step();
+    program::stop_at_next_step();
     while (Replayed* next = earliest(sessions)) {
-      if (wire::interrupted()) throw std::runtime_error(fmt::format("interrupted after {} requests", exchanges_));
+      if (program::interrupted()) throw std::runtime_error(fmt::format("interrupted after {} requests", exchanges_));
       replay(*next);
       if (difference_) break;
       next->more = next->log.next();
@@ -229,16 +229,16 @@ class LogReplay {
   fs::path prepare_out(const std::vector<fs::path>& files) {
     const std::size_t logs = files.size();
     if (options_.out.empty()) return {};
-    std::vector<wire::InputFile> inputs = {{"the scene", options_.scene}};
+    std::vector<files::InputFile> inputs = {{"the scene", options_.scene}};
     for (const fs::path& file : files) inputs.push_back({"the log", file});
-    wire::refuse_inputs_as_output("--out", options_.out, inputs);
+    files::refuse_inputs_as_output("--out", options_.out, inputs);
     if (is_table(options_.out)) {
       if (logs > 1)
         throw Error({.code = Code::kUnsupported,
                      .text = fmt::format("--out {} is one table, and there are {} logs", options_.out.string(), logs),
                      .remedy = "Name a directory, and export its logs one by one."});
-      table_.emplace(options_.out, is_text_result(options_.out) ? wire::kTableFile : wire::kHistoryFile,
-                     wire::PartialFile::Writers::kOne);
+      table_.emplace(options_.out, is_text_result(options_.out) ? files::kTableFile : files::kHistoryFile,
+                     files::PartialFile::Writers::kOne);
       fs::path log = table_->path();
       log.replace_extension(".log.partial");
       return log;
@@ -258,7 +258,7 @@ class LogReplay {
     try {
       std::uint64_t recorded = 0;
       for (const fs::path& file : logs_below({record}))
-        for (wire::EventLogReader reader(file); reader.next();) ++recorded;
+        for (files::EventLogReader reader(file); reader.next();) ++recorded;
       if (recorded != exchanges_)
         throw Error({.code = Code::kNoSpace,
                      .text = fmt::format("--out {}: {} of {} requests could be recorded", options_.out.string(),
@@ -391,7 +391,7 @@ class LogReplay {
 
   const LogReplayOptions& options_;
   std::unique_ptr<Peer> peer_;
-  std::optional<wire::PartialFile> table_;  // of --out, unless that is an event log
+  std::optional<files::PartialFile> table_;  // of --out, unless that is an event log
   scene::ChangedScene changed_scene_;
   bool changed_ = false;   // whether another scene is replayed
   bool branched_ = false;  // whether the changes hold for what is replayed now
@@ -407,7 +407,7 @@ class LogReplay {
 
 bool holds_event_logs(const fs::path& path) {
   std::error_code ignored;
-  return fs::is_directory(path, ignored) || wire::is_event_log(path);
+  return fs::is_directory(path, ignored) || files::is_event_log(path);
 }
 
 bool replay_logs(const LogReplayOptions& options) {

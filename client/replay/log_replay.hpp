@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/wire/key_file.hpp"
+#include "proto/files/key_file.hpp"
 
 namespace shearbus::replay {
 
@@ -14,7 +14,7 @@ struct LogReplayOptions {
   std::filesystem::path scene;              // replaces the recorded scene; empty: none
   std::vector<std::string> set;             // "table.key=value": changes of the scene
   std::string from_mark;                    // the changes hold from this mark on; empty: from the opening
-  wire::ServerAddress server;               // without an endpoint: a service inside this process
+  files::ServerAddress server;              // without an endpoint: a service inside this process
   std::filesystem::path out;                // .h5, .csv, a new event log or, for several logs, a directory; empty: none
   double rtol = 0.0;                        // largest relative difference of equal numbers; 0: equal bits
   bool progress = true;

@@ -14,15 +14,17 @@
 #include "client/replay/log_replay.hpp"
 #include "client/replay/plot.hpp"
 #include "client/replay/replay.hpp"
-#include "proto/wire/command_line.hpp"
-#include "proto/wire/event_log.hpp"
-#include "proto/wire/program.hpp"
+#include "proto/files/event_log.hpp"
+#include "proto/program/command_line.hpp"
+#include "proto/program/program.hpp"
 #include "server/version.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 namespace replay = shearbus::replay;
+namespace files = shearbus::files;
+namespace program = shearbus::program;
 namespace wire = shearbus::wire;
 
 constexpr int kRunError =
@@ -71,7 +73,7 @@ void describe_replay(CLI::App& app, Command& command) {
   auto* const points = app.add_flag("--points", command.points, "rows are values at instants, linear in between");
   app.add_flag("--steps", command.steps, "rows are steps: their values hold since the time of the row before")
       ->excludes(points);
-  wire::real_number(
+  program::real_number(
       app.add_option("--dt", command.run.table.dt_s, "largest length of a step, in s: the history is resampled"))
       ->type_name("SECONDS");
   app.add_option("--columns", command.run.table.columns, "names and units of a CSV file's columns; - leaves one out")
@@ -94,12 +96,13 @@ void describe_replay(CLI::App& app, Command& command) {
   app.add_flag("--closed-loop", command.run.closed_loop,
                "force-driven: each reply's new jump is the next input, although the history records /velocity_jump");
   auto* const nodes =
-      wire::whole_number(app.add_option("--profile-nodes", command.run.profile_nodes,
-                                        "of a history: record the profiles of these nodes, in the group /profiles"))
+      program::whole_number(app.add_option("--profile-nodes", command.run.profile_nodes,
+                                           "of a history: record the profiles of these nodes, in the group /profiles"))
           ->delimiter(',')
           ->type_name("ID,...");
-  wire::real_number(app.add_option("--profile-times", command.run.profile_times_s,
-                                   "times of the profiles, in s: each is of the end of the first step at or after it"))
+  program::real_number(
+      app.add_option("--profile-times", command.run.profile_times_s,
+                     "times of the profiles, in s: each is of the end of the first step at or after it"))
       ->delimiter(',')
       ->needs(nodes)
       ->type_name("SECONDS,...");
@@ -132,7 +135,7 @@ void describe(CLI::App& app, Command& command) {
   exported->add_option("--out", command.exported.out, "HDF5, or CSV if it ends in .csv")
       ->required()
       ->type_name("HISTORY");
-  wire::whole_number(exported->add_option("--node", command.node, "the steps of this node alone"))->type_name("ID");
+  program::whole_number(exported->add_option("--node", command.node, "the steps of this node alone"))->type_name("ID");
   CLI::App* const plot = app.add_subcommand("plot", "a picture of a history, a result or an event log");
   plot->add_option("FILES", command.plot.files,
                    "results, which are drawn over each other, and a history that completes them; or a log")
@@ -140,9 +143,9 @@ void describe(CLI::App& app, Command& command) {
       ->expected(1, 8)
       ->type_name("");
   plot->add_option("--out", command.plot.out, "the picture")->required()->type_name("PICTURE.png");
-  wire::whole_number(plot->add_option("--node", command.node, "the node to draw; default: the hottest"))
+  program::whole_number(plot->add_option("--node", command.node, "the node to draw; default: the hottest"))
       ->type_name("ID");
-  wire::complete(app, "shearbus-replay", shearbus::server::version_text, kFooter);
+  program::complete(app, "shearbus-replay", shearbus::server::version_text, kFooter);
 }
 
 // The values of "--sweep key=a,b,c" as changes of the scene, each with a word for the names of files.
@@ -162,7 +165,7 @@ void check(const CLI::App& app, Command& command) {
   if (command.rtol < 0) throw CLI::ValidationError("--rtol", "expected a number from 0 on");
   const replay::Options& run = command.run;
   const bool has_history = !command.inputs.empty() || !run.scene.empty() || !run.out.empty();
-  if (std::ranges::count_if(command.plot.files, wire::is_event_log) > 1)
+  if (std::ranges::count_if(command.plot.files, files::is_event_log) > 1)
     throw CLI::ValidationError("FILES", "expected one event log; of several make tables first: shearbus-replay export");
   if (!app.get_subcommands().empty()) {
     if (has_history) throw CLI::ExcludesError(app.get_subcommands().front()->get_name(), "options of a replay");
@@ -226,7 +229,7 @@ int run(const CLI::App& app, Command& command) {
     return 0;
   }
   if (!command.capsule.empty()) return replay::run_capsule(command.capsule) ? 0 : kRunError;
-  shearbus::wire::read_keys_into(command.run.server, command.server_key, command.own_key);
+  shearbus::files::read_keys_into(command.run.server, command.server_key, command.own_key);
   command.run.table.rows = command.points  ? replay::Rows::kPoints
                            : command.steps ? replay::Rows::kSteps
                                            : replay::Rows::kUnspecified;
@@ -245,21 +248,21 @@ int run(const CLI::App& app, Command& command) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  shearbus::wire::begin_program();
+  shearbus::program::begin_program();
   Command command;
   command.run.version = command.exported.version = SHEARBUS_VERSION;
   command.run.arguments = {argv, static_cast<std::size_t>(argc)};
   CLI::App app("Replays macroscopic histories and event logs through the subgrid friction service.", "shearbus-replay");
   describe(app, command);
-  const auto code = wire::parse(app, argc, argv, [&] {
+  const auto code = program::parse(app, argc, argv, [&] {
     check(app, command);
     if (!command.sweep.empty()) changes_of(command.sweep);
   });
   if (code) return *code;
   try {
-    return shearbus::wire::end_program("shearbus-replay", run(app, command));
+    return shearbus::program::end_program("shearbus-replay", run(app, command));
   } catch (const std::exception& error) {
-    shearbus::wire::complain("shearbus-replay", error);
+    shearbus::program::complain("shearbus-replay", error);
     return app.got_subcommand("compare") ? kTrouble : kRunError;
   }
 }

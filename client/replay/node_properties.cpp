@@ -18,7 +18,7 @@ NodeProperties NodeProperties::of(const Table& history) {
   return found;
 }
 
-void NodeProperties::write(wire::HistoryWriter& writer) const {
+void NodeProperties::write(files::HistoryWriter& writer) const {
   if (!initial_temperature_k.empty())
     writer.add_static(
         {.name = "initial_temperature", .units = "K", .long_name = "temperature of the layer at the start"},

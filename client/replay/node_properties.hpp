@@ -11,7 +11,7 @@
 
 #include "client/replay/table.hpp"
 #include "client/src/client.hpp"
-#include "proto/wire/recording.hpp"
+#include "proto/files/recording.hpp"
 
 namespace shearbus::replay {
 
@@ -25,7 +25,7 @@ struct NodeProperties {
   static NodeProperties of(const Table& history);
 
   // Writes the datasets that of() reads.
-  void write(wire::HistoryWriter& writer) const;
+  void write(files::HistoryWriter& writer) const;
 };
 
 // The same as the options of an opening.

@@ -13,10 +13,10 @@
 #include <utility>
 
 #include "client/replay/log_export.hpp"
-#include "proto/wire/event_log.hpp"
-#include "proto/wire/input_file.hpp"
-#include "proto/wire/recording.hpp"
-#include "proto/wire/whole_file.hpp"
+#include "proto/files/event_log.hpp"
+#include "proto/files/input_file.hpp"
+#include "proto/files/recording.hpp"
+#include "proto/files/whole_file.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -32,8 +32,8 @@ fs::path script() {
   return fs::exists(installed, ignored) ? installed : fs::path(SHEARBUS_REPLAY_SOURCE) / ".." / "report" / name;
 }
 
-constexpr wire::FileKind kPictureFile = {
-    "a picture (PNG)", [](const fs::path& file) { return wire::head_of(file, 8) == "\x89PNG\r\n\x1a\n"; }};
+constexpr files::FileKind kPictureFile = {
+    "a picture (PNG)", [](const fs::path& file) { return files::head_of(file, 8) == "\x89PNG\r\n\x1a\n"; }};
 
 void run(std::vector<std::string> words) {
   std::vector<char*> arguments;
@@ -56,20 +56,20 @@ void run(std::vector<std::string> words) {
 void plot(const PlotOptions& options) {
   std::vector<std::string> words = {SHEARBUS_PYTHON, script().string(), "--out", options.out.string()};
   if (options.node) words.insert(words.end(), {"--node", std::to_string(*options.node)});
-  std::vector<wire::InputFile> inputs;
+  std::vector<files::InputFile> inputs;
   for (const fs::path& file : options.files) {
-    const wire::RegularFile regular(file);  // a pipe is refused, which would keep the program waiting
+    const files::RegularFile regular(file);  // a pipe is refused, which would keep the program waiting
     inputs.push_back({"an input", file});
   }
-  wire::refuse_inputs_as_output("--out", options.out, inputs);
-  wire::check_output(options.out, kPictureFile);
-  std::optional<wire::PartialFile> exported;  // the table of an event log, which is not published
+  files::refuse_inputs_as_output("--out", options.out, inputs);
+  files::check_output(options.out, kPictureFile);
+  std::optional<files::PartialFile> exported;  // the table of an event log, which is not published
   for (const fs::path& file : options.files) {
-    if (!wire::is_event_log(file)) {
+    if (!files::is_event_log(file)) {
       words.push_back(file.string());
       continue;
     }
-    exported.emplace(options.out.string() + ".h5", wire::kHistoryFile, wire::PartialFile::Writers::kAny);
+    exported.emplace(options.out.string() + ".h5", files::kHistoryFile, files::PartialFile::Writers::kAny);
     export_log({.log = file,
                 .out = exported->path(),
                 .node = options.node,

@@ -18,13 +18,13 @@
 #include "client/replay/tally.hpp"
 #include "client/src/client.hpp"
 #include "client/src/input_check.hpp"
+#include "proto/files/profile_record.hpp"
+#include "proto/files/recording.hpp"
+#include "proto/program/interrupt.hpp"
+#include "proto/program/program.hpp"
+#include "proto/program/progress.hpp"
 #include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
-#include "proto/wire/interrupt.hpp"
-#include "proto/wire/profile_record.hpp"
-#include "proto/wire/program.hpp"
-#include "proto/wire/progress.hpp"
-#include "proto/wire/recording.hpp"
 #include "proto/wire/text.hpp"
 #include "server/embedded.hpp"
 #include "server/explain.hpp"
@@ -45,7 +45,7 @@ using Clock = std::chrono::steady_clock;
 
 // The server at the given endpoint; without an endpoint, a server on a thread of this process.
 struct Service {
-  explicit Service(const wire::ServerAddress& server)
+  explicit Service(const files::ServerAddress& server)
       : embedded(server.endpoint.empty()
                      ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
                      : std::nullopt),
@@ -72,7 +72,7 @@ const StepResult& advance(Session& session, const Batch& request, const Table& h
 
 // Adds the profiles after a step to the record.
 void record_profiles(Session& session, const Table& history, std::size_t step, const Batch& request,
-                     wire::ProfileRecord& profiles) {
+                     files::ProfileRecord& profiles) {
   std::vector<double> pressure;
   for (const std::uint64_t node : profiles.node_ids()) {
     const auto row = std::ranges::find(history.node_ids(), node) - history.node_ids().begin();
@@ -86,13 +86,13 @@ void warn(const std::vector<std::string>& warnings) {
 }
 
 void replay(const Options& options, const Table& history, HistoryInput& input, Session& session,
-            ResultFile& result_file, wire::ProfileRecord& profiles, Tally& tally, RunTime& time) {
-  wire::Progress progress("replay", options.progress);
+            ResultFile& result_file, files::ProfileRecord& profiles, Tally& tally, RunTime& time) {
+  program::Progress progress("replay", options.progress);
   Batch request = session.request(input.optional_columns(), input.form());
   input.prepare(request);
   InputCheck inputs;
   for (std::size_t step = 0; step < history.steps(); ++step) {
-    if (wire::interrupted())
+    if (program::interrupted())
       throw std::runtime_error(
           fmt::format("interrupted at step {} of {}; no result is written", step, history.steps()));
     const auto start = Clock::now();
@@ -135,7 +135,7 @@ void check_steps(const Options& options, const Table& history, HistoryInput& inp
   std::vector<double> peaks(history.nodes(), 0.0);
   std::vector<double> before;  // values of the row before, column after column
   double time_s = history.start_time_s();
-  for (std::size_t step = 0; step < history.steps() && !wire::interrupted(); ++step) {
+  for (std::size_t step = 0; step < history.steps() && !program::interrupted(); ++step) {
     input.fill(step, request);
     std::vector<double> now;
     for (const wire::Column& column : request.columns())
@@ -159,7 +159,7 @@ void check_steps(const Options& options, const Table& history, HistoryInput& inp
   const auto change = [&](std::size_t node) { return std::abs(peaks[node] / tally.peaks_k()[node] - 1.0); };
   for (std::size_t node = 1; node < peaks.size(); ++node)
     if (change(node) > change(worst)) worst = node;
-  if (wire::interrupted() || change(worst) <= kMost) return;
+  if (program::interrupted() || change(worst) <= kMost) return;
   fmt::print(
       stderr,
       "shearbus-replay: warning: the steps are too long for this history: in half steps{}, node {} reaches {:.1f} K "
@@ -172,8 +172,8 @@ void check_steps(const Options& options, const Table& history, HistoryInput& inp
 
 // Refuses, before any work, what could not be written at the end.
 void check_out(const Options& options) {
-  const std::array<wire::InputFile, 2> inputs = {{{"the history", options.history}, {"the scene", options.scene}}};
-  wire::refuse_inputs_as_output("--out", options.out, inputs);
+  const std::array<files::InputFile, 2> inputs = {{{"the history", options.history}, {"the scene", options.scene}}};
+  files::refuse_inputs_as_output("--out", options.out, inputs);
   refuse_ending_of_text(options.out);
   if (is_text_result(options.out) && !options.profile_nodes.empty())
     throw Error({.code = Code::kUnsupported,
@@ -226,7 +226,7 @@ void explain(const fs::path& scene) {
 
 void run(const Options& options) {
   const auto start = Clock::now();
-  wire::stop_at_next_step();
+  program::stop_at_next_step();
   if (!options.check) check_out(options);
   const scene::ChangedScene changed(scene::load_text(options.scene), options.scene.string(), options.set);
   const std::string& scene = changed.text();
@@ -240,12 +240,12 @@ void run(const Options& options) {
   const OpenOptions opening = named.options();
   Session session = open(service.client, changed, options, history, opening);
   HistoryInput input(history, session.opened(), options.closed_loop);
-  wire::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
+  files::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
   if (!options.profile_nodes.empty()) session.profiles(options.profile_nodes);  // what cannot be read is refused here
   if (options.check) input.check_all_rows();
   session.want_energy_ledger();
   for (const std::string& warning : session.warnings())
-    wire::complain(fmt::format("shearbus-replay: {}", wire::labelled(warning)));
+    program::complain(fmt::format("shearbus-replay: {}", wire::labelled(warning)));
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),
                   history.start_time_s(), history.times_s().back());
@@ -262,7 +262,7 @@ void run(const Options& options) {
       {"server_version", service.client.welcome().server_version},
       {"scene", session.effective_scene()},
       {"input_file", options.history.filename().string()},
-      {"input_hash", wire::hash_of_file(options.history)},
+      {"input_hash", files::hash_of_file(options.history)},
       {"input_jump", input.jump_origin()},
       {"commit", server::value_of(provenance, "commit")},
       {"machine", server::value_of(provenance, "machine")},

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/replay/table.hpp"
-#include "proto/wire/key_file.hpp"
+#include "proto/files/key_file.hpp"
 
 namespace shearbus::replay {
 
@@ -17,7 +17,7 @@ struct Options {
   std::filesystem::path out;
   TableOptions table;            // how to read and resample the history
   std::vector<std::string> set;  // "table.key=value": changes of the scene
-  wire::ServerAddress server;    // without an endpoint: a server inside this process
+  files::ServerAddress server;   // without an endpoint: a server inside this process
   bool check = false;            // only check: read the history and open a session, but replay nothing
   bool closed_loop = false;      // force-driven: send back each answered jump, even if the history has /velocity_jump
   std::vector<std::uint64_t> profile_nodes;  // nodes whose profiles are recorded, in the group /profiles of the result

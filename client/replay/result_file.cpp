@@ -23,8 +23,8 @@ ResultFile::ResultFile(const std::filesystem::path& file, const Session& session
     values_.resize(columns_.size());
     return;
   }
-  std::vector<wire::Quantity> quantities;
-  for (const Column& column : columns_) quantities.push_back(wire::quantity_of_column(column.field, column.component));
+  std::vector<files::Quantity> quantities;
+  for (const Column& column : columns_) quantities.push_back(files::quantity_of_column(column.field, column.component));
   hdf5_.emplace(file, node_ids, std::move(quantities), meta, start_time_s);
   properties.write(*hdf5_);
 }
@@ -51,7 +51,7 @@ void ResultFile::step(const Batch& request, const StepResult& result, double tim
     csv_->step(time_s, dt_s, values_);
 }
 
-void ResultFile::close(const wire::ProfileRecord& profiles) {
+void ResultFile::close(const files::ProfileRecord& profiles) {
   if (csv_) return csv_->close();
   profiles.write(*hdf5_);
   hdf5_->close();

@@ -11,8 +11,8 @@
 #include "client/replay/csv_writer.hpp"
 #include "client/replay/node_properties.hpp"
 #include "client/src/client.hpp"
-#include "proto/wire/profile_record.hpp"
-#include "proto/wire/recording.hpp"
+#include "proto/files/profile_record.hpp"
+#include "proto/files/recording.hpp"
 
 namespace shearbus::replay {
 
@@ -25,7 +25,7 @@ class ResultFile {
   // Writes a step: the velocity jump and the pressure that were sent, so that a result can be drawn and understood
   // without its history, and everything that was answered. The other inputs are in the history alone.
   void step(const Batch& request, const StepResult& result, double time_s, double dt_s);
-  void close(const wire::ProfileRecord& profiles);
+  void close(const files::ProfileRecord& profiles);
   bool replaces() const { return csv_ ? csv_->replaces() : hdf5_->replaces(); }
 
  private:
@@ -35,7 +35,7 @@ class ResultFile {
     bool is_input;
   };
   std::vector<Column> columns_;
-  std::optional<wire::HistoryWriter> hdf5_;
+  std::optional<files::HistoryWriter> hdf5_;
   std::optional<CsvWriter> csv_;
   std::vector<std::vector<double>> values_;  // of a step, for CSV
 };

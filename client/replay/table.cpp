@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "proto/files/recording.hpp"
 #include "proto/wire/columns.hpp"
-#include "proto/wire/recording.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::replay {
@@ -34,7 +34,7 @@ class Hdf5Table final : public Table {
   bool tells_start() const { return history_.tells_start(); }
 
  private:
-  wire::HistoryReader history_;
+  files::HistoryReader history_;
 };
 
 // The names of the inputs of steps, each with its components.

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "client/src/client.hpp"
-#include "proto/wire/energy_totals.hpp"
+#include "proto/files/energy_totals.hpp"
 
 namespace shearbus::replay {
 
@@ -66,7 +66,7 @@ class Tally {
   double peak_temperature_k_ = -std::numeric_limits<double>::infinity();
   double peak_time_s_ = 0.0;
   std::size_t peak_node_ = 0;
-  wire::EnergyTotals energy_;
+  files::EnergyTotals energy_;
   std::optional<double> first_melting_s_;
   std::size_t first_melting_node_ = 0;
 };

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "proto/wire/input_file.hpp"
+#include "proto/files/input_file.hpp"
 
 namespace shearbus::replay {
 
@@ -28,7 +28,7 @@ class TextLines {
   [[noreturn]] void refuse(const std::string& what, const std::string& remedy) const;
 
   std::filesystem::path file_;
-  wire::RegularFile input_;
+  files::RegularFile input_;
   std::string block_;  // read and not yet returned: from `at_` on
   std::size_t at_ = 0;
   std::size_t number_ = 0;

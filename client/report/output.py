@@ -1,5 +1,5 @@
 """Files that the programs of this directory write: under a name of their own until they are whole, in place of older
-files of their kind only, and never in place of an input. The twin of proto/wire/whole_file.hpp."""
+files of their kind only, and never in place of an input. The twin of proto/files/whole_file.hpp."""
 import contextlib
 import os
 import pathlib

@@ -22,8 +22,8 @@
 #include "client/src/closure_check.hpp"
 #include "client/src/embedded_server.hpp"
 #include "client/src/entry.hpp"
+#include "proto/files/key_file.hpp"
 #include "proto/wire/enum_names.hpp"
-#include "proto/wire/key_file.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
 
@@ -389,10 +389,10 @@ struct shearbus_session {
     to.context = embedded ? embedded->context() : nullptr;
     to.name = text_or(options.name, "libshearbus");
     if (!embedded && options.server_key_file != nullptr)
-      reading(options.server_key_file, wire::read_public_key, to.server_key);
+      reading(options.server_key_file, files::read_public_key, to.server_key);
     std::string secret_key_file = environment("SHEARBUS_SECRET_KEY_FILE");
     if (secret_key_file.empty()) secret_key_file = text_or(options.secret_key_file);
-    if (!embedded && !secret_key_file.empty()) reading(secret_key_file.c_str(), wire::read_secret_key, to.secret_key);
+    if (!embedded && !secret_key_file.empty()) reading(secret_key_file.c_str(), files::read_secret_key, to.secret_key);
     to.connect_deadline = seconds(options.connect_deadline_s, defaults.connect_deadline, "connect_deadline_s");
     to.reply_deadline = seconds(options.reply_deadline_s, defaults.reply_deadline, "reply_deadline_s");
     to.retry_after = seconds(options.retry_after_s, defaults.retry_after, "retry_after_s");

@@ -70,7 +70,7 @@ struct ClientOptions {
   // Called from inside a call that waits, every 0.1 s and after each signal. True: the call ends as if its deadline had
   // passed.
   std::function<bool()> interrupted;
-  // A directory or a new file that gets event logs of this client's sessions (proto/wire/event_log.md); empty: none.
+  // A directory or a new file that gets event logs of this client's sessions (proto/files/event_log.md); empty: none.
   std::string record;
 };
 

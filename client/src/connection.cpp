@@ -20,10 +20,10 @@
 #include <zmq.hpp>
 
 #include "client/src/host_name.hpp"
+#include "proto/files/endpoint_file.hpp"
+#include "proto/files/key_file.hpp"
 #include "proto/wire/codec.hpp"
-#include "proto/wire/endpoint_file.hpp"
 #include "proto/wire/host_process.hpp"
-#include "proto/wire/key_file.hpp"
 #include "proto/wire/text.hpp"
 
 namespace shearbus {
@@ -62,8 +62,8 @@ std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
 
 void check_endpoint(const ClientOptions& options) {
   const std::string_view endpoint = options.endpoint;
-  const bool file = endpoint.starts_with(wire::kFileScheme);  // the server's key is in the file
-  const auto known = {std::string_view("tcp://"), std::string_view("ipc://"), kOwnProcess, wire::kFileScheme};
+  const bool file = endpoint.starts_with(files::kFileScheme);  // the server's key is in the file
+  const auto known = {std::string_view("tcp://"), std::string_view("ipc://"), kOwnProcess, files::kFileScheme};
   if (std::none_of(known.begin(), known.end(), [&](std::string_view scheme) { return endpoint.starts_with(scheme); }))
     throw Error(
         {.code = Code::kUnreachable,
@@ -79,11 +79,11 @@ void check_endpoint(const ClientOptions& options) {
     throw Error({.code = Code::kAuth,
                  .text = fmt::format("{} takes no keys: it is on this machine, where the user is known", endpoint),
                  .remedy = "Leave server_key and secret_key empty."});
-  const bool server_key_known = wire::is_key(options.server_key) || (file && options.server_key.empty());
-  if (!server_key_known || !wire::is_key(options.secret_key))
+  const bool server_key_known = files::is_key(options.server_key) || (file && options.server_key.empty());
+  if (!server_key_known || !files::is_key(options.secret_key))
     throw Error(
         {.code = Code::kAuth,
-         .text = fmt::format("server_key or secret_key is not a key of {} characters of Z85", wire::kKeyCharacters),
+         .text = fmt::format("server_key or secret_key is not a key of {} characters of Z85", files::kKeyCharacters),
          .remedy = "Give both, or neither; shearbus-ctl keygen makes a pair."});
 }
 
@@ -150,8 +150,8 @@ void SocketConnection::start_recording() {
       fmt::print(stderr, "shearbus: {}\n", line);
   };
   try {
-    recorder_.emplace(wire::RecorderOptions{
-        .place = options().record, .recorder = wire::Recorder::kClient, .sessions = {}, .log = report});
+    recorder_.emplace(files::RecorderOptions{
+        .place = options().record, .recorder = files::Recorder::kClient, .sessions = {}, .log = report});
   } catch (const std::exception& fault) {
     report(fmt::format("nothing is recorded: {}", fault.what()));
   }
@@ -170,8 +170,8 @@ void SocketConnection::record(const std::string& header, const wire::Batch& batc
 SocketConnection::~SocketConnection() = default;
 
 KeyPair make_key_pair() {
-  std::array<char, wire::kKeyCharacters + 1> public_key{};
-  std::array<char, wire::kKeyCharacters + 1> secret_key{};
+  std::array<char, files::kKeyCharacters + 1> public_key{};
+  std::array<char, files::kKeyCharacters + 1> secret_key{};
   if (zmq_curve_keypair(public_key.data(), secret_key.data()) != 0)
     throw std::runtime_error("this libzmq was built without CURVE: it makes no keys");
   return {public_key.data(), secret_key.data()};
@@ -196,7 +196,7 @@ void Connection::pause(std::chrono::milliseconds time) {
 }
 
 bool SocketConnection::by_file() const {
-  return options().endpoint.starts_with(wire::kFileScheme);
+  return options().endpoint.starts_with(files::kFileScheme);
 }
 
 // Finds the address of the server. An endpoint file is read before each new socket, because a restarted server may
@@ -205,9 +205,9 @@ bool SocketConnection::find_server() {
   server_ = {.endpoint = options().endpoint, .server_key = options().server_key, .secret_key = options().secret_key};
   where_ = wire::printable(options().endpoint, kLongestShown);
   if (!by_file()) return true;
-  wire::EndpointFile file;
+  files::EndpointFile file;
   try {
-    file = wire::read_endpoint_file(where_.substr(wire::kFileScheme.size()));
+    file = files::read_endpoint_file(where_.substr(files::kFileScheme.size()));
   } catch (const std::runtime_error& fault) {
     file_fault_ = fault.what();
     return false;
@@ -240,7 +240,7 @@ bool SocketConnection::find_server() {
 // True if the endpoint file is that of another start of a server than the one socket_ connects to.
 bool SocketConnection::server_has_moved() const {
   try {
-    return wire::read_endpoint_file(options().endpoint.substr(wire::kFileScheme.size())).epoch != file_epoch_;
+    return files::read_endpoint_file(options().endpoint.substr(files::kFileScheme.size())).epoch != file_epoch_;
   } catch (const std::runtime_error&) {
     return false;  // a server that has ended; the next one writes the file again
   }
@@ -296,7 +296,7 @@ bool SocketConnection::connect() {
 }
 
 std::string SocketConnection::own_public_key() const {
-  std::array<char, wire::kKeyCharacters + 1> key{};
+  std::array<char, files::kKeyCharacters + 1> key{};
   zmq_curve_public(key.data(), server_.secret_key.c_str());  // cannot fail, because is_key() has accepted the key
   return key.data();
 }

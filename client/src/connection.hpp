@@ -11,10 +11,10 @@
 #include <utility>
 
 #include "client/src/client.hpp"
+#include "proto/files/key_file.hpp"
+#include "proto/files/session_recorder.hpp"
 #include "proto/wire/codec.hpp"
-#include "proto/wire/key_file.hpp"
 #include "proto/wire/messages.hpp"
-#include "proto/wire/session_recorder.hpp"
 
 namespace shearbus {
 
@@ -156,12 +156,12 @@ class SocketConnection final : public Connection {
   [[noreturn]] void refused(bool sent) const;
   [[noreturn]] void give_up(bool sent, Clock::duration waited) const;
 
-  wire::ServerAddress server_;  // where socket_ connects to, from the options or from the endpoint file
-  std::string where_;           // the same for messages
-  std::string file_epoch_;      // epoch in the endpoint file when socket_ was made
-  std::string file_fault_;      // why the endpoint file cannot be used; empty: it can, or there is none
+  files::ServerAddress server_;  // where socket_ connects to, from the options or from the endpoint file
+  std::string where_;            // the same for messages
+  std::string file_epoch_;       // epoch in the endpoint file when socket_ was made
+  std::string file_fault_;       // why the endpoint file cannot be used; empty: it can, or there is none
   std::unique_ptr<void, CloseContext> own_context_;  // null if the caller shares a context
-  std::optional<wire::SessionRecorder> recorder_;
+  std::optional<files::SessionRecorder> recorder_;
   std::shared_ptr<void> reply_header_frame_;  // of the last reply; only for the recorder
   std::string header_;                        // of the last request
   std::optional<Posted> posted_;

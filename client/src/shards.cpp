@@ -9,7 +9,7 @@
 #include <string_view>
 #include <utility>
 
-#include "proto/wire/endpoint_file.hpp"
+#include "proto/files/endpoint_file.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus {
@@ -18,7 +18,7 @@ namespace {
 using wire::Code;
 using wire::Error;
 
-constexpr std::array<std::string_view, 4> kSchemes = {"tcp://", "ipc://", "inproc://", wire::kFileScheme};
+constexpr std::array<std::string_view, 4> kSchemes = {"tcp://", "ipc://", "inproc://", files::kFileScheme};
 
 [[noreturn]] void refuse(std::string text, std::string remedy) {
   throw Error({.code = Code::kInvalidValue, .text = std::move(text), .remedy = std::move(remedy), .field = "endpoint"});
@@ -36,12 +36,12 @@ std::size_t next_separator(std::string_view text, std::size_t at) {
 }
 
 void add(std::string endpoint, std::vector<std::string>& to) {
-  if (!endpoint.starts_with(wire::kFileScheme)) return to.push_back(std::move(endpoint));
-  const std::filesystem::path path = endpoint.substr(wire::kFileScheme.size());
+  if (!endpoint.starts_with(files::kFileScheme)) return to.push_back(std::move(endpoint));
+  const std::filesystem::path path = endpoint.substr(files::kFileScheme.size());
   std::error_code no_directory;
   if (!std::filesystem::is_directory(path, no_directory)) return to.push_back(std::move(endpoint));
   try {
-    for (const auto& file : wire::endpoint_files(path)) to.push_back(std::string(wire::kFileScheme) + file.string());
+    for (const auto& file : files::endpoint_files(path)) to.push_back(std::string(files::kFileScheme) + file.string());
   } catch (const std::runtime_error& fault) {
     refuse(fault.what(),
            "Start all servers of the run with --endpoint-file, and wait for each of them: "

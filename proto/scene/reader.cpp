@@ -15,7 +15,7 @@
 #include <sstream>
 #include <utility>
 
-#include "proto/wire/input_file.hpp"
+#include "proto/files/input_file.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
@@ -433,7 +433,7 @@ std::string read_file(const std::filesystem::path& path) {
     refuse(fmt::format("{}: is a directory, expected a scene file", shown()));
   std::string text;
   try {
-    const wire::RegularFile file(path);
+    const files::RegularFile file(path);
     std::array<char, 65536> block{};
     while (const std::size_t size = file.read(block.data(), block.size(), path)) {
       text.append(block.data(), size);

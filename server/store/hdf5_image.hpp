@@ -11,7 +11,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "proto/wire/hdf5.hpp"
+#include "proto/files/hdf5.hpp"
 
 namespace shearbus::store {
 

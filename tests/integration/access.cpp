@@ -13,7 +13,7 @@
 #include <mutex>
 #include <thread>
 
-#include "proto/wire/key_file.hpp"
+#include "proto/files/key_file.hpp"
 #include "shearbus_places.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/running_server.hpp"
@@ -76,7 +76,7 @@ Status prompt_refusal_of(ClientOptions options) {
 class Keys : public testing::Test {
  protected:
   Keys() {
-    wire::write_secret_key(scratch_ / "server.secret", server_keys_.secret_key);
+    files::write_secret_key(scratch_ / "server.secret", server_keys_.secret_key);
     authorize("# clients\n" + alice_.public_key + " alice\n" + operator_.public_key + " operator olga\n");
   }
   void authorize(const std::string& text) const {
@@ -251,7 +251,7 @@ TEST_F(Keys, OneUserCannotTakeWhatOthersNeed) {
 }
 
 TEST_F(Keys, OptionsThatDoNotGoTogetherAreRefusedWithTheReason) {
-  wire::write_public_key(scratch_ / "loose.secret", {server_keys_.secret_key, ""});
+  files::write_public_key(scratch_ / "loose.secret", {server_keys_.secret_key, ""});
   const std::string secret = scratch_ / "server.secret";
   const std::string list = scratch_ / "authorized";
   const std::string foreign = scratch_ / "foreign";
@@ -302,7 +302,7 @@ TEST_F(Keys, ProgramsMakeAndUseKeys) {
   support::ServerProcess server({"--bind", "tcp://127.0.0.1:*", "--curve-secret", scratch_ / "bus.secret",
                                  "--authorized-keys", scratch_ / "host.public"});
   ASSERT_TRUE(server.ready()) << server.log();
-  EXPECT_THAT(server.log(), HasSubstr(wire::read_public_key(scratch_ / "bus.public")));
+  EXPECT_THAT(server.log(), HasSubstr(files::read_public_key(scratch_ / "bus.public")));
   const std::string endpoint = server.tcp_endpoint();
   const std::vector<std::string> keys = {
       "--server", endpoint, "--server-key", scratch_ / "bus.public", "--key", scratch_ / "host.secret"};

@@ -28,7 +28,7 @@ VERBS = {17: "open_session", 18: "downscale", 19: "commit", 20: "rollback", 21: 
 
 
 def read_log(path):
-    """Returns (recorder, scene, records) of an event log as proto/wire/event_log.md describes it; a record is the four frames."""
+    """Returns (recorder, scene, records) of an event log as proto/files/event_log.md describes it; a record is the four frames."""
     data = pathlib.Path(path).read_bytes()
     magic, version, size, _, _, recorder, scene, _, _ = struct.unpack_from("<8sII16sQIIQQ", data)
     assert (magic, version, size) == (b"SHBEVLG\n", 1, 64)

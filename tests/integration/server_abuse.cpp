@@ -11,7 +11,7 @@
 #include <optional>
 #include <thread>
 
-#include "proto/wire/key_file.hpp"
+#include "proto/files/key_file.hpp"
 #include "shearbus_places.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/scenes.hpp"
@@ -49,8 +49,8 @@ TEST(Abuse, TenThousandHalfOpenConnectionsDoNotKeepAnHonestClientWaiting) {
     const ScratchDirectory scratch;
     const KeyPair server_keys = make_key_pair();
     const KeyPair client_keys = make_key_pair();
-    wire::write_secret_key(scratch / "secret", server_keys.secret_key);
-    wire::write_public_key(scratch / "list", {client_keys.public_key, ""});
+    files::write_secret_key(scratch / "secret", server_keys.secret_key);
+    files::write_public_key(scratch / "list", {client_keys.public_key, ""});
     std::vector<std::string> arguments = {"--bind", scratch.ipc(), "--bind", "tcp://127.0.0.1:*"};
     if (keys)
       arguments.insert(arguments.end(), {"--curve-secret", scratch / "secret", "--authorized-keys", scratch / "list"});
@@ -151,8 +151,8 @@ TEST(Abuse, PeersWithoutAKeyHoldNoMemory) {
   const ScratchDirectory scratch;
   const KeyPair server_keys = make_key_pair();
   const KeyPair client_keys = make_key_pair();
-  wire::write_secret_key(scratch / "secret", server_keys.secret_key);
-  wire::write_public_key(scratch / "list", {client_keys.public_key, ""});
+  files::write_secret_key(scratch / "secret", server_keys.secret_key);
+  files::write_public_key(scratch / "list", {client_keys.public_key, ""});
   ServerProcess server({"--bind", scratch.ipc(), "--bind", "tcp://127.0.0.1:*", "--curve-secret", scratch / "secret",
                         "--authorized-keys", scratch / "list"});
   ASSERT_TRUE(server.ready()) << server.log();

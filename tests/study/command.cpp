@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "proto/wire/whole_file.hpp"
+#include "proto/files/whole_file.hpp"
 #include "server/version.hpp"
 #include "shearbus_places.hpp"
 
@@ -48,8 +48,8 @@ void write_study(const CommandOptions& options, const std::string& name, const n
   out.update(study);
   std::filesystem::create_directories(options.out);
   const auto path = options.out / (name + ".json");
-  wire::write_whole(path, wire::kSummaryFile,
-                    out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + '\n');
+  files::write_whole(path, files::kSummaryFile,
+                     out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + '\n');
   fmt::print("\nwritten: {}\n", path.string());
   static_cast<void>(std::fflush(stdout));
   if (!options.plot) return;

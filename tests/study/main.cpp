@@ -15,8 +15,8 @@
 #include <system_error>
 #include <vector>
 
-#include "proto/wire/command_line.hpp"
-#include "proto/wire/program.hpp"
+#include "proto/program/command_line.hpp"
+#include "proto/program/program.hpp"
 #include "server/version.hpp"
 #include "shearbus_places.hpp"
 #include "tests/campaign/report.hpp"
@@ -104,7 +104,7 @@ void tolerance(const Options& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  shearbus::wire::begin_program();
+  shearbus::program::begin_program();
   Options options;
   CLI::App app("What accuracy costs, what holds at the extremes, where the velocity-driven model is valid.");
   app.require_subcommand(1);
@@ -140,10 +140,10 @@ int main(int argc, char** argv) {
       "mesh", "What zones, steps and layer cost a cone its accuracy; mesh --help lists its own options");
   of_mesh->prefix_command()->set_help_flag();
   options.arguments = stability.arguments = map.arguments = {argv, static_cast<std::size_t>(argc)};
-  shearbus::wire::complete(app, "shearbus-study", shearbus::server::version_text, kFooter);
-  if (const auto code = shearbus::wire::parse(app, argc, argv)) return *code;
+  shearbus::program::complete(app, "shearbus-study", shearbus::server::version_text, kFooter);
+  if (const auto code = shearbus::program::parse(app, argc, argv)) return *code;
   try {
-    if (of_stability->parsed()) return shearbus::wire::end_program("shearbus-study", run_stability(stability));
+    if (of_stability->parsed()) return shearbus::program::end_program("shearbus-study", run_stability(stability));
     if (of_fit->parsed()) become("fit.py", of_fit->remaining());
     if (of_mesh->parsed()) become("mesh.py", of_mesh->remaining());
     if (of_curve->parsed()) {
@@ -153,9 +153,9 @@ int main(int argc, char** argv) {
     } else {
       of_precision->parsed() ? precision(options) : tolerance(options);
     }
-    return shearbus::wire::end_program("shearbus-study", 0);
+    return shearbus::program::end_program("shearbus-study", 0);
   } catch (const std::exception& error) {
-    shearbus::wire::complain(fmt::format("shearbus-study: {}", error.what()));
+    shearbus::program::complain(fmt::format("shearbus-study: {}", error.what()));
     return kExitFault;
   }
 }

@@ -9,8 +9,8 @@
 #include <limits>
 #include <numeric>
 
+#include "proto/files/recording.hpp"
 #include "proto/wire/limits.hpp"
-#include "proto/wire/recording.hpp"
 #include "proto/wire/status.hpp"
 #include "tests/support/scratch.hpp"
 
@@ -22,7 +22,7 @@ extern "C" const char* __lsan_default_suppressions() {
   return "leak:libhdf5\n";
 }
 
-namespace shearbus::wire {
+namespace shearbus::files {
 namespace {
 
 using test::Scratch;
@@ -86,8 +86,8 @@ std::string error_of_reading(const fs::path& path) {
     std::vector<double> row(reader.nodes());
     for (std::size_t step = 0; step < reader.steps(); ++step) reader.row("pressure", step, row);
     reader.per_node("mass_soft");
-  } catch (const Error& error) {
-    EXPECT_EQ(error.status().code, Code::kInvalidValue);
+  } catch (const wire::Error& error) {
+    EXPECT_EQ(error.status().code, wire::Code::kInvalidValue);
     std::string text = error.what();
     EXPECT_EQ(text.find('\n'), std::string::npos) << text;
     EXPECT_THAT(text, HasSubstr(path.string()));
@@ -258,7 +258,7 @@ TEST(RecordingDamage, NodeIdsAreUniqueAndNotNegative) {
 TEST(RecordingDamage, AbsurdSizesAreRefusedBeforeTheyAreAllocated) {
   const hsize_t huge = 1'000'000'000'000'000;
   EXPECT_THAT(
-      error_of({.node_id = [](RawFile& f) { f.put("node_id", {kMaxNodesPerSession + 1}, {}, H5T_NATIVE_INT); }}),
+      error_of({.node_id = [](RawFile& f) { f.put("node_id", {wire::kMaxNodesPerSession + 1}, {}, H5T_NATIVE_INT); }}),
       HasSubstr("at most 200000"));
   const Scratch scratch;
   {
@@ -365,7 +365,7 @@ TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
       }
       const std::vector<double> masses = reader.per_node("mass_soft");
       wrong += masses[0] != 1.0 || masses[1] != 2.0;
-    } catch (const Error&) {
+    } catch (const wire::Error&) {
       ++refused;
     }
   }
@@ -374,4 +374,4 @@ TEST(RecordingDamage, NoFlippedBitGivesOtherNumbers) {
 }
 
 }  // namespace
-}  // namespace shearbus::wire
+}  // namespace shearbus::files

@@ -8,12 +8,12 @@
 #include <limits>
 #include <numeric>
 
+#include "proto/files/recording.hpp"
 #include "proto/wire/messages.hpp"
-#include "proto/wire/recording.hpp"
 #include "proto/wire/status.hpp"
 #include "tests/support/scratch.hpp"
 
-namespace shearbus::wire {
+namespace shearbus::files {
 namespace {
 
 using test::Scratch;
@@ -33,7 +33,7 @@ double value_at(std::size_t step, std::size_t node) {
 void write_rows(HistoryWriter& writer, std::size_t steps, std::size_t nodes) {
   std::vector<double> stress(nodes);
   std::vector<std::uint8_t> regime(nodes);
-  const std::vector<std::uint8_t> outcome(nodes, kSubstepped);
+  const std::vector<std::uint8_t> outcome(nodes, wire::kSubstepped);
   for (std::size_t step = 0; step < steps; ++step) {
     for (std::size_t node = 0; node < nodes; ++node) {
       stress[node] = value_at(step, node);
@@ -145,7 +145,7 @@ TEST(Recording, StepLengthsAreTheHostsOwn) {
       writer.begin_row(time, dt);
       writer.end_row();
     }
-    EXPECT_THROW(writer.begin_row(time + dt), Error);
+    EXPECT_THROW(writer.begin_row(time + dt), wire::Error);
     writer.close();
   }
   const HistoryReader reader(scratch / "history.h5");
@@ -174,7 +174,7 @@ TEST(Recording, HashOfFileIsThatOfXxhsum) {
   std::ofstream(scratch / "large") << std::string(3'000'000, 'a');
   std::ofstream(scratch / "other") << std::string(2'999'999, 'a') + "b";
   EXPECT_NE(hash_of_file(scratch / "large"), hash_of_file(scratch / "other"));
-  EXPECT_THROW(hash_of_file(scratch / "absent"), Error);
+  EXPECT_THROW(hash_of_file(scratch / "absent"), wire::Error);
 }
 
 TEST(Recording, StaticValuesAreReadPerNode) {
@@ -206,7 +206,7 @@ TEST(Recording, TextsAndGroupsOfNodesAreReadAsWritten) {
   const auto fault_of = [](const auto& read) -> std::string {
     try {
       read();
-    } catch (const Error& fault) {
+    } catch (const wire::Error& fault) {
       return fault.status().text;
     }
     return "no fault";
@@ -231,7 +231,7 @@ TEST(Recording, RegimesAreAnEnumOfBytes) {
   EXPECT_EQ(H5Tget_size(type), 1u);
   std::uint8_t melting = 0;
   EXPECT_GE(H5Tenum_valueof(type, "MELTING", &melting), 0);
-  EXPECT_EQ(melting, static_cast<std::uint8_t>(Regime::kMelting));
+  EXPECT_EQ(melting, static_cast<std::uint8_t>(wire::Regime::kMelting));
   std::array<std::uint8_t, 5> values{};
   EXPECT_GE(H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), 0);
   EXPECT_THAT(values, ElementsAre(0, 1, 2, 3, 4));
@@ -277,7 +277,7 @@ template <typename Function>
 std::string error_of(Function&& function) {
   try {
     function();
-  } catch (const Error& error) {
+  } catch (const wire::Error& error) {
     return error.what();
   }
   return "no error";
@@ -302,4 +302,4 @@ TEST(Recording, WriterRefusesWhatItsReaderWouldRefuse) {
 }
 
 }  // namespace
-}  // namespace shearbus::wire
+}  // namespace shearbus::files

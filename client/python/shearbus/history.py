@@ -194,7 +194,7 @@ class History:
         return pandas.DataFrame(self.table())
 
     def to_hdf5(self, path, scene=""):
-        """Writes the history as proto/wire/recording.md describes it, which shearbus-replay reads. scene: text of the
+        """Writes the history as proto/files/recording.md describes it, which shearbus-replay reads. scene: text of the
         scene, such as Session.scene. The file appears under its name only when it is complete, and replaces an older
         history only: FileExistsError for any other file. Needs h5py."""
         import h5py

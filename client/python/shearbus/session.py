@@ -63,7 +63,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
 
     The environment variables SHEARBUS_ENDPOINT, SHEARBUS_SCENE and SHEARBUS_SECRET_KEY_FILE (paths) replace endpoint,
     scene and key; SHEARBUS_RECORD, a directory or a new file, gets an event log of the session
-    (proto/wire/event_log.md). Doubts of the server are a SceneWarning each. Raises an Error."""
+    (proto/files/event_log.md). Doubts of the server are a SceneWarning each. Raises an Error."""
     ids = node_ids(nodes)
     given = given_nodes(ids, initial_temperature, pair, parameters)
     options = _options(endpoint, check_closure, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, retry_after,

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "proto/wire/whole_file.hpp"
+#include "proto/files/whole_file.hpp"
 #include "tests/study/map/limits.hpp"
 
 namespace shearbus::map {
@@ -17,9 +17,9 @@ constexpr const char* kNodesHeader =
     "time_s,pressure_pa,velocity_jump_m_per_s,shear_stress_pa,friction_coefficient,slip_carried_m,slip_share,"
     "interface_temperature_k,regime,melting_time_s\n";
 
-constexpr wire::FileKind kNodesFile = {"a table of nodes of shearbus-study map", [](const std::filesystem::path& file) {
-                                         return wire::head_of(file, 32).starts_with("time_s,pressure_pa,");
-                                       }};
+constexpr files::FileKind kNodesFile = {
+    "a table of nodes of shearbus-study map",
+    [](const std::filesystem::path& file) { return files::head_of(file, 32).starts_with("time_s,pressure_pa,"); }};
 
 std::string nodes_csv(const Map& map) {
   std::string text = kNodesHeader;
@@ -69,9 +69,9 @@ nlohmann::ordered_json map_json(const Map& map, const std::string& scene_name, c
 
 void write(const Map& map, const std::string& scene_name, const server::Entries& provenance,
            const std::filesystem::path& out) {
-  const wire::OneWriter writer(out);
-  wire::write_whole(out / "nodes.csv", kNodesFile, nodes_csv(map));
-  wire::write_whole(out / "map.json", wire::kSummaryFile, map_json(map, scene_name, provenance).dump(1) + '\n');
+  const files::OneWriter writer(out);
+  files::write_whole(out / "nodes.csv", kNodesFile, nodes_csv(map));
+  files::write_whole(out / "map.json", files::kSummaryFile, map_json(map, scene_name, provenance).dump(1) + '\n');
 }
 
 std::string summary(const Map& map) {
