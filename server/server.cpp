@@ -189,6 +189,16 @@ service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   return options;
 }
 
+// Ten times a second: what takes time in proportion to the number of sessions, and need not be done at once.
+void Server::look_at_sessions() {
+  constexpr std::uint64_t kEveryNs = 100'000'000;
+  const std::uint64_t now = monotonic_ns();
+  if (now - looked_at_sessions_ns_ < kEveryNs) return;
+  looked_at_sessions_ns_ = now;
+  service_.close_idle_sessions();
+  service_.prove_last_replies();
+}
+
 // Once a second: notifies the watchdog, and warns the operator of peers that were kept from using up file descriptors
 // or memory. Connected clients are still served.
 void Server::look_after() {
@@ -274,8 +284,7 @@ void Server::run(int stop_fd, ServiceManager* manager) {
                                   .beat =
                                       [&] {
                                         if (manager != nullptr) look_after();
-                                        service_.close_idle_sessions();
-                                        service_.prove_last_replies();
+                                        look_at_sessions();
                                         end_if_failed();
                                         checkpoint_if_due();
                                         return !service_.drained();

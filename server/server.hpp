@@ -64,6 +64,7 @@ class Server {
   void end_if_failed() const;  // throws std::runtime_error
   service::ServiceOptions with_hooks(service::ServiceOptions options);
   void look_after();
+  void look_at_sessions();
   void complete_status(wire::ServerStatus& status) const;
 
   std::uint64_t epoch_;
@@ -83,6 +84,7 @@ class Server {
   bool ended_with_sessions_ = false;
   std::uint64_t looked_at_socket_ns_ = 0;
   std::uint64_t looked_after_ns_ = 0;
+  std::uint64_t looked_at_sessions_ns_ = 0;
   bool files_run_out_ = false;        // true if the last report said that files run out
   transport::GuardCounters guarded_;  // the guard's counters in the last report
 };

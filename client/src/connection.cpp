@@ -32,6 +32,9 @@ namespace {
 constexpr std::string_view kOwnProcess = "inproc://";
 constexpr std::size_t kCopiedUpTo =
     std::size_t{16} * 1024;  // largest payload that is copied within the process  [bytes]
+// Longest time for which libzmq waits for a reply from this process by itself. That takes two calls of the system less
+// than to sleep on the files of the sockets, as wait() does.
+constexpr std::chrono::milliseconds kWaitInZmq{20};
 constexpr int kReconnectMs = 100;
 constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
@@ -138,7 +141,11 @@ void SocketConnection::no_socket(const char* kind) const {
 SocketConnection::SocketConnection(ClientOptions options) : Connection(std::move(options)) {
   check_endpoint(this->options());
   if (!this->options().record.empty()) start_recording();
-  if (this->options().endpoint.starts_with(kOwnProcess) && !recorder_) leave_out_payload_sums();
+  if (in_process() && !recorder_) leave_out_payload_sums();
+}
+
+bool SocketConnection::in_process() const {
+  return options().endpoint.starts_with(kOwnProcess);
 }
 
 // A recording that cannot be made is reported, and is no error of the host.
@@ -262,6 +269,7 @@ bool SocketConnection::connect() {
   socket.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
   socket.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
   socket.set(zmq::sockopt::tcp_keepalive, 1);
+  if (in_process()) socket.set(zmq::sockopt::rcvtimeo, static_cast<int>(kWaitInZmq.count()));
   if (server_.endpoint.starts_with("tcp://[")) socket.set(zmq::sockopt::ipv6, true);
   if (!server_.server_key.empty()) {
     socket.set(zmq::sockopt::curve_serverkey, server_.server_key);
@@ -447,8 +455,7 @@ zmq::message_t message_of(std::span<const std::byte> bytes, std::shared_ptr<cons
 // Sends without waiting. Returns false if there is no connection (yet).
 bool SocketConnection::send(const std::string& header, const wire::Batch& batch) {
   const bool has_payload = !batch.columns().empty();
-  const auto keeper =
-      has_payload && options().endpoint.starts_with(kOwnProcess) ? batch.keeper() : std::shared_ptr<const void>();
+  const auto keeper = has_payload && in_process() ? batch.keeper() : nullptr;
   const auto send_frame = [&](std::span<const std::byte> bytes, bool more) {
     zmq::message_t message = message_of(bytes, more ? nullptr : keeper);
     const int flags = ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0);
@@ -467,7 +474,7 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
 // that the connection is lost: with ZMQ_IMMEDIATE it then gives up the rest of the message. While messages arrive it
 // looks for such notices at every hundredth call of zmq_msg_recv() on a socket, counted from the last call that found
 // nothing. So each message is preceded by a call that finds nothing; where one never does, the socket is replaced in
-// time.
+// time. Within the process no connection is lost.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   for (;;) {
     if (frames_read_ > kFramesBeforeLook) return false;
@@ -479,11 +486,12 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     for (bool more = true; more && count < views.size();) {  // decode() refuses three frames
       if (count == 1 && !payload) payload = std::make_shared<zmq::message_t>();
       zmq::message_t& frame = count == 0 ? header : count == 1 ? *payload : surplus;
-      if (wire::uninterrupted([&] { return zmq_msg_recv(frame.handle(), socket_.get(), ZMQ_DONTWAIT); }) < 0) {
+      const int flags = count == 0 && in_process() && Clock::now() + kWaitInZmq < until ? 0 : ZMQ_DONTWAIT;
+      if (wire::uninterrupted([&] { return zmq_msg_recv(frame.handle(), socket_.get(), flags); }) < 0) {
         if (zmq_errno() == EAGAIN) break;
         unreachable(where_, zmq_strerror(zmq_errno()));
       }
-      ++frames_read_;
+      frames_read_ += in_process() ? 0 : 1;
       more = frame.more();
       views[count++] = view_of(frame);
     }

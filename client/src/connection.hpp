@@ -134,6 +134,7 @@ class SocketConnection final : public Connection {
   void record(const std::string& header, const wire::Batch& batch, std::span<const std::byte> reply_header = {},
               std::span<const std::byte> reply_payload = {}) noexcept;
   bool by_file() const;
+  bool in_process() const;
   bool find_server();
   void drop_socket();
   bool server_has_moved() const;

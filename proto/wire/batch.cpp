@@ -57,6 +57,7 @@ Batch Batch::of(std::span<const Field> fields, std::size_t count, std::uint32_t 
 void Batch::reshape(std::span<const Field> fields, std::size_t count, std::uint32_t components) {
   lay_out(fields, count, components);
   const std::size_t words = size_ / 8;
+  lent_ = lent_ && capacity_ != 0;
   if (!owned_ || capacity_ < words || capacity_ - words > words / 4) {
     owned_.reset();
     owned_ = std::make_shared_for_overwrite<std::uint64_t[]>(words);
@@ -72,7 +73,8 @@ void Batch::reshape(std::span<const Field> fields, std::size_t count, std::uint3
 Batch Batch::view() const {
   Batch same;
   same.columns_ = columns_;
-  same.viewed_ = keeper();
+  if (lent_) same.owned_ = owned_;
+  same.lent_ = lent_;
   same.data_ = data_;
   same.size_ = size_;
   return same;
@@ -116,10 +118,12 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
 }
 
 void Batch::own() {
-  if (owned_) return;
+  if (owned_ && capacity_ != 0) return;
+  lent_ = false;
   capacity_ = padded(size_) / 8;
-  owned_ = std::make_shared_for_overwrite<std::uint64_t[]>(capacity_);
-  if (size_ > 0) std::memcpy(owned_.get(), data_, size_);
+  auto copy = std::make_shared_for_overwrite<std::uint64_t[]>(capacity_);
+  if (size_ > 0) std::memcpy(copy.get(), data_, size_);
+  owned_ = std::move(copy);
   data_ = reinterpret_cast<const std::byte*>(owned_.get());
 }
 

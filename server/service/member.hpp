@@ -125,7 +125,10 @@ wire::Batch node_column(std::span<const std::uint64_t> node_ids);
 
 // What it takes to check the node ids of a request, and to make models for nodes that may each have a pair of their own,
 // as memory that takes as long to write  [bytes].
+constexpr std::uint64_t kBytesPerId = 64;  // to sort or compare an id
 std::uint64_t bytes_of_nodes(const wire::Batch& batch);
+// The lists that a shard has of its nodes, made anew when they change.
+std::uint64_t bytes_of_lists(std::size_t nodes);
 std::uint64_t bytes_of_models(std::size_t nodes, bool several);
 
 // Memory in bytes of the states that a mark or a transfer stores, including the ids of their nodes.

@@ -123,6 +123,8 @@ Cut::Contents Cut::read() {
     }
     tiles_[tile].store(kRead, std::memory_order_release);
   }
+  committed_.reset();  // here, where the time that it takes holds nobody up
+  trial_.reset();
   return contents;
 }
 

@@ -20,7 +20,7 @@ struct FieldOf {
   const char* compared = nullptr;  // null: not compared
 };
 
-// States that a client saved under a name (wire::Mark).
+// States that a client saved under a name.
 struct MarkImage {
   std::string name;
   std::uint64_t sequence = 0;  // sequence number of the request that made the mark
