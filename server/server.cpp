@@ -208,6 +208,10 @@ void Server::look_after() {
   manager_->alive();
   for (const std::string& line : access_.look_for_revoked())
     if (log_) log_(line);
+  if (access_.any_revoked())
+    if (const std::size_t ended = router_.end_connections([&](auto user) { return access_.revoked(user); });
+        ended != 0 && log_)
+      log_(fmt::format("{} connections of revoked keys were closed", ended));
   for (const std::string& line : router_.look_after_paths())
     if (log_) log_(line);
   const bool run_out = files_run_out();

@@ -33,6 +33,7 @@
 !   secret_key_file        by tcp: file of the client's own secret key
 !   connect_deadline       s, of the opening
 !   reply_deadline         s, of every call, with its repetitions
+!   retry_after            s, after which a request without an answer is sent again on a new connection
 !   state_dir              directory in which a server in this process keeps its states
 !   threads                number of threads of a server in this process
 !   check_closure          'warn', 'error' or 'off': what a force-driven host meets whose jump is not the one that was answered
@@ -72,7 +73,8 @@ module shearbus
                                 shearbus_tresca = 3, shearbus_melting = 4
   integer, parameter, public :: shearbus_substepped = 1, shearbus_multiple_roots = 2, shearbus_outside_domain = 4, &
                                 shearbus_sudden = 8, shearbus_over_budget = 16, shearbus_asleep = 32, &
-                                shearbus_first_order = 64, shearbus_failed = 128
+                                shearbus_first_order = 64, shearbus_failed = 128, &
+                                shearbus_fallback = 160  ! all of it: the host's own law answered
   integer, parameter, public :: shearbus_ticket_length = 65, shearbus_transfer_length = 32
 
   type :: shearbus_interface
@@ -106,6 +108,8 @@ module shearbus
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
     real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
     real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
+    procedure(own_law), pointer, nopass, private :: law => null()  ! of the host, and whether the last step needed it
+    integer(c_int), pointer, private :: fell_back => null()
     type(c_ptr), private :: handle = c_null_ptr
     type(c_ptr), private :: ranks = c_null_ptr         ! of one session on root: the step of all ranks is then
     type(c_funptr), private :: step_of_all = c_null_funptr
@@ -119,6 +123,9 @@ module shearbus
     procedure :: resume
     ! Makes one step of length dt with the columns of the interface.
     generic :: step => step_plain, step_32, step_64
+    ! Gives the host's own law, which fills the columns of the answer while the server is gone, if the user allows it by
+    ! SHEARBUS_FALLBACK (shearbus.h, shearbus_set_fallback). The rows of such a step have the outcome shearbus_fallback.
+    procedure :: set_fallback
     ! Keeps the result of the trial.
     procedure :: commit
     ! Drops the trial.
@@ -166,15 +173,15 @@ module shearbus
   interface
     ! Opens sessions of all ranks in one domain, in which nodes can move.
     module subroutine shearbus_mpi_open(ranks, comm, bus, nodes, scene, scene_text, endpoint, domain, initial_temperature, &
-                                        name, server_key_file, secret_key_file, connect_deadline, reply_deadline, state_dir, &
-                                        threads, check_closure, idle_limit, on_root, stat, msg)
+                                        name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
+                                        retry_after, state_dir, threads, check_closure, idle_limit, on_root, stat, msg)
       type(shearbus_ranks), intent(inout) :: ranks
       integer, intent(in) :: comm
       type(shearbus_interface), intent(inout), target :: bus
       integer(int64), intent(in) :: nodes(:)
       character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                                 state_dir, check_closure
-      real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+      real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after
       integer, intent(in), optional :: threads, idle_limit
       logical, intent(in), optional :: on_root
       integer, intent(out), optional :: stat
@@ -182,15 +189,15 @@ module shearbus
     end subroutine
     ! Goes on from a dump, on any number of ranks; the ranks together ask for each node of the dump once.
     module subroutine shearbus_mpi_restart(ranks, comm, bus, manifest, nodes, endpoint, name, server_key_file, &
-                                           secret_key_file, connect_deadline, reply_deadline, check_closure, idle_limit, &
-                                           stat, msg)
+                                           secret_key_file, connect_deadline, reply_deadline, &
+                                           retry_after, check_closure, idle_limit, stat, msg)
       type(shearbus_ranks), intent(inout) :: ranks
       integer, intent(in) :: comm
       type(shearbus_interface), intent(inout), target :: bus
       character(len=*), intent(in) :: manifest
       integer(int64), intent(in) :: nodes(:)
       character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, check_closure
-      real(real64), intent(in), optional :: connect_deadline, reply_deadline
+      real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after
       integer, intent(in), optional :: idle_limit
       integer, intent(out), optional :: stat
       character(len=*), intent(inout), optional :: msg
@@ -305,6 +312,10 @@ module shearbus
   end type
 
   abstract interface
+    subroutine own_law(bus)
+      import
+      class(shearbus_interface), intent(inout) :: bus
+    end subroutine
     ! A step of all ranks: `fault` is that of this rank before the step, which all ranks then report.
     function step_of_all_ranks(ranks, session, fault, request, result, status) bind(c) result(code)
       import
@@ -349,6 +360,14 @@ module shearbus
       type(c_ptr), value :: session
       type(c_request), intent(in) :: request
       type(c_result), intent(inout) :: result
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_set_fallback(session, law, user, status) bind(c, name='shearbus_set_fallback') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_funptr), value :: law
+      type(c_ptr), value :: user
       type(c_status), intent(inout) :: status
       integer(c_int) :: code
     end function
@@ -539,44 +558,44 @@ contains
   ! ---- opening and ending ----
 
   subroutine open_64(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                     parameters, values, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, &
+                     retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, nodes, '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-               parameters, values, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, &
+               retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine open_32(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                     parameters, values, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, &
+                     retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int32), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, int(nodes, int64), '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-               parameters, values, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, &
+               retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine resume(self, ticket, endpoint, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
-                    state_dir, threads, check_closure, nodes, pair, parameters, values, stat, msg)
+                    retry_after, state_dir, threads, check_closure, nodes, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     character(len=*), intent(in) :: ticket
     character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir, check_closure, &
                                               pair(:), parameters(:)
-    real(real64), intent(in), optional :: connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after, values(:, :)
     integer(int64), intent(in), optional :: nodes(:)
     integer, intent(in), optional :: threads
     integer, intent(out), optional :: stat
@@ -586,20 +605,20 @@ contains
     if (present(nodes)) expected = nodes
     call enter(self, expected, ticket//c_null_char, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
-               state_dir=state_dir, threads=threads, check_closure=check_closure, pair=pair, parameters=parameters, &
-               values=values, stat=stat, msg=msg)
+               retry_after=retry_after, state_dir=state_dir, threads=threads, check_closure=check_closure, &
+               pair=pair, parameters=parameters, values=values, stat=stat, msg=msg)
   end subroutine
 
   ! Opens a session, or resumes the one of the ticket.
   subroutine enter(self, nodes, ticket, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                   secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                   parameters, values, stat, msg)
+                   secret_key_file, connect_deadline, reply_deadline, &
+                   retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in) :: ticket
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
@@ -611,7 +630,7 @@ contains
     integer(c_int) :: code
     call clear(status)
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
+                      connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     call give_nodes(of, held, nodes, initial_temperature, pair, parameters, values, code, status)
     if (code == 0 .and. len(ticket) > 0) then
       code = c_resume_nodes(self%handle, options, ticket, of, status)
@@ -702,12 +721,12 @@ contains
 
   ! The options of the C interface, which point into `texts`.
   subroutine give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                          connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
+                          connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     type(c_options), intent(out) :: options
     type(c_text), intent(out), target :: texts(8)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure
-    real(real64), intent(in), optional :: connect_deadline, reply_deadline
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after
     integer, intent(in), optional :: threads, idle_limit
     options%size = c_sizeof(options)
     call to_c(endpoint, texts(1)%bytes, options%endpoint)
@@ -730,6 +749,7 @@ contains
     options%interrupted_user = c_null_ptr
     if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
     if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
+    if (present(retry_after)) options%retry_after_s = retry_after
     if (present(threads)) options%threads = int(threads, c_int32_t)
     if (present(idle_limit)) options%idle_limit_s = idle_limit
     if (present(check_closure)) then  ! an unknown word is a number that the library refuses
@@ -860,13 +880,21 @@ contains
 
   impure elemental subroutine finalise(self)
     type(shearbus_interface), intent(inout) :: self
+    call drop(self)
+  end subroutine
+
+  ! Frees the handle, on which no call is made any more, and what it pointed to.
+  subroutine drop(self)
+    class(shearbus_interface), intent(inout) :: self
     call c_leave(self%handle)
+    if (associated(self%fell_back)) deallocate (self%fell_back)
+    self%law => null()
   end subroutine
 
   subroutine copy(self, other)
     class(shearbus_interface), intent(inout) :: self
     type(shearbus_interface), intent(in) :: other
-    call c_leave(self%handle)
+    call drop(self)
     self%n = other%n
     self%nodes = other%nodes
     call take(self%jump, other%jump)
@@ -1068,6 +1096,10 @@ contains
       code = c_step(self%handle, request, answer, status)
     end if
     if (code == 0) call adopt()
+    if (code == 0 .and. associated(self%fell_back)) then
+      if (self%fell_back /= 0) call self%law(self)
+      self%fell_back = 0
+    end if
     call report(code, status, stat, msg)
   contains
     function number_of(flag) result(number)
@@ -1137,6 +1169,30 @@ contains
   end subroutine
 
   ! ---- states and nodes ----
+
+  subroutine set_fallback(self, law, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    procedure(own_law) :: law
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    integer(c_int) :: code
+    call clear(status)
+    if (.not. associated(self%fell_back)) allocate (self%fell_back, source=0_c_int)
+    code = c_set_fallback(self%handle, c_funloc(note_fallback), c_loc(self%fell_back), status)
+    if (code == 0) self%law => law
+    call report(code, status, stat, msg)
+  end subroutine
+
+  ! The law is called when the columns have the rows of the step.
+  function note_fallback(user, request) bind(c) result(code)
+    type(c_ptr), value :: user, request
+    integer(c_int) :: code
+    integer(c_int), pointer :: fell_back
+    call c_f_pointer(user, fell_back)
+    fell_back = merge(1_c_int, 0_c_int, c_associated(request))
+    code = 0
+  end function
 
   subroutine commit(self, stat, msg)
     class(shearbus_interface), intent(inout) :: self

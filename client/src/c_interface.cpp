@@ -22,6 +22,7 @@
 #include "client/src/closure_check.hpp"
 #include "client/src/embedded_server.hpp"
 #include "client/src/entry.hpp"
+#include "client/src/fallback.hpp"
 #include "proto/files/key_file.hpp"
 #include "proto/wire/enum_names.hpp"
 #include "proto/wire/limits.hpp"
@@ -395,6 +396,7 @@ struct shearbus_session {
     if (!embedded && !secret_key_file.empty()) reading(secret_key_file.c_str(), files::read_secret_key, to.secret_key);
     to.connect_deadline = seconds(options.connect_deadline_s, defaults.connect_deadline, "connect_deadline_s");
     to.reply_deadline = seconds(options.reply_deadline_s, defaults.reply_deadline, "reply_deadline_s");
+    reply_deadline = to.reply_deadline;
     to.retry_after = seconds(options.retry_after_s, defaults.retry_after, "retry_after_s");
     if (log.wanted()) to.log = log;
     if (options.interrupted != nullptr)
@@ -454,7 +456,10 @@ struct shearbus_session {
   std::vector<Field> batch_fields;  // columns that `batch` was made with
   std::size_t batch_rows = 0;
   std::vector<shearbus_output> outputs;
-  bool started = false;  // true between shearbus_start() and shearbus_finish()
+  std::vector<Field> wanted;  // columns of its answer
+  bool started = false;       // true between shearbus_start() and shearbus_finish()
+  std::chrono::milliseconds reply_deadline{0};
+  std::optional<Fallback> fallback;  // set if the host has a law of its own and the user allows it
 };
 
 namespace {
@@ -475,8 +480,10 @@ const Session& session_of(const shearbus_session* handle) {
     refuse(Code::kInvalidValue, "there is no session: none was opened, or its opening failed", "Open a session first.");
   return *handle->session;
 }
+void settle_doubt(shearbus_session& handle);
 Session& session_of(shearbus_session* handle, bool started = false) {
   session_of(static_cast<const shearbus_session*>(handle));
+  settle_doubt(*handle);
   if (handle->started != started)
     refuse(Code::kInvalidValue,
            started ? "a step is finished that was not started" : "a started step has not been finished",
@@ -619,7 +626,8 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
   if (!wanted.empty() && watches_closure(handle))
     for (const Field field : {Field::kVelocityJumpNew, Field::kShearStress, Field::kOutcome})
       if (!contains(wanted, field)) wanted.push_back(field);
-  session.want(std::move(wanted));
+  session.want(wanted);
+  handle.wanted = std::move(wanted);
   return {.dt_s = request.dt_s,
           .time_s = request.time_s,
           .step = request.step,
@@ -688,6 +696,65 @@ void deliver(shearbus_session& handle, const StepResult& answer, shearbus_result
         .layer_time_s = upscale.layer_time_s,
         .replayed = answer.replayed()},
        result);
+}
+
+// ---- the host's own law, while the server is gone ----
+
+void tell(const shearbus_session& handle, const std::string& line) {
+  if (line.empty()) return;
+  if (handle.log.wanted())
+    handle.log(line);
+  else
+    fmt::print(stderr, "shearbus: {}\n", line);
+}
+
+// Completes on the server the step that it may have got before it was gone. Throws if it is still gone.
+void settle_doubt(shearbus_session& handle) {
+  if (!handle.fallback || !handle.fallback->doubt()) return;
+  const StepInDoubt& doubt = *handle.fallback->doubt();
+  handle.session->want(doubt.wanted);
+  handle.session->advance(doubt.batch, doubt.options);
+  handle.fallback->settled();
+}
+
+// The deadline of all calls for the time of a step, which is shorter with a law of the host.
+class StepDeadline {
+ public:
+  explicit StepDeadline(shearbus_session& handle) : handle_(handle) {
+    handle.client->set_reply_deadline(std::min(handle.reply_deadline, handle.fallback->deadline()));
+  }
+  StepDeadline(const StepDeadline&) = delete;
+  StepDeadline& operator=(const StepDeadline&) = delete;
+  ~StepDeadline() { handle_.client->set_reply_deadline(handle_.reply_deadline); }
+
+ private:
+  shearbus_session& handle_;
+};
+
+// Makes a step by `ask`, or by the host's law where the server is gone.
+template <typename Ask>
+void step_or_fall_back(shearbus_session& handle, const shearbus_request& given, shearbus_result* result,
+                       const Ask& ask) {
+  Fallback& fallback = *handle.fallback;
+  if (fallback.waits()) return tell(handle, fallback.answer(given, fallback.fault(), {}, result));
+  StepOptions options;
+  bool asked = false;
+  try {
+    const StepDeadline deadline(handle);
+    session_of(&handle);  // completes the step in doubt
+    if (fallback.away()) handle.session->forget_answers();
+    options = prepare(handle, given);
+    asked = true;
+    ask(options);
+  } catch (const Error& fault) {
+    if (!Fallback::is_gone(fault.status().code)) throw;
+    std::optional<StepInDoubt> doubt;
+    if (asked && fault.status().code == Code::kUnknownOutcome)
+      doubt.emplace(StepInDoubt{std::move(handle.batch), options, handle.wanted});
+    if (doubt) handle.batch_fields.clear();  // the batch of the next step is made anew
+    return tell(handle, fallback.answer(given, fault.status(), std::move(doubt), result));
+  }
+  tell(handle, fallback.came_back());
 }
 
 void check_result(const shearbus_result* result) {
@@ -766,6 +833,8 @@ const char* shearbus_code_name(int code) {
       return "IN_USE";
     case SHEARBUS_OTHER_PROCESS:
       return "OTHER_PROCESS";
+    case SHEARBUS_NO_LIBRARY:
+      return "NO_LIBRARY";
     default:
       return code > 1 ? wire::name(static_cast<Code>(code)) : "?";
   }
@@ -840,6 +909,7 @@ int shearbus_close(shearbus_session** session, shearbus_status* status) {
     call.forget();
     const std::unique_ptr<shearbus_session> owner(handle);
     if (!handle->session) return;
+    if (handle->fallback) tell(*handle, handle->fallback->summary());
     if (std::exchange(handle->started, false)) {
       try {
         handle->session->finish_trial();
@@ -855,6 +925,7 @@ int shearbus_end(shearbus_session* session, shearbus_totals* totals, shearbus_st
   return guarded(session, status, [&] {
     Session& open = session_of(session);
     if (totals != nullptr) known(totals, "shearbus_totals");
+    if (session->fallback) tell(*session, session->fallback->summary());
     const wire::SessionClosed closed = open.close();
     if (totals != nullptr)
       give({.requests = closed.requests,
@@ -874,6 +945,7 @@ void shearbus_leave(shearbus_session** session) {
     *session = nullptr;
     call.forget();
     const std::unique_ptr<shearbus_session> owner(handle);
+    if (handle->fallback) tell(*handle, handle->fallback->summary());
     if (handle->session) handle->session->leave();
   });
 }
@@ -908,7 +980,28 @@ int shearbus_resumed_nodes(const shearbus_session* session, shearbus_nodes* node
 int shearbus_set_reply_deadline(shearbus_session* session, double reply_deadline_s, shearbus_status* status) {
   return guarded(session, status, [&] {
     if (session == nullptr) session_of(session);
-    session->client->set_reply_deadline(seconds(reply_deadline_s, ClientOptions().reply_deadline, "reply_deadline_s"));
+    session->reply_deadline = seconds(reply_deadline_s, ClientOptions().reply_deadline, "reply_deadline_s");
+    session->client->set_reply_deadline(session->reply_deadline);
+  });
+}
+
+int shearbus_set_fallback(shearbus_session* session, shearbus_fallback_fn law, void* user, shearbus_status* status) {
+  return guarded(session, status, [&] {
+    session_of(session);
+    session->fallback.reset();
+    const auto patience = fallback_patience(environment("SHEARBUS_FALLBACK"));
+    if (law != nullptr && patience) session->fallback.emplace(law, user, *patience);
+  });
+}
+
+int shearbus_count_fallbacks(const shearbus_session* session, shearbus_fallbacks* fallbacks, shearbus_status* status) {
+  return guarded(session, status, [&] {
+    session_of(session);
+    known(fallbacks, "shearbus_fallbacks");
+    shearbus_fallbacks totals = SHEARBUS_FALLBACKS_INIT;
+    if (session->fallback) totals = session->fallback->totals();
+    totals.allowed = session->fallback.has_value();
+    give(totals, fallbacks);
   });
 }
 
@@ -920,14 +1013,21 @@ const char* shearbus_text(const shearbus_session* session, int which) {
 int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
                   shearbus_status* status) {
   return guarded(session, status, [&] {
-    Session& open = session_of(session);
+    session_of(static_cast<const shearbus_session*>(session));
     const shearbus_request given = known(request, "shearbus_request");
     check_result(result);
-    const StepOptions options = prepare(*session, given);
-    const auto step = [&]() -> const StepResult& {
-      return given.mode == SHEARBUS_TRIAL ? open.trial(session->batch, options) : open.advance(session->batch, options);
+    const auto ask = [&](const StepOptions& options) {
+      Session& open = *session->session;
+      const auto step = [&]() -> const StepResult& {
+        return given.mode == SHEARBUS_TRIAL ? open.trial(session->batch, options)
+                                            : open.advance(session->batch, options);
+      };
+      deliver(*session, with_columns(*session, step), result);
     };
-    deliver(*session, with_columns(*session, step), result);
+    if (session->fallback && given.mode == SHEARBUS_ADVANCE && !session->started)
+      return step_or_fall_back(*session, given, result, ask);
+    session_of(session);
+    ask(prepare(*session, given));
   });
 }
 

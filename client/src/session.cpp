@@ -789,6 +789,10 @@ std::uint64_t Session::state_version() const {
 const ResumedNodes& Session::resumed_nodes() const {
   return impl_->resumed;
 }
+void Session::forget_answers() {
+  if (impl_->closure) impl_->closure->forget();
+}
+
 void Session::leave() {
   impl_->closed = true;
 }

@@ -82,12 +82,12 @@ struct Status {
 // Returns the status as one line: "INVALID_VALUE: pressure_pa of node 7 is nan; ... (remedy)".
 std::string describe(const Status& status);
 
-// Escapes control characters and invalid bytes in the texts of a status; the ends of lines stay. Returns the status.
+// Makes the texts of a status printable, each one line; the text of INVALID_SCENE alone has a line for each fault.
 Status& make_printable(Status& status);
 
 class Error : public std::runtime_error {
  public:
-  // Makes the texts of the status printable, line by line: they may quote what strangers wrote.
+  // Makes the texts of the status printable: they may quote what strangers wrote.
   explicit Error(Status status) : Error(std::move(status), Printable()) {}
   const Status& status() const { return status_; }
 

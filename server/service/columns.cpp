@@ -11,7 +11,7 @@ namespace shearbus::service {
 
 using physics::LedgerTerm;
 using physics::TileInputs;
-using physics::TileOutputs;
+using shard::TileAnswers;
 using wire::Field;
 
 // The numbers of the solver's regimes and outcome bits are sent unchanged, as bytes of a reply. The switch in
@@ -75,8 +75,8 @@ constexpr LedgerRow kLedger[] = {
 };
 
 // If the reply has a column of this field and component, adds it to `columns` with the tile member that fills it.
-template <typename Lane>
-void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply, Field field, std::uint32_t component,
+template <typename Lane, typename Of>
+void add_answer(Lane (Of::*member)[physics::kLanes], wire::Batch& reply, Field field, std::uint32_t component,
                 std::vector<shard::OutputColumn>& columns) {
   if (!reply.has(field, component)) return;
   if constexpr (std::is_same_v<Lane, double>)
@@ -209,7 +209,7 @@ shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, 
       columns.inputs.push_back({row.member, request.f64(row.field, row.component)});
   if (request.has(Field::kImpedance)) add_stick_form(request, dt, columns);
 #define ROW(enumerator, component, member) \
-  add_answer(&TileOutputs::member, reply, Field::enumerator, component, columns.outputs);
+  add_answer(&TileAnswers::member, reply, Field::enumerator, component, columns.outputs);
 #define OUTPUT(enumerator, number, name, quantity, unit, element, direction, ...) \
   ROW(enumerator, 0, quantity) SECOND_##direction(ROW, enumerator, quantity)
 #include "proto/wire/columns.inc"

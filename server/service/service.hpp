@@ -224,7 +224,7 @@ class Service : private store::Recovery {
   void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
                       const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) const noexcept;
   wire::SessionOpened opened(const Member& member) const;
-  std::unique_ptr<shard::Shard> make_shard(shard::PairTable pairs, bool check_closure) const;
+  std::unique_ptr<shard::Shard> make_shard(shard::PairTable pairs, bool check_closure, bool sum_energy) const;
   // A shard with the nodes of saved states, at the temperature of the start. Throws std::invalid_argument for states of
   // another kind of session.
   std::unique_ptr<shard::Shard> restored_shard(const SessionPairs& pairs, shard::PairTable table,

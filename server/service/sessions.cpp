@@ -108,7 +108,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& 
     pairs = SessionPairs(made, open.parameters);
     shard::PairTable table = pairs.table(made.options);
     nodes = new_nodes(request.batch, open.pairs, pairs, table);
-    shard_made = make_shard(std::move(table), open.check_closure);
+    shard_made = make_shard(std::move(table), open.check_closure, made.friction_energy);
     wanted = shard_made->bytes_with(node_ids.size(), nodes.of());
   });
   check_memory(wanted, node_ids.size(), arrival.caller, arrival.caller.identity);
@@ -150,16 +150,18 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& 
 }
 
 // A shard without nodes.
-std::unique_ptr<shard::Shard> Service::make_shard(shard::PairTable pairs, bool check_closure) const {
+std::unique_ptr<shard::Shard> Service::make_shard(shard::PairTable pairs, bool check_closure, bool sum_energy) const {
   return std::make_unique<shard::Shard>(
       std::move(pairs), std::span<const std::uint64_t>(), std::span<const std::uint32_t>(), std::span<const double>(),
-      pool_, shard::ShardOptions{.nodes_per_task = options_.nodes_per_task, .check_closure = check_closure});
+      pool_,
+      shard::ShardOptions{
+          .nodes_per_task = options_.nodes_per_task, .check_closure = check_closure, .sum_energy = sum_energy});
 }
 
 std::unique_ptr<shard::Shard> Service::restored_shard(const SessionPairs& pairs, shard::PairTable table,
                                                       const std::vector<std::uint64_t>& node_ids,
                                                       const shard::States& states) const {
-  auto shard = make_shard(std::move(table), shard::checks_closure(states));
+  auto shard = make_shard(std::move(table), shard::checks_closure(states), shard::sums_energy(states));
   const auto of_nodes = pairs.several() ? std::optional(pairs.of_states(states, shard->pairs())) : std::nullopt;
   const std::vector<double> temperatures(node_ids.size(), shard->model().options().initial_temperature);
   shard->apply(shard->adding(node_ids, temperatures, nullptr, of_nodes ? &*of_nodes : nullptr));
@@ -183,6 +185,7 @@ wire::SessionOpened Service::opened(const Member& member) const {
   const physics::Model& model = member.shard->model();
   ModelColumns columns = columns_of(model.options());
   if (!member.shard->check_closure()) std::erase(columns.on_request, Field::kClosure);
+  if (!member.shard->sums_energy()) std::erase_if(columns.on_request, is_friction_energy);
   std::vector<std::string> warnings = model.warnings();
   std::ranges::copy(member.pairs.warnings(), std::back_inserter(warnings));
   std::uint64_t reply_row = 0;

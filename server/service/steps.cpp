@@ -161,7 +161,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   const wire::Request& request = running->request;
   const wire::Downscale& step = running->step();
   const physics::ModelOptions& options = shard.model().options();
-  const std::span<const Field> wanted = check_wanted(step, options, shard.check_closure());
+  const std::span<const Field> wanted = check_wanted(step, options, shard);
   running->extends_trial = step.part > 1;
   if (step.follows != 0) check_follows(step, member.conversation.last_hash());
   check_part(step, request.batch, member.parts ? &*member.parts : nullptr);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <functional>
 #include <iterator>
 #include <limits>
@@ -56,12 +57,27 @@ void scatter(const From* values, const LaneRows& lanes, std::span<To> column) {
 }
 
 template <typename Lane, typename Value>
-const Lane* values_of(const AnswerColumn<Lane, Value>& column, const physics::TileOutputs& out,
-                      const physics::TileLedger&) {
+const Lane* values_of(const AnswerColumn<Lane, Value>& column, const TileAnswers& out, const physics::TileLedger&) {
   return out.*column.member;
 }
-const double* values_of(const LedgerColumn& column, const physics::TileOutputs&, const physics::TileLedger& ledger) {
+const double* values_of(const LedgerColumn& column, const TileAnswers&, const physics::TileLedger& ledger) {
   return ledger.term[static_cast<std::size_t>(column.term)];
+}
+
+// Adds the heat of a step to what the friction of each node has given to the bodies. A step that failed gave nothing.
+void sum_energy(const TileStates& layout, std::uint32_t active, physics::TileLedger& ledger, const double* from,
+                double* to, TileAnswers& out) {
+  constexpr physics::LedgerTerm kTerms[] = {physics::LedgerTerm::kHeatToSoft, physics::LedgerTerm::kHeatToHard};
+  double(*const sums[])[kLanes] = {&out.friction_energy_soft, &out.friction_energy_hard};
+  for (std::size_t side = 0; side < 2; ++side) {
+    const std::size_t at = layout.friction_energy + side * kLanes;
+    std::copy_n(from + at, kLanes, to + at);
+    for (const int lane : physics::lanes_of(active)) {
+      const auto l = static_cast<std::size_t>(lane);
+      if ((out.outcome[lane] & physics::kFailed) == 0) to[at + l] = from[at + l] + ledger(kTerms[side], lane);
+      (*sums[side])[lane] = to[at + l];
+    }
+  }
 }
 
 }  // namespace
@@ -102,7 +118,7 @@ Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std:
 Shard::Shard(PairTable pairs, std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> of_node,
              std::span<const double> initial_temperature, TaskPool& pool, const ShardOptions& options)
     : pairs_(std::move(pairs)),
-      layout_(pairs_.model(0), options.check_closure),
+      layout_(pairs_.model(0), options.check_closure, options.sum_energy),
       map_(pairs_.several()),
       pool_(pool),
       options_(options),
@@ -213,7 +229,7 @@ struct Shard::TileStep {
   LaneRows lanes;
   double work[kLanes] = {};
   physics::TileInputs in;
-  physics::TileOutputs out;
+  TileAnswers out;
 };
 
 class Shard::StepRun {
@@ -384,7 +400,8 @@ void Shard::run_seat(StepRun& run, std::size_t seat, double work) {
     }
     const StepCount done = end_tile(run.step, tile);
     here += done;
-    left -= done.work - spent_before;
+    // Lanes advance together: a tile takes the time of all its lanes, however few are active.
+    left -= (done.work - spent_before) * kLanes / std::popcount(tile.in.active);
   }
   const std::lock_guard lock(run.counting);
   run.count += here;
@@ -457,13 +474,15 @@ void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
 }
 
 StepCount Shard::end_tile(const StepOf& step, TileStep& tile) const {
-  const physics::TileOutputs& out = tile.out;
+  const TileAnswers& out = tile.out;
   physics::TileLedger ledger;
   const physics::Model& model = pairs_.model(map_.pair_of(tile.tile));
   const physics::StepOperators& operators = step.operators.of(map_.pair_of(tile.tile));
   if (step.columns.wants_tangent) model.linearise(operators, tile.in, tile.from, tile.to, tile.out);
   if (step.columns.wants_time_to_melting) model.predict_melting(operators, tile.in, tile.from, tile.out);
-  if (step.has_ledger) model.record_energy(operators, tile.in, out, tile.from, tile.to, ledger);
+  if (step.has_ledger || layout_.sums_energy())
+    model.record_energy(operators, tile.in, out, tile.from, tile.to, ledger);
+  if (layout_.sums_energy()) sum_energy(layout_, tile.in.active, ledger, tile.from, tile.to, tile.out);
   for (const OutputColumn& column : step.columns.outputs)
     std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), tile.lanes, answer.values); }, column);
   StepCount count;

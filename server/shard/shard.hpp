@@ -41,6 +41,7 @@ struct ShardOptions {
   std::size_t nodes_per_task = 512;  // smallest number of nodes per thread if several threads share a step
   // true: force-driven nodes also keep the answered velocity jump and the times of layer and host (closure.hpp)
   bool check_closure = false;
+  bool sum_energy = false;  // nodes keep the friction heat that either body has got since they began
 };
 
 // The part of a node's committed state that an operator of the server can inspect.
@@ -87,6 +88,7 @@ class Shard {
   std::uint32_t pair_of(std::size_t slot) const { return map_.pair_of(slot / physics::kLanes); }
   const NodeTable& nodes() const { return *nodes_; }
   bool check_closure() const { return layout_.check_closure(); }
+  bool sums_energy() const { return layout_.sums_energy(); }
   // One more than the highest slot that may hold a node.
   std::size_t slots() const { return map_.tiles() * physics::kLanes; }
   std::uint64_t state_bytes() const {

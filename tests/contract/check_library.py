@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Checks what a shared library of the project shows to the process that loads it: it exports the C functions of the header and nothing
 else, and needs only the libraries that are named here. With --columns and --schema the numbers of the header are compared with the
-columns and the codes of the wire."""
+columns and the codes of the wire, and the options of a session in all languages with those of the header."""
 import argparse
 import pathlib
 import re
@@ -43,6 +43,21 @@ def number_faults(header, columns, schema):
             yield f"shearbus.h has SHEARBUS_{name} = {number}, which is no column of the wire"
 
 
+def option_faults(header, client):
+    """Every option of C is one of C++, Fortran and Python, of the same name but for its unit."""
+    members = re.search(r"typedef struct shearbus_options \{(.*?)\} shearbus_options;", re.sub(r"/\*.*?\*/", "", header, flags=re.S), re.S)[1]
+    options = set(re.findall(r"(\w+);", members)) - {"size", "log", "log_user", "interrupted", "interrupted_user"}
+    cxx = re.search(r"\nstruct Options \{(.*?)\n\};", (client / "include/shearbus/client.hpp").read_text(), re.S)[1]
+    fortran = re.search(r"subroutine open_64\((.*?)\)", (client / "fortran/shearbus.f90").read_text(), re.S)[1]
+    python = re.search(r"\ndef open\((.*?)\):", (client / "python/shearbus/session.py").read_text(), re.S)[1]
+    own = {"Python": {"scene_file": "scene", "scene_text": "scene"}, "Fortran": {"scene_file": "scene"}, "C++": {}}
+    for language, text in (("C++", cxx), ("Fortran", fortran), ("Python", python)):
+        for option in sorted(options):
+            name = own[language].get(option, option if language == "C++" else option.removesuffix("_s"))
+            if not re.search(rf"\b{name}\b", text):
+                yield f"{language} has no option {name}, which shearbus.h has"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--library", type=pathlib.Path, required=True)
@@ -56,6 +71,7 @@ def main():
     faults = list(library_faults(options.library, header, set(options.needs.split(","))))
     if options.columns:
         faults += number_faults(header + options.columns_header.read_text(), options.columns.read_text(), options.schema.read_text())
+        faults += option_faults(header, options.header.parents[2])
     print("\n".join(faults) if faults else f"{options.library.name} shows what its header says")
     return 1 if faults else 0
 

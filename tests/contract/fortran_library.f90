@@ -85,6 +85,8 @@ contains
     call refused('the words that are', 301, "Use 'warn', 'off' or 'error'")
     call bus%open(scene=scene, nodes=[1], endpoint='ipc:///nowhere', connect_deadline=0.2_real64, stat=stat, msg=msg)
     call refused('no server', 500, 'UNREACHABLE')
+    call bus%open(scene=scene, nodes=[1], endpoint=endpoint, retry_after=-3.0_real64, stat=stat, msg=msg)
+    call refused('the time of repetition', 301, 'retry_after_s is -3')
     call check('no session', .not. bus%is_open() .and. bus%ticket() == '')
     call bus%step(1e-9_real64, stat=stat, msg=msg)
     call refused('a step', 301, 'there is no session')
@@ -303,7 +305,9 @@ contains
     character(len=shearbus_ticket_length) :: ticket
     type(shearbus_interface) :: again
     call leave_scope(ticket)
-    call again%resume(ticket, endpoint=endpoint, stat=stat, msg=msg)
+    call again%resume(ticket, endpoint=endpoint, retry_after=-4.0_real64, stat=stat, msg=msg)
+    call refused('the time of repetition of a resumption', 301, 'retry_after_s is -4')
+    call again%resume(ticket, endpoint=endpoint, retry_after=0.5_real64, stat=stat, msg=msg)
     call ok('resume after the end of a scope')
     call again%close()
   end subroutine

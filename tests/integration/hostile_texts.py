@@ -123,15 +123,30 @@ class HostileTexts(unittest.TestCase):
                 file[f"parameter/{EVIL}" if what == "parameter" else EVIL] = [1.0]
             self.run_program("replay", "history.h5", "--scene", scene, "--out", "out.h5", code=(0, 1), quoted=what == "parameter")
 
-    def test_parameters_marks_and_names_of_sessions(self):
+    def test_every_text_that_a_host_gives(self):
+        def opened(scene=SCENE, endpoint=None, **options):
+            return lambda: shearbus.open(scene, [1], endpoint, check_closure="off", connect_deadline=0.2, **options)
+
+        place = self.path / EVIL
         with shearbus.open(SCENE, [1], check_closure="off") as session:
-            for call in (lambda: session.mark(EVIL), lambda: session.rollback_to(EVIL),
-                         lambda: shearbus.open(SCENE, [1], check_closure="off", parameters={EVIL: 1.0}),
-                         lambda: shearbus.open(SCENE, [1], check_closure="off", pair=EVIL),
-                         lambda: shearbus.open(SCENE, [1], check_closure="off", domain=EVIL)):
-                with self.assertRaises((shearbus.Error, ValueError)) as fault:
+            calls = {"mark": lambda: session.mark(EVIL), "rollback_to": lambda: session.rollback_to(EVIL),
+                     "accept": lambda: session.accept(EVIL), "want": lambda: session.step(1e-9, jump=[1.0], pressure=[1e9], want=[EVIL]),
+                     "column": lambda: session.step(1e-9, **{EVIL: [1.0]}),
+                     "parameters": opened(parameters={EVIL: 1.0}), "pair": opened(pair=EVIL), "domain": opened(domain=EVIL),
+                     "domain of a server": opened(endpoint=f"ipc://{self.path}/none", domain=EVIL),
+                     "scene": opened(place.with_suffix(".toml")), "endpoint": opened(endpoint=EVIL),
+                     "ipc": opened(endpoint=f"ipc://{place}"), "tcp": opened(endpoint=f"tcp://{EVIL}:7447"),
+                     "file": opened(endpoint=f"file://{place}"), "check_closure": lambda: shearbus.open(SCENE, [1], check_closure=EVIL),
+                     "state_dir": opened(state_dir=f"/proc/{EVIL}"), "ticket": lambda: shearbus.resume(EVIL),
+                     "server_key_file": opened(endpoint="tcp://127.0.0.1:1", server_key_file=place, secret_key_file=place),
+                     "secret_key_file": opened(endpoint="tcp://127.0.0.1:1", secret_key_file=place, server_key_file=place),
+                     "name": opened(endpoint=f"ipc://{self.path}/none", name=EVIL)}
+            for what, call in calls.items():
+                with self.subTest(what), self.assertRaises((shearbus.Error, ValueError, TypeError)) as fault:
                     call()
-                self.check(str(fault.exception), str(fault.exception), quoted=False)
+                said = str(fault.exception)
+                self.check(said, what, quoted=False)
+                self.assertEqual(len(said.splitlines()), 1, said)
 
     def test_endpoint_files_and_the_log(self):
         directory = self.path / "servers"

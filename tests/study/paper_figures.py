@@ -9,7 +9,6 @@ figure_NN.png, the runs (runs/NAME, kept, and used again by the next call with t
 {"figure", "title", "file", "scene", "agrees", "differs"}, whose last two are lists of sentences computed from the runs. --coarse: wide zones
 and few steps, for a look in a minute. The paper gives no curve of Figs 12 to 22 in numbers: compared are its statements, and, for Figs 13 and
 14, the independent solution of server/physics/MEASURED.md."""
-import argparse
 import csv
 import hashlib
 import json
@@ -30,6 +29,7 @@ import style  # noqa: E402
 from matplotlib.collections import PolyCollection  # noqa: E402
 from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: E402
 from matplotlib.patches import Patch  # noqa: E402
+from terminal import Parser  # noqa: E402
 
 plt, save, INK, FAINT = style.plt, style.save, style.INK, style.FAINT
 REGIMES = tuple(style.REGIMES.values())
@@ -421,7 +421,7 @@ TITLES = {
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("-o", "--out", type=pathlib.Path, required=True, metavar="DIR")
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin", help="directory of the programs")
     parser.add_argument("--only", default=",".join(map(str, TITLES)), help="numbers of figures, with commas")

@@ -25,7 +25,9 @@
 #include <utility>
 #include <vector>
 
+#ifndef SHEARBUS_H  // shearbus_stub.h stands for it in a program without the library
 #include "shearbus/shearbus.h"
+#endif
 
 namespace shearbus {
 inline namespace v1 {
@@ -283,9 +285,11 @@ class Session {
     });
     return session;
   }
-  Session(Session&& other) noexcept : log_(std::move(other.log_)), handle_(std::exchange(other.handle_, nullptr)) {}
+  Session(Session&& other) noexcept
+      : log_(std::move(other.log_)), law_(std::move(other.law_)), handle_(std::exchange(other.handle_, nullptr)) {}
   Session& operator=(Session&& other) noexcept {
     std::swap(log_, other.log_);
+    std::swap(law_, other.law_);
     std::swap(handle_, other.handle_);
     return *this;
   }
@@ -302,6 +306,28 @@ class Session {
     shearbus_result result = SHEARBUS_RESULT_INIT;
     call(shearbus_finish, handle_, &result);
     return result;
+  }
+  // The host's own law, for steps while the server is gone, where the user allows it (shearbus_set_fallback): it fills the
+  // outputs of the request. If it throws, it has no answer, and the step fails.
+  using Law = std::function<void(const shearbus_request& request)>;
+  void set_fallback(Law law) {
+    auto kept = std::make_unique<Law>(std::move(law));
+    const bool none = !*kept;
+    const shearbus_fallback_fn function = [](void* user, const shearbus_request* request) noexcept {
+      try {
+        (*static_cast<Law*>(user))(*request);
+        return 0;
+      } catch (...) {
+        return 1;
+      }
+    };
+    call(shearbus_set_fallback, handle_, none ? nullptr : function, static_cast<void*>(kept.get()));
+    law_ = std::move(kept);
+  }
+  shearbus_fallbacks fallbacks() const {
+    shearbus_fallbacks totals = SHEARBUS_FALLBACKS_INIT;
+    call(shearbus_count_fallbacks, static_cast<const shearbus_session*>(handle_), &totals);
+    return totals;
   }
   void commit() { call(shearbus_commit, handle_); }
   void rollback() { call(shearbus_rollback, handle_); }
@@ -420,6 +446,7 @@ class Session {
   }
 
   std::unique_ptr<Log> log_;  // outlives the handle, and keeps its address when the session moves
+  std::unique_ptr<Law> law_;
   shearbus_session* handle_ = nullptr;
 };
 

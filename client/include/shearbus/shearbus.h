@@ -34,6 +34,7 @@
  *   SHEARBUS_ENDPOINT         replaces shearbus_options.endpoint
  *   SHEARBUS_SECRET_KEY_FILE  replaces shearbus_options.secret_key_file
  *   SHEARBUS_SCENE            file that replaces the scene of shearbus_options
+ *   SHEARBUS_FALLBACK         allows the host's own law while the server is gone (shearbus_set_fallback), after this time [s]
  *   SHEARBUS_RECORD           directory, or new file, that gets an event log of the session, for shearbus-replay
  *   SHEARBUS_LOG              file to which the library appends its log lines; "stderr" for standard error */
 #ifndef SHEARBUS_H
@@ -100,7 +101,8 @@ enum {
   SHEARBUS_NO_MEMORY = 510,
   SHEARBUS_LIBRARY_FAULT = 511, /* any other fault of this library; its text names it */
   SHEARBUS_IN_USE = 512,        /* another thread is inside a call on this session; nothing was done */
-  SHEARBUS_OTHER_PROCESS = 513  /* the session belongs to the process of which this one is a fork; nothing was done */
+  SHEARBUS_OTHER_PROCESS = 513, /* the session belongs to the process of which this one is a fork; nothing was done */
+  SHEARBUS_NO_LIBRARY = 514     /* the program was built with shearbus_stub.h in place of this library */
 };
 
 /* The name of a code, such as "INVALID_VALUE". Never NULL. */
@@ -137,7 +139,9 @@ enum {
   SHEARBUS_OUTCOME_OVER_BUDGET = 16, /* with FAILED: the step needed more work than the scene's work_budget */
   SHEARBUS_OUTCOME_ASLEEP = 32,
   SHEARBUS_OUTCOME_FIRST_ORDER = 64,
-  SHEARBUS_OUTCOME_FAILED = 128 /* the node has no answer and keeps its state */
+  SHEARBUS_OUTCOME_FAILED = 128, /* the node has no answer and keeps its state */
+  /* FAILED with ASLEEP, which no server answers: the host's own law answered (shearbus_set_fallback) */
+  SHEARBUS_OUTCOME_FALLBACK = 160
 };
 
 /* Where a column lies in the caller's memory: one value per node, `stride_bytes` apart (0: without gaps), so that an
@@ -333,6 +337,33 @@ typedef struct shearbus_result {
 /* Steps nodes and fills the outputs, which are unchanged after a fault. result may be NULL. */
 SHEARBUS_API int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
                                shearbus_status* status);
+
+/* The host's own law, for steps while the server is gone. The function fills the outputs of the request from its inputs
+ * and returns 0, or another value if it has no answer; it must not call this library, and runs in the default
+ * floating-point environment. The library calls it from shearbus_step() with SHEARBUS_ADVANCE, and only if the user allows
+ * it by the environment variable SHEARBUS_FALLBACK: the time in seconds that a step gives the server. After that time the
+ * law answers this step and, until the server is back, the following ones; the library looks for the server again after
+ * the same time. It is never silent: each such row has the outcome SHEARBUS_OUTCOME_FALLBACK and is one of
+ * flagged_nodes, the log (or standard error) has a line when the server is gone, when it is back and at the end of the
+ * session, and shearbus_count_fallbacks() has the totals. The layers keep their states meanwhile; a step that the server
+ * may have got is completed there when it is back, before anything else. Without the variable, for a trial, and after
+ * other faults than UNREACHABLE, UNKNOWN_OUTCOME and SHUTTING_DOWN the step fails as it does without a law. NULL takes
+ * the law away. */
+typedef int (*shearbus_fallback_fn)(void* user, const shearbus_request* request);
+SHEARBUS_API int shearbus_set_fallback(shearbus_session* session, shearbus_fallback_fn law, void* user,
+                                       shearbus_status* status);
+typedef struct shearbus_fallbacks {
+  size_t size;
+  uint64_t steps; /* number of steps that the host's own law answered */
+  uint64_t node_steps;
+  double time_s;     /* sum of their dt_s */
+  uint64_t absences; /* number of times that the server was found gone */
+  int allowed;       /* 1: the user has set SHEARBUS_FALLBACK */
+} shearbus_fallbacks;
+#define SHEARBUS_FALLBACKS_INIT \
+  { sizeof(shearbus_fallbacks), 0, 0, 0.0, 0, 0 }
+SHEARBUS_API int shearbus_count_fallbacks(const shearbus_session* session, shearbus_fallbacks* fallbacks,
+                                          shearbus_status* status);
 
 /* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two
  * the caller makes no other call on the session but close and leave. shearbus_start() copies the inputs; the memory

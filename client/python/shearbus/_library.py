@@ -30,6 +30,7 @@ Size, Double, Text, Address = ctypes.c_size_t, ctypes.c_double, ctypes.c_char_p,
 Number, Word, Whole = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_int
 Log = ctypes.CFUNCTYPE(None, Address, Text)
 Interrupted = ctypes.CFUNCTYPE(Whole, Address)
+Fallback = ctypes.CFUNCTYPE(Whole, Address, Address)
 
 
 class _Struct(ctypes.Structure):
@@ -67,6 +68,8 @@ Result = _struct("shearbus_result", [
 Info = _struct("shearbus_info", [
     (Size, "size"), (Whole, "strategy"), (Word, "tangential_components"), (Number, "bytes_per_node last_sequence"),
     (Whole, "outlives_server"), (Number, "state_version max_rows_per_message max_marks")])
+Fallbacks = _struct("shearbus_fallbacks", [(Size, "size"), (Number, "steps node_steps"), (Double, "time_s"), (Number, "absences"),
+                                           (Whole, "allowed")])
 Totals = _struct("shearbus_totals", [(Size, "size"), (Number, "requests node_steps solver_ns asleep_node_steps")])
 
 FUNCTIONS = {  # name -> (type of the result, types of the arguments)
@@ -75,7 +78,7 @@ FUNCTIONS = {  # name -> (type of the result, types of the arguments)
     "columns": (Size, [Address, Whole, Size, Address]), "offers": (Size, [Address, Size, Address]), "leave": (None, [Address]),
     **{name: (Whole, [Address] * count) for name, count in {
         "open_nodes": 4, "resume_nodes": 5, "end": 3, "ticket": 3, "resumed_nodes": 3, "step": 4, "commit": 2, "rollback": 2,
-        "mark": 3, "rollback_to": 3, "register_nodes": 3, "inspect": 3, "accept": 3}.items()},
+        "mark": 3, "rollback_to": 3, "register_nodes": 3, "inspect": 3, "accept": 3, "count_fallbacks": 3, "set_fallback": 4}.items()},
     "set_reply_deadline": (Whole, [Address, Double, Address]), "retire": (Whole, [Address, Size, Address, Address]),
     "offer": (Whole, [Address, Size, Address, Address, Address]),
     "profiles": (Whole, [Address, Size, Address, Address, Address, Size, Address, Address])}

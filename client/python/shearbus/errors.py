@@ -1,6 +1,8 @@
 """The errors of the package: one exception class for each class of status codes (proto/WIRE.md, "Status")."""
 import enum
 
+from ._terminal import printable, printable_lines
+
 __all__ = ["AuthError", "ClosureError", "ClosureWarning", "Code", "ContentError", "Error", "LibraryError", "MessageError",
            "SceneWarning", "ServerError", "SessionError", "UnexpectedReply", "UnknownOutcome", "Unreachable", "WrongType",
            "WrongValue"]
@@ -51,10 +53,7 @@ class Code(enum.IntEnum):
     LIBRARY_FAULT = 511
     IN_USE = 512
     OTHER_PROCESS = 513
-
-
-# A text may quote what strangers wrote: no command of it reaches a terminal or a log. The ends of lines stay.
-COMMANDS = {code: f"\\x{code:02x}" for code in (*range(10), *range(11, 32), *range(127, 160))}
+    NO_LIBRARY = 514
 
 
 class Error(Exception):
@@ -65,7 +64,8 @@ class Error(Exception):
 
     def __init__(self, code, text, remedy="", field="", nodes=()):
         self.code = Code(code) if code in Code._value2member_map_ else code
-        text, remedy, field = (part.translate(COMMANDS) for part in (text, remedy, field))
+        text = (printable_lines if code == Code.INVALID_SCENE else printable)(text)  # the faults of a scene are several
+        remedy, field = printable(remedy), printable(field)
         self.text, self.remedy, self.field = text, remedy, field
         self.nodes = list(nodes)
         name = self.code.name if isinstance(self.code, Code) else str(code)
