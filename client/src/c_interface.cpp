@@ -644,9 +644,7 @@ decltype(auto) with_columns(shearbus_session& handle, const Call& call) {
   try {
     return call();
   } catch (...) {
-    handle.batch = {};
-    handle.batch_fields.clear();
-    handle.batch_rows = 0;
+    handle.batch_fields.clear();  // the batch of the next step is made anew
     throw;
   }
 }
