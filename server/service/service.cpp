@@ -292,13 +292,13 @@ wire::ServerStatus Service::status() const {
   status.draining = draining_;
   times_.put_into(status);
   if (store_ != nullptr) {
-    const store::StoreCounters& kept = store_->counters();
-    status.journal_records = kept.records;
-    status.journal_bytes = kept.record_bytes;
-    status.recovered_requests = kept.replayed;
-    status.checkpoints = kept.checkpoints;
-    status.checkpoints_failed = kept.checkpoints_failed;
-    status.checkpoint_bytes = kept.checkpoint_bytes;
+    const store::StoreCounters& counted = store_->counters();
+    status.journal_records = counted.records;
+    status.journal_bytes = counted.record_bytes;
+    status.recovered_requests = counted.replayed;
+    status.checkpoints = counted.checkpoints;
+    status.checkpoints_failed = counted.checkpoints_failed;
+    status.checkpoint_bytes = counted.checkpoint_bytes;
     if (last_checkpoint_ns_ != 0) status.checkpoint_age_ns = options_.now_ns() - last_checkpoint_ns_;
   }
   if (options_.complete_status) options_.complete_status(status);

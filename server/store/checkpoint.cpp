@@ -6,6 +6,7 @@
 #include <cstring>
 #include <span>
 #include <stdexcept>
+#include <utility>
 
 #include "server/store/hdf5_fields.hpp"
 
@@ -116,40 +117,43 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
 }
 
 // Closed sessions are many and small, so each of their quantities is one dataset.
+constexpr std::pair<const char*, std::uint64_t SessionImage::*> kNumbersOfClosed[] = {
+    {"last_sequence", &SessionImage::last_sequence},
+    {"last_request_xxh3", &SessionImage::last_hash},
+    {"requests", &SessionImage::requests},
+    {"node_steps", &SessionImage::node_steps},
+    {"solver_ns", &SessionImage::solver_ns}};
+
 void put_closed(hid_t parent, const std::vector<const SessionImage*>& sessions) {
   const hdf5::Group group = make_group(parent, "closed");
   const std::size_t rows = sessions.size();
   std::vector<std::uint8_t> ids;
   std::vector<std::byte> headers;
   std::string identities;  // a line for each, in the order of their first session
-  std::vector<std::string> known;
-  std::vector<std::uint64_t> identity, sequence, hash, requests, node_steps, solver_ns, header_end;
-  for (const SessionImage* closed : sessions) {
-    const SessionImage& session = *closed;
-    ids.insert(ids.end(), session.id.begin(), session.id.end());
-    if (known.empty() || known.back() != session.identity) {
-      known.push_back(session.identity);
-      identities += session.identity + "\n";
+  const std::string* last = nullptr;
+  std::uint64_t lines = 0;
+  std::vector<std::uint64_t> identity, header_end;
+  for (const SessionImage* session : sessions) {
+    ids.insert(ids.end(), session->id.begin(), session->id.end());
+    if (last == nullptr || *last != session->identity) {
+      last = &session->identity;
+      identities += *last + "\n";
+      ++lines;
     }
-    identity.push_back(known.size() - 1);
-    sequence.push_back(session.last_sequence);
-    hash.push_back(session.last_hash);
-    requests.push_back(session.requests);
-    node_steps.push_back(session.node_steps);
-    solver_ns.push_back(session.solver_ns);
-    headers.insert(headers.end(), session.reply_header.begin(), session.reply_header.end());
+    identity.push_back(lines - 1);
+    headers.insert(headers.end(), session->reply_header.begin(), session->reply_header.end());
     header_end.push_back(headers.size());
   }
   put_text_dataset(group, "identities", identities);
   put_numbers(group, "id", ids, rows, ids.size() / rows);
-  put_numbers(group, "identity", identity, rows);
-  put_numbers(group, "last_sequence", sequence, rows);
-  put_numbers(group, "last_request_xxh3", hash, rows);
-  put_numbers(group, "requests", requests, rows);
-  put_numbers(group, "node_steps", node_steps, rows);
-  put_numbers(group, "solver_ns", solver_ns, rows);
-  put_numbers(group, "reply_header", headers, headers.size());
-  put_numbers(group, "reply_header_end", header_end, rows);
+  put(group, "identity", identity);
+  for (const auto& [name, member] : kNumbersOfClosed) {
+    std::vector<std::uint64_t> numbers;
+    for (const SessionImage* session : sessions) numbers.push_back(session->*member);
+    put(group, name, numbers);
+  }
+  put(group, "reply_header", headers);
+  put(group, "reply_header_end", header_end);
 }
 
 std::vector<SessionImage> closed_in(hid_t parent) {
@@ -161,11 +165,13 @@ std::vector<SessionImage> closed_in(hid_t parent) {
     identities.push_back(lines.substr(begin, end - begin));
   const auto ids = numbers_of<std::uint8_t>(group, "id");
   const auto headers = numbers_of<std::byte>(group, "reply_header");
-  const auto number = [&](const char* name) { return numbers_of<std::uint64_t>(group, name); };
-  const auto identity = number("identity"), sequence = number("last_sequence"), hash = number("last_request_xxh3"),
-             requests = number("requests"), node_steps = number("node_steps"), solver_ns = number("solver_ns"),
-             header_end = number("reply_header_end");
+  const auto identity = numbers_of<std::uint64_t>(group, "identity");
+  const auto header_end = numbers_of<std::uint64_t>(group, "reply_header_end");
   std::vector<SessionImage> sessions(identity.size());
+  for (const auto& [name, member] : kNumbersOfClosed) {
+    const auto numbers = numbers_of<std::uint64_t>(group, name);
+    for (std::size_t i = 0; i < sessions.size(); ++i) sessions[i].*member = numbers.at(i);
+  }
   std::uint64_t begin = 0;
   for (std::size_t i = 0; i < sessions.size(); ++i) {
     SessionImage& session = sessions[i];
@@ -176,11 +182,6 @@ std::vector<SessionImage> closed_in(hid_t parent) {
                 session.id.begin());
     session.open = false;
     session.identity = identities.at(identity[i]);
-    session.last_sequence = sequence.at(i);
-    session.last_hash = hash.at(i);
-    session.requests = requests.at(i);
-    session.node_steps = node_steps.at(i);
-    session.solver_ns = solver_ns.at(i);
     session.reply_header.assign(headers.begin() + static_cast<std::ptrdiff_t>(begin),
                                 headers.begin() + static_cast<std::ptrdiff_t>(end));
     begin = end;
