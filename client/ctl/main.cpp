@@ -113,7 +113,7 @@ int compare(const Options& options) {
 
 // Checks a scene: opens a session of it in a server inside this process, which checks schema and materials.
 void check(const Options& options) {
-  const std::string file = options.scene.string();
+  const std::string file = shearbus::program::shown(options.scene);
   const std::string text = shearbus::scene::load_text(options.scene);
   const bool left_out = shearbus::scene::read_file(options.scene) != text;
   const ctl::CheckedScene checked = ctl::check_scene(text, file);
@@ -143,8 +143,8 @@ void keygen(const Options& options) {
     std::filesystem::remove(secret_file);  // useless without its public key
     throw;
   }
-  fmt::print("{}: keep it where only its user can read it\n{}: {}\n", secret_file.string(), public_file.string(),
-             pair.public_key);
+  fmt::print("{}: keep it where only its user can read it\n{}: {}\n", shearbus::program::shown(secret_file),
+             shearbus::program::shown(public_file), pair.public_key);
 }
 
 // Prints the materials of the catalog, or one of them with its constants under their scene keys.

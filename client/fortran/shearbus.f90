@@ -54,12 +54,12 @@
 !   all_or_nothing         one node without an answer refuses the step for all
 !   mask                   the rows that are stepped, one per node; absent: all
 !   open_absent            the other rows are stepped without contact, so that they cool; absent: they stay as they are
-!   law                    subroutine of the host, law(bus), that fills the columns of the answer
 !   transfer               32 hexadecimal digits, by which another session of the domain accepts what was offered
 !   on_root                rank 0 alone has a session, and steps the nodes of all ranks
 !   manifest               file with the tickets of all sessions, beside the host's dump
 !   new_owner              rank of each node of bus, in the order of bus%nodes
 !   mark                   name under which the server keeps the states
+!   law                    subroutine with the argument bus of class(shearbus_interface), which fills the columns of the answer
 !   stat                   0, or the code of the fault
 !   msg                    what was expected and found, and what to do
 !
@@ -198,8 +198,7 @@ module shearbus
     procedure :: want
     ! Reads the profiles of nodes across the layer, from their committed states. pressure: at which the flow stress is evaluated.
     generic :: profiles => profiles_32, profiles_64
-    ! Gives the host's own law, which fills the columns of the answer while the server is gone, if the user allows it by
-    ! SHEARBUS_FALLBACK (shearbus.h, shearbus_set_fallback). The rows of such a step have the outcome shearbus_outcome_fallback.
+    ! Gives a law of the host for steps while the server is gone, if the user allows it by SHEARBUS_FALLBACK (shearbus.h).
     procedure :: set_fallback
     ! Keeps the result of the trial.
     procedure :: commit

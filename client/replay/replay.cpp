@@ -25,19 +25,13 @@
 #include "proto/program/progress.hpp"
 #include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
+#include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
 #include "server/explain.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::replay {
 namespace {
-
-constexpr std::size_t kLongestShown = 4096;
-
-// The name of a file, for a terminal.
-std::string shown(const std::filesystem::path& file) {
-  return wire::printable(file.string(), kLongestShown);
-}
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
@@ -188,20 +182,21 @@ struct ReplaySummary {
 };
 
 void print_summary(const ReplaySummary& run) {
-  fmt::print("{}: {}\n", shown(run.options.history), run.extent);
-  fmt::print("  scene                       {} ({})\n", run.scene_name, shown(run.options.scene));
+  fmt::print("{}: {}\n", program::shown(run.options.history), run.extent);
+  fmt::print("  scene                       {} ({})\n", run.scene_name, program::shown(run.options.scene));
   fmt::print("  velocity jump               {}\n", run.input.jump_origin());
   for (const std::string& note : run.input.notes())
-    fmt::print("  note                        {}\n", wire::printable(note, kLongestShown));
+    fmt::print("  note                        {}\n", wire::printable(note, wire::kMaxTextBytes));
   fmt::print("{}", run.tally.text(run.time));
   for (const auto& [label, value] : run.omitted.lines()) fmt::print("  {:<28}{}\n", label, value);
-  fmt::print("  result                      {}{}\n", shown(run.options.out), run.replaced ? " (replaced)" : "");
+  fmt::print("  result                      {}{}\n", program::shown(run.options.out),
+             run.replaced ? " (replaced)" : "");
 }
 
 }  // namespace
 
 void explain(const fs::path& scene) {
-  fmt::print("{}", server::explain(scene::load_text(scene), scene.string()).text());
+  fmt::print("{}", server::explain(scene::load_text(scene), program::shown(scene)).text());
 }
 
 void run(const Options& options) {
@@ -228,7 +223,7 @@ void run(const Options& options) {
                   history.start_time_s(), history.times_s().back());
   if (options.check) {
     bus.close();
-    fmt::print("{} fits {}: {}\n", shown(options.history), shown(options.scene), extent);
+    fmt::print("{} fits {}: {}\n", program::shown(options.history), program::shown(options.scene), extent);
     return;
   }
 

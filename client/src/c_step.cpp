@@ -125,6 +125,7 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
   }
   if (fields != handle.batch_fields || request.n != handle.batch_rows) {
     handle.batch = Batch::of(fields, request.n, session.opened().tangential_components);
+    handle.batch.lend();
     handle.batch_fields = std::move(fields);
     handle.batch_rows = request.n;
   }
@@ -133,6 +134,10 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
     const auto to = handle.batch.f64(static_cast<Field>(input.field), input.component);
     const auto* from = reinterpret_cast<const char*>(input.values);
     const std::ptrdiff_t stride = input.stride_bytes == 0 ? std::ptrdiff_t{sizeof(double)} : input.stride_bytes;
+    if (stride == sizeof(double)) {
+      if (!to.empty()) std::memcpy(to.data(), from, to.size_bytes());
+      continue;
+    }
     for (double& value : to) {
       std::memcpy(&value, from, sizeof value);
       from += stride;
@@ -153,10 +158,26 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
           .absent_nodes = request.open_absent != 0 ? AbsentNodes::kOpen : AbsentNodes::kKeep};
 }
 
+// Makes a call with the columns of the present step. One that fails may leave its request on the way to a server of this
+// process, which reads the columns where they are: the next step gets columns of its own.
+template <typename Call>
+decltype(auto) with_columns(shearbus_session& handle, const Call& call) {
+  try {
+    return call();
+  } catch (...) {
+    handle.batch_fields.clear();  // the batch of the next step is made anew
+    throw;
+  }
+}
+
 template <typename T>
 void copy_out(std::span<const T> from, const shearbus_output& output) {
   auto* to = static_cast<char*>(output.values);
   const std::ptrdiff_t stride = output.stride_bytes == 0 ? std::ptrdiff_t{sizeof(T)} : output.stride_bytes;
+  if (stride == sizeof(T)) {
+    if (!from.empty()) std::memcpy(to, from.data(), from.size_bytes());
+    return;
+  }
   for (const T& value : from) {
     std::memcpy(to, &value, sizeof value);
     to += stride;
@@ -250,10 +271,11 @@ int shearbus_step(shearbus_session* session, const shearbus_request* request, sh
     check_result(result);
     const auto ask = [&](const StepOptions& options) {
       Session& open = *session->session;
-      deliver(
-          *session,
-          given.mode == SHEARBUS_TRIAL ? open.trial(session->batch, options) : open.advance(session->batch, options),
-          result);
+      const auto step = [&]() -> const StepResult& {
+        return given.mode == SHEARBUS_TRIAL ? open.trial(session->batch, options)
+                                            : open.advance(session->batch, options);
+      };
+      deliver(*session, with_columns(*session, step), result);
     };
     if (session->fallback && given.mode == SHEARBUS_ADVANCE && !session->started)
       return step_or_fall_back(*session, given, result, ask);
@@ -287,10 +309,12 @@ int shearbus_start(shearbus_session* session, const shearbus_request* request, s
     Session& open = session_of(session);
     const shearbus_request given = known(request, "shearbus_request");
     const StepOptions options = prepare(*session, given);
-    if (given.mode == SHEARBUS_TRIAL)
-      open.start_trial(session->batch, options);
-    else
-      open.start_advance(session->batch, options);
+    with_columns(*session, [&] {
+      if (given.mode == SHEARBUS_TRIAL)
+        open.start_trial(session->batch, options);
+      else
+        open.start_advance(session->batch, options);
+    });
     session->started = true;
   });
 }
@@ -300,7 +324,7 @@ int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus
     Session& open = session_of(session, true);
     check_result(result);
     session->started = false;
-    deliver(*session, open.finish_trial(), result);
+    deliver(*session, with_columns(*session, [&]() -> const StepResult& { return open.finish_trial(); }), result);
   });
 }
 

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "proto/files/whole_file.hpp"
+#include "proto/program/program.hpp"
 #include "server/version.hpp"
 #include "shearbus_places.hpp"
 
