@@ -250,7 +250,7 @@ int run(const CLI::App& app, Command& command) {
 int main(int argc, char** argv) {
   shearbus::program::begin_program();
   Command command;
-  command.run.version = command.exported.version = SHEARBUS_VERSION;
+  command.run.version = command.exported.version = SHEARBUS_RELEASE;
   command.run.arguments = {argv, static_cast<std::size_t>(argc)};
   CLI::App app("Replays macroscopic histories and event logs through the subgrid friction service.", "shearbus-replay");
   describe(app, command);
