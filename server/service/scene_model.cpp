@@ -288,6 +288,7 @@ SceneModel convert(v1::Scene& scene) {
   if (scene.pair().empty()) {
     SceneModel made = convert_tables(scene);
     made.effective = scene::to_toml(scene);
+    made.scene = std::make_shared<v1::Scene>(scene);
     made.warnings = scene::unusual_values(scene);
     return made;
   }
@@ -315,6 +316,7 @@ SceneModel convert(v1::Scene& scene) {
            fmt::format("the scene with all constants of its pairs has {} bytes, at most {} are allowed",
                        made.effective.size(), wire::kMaxSceneBytes),
            "Divide the pairs over several sessions.");
+  made.scene = std::make_shared<v1::Scene>(scene);
   made.warnings = scene::unusual_values(scene);
   return made;
 }
