@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "server/physics/solver/step_operators.hpp"
+#include "server/shard/cut.hpp"
 
 namespace shearbus::shard {
 
@@ -131,6 +132,33 @@ double* Shard::buffer(std::size_t tile, unsigned which) const {
   return blocks_[tile / tiles_per_block_].get() + (tile % tiles_per_block_) * tile_doubles() + which * layout_.doubles;
 }
 
+Shard::~Shard() {
+  end_cut();
+}
+
+std::shared_ptr<Cut> Shard::cut() {
+  end_cut();
+  std::vector<const double*> blocks;
+  for (const Block& block : blocks_) blocks.push_back(block.get());
+  // Of a step that is being computed the states do not count yet.
+  return cut_ = std::make_shared<Cut>(Cut::Of{layout_, pairs_, map_, nodes_, std::move(blocks), tiles_per_block_,
+                                              committed_, has_trial_ ? touched_ : std::vector<std::uint32_t>(),
+                                              has_trial_});
+}
+
+// Called before tiles move or their memory is freed.
+void Shard::end_cut() {
+  if (cut_ && cut_.use_count() > 1) cut_->save_all();
+  cut_.reset();
+}
+
+// The buffer of the tile that is not committed, of which an unread cut may need the states.
+double* Shard::trial_to_write(std::size_t tile) const {
+  const unsigned which = 1U - committed_[tile];
+  if (cut_) cut_->before_write(tile, which);
+  return buffer(tile, which);
+}
+
 NodeGlance Shard::glance(std::size_t slot) const {
   const physics::TileLayout& layout = model().layout();
   const double* lane = committed_tile(slot).data() + slot % kLanes;
@@ -239,8 +267,8 @@ class Shard::StepRun {
 void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   if (rows.all) {
     for (std::size_t tile = 0; tile < num_tiles(); ++tile) tiles.push_back(static_cast<std::uint32_t>(tile));
-    for (std::size_t row = 0; row < nodes_.size() && !nodes_.slots_are_rows(); ++row)
-      row_of_slot_[nodes_.slot_of(row)] = static_cast<std::uint32_t>(row);
+    for (std::size_t row = 0; row < nodes_->size() && !nodes_->slots_are_rows(); ++row)
+      row_of_slot_[nodes_->slot_of(row)] = static_cast<std::uint32_t>(row);
     return;
   }
   for (std::size_t row = 0; row < rows.slots.size(); ++row) {
@@ -255,7 +283,7 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
 
 std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const Operators& operators,
                                                 const StepColumns& columns, std::shared_ptr<StepRun> run) {
-  const StepOf step{stepped_nodes(rows), rows.all && nodes_.slots_are_rows(), rows.others_are_open, operators, columns,
+  const StepOf step{stepped_nodes(rows), rows.all && nodes_->slots_are_rows(), rows.others_are_open, operators, columns,
                     columns.has_ledger()};
   if (run) {
     std::destroy_at(run.get());
@@ -284,7 +312,7 @@ std::shared_ptr<Shard::StepRun> Shard::prepare_attempt(const Rows& rows, const O
   auto run = prepared(rows, operators, columns);
   Attempt& attempt = run->attempt.emplace();
   attempt.tiles.reserve(std::max(num_tiles(), rows.slots.size()));
-  attempt.states = make_states(std::min(num_tiles(), run->step.num_nodes) * layout_.doubles);
+  attempt.states = make_block(std::min(num_tiles(), run->step.num_nodes) * layout_.doubles);
   attempt.start = committed_;
   for (const std::uint32_t tile : touched_)
     if (from_trial) attempt.start[tile] = static_cast<std::uint8_t>(1 - attempt.start[tile]);
@@ -302,6 +330,7 @@ std::shared_ptr<Shard::StepRun> Shard::prepare_extension(const Rows& rows, const
 }
 
 void Shard::begin(StepRun& run) {
+  if (cut_ && (cut_->over() || cut_.use_count() == 1)) cut_.reset();
   if (!run.attempt) rollback();
   std::vector<std::uint32_t>& tiles = run.attempt ? run.attempt->tiles : touched_;
   find_tiles(run.rows, tiles);
@@ -348,8 +377,7 @@ void Shard::run_seat(StepRun& run, std::size_t seat, double work) {
       }
       tile.tile = (*run.tiles)[at];
       tile.from = buffer(tile.tile, run.attempt ? run.attempt->start[tile.tile] : committed_[tile.tile]);
-      tile.to = run.attempt ? run.attempt->states.get() + at * layout_.doubles
-                            : buffer(tile.tile, 1U - committed_[tile.tile]);
+      tile.to = run.attempt ? run.attempt->states.get() + at * layout_.doubles : trial_to_write(tile.tile);
       ++at;
       begin_tile(run.step, tile);
       if (tile.in.active == 0) {
@@ -391,8 +419,7 @@ void Shard::finish(StepRun& run) {
   if (run.extends) {
     const Attempt& attempt = *run.attempt;
     for (std::size_t i = 0; i < attempt.tiles.size(); ++i)
-      std::copy_n(attempt.states.get() + i * layout_.doubles, layout_.doubles,
-                  buffer(attempt.tiles[i], 1U - committed_[attempt.tiles[i]]));
+      std::copy_n(attempt.states.get() + i * layout_.doubles, layout_.doubles, trial_to_write(attempt.tiles[i]));
     std::ranges::set_union(touched_, attempt.tiles, std::back_inserter(run.touched));
     touched_.assign(run.touched.begin(), run.touched.end());
   } else if (run.attempt) {
@@ -417,7 +444,7 @@ void Shard::adopt(const Attempt& attempt) {
   for (std::size_t i = 0; i < attempt.tiles.size(); ++i) {
     const std::uint32_t tile = attempt.tiles[i];
     touched_.push_back(tile);
-    std::copy_n(attempt.states.get() + i * doubles, doubles, buffer(tile, 1U - committed_[tile]));
+    std::copy_n(attempt.states.get() + i * doubles, doubles, trial_to_write(tile));
   }
   has_trial_ = true;
 }

@@ -206,7 +206,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     options.interface.friction_reference_temperature = draw.uniform(1.0, 1200.0);
     options.interface.friction_softening_exponent = draw.chance(0.3) ? 1.0 : draw.uniform(1.0, 5.0);
   }
-  if (goes_with(Property::kSecondOrder, options) && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
+  if (!only_open_is_second_order(options) && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
   if (goes_with(Property::kModes, options) && draw.chance(0.5)) {
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }

@@ -66,7 +66,7 @@ struct FlowLawProperties {
   bool vanishes_at_melting;  // the softening g is 0 at T_melt and above
   bool has_pressure_term;    // the softening g contains gP P, so that Material::pressure_term has an effect
   bool has_ceiling;          // the law has a constant that can limit the strength H (Y_max)
-  bool has_wave_return;      // the solver of layers with inertia can return a stress to this law's flow stress
+  bool has_wave_return;      // H g is of the form that layers with inertia solve in registers; others in simple code
 };
 
 // The constexpr members that every flow law declares.

@@ -50,6 +50,8 @@ constexpr std::array kFields = {
     MaterialField{"simon_temperature_k", &Material::simon_temperature, false, false},
     MaterialField{"simon_pressure_pa", &Material::simon_pressure, false, false},
     MaterialField{"simon_exponent", &Material::simon_exponent, false, false},
+    MaterialField{"thermal_conductivity_slope_per_k", &Material::conductivity_slope, false, true, true},
+    MaterialField{"specific_heat_slope_per_k", &Material::specific_heat_slope, false, true, true},
 };
 
 bool is_strength(double Material::*constant) {
@@ -107,7 +109,7 @@ std::string all_names() {
 // The fault of a constant's value; empty: none.
 std::string value_fault(const MaterialField& field, double value) {
   if (!std::isfinite(value)) return text_of("expected a finite number, found ", value);
-  if (field.may_be_zero ? value >= 0.0 : value > 0.0) return {};
+  if (field.may_be_negative || (field.may_be_zero ? value >= 0.0 : value > 0.0)) return {};
   return text_of("expected a number ", field.may_be_zero ? "not below 0" : "above 0", ", found ", value);
 }
 

@@ -27,7 +27,8 @@ class StepOperators {
                 int halvings, bool spread, bool stages, const HeatBasis* basis)
       : dt_(dt), bodies_({&grid, &soft, &hard}), heat_(std::in_place, grid, soft, hard, dt) {
     if (stages) stage_.emplace(grid, soft, hard, sdirk2::kDiagonal * dt);
-    if (basis != nullptr) decay_ = basis->decay(dt);
+    // The stages of SDIRK2 are no product of factors of one sign; a sleeping node takes the exact factors in their place.
+    if (basis != nullptr) decay_ = basis->decay(dt, stages);
     for (int k = 1; k <= halvings; ++k) shorter_.emplace_back(grid, dt *= 0.5);
     num_heated_ = num_heated_vertices(layer, heat_->layer_response());
     if (!spread) return;
@@ -119,5 +120,11 @@ class StepOperators {
   std::optional<ModeStages> mode_stages_;
   int num_heated_ = 0;
 };
+
+struct Problem;
+// Operators of a step of dt / 2^times. `times`: how often the tolerance has halved the step. A force-driven step with
+// several answers may then be halved (force_driven/substeps.hpp) that many times less, so that the shortest substep does
+// not depend on the tolerance.
+std::unique_ptr<StepOperators> make_operators(const Problem& problem, double dt, int times);
 
 }  // namespace shearbus::physics
