@@ -18,7 +18,7 @@
 namespace shearbus::lagrange {
 
 // Loops over fewer nodes or zones use one thread, since waking other threads costs more time than these save.
-inline constexpr int kFewestForThreads = 2000;
+inline constexpr int kFewestForThreads = 4000;
 
 // Zones next to each other in a row of a block. Loops over the zones of a run vectorise: their numbers are consecutive,
 // and so are the nodes below and above them.

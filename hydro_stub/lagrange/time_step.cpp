@@ -89,7 +89,7 @@ TimeStep next_time_step(const Mesh& mesh, const TimeStepOptions& options, const 
   {
     Limits some;
     RunNodes at;
-    double of_courant[Run::kMostZones], of_volume[Run::kMostZones];
+    double of_courant[Run::kMostZones] = {}, of_volume[Run::kMostZones] = {};
 #pragma omp for schedule(static) nowait
     for (std::size_t r = 0; r < runs.size(); ++r) {
       mesh.load(position, runs[r], at);
