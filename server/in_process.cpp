@@ -16,7 +16,7 @@ namespace shearbus::server {
 struct InProcess::Impl {
   explicit Impl(unsigned threads)
       : pool(threads != 0 ? threads : std::max(1U, std::thread::hardware_concurrency())),
-        service({.server_version = SHEARBUS_VERSION,
+        service({.server_version = SHEARBUS_RELEASE,
                  .max_state_bytes = std::numeric_limits<std::uint64_t>::max() / 2,
                  .now_ns = monotonic_ns,
                  .log = {},

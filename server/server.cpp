@@ -62,7 +62,7 @@ constexpr std::uint64_t quota(std::uint64_t wanted, std::uint64_t whole) {
 service::ServiceOptions service_options(const ServerOptions& options, std::uint64_t epoch, const Log& log) {
   const std::uint64_t memory = options.max_state_bytes != 0 ? options.max_state_bytes : three_quarters_of_memory();
   return {.epoch = epoch,
-          .server_version = SHEARBUS_VERSION,
+          .server_version = SHEARBUS_RELEASE,
           .max_state_bytes = memory,
           .max_sessions_per_user = quota(options.sessions_per_user, wire::kMaxSessions),
           .max_state_bytes_per_user = quota(options.state_bytes_per_user, memory),

@@ -21,7 +21,7 @@ class Fault(Exception):
 
 def check_texts(path):
     """Raises ValueError if a process that reads the attributes of a file does not survive it: HDF5 1.10 trusts the heap
-    that holds their texts. A child process tries it. The twin of proto/wire/recording_trial.hpp."""
+    that holds their texts. A child process tries it. The twin of proto/files/recording_trial.hpp."""
     def read(_, item):
         for name in item.attrs:
             with contextlib.suppress(Exception):

@@ -1,5 +1,5 @@
-// Writes shearbus/shearbus_stub.h: shearbus.h with its columns, in which every function has a body that says that the
-// program was built without the library. Usage: stub-header SHEARBUS_H COLUMNS_H VERSION FILE. Exit code 1, with a
+// Writes shearbus/shearbus_stub.h: shearbus.h, in which every function has a body that says that the
+// program was built without the library. Usage: stub-header SHEARBUS_H VERSION FILE. Exit code 1, with a
 // sentence, where a declaration has no body here or a file cannot be read or written.
 #include <fstream>
 #include <iostream>
@@ -159,21 +159,20 @@ void write(char** arguments) {
   replace(header, "/* The C interface", "#ifndef SHEARBUS_H", std::string(kAbout));
   replace(header, "#include <stdint.h>", "\n", "#include <stdint.h>\n#include <string.h>\n");
   replace(header, "#if defined(__GNUC__)", "#endif", std::string(kLinkage));
-  replace(header, "#include \"shearbus/columns.h\"", "\n", text_of(arguments[2]));
   // The bodies report by functions that stand behind the status, whose type they need.
   constexpr std::string_view kBehindStatus = "/* ---- columns ---- */";
   replace(header, kBehindStatus, "\n", std::string(kReport) + std::string(kBehindStatus) + "\n");
-  std::ofstream out(arguments[4]);
-  out << with_bodies(header, arguments[3]);
+  std::ofstream out(arguments[3]);
+  out << with_bodies(header, arguments[2]);
   out.close();
-  if (!out) throw std::runtime_error(std::string(arguments[4]) + " cannot be written");
+  if (!out) throw std::runtime_error(std::string(arguments[3]) + " cannot be written");
 }
 
 }  // namespace
 
 int main(int count, char** arguments) {
   try {
-    if (count != 5) throw std::runtime_error("usage: stub-header SHEARBUS_H COLUMNS_H VERSION FILE");
+    if (count != 4) throw std::runtime_error("usage: stub-header SHEARBUS_H VERSION FILE");
     write(arguments);
     return 0;
   } catch (const std::exception& fault) {

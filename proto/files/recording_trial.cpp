@@ -63,7 +63,8 @@ void read_texts_in(const char* file) {
 
 // What the child does. It says that it has come to the end.
 [[noreturn]] void try_it(const char* file, int says) {
-  for (const int fault : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGALRM, SIGXCPU}) std::signal(fault, SIG_DFL);
+  for (const int fault : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGALRM, SIGXCPU})
+    static_cast<void>(std::signal(fault, SIG_DFL));
   sigset_t none;
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);

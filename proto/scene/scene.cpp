@@ -218,15 +218,15 @@ std::vector<Fault> faults_of(v1::Scene& scene) {
   return findings.faults();
 }
 
-Document read(std::string_view text, std::string file, v1::Scene& scene) {
+Document read(std::string_view text, const std::string& file, v1::Scene& scene) {
   return read(text, file, scene, [](const Message& root, Findings& findings) {
     check_scene(static_cast<const v1::Scene&>(root), findings);
   });
 }
 
-SceneFile parse(std::string text, std::string file) {
+SceneFile parse(std::string text, const std::string& file) {
   SceneFile parsed{.scene = {}, .text = std::move(text), .document = {}};
-  parsed.document = read(parsed.text, std::move(file), parsed.scene);
+  parsed.document = read(parsed.text, file, parsed.scene);
   return parsed;
 }
 

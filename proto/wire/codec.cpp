@@ -14,6 +14,10 @@
 namespace shearbus::wire {
 namespace {
 
+// The lengths of lists in the rules of the schema (shearbus/v1/wire.proto).
+static_assert(kMaxColumns == 32 && kMaxPairs + 1 == 257 && kMaxParameters == 24 && kMaxOffers == 256 &&
+              kMaxNodesNamed == 16);
+
 using Frames = std::span<const std::span<const std::byte>>;
 
 // The declaration of the payload frame in a header. Columns is a vector to be read into, or a span to be written.

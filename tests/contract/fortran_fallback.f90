@@ -46,7 +46,7 @@ program fortran_fallback
   do
     call bus%step(1e-9_real64, mask=touches)
     call system_clock(now)
-    if (bus%outcome(1) == shearbus_fallback) then
+    if (bus%outcome(1) == shearbus_outcome_fallback) then
       alone = alone + 1
       if (any(abs(bus%stress - 0.2_real64*bus%pressure) > 0)) call fault('the stress of the own law')
       if (bus%flagged /= 3 .or. bus%outcome(2) /= 0) call fault('rows of the own law')

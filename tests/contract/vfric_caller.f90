@@ -8,20 +8,14 @@
 ! make no comparison; second prints what a whole run prints.
 program vfric_caller
   use, intrinsic :: iso_fortran_env, only: error_unit, real64
+  use friction_host
   use shearbus
   implicit none
-  integer, parameter :: nodes = 10, zones = 80, steps = 60, leaves = 41, returns = 51, lifted = 8, soft = 1, hard = 2, pairs = 2
-  integer, parameter :: dumped = 46
-  real(real64), parameter :: dt = 1e-9_real64, jump = 100, friction = 0.1_real64, area = 2.5e-7_real64
-  real(real64), parameter :: density(2) = [2703.0_real64, 7900.0_real64], modulus(2) = [27.6e9_real64, 77e9_real64]
-  real(real64), parameter :: impedance(2) = sqrt(density*modulus)
-  real(real64), parameter :: zone(2) = dt*impedance/density, half_mass(2) = 0.5_real64*density*zone
-  real(real64), parameter :: side(2) = [1.0_real64, -1.0_real64]
   real(real64) :: v(0:zones, nodes, 2, pairs), s(0:zones - 1, nodes, 2, pairs), before(nodes), free(nodes), stress(nodes)
   real(real64) :: pressure(nodes), state(4, nodes, pairs), step_dt, time, found, exact
   ! What the routine gets: the touching nodes alone, from the last to the first.
   real(real64) :: force(2, nodes), slip(3, nodes), stick(nodes), normal(nodes), along(3, nodes), areas(nodes)
-  integer :: points(nodes), ids(nodes, pairs), n_points, b, k, n, p, t, faults, unit, begin
+  integer :: points(nodes), ids(nodes, pairs), n_points, k, n, p, t, faults, unit, begin
   type(shearbus_interface) :: far_field(pairs)
   logical :: open_now
   logical :: compares
@@ -96,15 +90,10 @@ program vfric_caller
           if (any(abs(bus%stress - stress) > 1e-9_real64*abs(bus%stress))) call fault('another stress', t, p, 0)
         end associate
       end if
-      do b = soft, hard
-        v(0, :, b, p) = v(0, :, b, p) + side(b)*step_dt/half_mass(b)*(s(0, :, b, p) - stress)
-        v(1:zones - 1, :, b, p) = v(1:zones - 1, :, b, p) &
-                                  + side(b)*step_dt/(density(b)*zone(b))*(s(1:, :, b, p) - s(:zones - 2, :, b, p))
-        s(:, :, b, p) = s(:, :, b, p) + side(b)*dt*modulus(b)/zone(b)*(v(1:, :, b, p) - v(:zones - 1, :, b, p))
-      end do
+      call move(v(:, :, :, p), s(:, :, :, p), stress, step_dt)
     end do
     if (t == dumped) then
-      call end_of(4, [0, 0, 1, t, 0, 1], [time, time, step_dt])
+      call end_of(4, t, time, step_dt)
       if (part == 'first') then
         open (newunit=unit, file='host.dump', form='unformatted', status='replace')
         write (unit) v, s, state, time
@@ -113,12 +102,12 @@ program vfric_caller
       end if
     end if
   end do
-  call end_of(6, [0, 0, 1, steps, 0, 0], [time, time, step_dt])
+  call end_of(6, steps, time, step_dt)
 
   do p = 1, pairs
     do n = 1, nodes
       found = v(0, n, soft, p) - v(0, n, hard, p)
-      exact = jump - friction*1e8_real64*n/p*(1/impedance(soft) + 1/impedance(hard))
+      exact = exact_jump(1e8_real64*n/p)
       if (check == 'exact' .and. abs(found - exact) > 1e-6_real64) call fault('another jump', steps, p, n)
       if (p == 1 .and. n == 5) print '(a,f10.6,a,f10.6)', 'node 5: [V]', found, ' m/s, with constant friction', exact
       if (p == 1 .and. n == lifted) print '(a,es24.16)', 'node 8: [V]', found
@@ -127,25 +116,6 @@ program vfric_caller
   if (faults > 0) error stop 1
 
 contains
-
-  ! The host tells the routines of the end of an increment, or of the run.
-  subroutine end_of(lOp, integers, reals)
-    integer, intent(in) :: lOp, integers(:)
-    real(real64), intent(in) :: reals(:)
-    integer :: i_Array(size(integers))
-    real(real64) :: r_Array(size(reals))
-    interface
-      subroutine vexternaldb(lOp, i_Array, niArray, r_Array, nrArray)
-        import
-        integer, intent(in) :: lOp, niArray, nrArray
-        integer, intent(inout) :: i_Array(niArray)
-        real(real64), intent(inout) :: r_Array(nrArray)
-      end subroutine
-    end interface
-    i_Array = integers
-    r_Array = reals
-    call vexternaldb(lOp, i_Array, size(integers), r_Array, size(reals))
-  end subroutine
 
   subroutine fault(what, step, pair, row)
     character(len=*), intent(in) :: what

@@ -126,7 +126,7 @@ def clone_faults(directory, root, unity=True):
     faults += run(["deploy/docs/build"], 900, **options)
     faults += run(["tests/study/paper_figures.py", "-o", "paper", "--coarse"], 1200, **options)
     faults += run(["deploy/build", "programs"], 600, **options)
-    for file in ("include/shearbus/columns.h", "bin/shearbus-ctl", "lib/python3/dist-packages/shearbus/__init__.py"):
+    for file in ("include/shearbus/shearbus.h", "bin/shearbus-ctl", "lib/python3/dist-packages/shearbus/__init__.py"):
         if not (prefix / file).is_file():
             faults.append(f"the installation has no {file}")
     return faults

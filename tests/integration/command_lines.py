@@ -7,6 +7,7 @@ import pathlib
 import re
 import subprocess
 import sys
+import tempfile
 import unittest
 
 OPTIONS = None
@@ -184,6 +185,14 @@ class Scripts(unittest.TestCase):
         done = run("bash", "--norc", "-ic", f"source {file}; false; echo still here $-")
         self.assertRegex(done.stdout, r"still here (?!\S*[eu])")
         self.assertIn("deploy/build programs", done.stderr)
+
+    def test_the_job_script_leaves_a_temporary_directory_whose_name_is_too_long_for_a_socket(self):
+        with tempfile.TemporaryDirectory() as place:  # a job that is its launch_server alone
+            pathlib.Path(place, "job.sh").write_text('directory=/d; serve() { echo "$2"; }; run_job() { launch_server 0; }\n')
+            for directory, expected in (("/scratch", "/scratch"), ("/" + 91 * "s", "/" + 91 * "s"), ("/" + 92 * "s", "/tmp"), ("/" + 60 * "\u00e9", "/tmp"), ("", "/tmp")):
+                done = run("bash", OPTIONS.source / "deploy/slurm/one_node.sbatch",
+                           env={**os.environ, "SHEARBUS_SLURM": place, "SLURM_JOB_ID": "7", "TMPDIR": directory, "LC_ALL": "C.UTF-8"})
+                self.assertEqual((done.stdout, done.stderr), (f"ipc://{expected}/shearbus-7/bus\n", ""))
 
     def test_headings_have_no_colours_off_a_terminal_or_with_no_color(self):
         say = f"source {OPTIONS.source}/deploy/prepare.sh; say heading"

@@ -122,7 +122,7 @@ class Greedy(unittest.TestCase):
         return shearbus.open(scene, nodes, self.bus, check_closure="off", reply_deadline=600.0, **options)
 
     def test_no_verb_keeps_the_others_waiting(self):
-        self.serve("--state-dir", self.path / "state", "--checkpoint-after", "1000000", "--checkpoint-every", "100000")
+        self.serve("--record", self.path / "logs", "--state-dir", self.path / "state", "--checkpoint-after", "1000000", "--checkpoint-every", "100000")
         ids = np.arange(NODES, dtype=np.uint64)
         half, rest = ids[::2], ids[1::2]
         with self.asked("opening 200,000 nodes"):

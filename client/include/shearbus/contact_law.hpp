@@ -70,19 +70,21 @@ class ContactLaw {
     if (!(at.area > 0) || !(at.mass_soft > 0) || !(at.mass_hard > 0))
       throw Error::of(SHEARBUS_INVALID_VALUE, "area",
                       "node " + std::to_string(id) + ": area and masses must be above 0");
-    const std::size_t row = add(id, at.normal, false);
+    const Node& node = add(id, at.normal, false);
+    const std::size_t row = node.row;
     const double per_area = 1.0 / at.area;
-    fill(row, kJump, at.jump, 1.0);
-    fill(row, kFirst, at.force_soft, per_area);
-    fill(row, kSecond, at.force_hard, -per_area);
+    fill(node, kJump, at.jump, 1.0);
+    fill(node, kFirst, at.force_soft, per_area);
+    fill(node, kSecond, at.force_hard, -per_area);
     scalars_[kPressure][row] = at.pressure;
     scalars_[kMassSoft][row] = at.mass_soft * per_area;
     scalars_[kMassHard][row] = at.mass_hard * per_area;
   }
   void touch(std::uint64_t id, const StickContact& at) {
-    const std::size_t row = add(id, at.normal, true);
-    fill(row, kJump, at.jump, 1.0);
-    fill(row, kFirst, at.stick_traction, 1.0);
+    const Node& node = add(id, at.normal, true);
+    const std::size_t row = node.row;
+    fill(node, kJump, at.jump, 1.0);
+    fill(node, kFirst, at.stick_traction, 1.0);
     scalars_[kPressure][row] = at.pressure;
     scalars_[kMassSoft][row] = at.impedance;
   }
@@ -150,7 +152,8 @@ class ContactLaw {
     for (auto& column : scalars_) column.clear();
   }
 
-  std::size_t add(std::uint64_t id, const Vector& normal, bool sticks) {
+  // Adds a row for the node. The result is valid until the next node is added.
+  const Node& add(std::uint64_t id, const Vector& normal, bool sticks) {
     begin();
     if (!ids_.empty() && sticks != sticks_)
       throw Error::of(SHEARBUS_SHAPE, "impedance",
@@ -176,7 +179,7 @@ class ContactLaw {
     for (auto& column : vectors_)
       for (std::size_t c = 0; c < components_; ++c) column[c].push_back(0.0);
     for (auto& column : scalars_) column.push_back(0.0);
-    return node.row;
+    return node;
   }
 
   // The tangents of a node follow its normal: each is the former one, without what it has of the new normal.
@@ -205,12 +208,11 @@ class ContactLaw {
     return least;
   }
 
-  void fill(std::size_t row, std::size_t column, const Vector& value, double factor) {
-    const Node& node = nodes_.find(ids_[row])->second;
+  void fill(const Node& node, std::size_t column, const Vector& value, double factor) {
     for (std::size_t c = 0; c < components_; ++c) {
       const Vector& tangent = node.tangent[c];
       const double third = components_ == 1 ? 0.0 : value[2] * tangent[2];
-      vectors_[column][c][row] = factor * (value[0] * tangent[0] + value[1] * tangent[1] + third);
+      vectors_[column][c][node.row] = factor * (value[0] * tangent[0] + value[1] * tangent[1] + third);
     }
   }
 

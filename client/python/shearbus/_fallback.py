@@ -7,8 +7,6 @@ from . import _library
 from .columns import BY_NUMBER, DTYPE
 
 
-FALLBACK = 160  # outcome of rows that the law answered: FAILED with ASLEEP, which no server answers
-
 
 def _view(column, rows):
     """Returns the values of a column of a request where they lie."""

@@ -54,7 +54,7 @@ Options = _struct("shearbus_options", [
     (Size, "size"), (Text, "endpoint scene_file scene_text domain name server_key_file secret_key_file"),
     (Double, "connect_deadline_s reply_deadline_s retry_after_s"), (Log, "log"), (Address, "log_user"), (Text, "state_dir"),
     (Word, "threads"), (Whole, "check_closure"), (Number, "idle_limit_s"), (Interrupted, "interrupted"),
-    (Address, "interrupted_user")])
+    (Address, "interrupted_user"), (Text, "scene_name"), (Whole, "ignore_environment")])
 Nodes = _struct("shearbus_nodes", [
     (Size, "size n"), (Address, "node_ids initial_temperature_k"), (Size, "n_pairs"), (ctypes.POINTER(Text), "pairs"),
     (Address, "pair"), (Size, "n_parameters"), (ctypes.POINTER(Text), "parameters"), (ctypes.POINTER(Address), "values")])
@@ -73,7 +73,7 @@ Fallbacks = _struct("shearbus_fallbacks", [(Size, "size"), (Number, "steps node_
 Totals = _struct("shearbus_totals", [(Size, "size"), (Number, "requests node_steps solver_ns asleep_node_steps")])
 
 FUNCTIONS = {  # name -> (type of the result, types of the arguments)
-    "version": (Text, []), "node_count": (Size, [Address]), "node_ids": (Address, [Address]),
+    "version": (Text, []), "fault_text": (Text, []), "node_count": (Size, [Address]), "node_ids": (Address, [Address]),
     "effective_scene": (Text, [Address]), "warnings": (Text, [Address]), "text": (Text, [Address, Whole]),
     "columns": (Size, [Address, Whole, Size, Address]), "offers": (Size, [Address, Size, Address]), "leave": (None, [Address]),
     **{name: (Whole, [Address] * count) for name, count in {
@@ -221,5 +221,8 @@ def in_python(text):
 
 def fault_of(status):
     """Returns the exception of a status."""
-    words = [in_python(getattr(status, name).decode(errors="replace")) for name in ("text", "remedy", "field")]
+    text, whole = status.text, library().shearbus_fault_text()
+    if text.endswith(b"...") and whole.startswith(text[:-3]):  # of a long one the status has the beginning
+        text = whole
+    words = [in_python(word.decode(errors="replace")) for word in (text, status.remedy, status.field)]
     return error(status.code, *words, status.nodes[:status.n_nodes])

@@ -24,6 +24,8 @@ struct NodeState {
   bool sticking = false;                // with a plastic layer: the interface did not slip at the end of the last step
   double junction_strain = 0.0;         // plastic strain of the junctions, ep_a
   std::vector<double> liquid_fraction;  // with a melt film: at the soft body's heat vertices
+  std::vector<double>
+      coefficients_at;  // of the step at hand: temperatures of k(T) and c(T), in the order of both bodies
 };
 
 struct NodeInputs {

@@ -125,7 +125,7 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
 bool can_linearise(const ModelOptions& options) {
   return !options.tolerance && options.time_integrator == TimeIntegrator::kBackwardEuler &&
          options.tangential_components == 1 && !options.inertia && !options.plastic_layer && !options.melt_film &&
-         !options.taylor_quinney_factor && options.drive == Drive::kLayerShear;
+         !options.taylor_quinney_factor && !conducts_by_temperature(options) && options.drive == Drive::kLayerShear;
 }
 
 void linearise(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
