@@ -171,7 +171,7 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   EXPECT_EQ(refusal_of(scene).field, "interface.taylor_quinney_factor");
 }
 
-TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
+TEST(SceneOptions, SecondOrderIsSaidToBeOfOpenContactsAndModesAreRefusedWhereTheyWouldMeanNothing) {
   v1::Scene scene = support::force_scene();
   EXPECT_EQ(scene_model(scene).options.time_integrator, physics::TimeIntegrator::kBackwardEuler);
   EXPECT_FALSE(scene_model(scene).options.modes);
@@ -222,7 +222,7 @@ TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
 
   scene = support::velocity_scene();
   scene.mutable_layer()->set_heat(v1::HEAT_MODES);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("a velocity-driven layer flows by it"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("a layer flows by the temperature inside it"));
   scene.mutable_layer()->set_heat(v1::HEAT_PROFILE);
   scene.mutable_layer()->set_time_integrator(v1::TIME_INTEGRATOR_SDIRK2);
   EXPECT_EQ(refusal_of(scene).text, "");
@@ -231,7 +231,7 @@ TEST(SceneOptions, SecondOrderAndModesAreRefusedWhereTheyWouldMeanNothing) {
   scene.mutable_layer()->set_inertia(false);
   scene.mutable_hard_layer();
   scene.mutable_velocity_driven()->set_taylor_quinney_factor(0.9);
-  EXPECT_EQ(refusal_of(scene).field, "layer.time_integrator");
+  EXPECT_EQ(refusal_of(scene).text, "");
 }
 
 TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
@@ -264,7 +264,7 @@ TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("where the flow gathers in a band"));
   scene.mutable_velocity_driven()->clear_taylor_quinney_factor();
   scene.mutable_layer()->set_inertia(true);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("waves cross the layer unseen"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("waves that cross the layer are not seen"));
   scene.mutable_layer()->set_inertia(false);
   scene.mutable_layer()->set_cells(60);
   EXPECT_EQ(refusal_of(scene).field, "layer.cells");
@@ -338,8 +338,8 @@ TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {
   EXPECT_EQ(scene_model(scene).options.tangential_components, 2);
   EXPECT_EQ(scene_model(scene_model(scene).effective, "effective").options.tangential_components, 2);
   scene.mutable_layer()->set_inertia(true);
-  EXPECT_EQ(refusal_of(scene).field, "tangential_components");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with layer.inertia"));
+  EXPECT_EQ(refusal_of(scene).field, "layer.inertia");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with tangential_components"));
   scene.mutable_layer()->set_inertia(false);
   scene.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("has no direction"));
@@ -451,8 +451,7 @@ TEST(SceneOptions, AFlowLawComesWithItsOwnConstantsAndComesBack) {
   scene.mutable_soft()->set_melting_curve(v1::MELTING_CURVE_LINDEMANN);
   EXPECT_EQ(refusal_of(scene).text, "");
   scene.mutable_layer()->set_time_integrator(v1::TIME_INTEGRATOR_SDIRK2);
-  EXPECT_EQ(refusal_of(scene).field, "layer.time_integrator");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("follows the rate of a step"));
+  EXPECT_EQ(refusal_of(scene).text, "");
   scene.mutable_layer()->set_time_integrator(v1::TIME_INTEGRATOR_BACKWARD_EULER);
 }
 

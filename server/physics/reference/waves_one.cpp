@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/parts.hpp"
 

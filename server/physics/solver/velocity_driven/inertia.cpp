@@ -5,7 +5,7 @@
 #include <cstddef>
 
 #include "server/physics/interface/stress_limit.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/scratch.hpp"

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "server/physics/layer/wide.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/velocity_driven/waves_return.hpp"
 
