@@ -32,9 +32,6 @@ namespace {
 constexpr std::string_view kOwnProcess = "inproc://";
 constexpr std::size_t kCopiedUpTo =
     std::size_t{16} * 1024;  // largest payload that is copied within the process  [bytes]
-// Longest time for which libzmq waits for a reply from this process by itself. That takes two calls of the system less
-// than to sleep on the files of the sockets, as wait() does.
-constexpr std::chrono::milliseconds kWaitInZmq{20};
 constexpr int kReconnectMs = 100;
 constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
@@ -269,7 +266,6 @@ bool SocketConnection::connect() {
   socket.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
   socket.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
   socket.set(zmq::sockopt::tcp_keepalive, 1);
-  if (in_process()) socket.set(zmq::sockopt::rcvtimeo, static_cast<int>(kWaitInZmq.count()));
   if (server_.endpoint.starts_with("tcp://[")) socket.set(zmq::sockopt::ipv6, true);
   if (!server_.server_key.empty()) {
     socket.set(zmq::sockopt::curve_serverkey, server_.server_key);
@@ -474,7 +470,7 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
 // that the connection is lost: with ZMQ_IMMEDIATE it then gives up the rest of the message. While messages arrive it
 // looks for such notices at every hundredth call of zmq_msg_recv() on a socket, counted from the last call that found
 // nothing. So each message is preceded by a call that finds nothing; where one never does, the socket is replaced in
-// time. Within the process no connection is lost.
+// time.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   for (;;) {
     if (frames_read_ > kFramesBeforeLook) return false;
@@ -486,12 +482,11 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     for (bool more = true; more && count < views.size();) {  // decode() refuses three frames
       if (count == 1 && !payload) payload = std::make_shared<zmq::message_t>();
       zmq::message_t& frame = count == 0 ? header : count == 1 ? *payload : surplus;
-      const int flags = count == 0 && in_process() && Clock::now() + kWaitInZmq < until ? 0 : ZMQ_DONTWAIT;
-      if (wire::uninterrupted([&] { return zmq_msg_recv(frame.handle(), socket_.get(), flags); }) < 0) {
+      if (wire::uninterrupted([&] { return zmq_msg_recv(frame.handle(), socket_.get(), ZMQ_DONTWAIT); }) < 0) {
         if (zmq_errno() == EAGAIN) break;
         unreachable(where_, zmq_strerror(zmq_errno()));
       }
-      frames_read_ += in_process() ? 0 : 1;
+      ++frames_read_;
       more = frame.more();
       views[count++] = view_of(frame);
     }

@@ -57,7 +57,6 @@ Batch Batch::of(std::span<const Field> fields, std::size_t count, std::uint32_t 
 void Batch::reshape(std::span<const Field> fields, std::size_t count, std::uint32_t components) {
   lay_out(fields, count, components);
   const std::size_t words = size_ / 8;
-  lent_ = lent_ && capacity_ != 0;
   if (!owned_ || capacity_ < words || capacity_ - words > words / 4) {
     owned_.reset();
     owned_ = std::make_shared_for_overwrite<std::uint64_t[]>(words);
@@ -73,8 +72,7 @@ void Batch::reshape(std::span<const Field> fields, std::size_t count, std::uint3
 Batch Batch::view() const {
   Batch same;
   same.columns_ = columns_;
-  if (lent_) same.owned_ = owned_;
-  same.lent_ = lent_;
+  same.viewed_ = keeper();
   same.data_ = data_;
   same.size_ = size_;
   return same;
@@ -118,12 +116,10 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
 }
 
 void Batch::own() {
-  if (owned_ && capacity_ != 0) return;
-  lent_ = false;
+  if (owned_) return;
   capacity_ = padded(size_) / 8;
-  auto copy = std::make_shared_for_overwrite<std::uint64_t[]>(capacity_);
-  if (size_ > 0) std::memcpy(copy.get(), data_, size_);
-  owned_ = std::move(copy);
+  owned_ = std::make_shared_for_overwrite<std::uint64_t[]>(capacity_);
+  if (size_ > 0) std::memcpy(owned_.get(), data_, size_);
   data_ = reinterpret_cast<const std::byte*>(owned_.get());
 }
 

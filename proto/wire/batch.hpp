@@ -45,7 +45,7 @@ class Batch {
   // Lets others keep the memory that this batch owns. Whoever lends it must not write to it while they may read it.
   void lend() { lent_ = true; }
   // Keeps the memory of a batch that was lent, or of a view of it; null for any other.
-  std::shared_ptr<const void> keeper() const { return lent_ ? owned_ : nullptr; }
+  std::shared_ptr<const void> keeper() const { return lent_ ? owned_ : viewed_; }
 
   // Makes a batch of columns over received bytes. Aligned bytes are not copied and must outlive the batch; misaligned
   // bytes (ZeroMQ hands out such frames below 8 kB) are copied. Throws Error{kShape} if a column leaves the frame,
@@ -74,8 +74,9 @@ class Batch {
 
   std::vector<Column> columns_;
   std::shared_ptr<std::uint64_t[]> owned_;  // null if the bytes belong to the caller
-  std::size_t capacity_ = 0;                // number of words in owned_; 0 in the view of a batch that was lent
+  std::shared_ptr<const void> viewed_;      // of a view: the memory of a batch that was lent
   bool lent_ = false;
+  std::size_t capacity_ = 0;  // number of words in owned_
   const std::byte* data_ = nullptr;
   std::size_t size_ = 0;
 };

@@ -23,12 +23,22 @@ struct VarintText {
 
 }  // namespace
 
-void Encoder::long_varint(std::uint64_t value) {
-  out_ += VarintText(value).text();
+void Encoder::raw_varint(std::uint64_t value) {
+  for (; value >= 0x80; value >>= 7) out_.push_back(static_cast<char>(value | 0x80));
+  out_.push_back(static_cast<char>(value));
 }
 
 void Encoder::raw_fixed64(std::uint64_t value) {
   out_.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+void Encoder::tag(std::uint32_t number, WireType type) {
+  raw_varint(std::uint64_t{number} << 3 | static_cast<std::uint32_t>(type));
+}
+
+void Encoder::varint(std::uint32_t number, std::uint64_t value) {
+  tag(number, WireType::kVarint);
+  raw_varint(value);
 }
 
 void Encoder::fixed32(std::uint32_t number, std::uint32_t value) {
@@ -48,10 +58,6 @@ void Encoder::bytes(std::uint32_t number, std::string_view value) {
 }
 
 void Encoder::insert_length(std::size_t begin) {
-  if (const std::size_t length = out_.size() - begin; length < 0x80) {
-    out_.insert(begin, 1, static_cast<char>(length));
-    return;
-  }
   out_.insert(begin, VarintText(out_.size() - begin).text());
 }
 

@@ -23,20 +23,11 @@ class Encoder {
     out_.reserve(kUsualBytes);
   }
 
-  void varint(std::uint32_t number, std::uint64_t value) {
-    tag(number, WireType::kVarint);
-    raw_varint(value);
-  }
+  void varint(std::uint32_t number, std::uint64_t value);
   void fixed32(std::uint32_t number, std::uint32_t value);
   void fixed64(std::uint32_t number, std::uint64_t value);
   void bytes(std::uint32_t number, std::string_view value);
-  // Appends an element of a packed list. Most numbers of a header fit one byte.
-  void raw_varint(std::uint64_t value) {
-    if (value < 0x80)
-      out_.push_back(static_cast<char>(value));
-    else
-      long_varint(value);
-  }
+  void raw_varint(std::uint64_t value);   // appends an element of a packed list
   void raw_fixed64(std::uint64_t value);  // appends an element of a packed list
 
   // Appends a field whose content `fill()` appends: a message, or a packed list.
@@ -53,10 +44,7 @@ class Encoder {
  private:
   static constexpr std::size_t kUsualBytes = 512;  // the header of a step or of its reply has fewer
 
-  void tag(std::uint32_t number, WireType type) {
-    raw_varint(std::uint64_t{number} << 3 | static_cast<std::uint32_t>(type));
-  }
-  void long_varint(std::uint64_t value);
+  void tag(std::uint32_t number, WireType type);
   void insert_length(std::size_t begin);
 
   std::string out_;

@@ -670,7 +670,7 @@ static void operators(void) {
   options.scene_text = text;
   options.scene_name = "keys.toml";
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_SCENE, "keys.toml:1:1: ");
-  CHECK(strlen(shearbus_fault_text()) > strlen(status.text) && strstr(shearbus_fault_text(), "unknown_key_59") != NULL);
+  CHECK(strlen(shearbus_fault_text()) > strlen(status.text) && strstr(shearbus_fault_text(), "unknown_key_30") != NULL);
 }
 
 static int asked;

@@ -161,7 +161,7 @@ class Greedy(unittest.TestCase):
     def test_no_checkpoint_keeps_the_others_waiting(self):
         """A checkpoint of 200,000 nodes once held everybody for the time of a copy, 0.2 s, or of its writing, where an
         operator asked for it."""
-        self.serve("--state-dir", self.path / "state", "--checkpoint-after", "1000000", "--checkpoint-every", "0.5")
+        self.serve("--state-dir", self.path / "state", "--checkpoint-after", "1000000", "--checkpoint-every", "1")
         ids = np.arange(NODES, dtype=np.uint64)
         session = self.open(PLAIN + CELLS, ids)
         session.mark("first")
@@ -177,7 +177,7 @@ class Greedy(unittest.TestCase):
             while checkpoints() < last:
                 step()
         with self.asked("a checkpoint on demand"):
-            self.ctl("checkpoint")
+            self.ctl("checkpoint", "--timeout", "240")
         with self.asked("closing while a checkpoint is written"):
             step()
             time.sleep(1.0)

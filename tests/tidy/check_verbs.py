@@ -70,15 +70,16 @@ def faults(root):
 
 
 def self_test():
-    page = "## Adding a verb\n| | file | of | edit |\n| 1 | `proto/wire/messages.hpp` | all | x |\n| 2 | `client/src` | hosts | x |\n"
+    page = ("## Adding a verb\n| | file | of | edit |\n| 1 | `proto/wire/messages.hpp` | all | x |\n| 2 | `client/src` | hosts | x |\n"
+            "| 3 | `server/service` | all | x |\n")
     good = {PAGE: page, TABLE: "  aside<wire::Hello, &Service::hello>(),\n  next<wire::RetireNodes, &Service::retire_nodes>(x),\n",
             "proto/wire/messages.hpp": "struct Hello {}; struct RetireNodes {};", "client/src/session.cpp": "wire::RetireNodes"}
     wrong = {
         "the list is gone": {PAGE: "nothing"},
-        "the list is longer": {PAGE: page + "".join(f"| {i} | `client/src` | all | x |\n" for i in range(3, 15))},
+        "the list is longer": {PAGE: page + "".join(f"| {i} | `client/src` | all | x |\n" for i in range(4, 15))},
         "a verb is not where all are": {"proto/wire/messages.hpp": "struct RetireNodes {};"},
         "a verb of hosts is not in the client": {"client/src/session.cpp": ""},
-        "a file of the list is gone": {PAGE: page + "| 3 | `proto/gone.txt` | all | x |\n"},
+        "a file of the list is gone": {PAGE: page + "| 4 | `proto/gone.txt` | all | x |\n"},
         "a file is not on the list": {"client/core/more.cpp": "wire::RetireNodes"},
         "the table has no rows": {TABLE: ""},
     }

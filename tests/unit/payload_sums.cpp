@@ -81,7 +81,7 @@ TEST(PayloadSums, MayBeMissingOnlyWhereTheMessageIsTrusted) {
 
 TEST(PayloadSums, OfAnAnswerAreLeftOutWhereThoseOfTheRequestWere) {
   ServiceHarness harness;
-  harness.ask(opening());
+  harness.ask(opening(), kInProcess);
   const Message without(step(1, 1), PayloadSum::kLeftOut);
   EXPECT_EQ(harness.ask_bytes(without.frames).code(), Code::kChecksum) << "it comes from outside";
   const auto sum_of_answer = [&](const Message& message) {

@@ -341,23 +341,31 @@ void FlowingSlip::begin_stick() {
   }
   const double guess = trial_.direction * start_.before.stress;
   const auto starts_inside = [&] { return guess > kLeastGuess * high && guess < high; };
-  // An explicit flow is solved from a good guess without the third bound, unless melting is near.
-  const bool follows = starts_inside() && has_explicit_flow(soft.flow_law) && is_far_from_melting(soft, T_ad);
-  if (g_hottest > 0.0 && start_.hardens && !follows) {
-    const double g = hottest_ad == 0 ? g_hottest : softening(soft, P, T_ad).g;
-    const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
-    const double rate = (most_strain - start_.first_strain) / start_.dt;
-    const double beyond = hardened_strength(soft, most_strain, rate, P, T_ad) * g / kSqrt3 * (1.0 + kBeyond);
-    if (beyond < high) {
-      high = beyond;
-      high_is_ceiling_ = false;
-    }
-  }
   low_ = 0.0;
   low_value_ = -trial_.stress_stick;
   high_ = high;
   guesses_ = 0;
-  ask_stick(starts_inside() ? Phase::kStickGuess : Phase::kStickEnd, starts_inside() ? guess : high);
+  // An explicit flow is solved from a good guess without the third bound, unless melting is near or the guess is too low.
+  first_vertex_bounds_ = g_hottest > 0.0 && start_.hardens;
+  if (!starts_inside() || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, T_ad))
+    bound_stick_by_first_vertex();
+  const bool inside = guess > kLeastGuess * high_ && guess < high_;
+  ask_stick(inside ? Phase::kStickGuess : Phase::kStickEnd, inside ? guess : high_);
+}
+
+// The third bound, where it is not applied yet.
+void FlowingSlip::bound_stick_by_first_vertex() {
+  if (!first_vertex_bounds_) return;
+  first_vertex_bounds_ = false;
+  const Material& soft = *start_.limit.soft;
+  const double P = start_.limit.pressure, T_ad = start_.layer.T(0, 0.0);
+  const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
+  const double rate = (most_strain - start_.first_strain) / start_.dt;
+  const double beyond =
+      hardened_strength(soft, most_strain, rate, P, T_ad) * softening(soft, P, T_ad).g / kSqrt3 * (1.0 + kBeyond);
+  if (beyond >= high_) return;
+  high_ = beyond;
+  high_is_ceiling_ = false;
 }
 
 // The stuck balance under a guess of the stress: the flow nearby tells the next guess, and the upper end of the interval
@@ -372,6 +380,7 @@ void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
   }
   low_ = a;
   low_value_ = balance;
+  bound_stick_by_first_vertex();
   if (next > a && next < high_ && ++guesses_ < kMostGuesses) return ask_stick(Phase::kStickGuess, next);
   ask_stick(Phase::kStickEnd, high_);
 }

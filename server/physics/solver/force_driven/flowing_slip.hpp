@@ -65,6 +65,7 @@ class FlowingSlip {
   void ask_stick(Phase phase, double a) { ask(phase, stick_load(a)); }
   void ask_slip(Phase phase, double v);
   void begin_stick();
+  void bound_stick_by_first_vertex();
   void guess_stick(double slip, const NearbyFlow& nearby);
   void end_stick(double a);
   void begin_slip();
@@ -109,9 +110,10 @@ class FlowingSlip {
   double a_stick_ = 0.0;  // stress at which the interface sticks while the layer flows  [Pa]
   // Search interval of the stress that sticks, or of the slip velocity; the balance at its lower end.
   double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
-  bool high_is_ceiling_ = false;  // the layer is at its ceiling at the upper end of the interval
-  bool at_ceiling_ = false;       // the stress of the answer is the ceiling of the layer
-  int guesses_ = 0;               // number of stresses tried before the upper end of the interval
+  bool high_is_ceiling_ = false;      // the layer is at its ceiling at the upper end of the interval
+  bool at_ceiling_ = false;           // the stress of the answer is the ceiling of the layer
+  int guesses_ = 0;                   // number of stresses tried before the upper end of the interval
+  bool first_vertex_bounds_ = false;  // the stress of the stick may be bounded by what the first vertex takes
   bool rigid_is_known_ = false;
   bool surely_flows_ = false;  // flows_beside_any_rigid_answer()
   bool stick_was_searched_ = false;
