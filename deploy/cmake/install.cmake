@@ -56,7 +56,7 @@ install(FILES client/examples/constant_friction.toml client/examples/host.c clie
         DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/examples COMPONENT development)
 
 # The pages with their figures and scenes, in the folders of the sources, so that their links hold.
-file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} README.md client/*.md client/*.svg client/report/*.png proto/*.md server/*.md hydro_stub/*.md hydro_stub/problems/*.toml
+file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} README.md client/*.md client/*.svg client/report/*.png client/study/*.png proto/*.md server/*.md hydro_stub/*.md hydro_stub/problems/*.toml
      tests/README.md deploy/README.md client/examples/*)
 foreach(page ${pages})
   get_filename_component(folder ${page} DIRECTORY)

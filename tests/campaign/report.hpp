@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
+#include "client/study/command.hpp"
 #include "tests/campaign/user_scene.hpp"
-#include "tests/study/command.hpp"
 
 namespace shearbus::study {
 

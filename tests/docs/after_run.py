@@ -124,7 +124,7 @@ def clone_faults(directory, root, unity=True):
     faults = run(["cmake", "--install", "build", "--prefix", prefix], 300, **options)
     faults += run(["/usr/bin/python3", "-B", "tests/docs/commands.py", "--build", "build"], 1800, **options)
     faults += run(["deploy/docs/build"], 900, **options)
-    faults += run(["tests/study/paper_figures.py", "-o", "paper", "--coarse"], 1200, **options)
+    faults += run(["tests/validation/paper_figures.py", "-o", "paper", "--coarse"], 1200, **options)
     faults += run(["deploy/build", "programs"], 600, **options)
     for file in ("include/shearbus/shearbus.h", "bin/shearbus-ctl", "lib/python3/dist-packages/shearbus/__init__.py"):
         if not (prefix / file).is_file():

@@ -123,7 +123,7 @@ def python_programs():
         ("make_history.py", "--steps", True, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
         ("make_history.py", "--dt", False, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
         ("make_history.py", "--velocity", False, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
-        ("cone_sweep.py", "--end", False, [*python, source / "tests/study/cone_sweep.py", "--hydro", "x"]),
+        ("cone_sweep.py", "--end", False, [*python, source / "tests/validation/cone_sweep.py", "--hydro", "x"]),
         ("run.py", "--cpus", True, [*python, source / "tests/bench/run.py", "--bin", "/nowhere"]),
         ("scale.py", "--steps", True, [*python, source / "tests/bench/scale.py"]),
         ("network.py", "--delays", False, [*python, source / "tests/bench/network.py"]),

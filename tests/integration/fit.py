@@ -191,7 +191,7 @@ class Fit(unittest.TestCase):
         self.assertGreater(np.abs(found["layer.grading/interface_temperature"]).max(), 0.5)
 
     def test_the_catalog_has_the_fit_to_the_curves_of_aluminium_5083(self):
-        curves = ROOT / "tests/study/curves"
+        curves = ROOT / "tests/validation/curves"
         keys = {"yield_strength_pa": (1e8, 4e8), "hardening_modulus_pa": (1e8, 9e8), "hardening_exponent": (0.1, 0.9), "rate_coefficient": (0.001, 0.06),
                 "thermal_softening_exponent": (0.5, 3.0)}
         words = [word for key, (low, high) in keys.items() for word in ("--parameter", f"soft.{key}={low}:{high}")]
@@ -209,7 +209,7 @@ class Fit(unittest.TestCase):
     def test_catalog_entries_are_as_far_from_measured_curves_as_told(self):
         for metal, file, told in (("aluminium_5083", "al5083.csv", 0.0362), ("titanium_6al_4v", "ti64.csv", 0.0588), ("aluminium_dlp", "al5083.csv", 0.3545),
                                   ("aluminium_6061_t6", "al5083.csv", 0.1070)):
-            found = self.residual(metal, ROOT / "tests/study/curves" / file)
+            found = self.residual(metal, ROOT / "tests/validation/curves" / file)
             self.assertAlmostEqual(found, told, delta=5e-4, msg=metal)
 
     def residual(self, metal, path):

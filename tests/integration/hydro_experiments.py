@@ -1,4 +1,4 @@
-"""The experiments of tests/study/experiments.py with each copper of the catalog: what agrees, and what does not, stays as VALIDATION.md tells."""
+"""The experiments of tests/validation/experiments.py with each copper of the catalog: what agrees, and what does not, stays as VALIDATION.md tells."""
 import argparse
 import pathlib
 import sys

@@ -40,7 +40,7 @@ def main():
             check(abs(float(row["friction_coefficient"]) * float(row["pressure_pa"]) - float(row["shear_stress_pa"])) < 1.0, row)
             check(0.0 <= float(row["slip_share"]) <= 1.0, row)
 
-        drawn = run("/usr/bin/python3", options.source / "tests/study/map/plot_map.py", out)
+        drawn = run("/usr/bin/python3", options.source / "client/study/map/plot_map.py", out)
         check(drawn.returncode == 0, drawn.stderr)
         for picture in ("limits.png", "fields.png"):
             check((out / picture).read_bytes()[:4] == b"\x89PNG", picture)

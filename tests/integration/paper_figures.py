@@ -1,4 +1,4 @@
-"""Tests of tests/study/paper_figures.py: some figures from coarse runs, their sentences, and what is refused."""
+"""Tests of tests/validation/paper_figures.py: some figures from coarse runs, their sentences, and what is refused."""
 import argparse
 import json
 import pathlib

@@ -4,9 +4,9 @@
 
 #include <cmath>
 
+#include "client/study/map/limits.hpp"
+#include "client/study/map/sweep.hpp"
 #include "server/physics/material/strength.hpp"
-#include "tests/study/map/limits.hpp"
-#include "tests/study/map/sweep.hpp"
 #include "tests/support/scenes.hpp"
 
 namespace shearbus {

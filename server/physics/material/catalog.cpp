@@ -161,7 +161,7 @@ constexpr std::array kCatalog = {
         "aluminium_5083",
         "strength: our fit to the compression curves of Gray et al. 1994 at 1e-3 to 3000 1/s, 298 and 373 K (3.6 % "
         "rms; "
-        "tests/study/curves); the temper is not told; heat: Aluminum Association typical values (k 117, c 900); shock: "
+        "tests/validation/curves); the temper is not told; heat: Aluminum Association typical values (k 117, c 900); shock: "
         "Steinberg's tables, 6061-T6",
         with(metal(2660, 26.7, JohnsonCookConstants{239.7, 408.8, 0.4882, 0.01944, 1.347, 893}, 117, 900),
              {5240, 1.400, 1.97, 1.5})},

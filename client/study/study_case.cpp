@@ -1,4 +1,4 @@
-#include "tests/study/study_case.hpp"
+#include "client/study/study_case.hpp"
 
 #include <algorithm>
 #include <cmath>

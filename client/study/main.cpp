@@ -15,18 +15,18 @@
 #include <system_error>
 #include <vector>
 
+#include "client/study/command.hpp"
+#include "client/study/map/command.hpp"
+#include "client/study/option_rows.hpp"
+#include "client/study/precision.hpp"
+#include "client/study/stress_strain.hpp"
+#include "client/study/tolerance.hpp"
 #include "proto/program/command_line.hpp"
 #include "proto/program/program.hpp"
 #include "server/version.hpp"
 #include "shearbus_places.hpp"
 #include "tests/campaign/report.hpp"
 #include "tests/campaign/user_scene.hpp"
-#include "tests/study/command.hpp"
-#include "tests/study/map/command.hpp"
-#include "tests/study/option_rows.hpp"
-#include "tests/study/precision.hpp"
-#include "tests/study/stress_strain.hpp"
-#include "tests/study/tolerance.hpp"
 
 namespace {
 
@@ -92,7 +92,8 @@ void tolerance(const Options& options) {
 // Replaces this program by a script of this directory that has its own options.
 [[noreturn]] void become(const std::string& script, const std::vector<std::string>& words) {
   const std::string programs = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  std::vector<std::string> command = {SHEARBUS_PYTHON, SHEARBUS_SOURCE_DIR "/tests/study/" + script, "--bin", programs};
+  std::vector<std::string> command = {SHEARBUS_PYTHON, SHEARBUS_SOURCE_DIR "/client/study/" + script, "--bin",
+                                      programs};
   command.insert(command.end(), words.begin(), words.end());
   std::vector<char*> arguments;
   for (std::string& word : command) arguments.push_back(word.data());

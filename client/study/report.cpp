@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "tests/study/precision.hpp"
+#include "client/study/precision.hpp"
 
 namespace shearbus::study {
 

@@ -1,4 +1,4 @@
-#include "tests/study/option_rows.hpp"
+#include "client/study/option_rows.hpp"
 
 #include <fmt/format.h>
 

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Runs the scenes of hydro_stub/problems/validation with the catalog's coppers and compares them with what was measured.
 
-    tests/study/experiments.py --hydro build/bin/shearbus-hydro [--metal NAME ...] [--out DIR] [--picture FILE]
+    tests/validation/experiments.py --hydro build/bin/shearbus-hydro [--metal NAME ...] [--out DIR] [--picture FILE]
 
 Plates: velocity of the free surface: its plateau, the time at which half of it is reached, the foot before the
 shock. Bar: radius of the side at rest, foot and root mean square. Prints a row for each metal; --picture draws the
@@ -25,7 +25,7 @@ SCENES = ("copper_plates", "copper_bar")
 
 
 def measured(scene):
-    return np.loadtxt(ROOT / f"tests/study/curves/{scene}.csv", delimiter=",", comments="#", skiprows=3, unpack=True)
+    return np.loadtxt(ROOT / f"tests/validation/curves/{scene}.csv", delimiter=",", comments="#", skiprows=3, unpack=True)
 
 
 def run(hydro, scene, metal, out, changes=()):

@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include "client/study/precision.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/service/scene_model.hpp"
-#include "tests/study/precision.hpp"
 
 namespace shearbus::study {
 namespace {

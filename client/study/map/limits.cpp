@@ -1,4 +1,4 @@
-#include "tests/study/map/limits.hpp"
+#include "client/study/map/limits.hpp"
 
 #include <algorithm>
 #include <cmath>

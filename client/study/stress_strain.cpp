@@ -1,4 +1,4 @@
-#include "tests/study/stress_strain.hpp"
+#include "client/study/stress_strain.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "tests/study/precision.hpp"
+#include "client/study/precision.hpp"
 #include "tests/support/scenes.hpp"
 
 #include <fmt/format.h>

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/study/study_case.hpp"
+#include "client/study/study_case.hpp"
 
 namespace shearbus::study {
 

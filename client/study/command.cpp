@@ -1,4 +1,4 @@
-#include "tests/study/command.hpp"
+#include "client/study/command.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -54,7 +54,7 @@ void write_study(const CommandOptions& options, const std::string& name, const n
   fmt::print("\nwritten: {}\n", path.string());
   static_cast<void>(std::fflush(stdout));
   if (!options.plot) return;
-  const std::string command = fmt::format("\"{}\" \"{}/tests/study/plot_{}.py\" \"{}\"", SHEARBUS_PYTHON,
+  const std::string command = fmt::format("\"{}\" \"{}/client/study/plot_{}.py\" \"{}\"", SHEARBUS_PYTHON,
                                           SHEARBUS_SOURCE_DIR, name, path.string());
   if (std::system(command.c_str()) != 0)  // NOLINT(cert-env33-c): the file names are the user's own
     throw std::runtime_error("the picture was not made; the study is whole in " + path.string());

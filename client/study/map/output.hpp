@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <string>
 
+#include "client/study/map/sweep.hpp"
 #include "server/version.hpp"
-#include "tests/study/map/sweep.hpp"
 
 namespace shearbus::map {
 

@@ -1,4 +1,4 @@
-#include "tests/study/map/sweep.hpp"
+#include "client/study/map/sweep.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "tests/study/map/command.hpp"
+#include "client/study/map/command.hpp"
 
 #include <fmt/format.h>
 
@@ -7,11 +7,11 @@
 #include <cstdio>
 #include <string>
 
+#include "client/study/map/output.hpp"
+#include "client/study/map/sweep.hpp"
 #include "proto/program/program.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/text.hpp"
-#include "tests/study/map/output.hpp"
-#include "tests/study/map/sweep.hpp"
 
 namespace shearbus::map {
 namespace {
@@ -65,7 +65,7 @@ CLI::App* add_command(CLI::App& program, CommandOptions& options) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command->add_option("--dt", options.dt_s, "step, in s")->check(CLI::PositiveNumber)->capture_default_str();
-  command->footer("What the lines mean and how to draw them: tests/study/map/README.md");
+  command->footer("What the lines mean and how to draw them: client/study/map/README.md");
   command->callback([&options] {
     if (const std::string fault = fault_of(options); !fault.empty()) throw CLI::ValidationError(fault);
   });

@@ -1,4 +1,4 @@
-#include "tests/study/tolerance.hpp"
+#include "client/study/tolerance.hpp"
 
 #include <fmt/format.h>
 

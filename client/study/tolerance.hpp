@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/study/precision.hpp"
+#include "client/study/precision.hpp"
 #include "tests/support/turning_histories.hpp"
 
 namespace shearbus::study {

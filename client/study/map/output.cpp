@@ -1,4 +1,4 @@
-#include "tests/study/map/output.hpp"
+#include "client/study/map/output.hpp"
 
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "client/study/map/limits.hpp"
 #include "proto/files/whole_file.hpp"
-#include "tests/study/map/limits.hpp"
 
 namespace shearbus::map {
 namespace {

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "tests/study/map/sweep.hpp"
+#include "client/study/map/sweep.hpp"
 
 namespace shearbus::map {
 
