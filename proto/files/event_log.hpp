@@ -49,10 +49,9 @@ class EventLogWriter {
   void sync();  // after the call the records survive a loss of power
 
  private:
-  using Part = std::span<const std::byte>;
   void lock() const;
   void continue_behind(class EventLogReader& reader);
-  void write(std::span<const Part> parts);
+  void write(std::span<const std::span<const std::byte>> parts);
   [[noreturn]] void fail(const char* doing, int code) const;
 
   std::string name_;
@@ -69,6 +68,7 @@ class EventLogReader {
   const EventLogHead& head() const { return head_; }
   // Reads the next exchange. Returns false behind the last complete one.
   bool next();
+  std::span<const std::byte> take(std::size_t count);  // for next()
   // The exchange that next() has read, valid until the next call.
   const ExchangeFrames& frames() const { return frames_; }
   std::uint64_t index() const { return next_index_ - 1; }
@@ -81,12 +81,11 @@ class EventLogReader {
 
  private:
   [[noreturn]] void refuse(const std::string& what) const;
-  bool read(std::span<std::byte> bytes);
 
   std::string name_;
   std::ifstream stream_;
   EventLogHead head_;
-  std::vector<std::byte> record_;
+  std::vector<std::byte> taken_;
   ExchangeFrames frames_;
   std::uint64_t time_ns_ = 0;
   std::uint64_t next_index_ = 0;

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "proto/files/record_file.hpp"
 #include "server/store/hdf5_fields.hpp"
 
 namespace shearbus::store {
@@ -18,10 +19,6 @@ constexpr const char* kFormat = "shearbus checkpoint";
 std::array<std::uint64_t, 2> sum_of_image(Bytes image) {
   const XXH128_hash_t sum = XXH3_128bits(image.data(), image.size());
   return {sum.low64, sum.high64};
-}
-
-std::uint64_t sum_of_footer(const CheckpointFooter& footer) {
-  return XXH3_64bits(&footer, offsetof(CheckpointFooter, sum));
 }
 
 std::string mark_name(std::uint64_t number) {
@@ -231,7 +228,7 @@ std::vector<std::byte> checkpoint_bytes(const Snapshot& snapshot, std::uint64_t 
   std::vector<std::byte> bytes = bytes_of_image(file);
   CheckpointFooter footer{
       .image_bytes = bytes.size(), .generation = generation, .image_sum = sum_of_image(bytes), .store = snapshot.store};
-  footer.sum = sum_of_footer(footer);
+  footer.sum = files::sum_of_header(footer);
   const Bytes end = std::as_bytes(std::span(&footer, 1));
   bytes.insert(bytes.end(), end.begin(), end.end());
   return bytes;
@@ -247,7 +244,7 @@ Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generati
   if (footer.version != kCheckpointVersion)
     throw damaged("checkpoint version " + std::to_string(footer.version) + "; this server reads version " +
                   std::to_string(kCheckpointVersion));
-  if (footer.sum != sum_of_footer(footer)) throw damaged("its footer does not match its sum");
+  if (footer.sum != files::sum_of_header(footer)) throw damaged("its footer does not match its sum");
   if (footer.image_bytes != file.size() - sizeof footer) throw damaged("its length is not what its footer says");
   if (footer.generation != generation)
     throw damaged("it is generation " + std::to_string(footer.generation) + " under the name of another");

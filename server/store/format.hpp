@@ -83,7 +83,10 @@ struct RecordHeader {
   std::uint64_t sum = 0;  // XXH3-64 of the fields above: checked before the lengths are used
 };
 static_assert(sizeof(RecordHeader) == 64);
-inline constexpr std::size_t kRecordSumBytes = 8;
+// Lengths of the parts of a record, in their order.
+inline std::array<std::uint32_t, 3> lengths(const RecordHeader& header) {
+  return {header.identity_bytes, header.header_frame_bytes, header.payload_frame_bytes};
+}
 inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 30;  // largest frame of any protocol version
 
 // Footer of every checkpoint, after the HDF5 image.

@@ -1,51 +1,31 @@
 #include "server/store/journal.hpp"
 
-#include <xxhash.h>
-
-#include <algorithm>
 #include <array>
 #include <cstring>
+
+#include "proto/files/record_file.hpp"
 
 namespace shearbus::store {
 namespace {
 
-// A stored sum is never 0, so that it differs from the parts of a file that were never written, which read as 0.
-std::uint64_t never_zero(std::uint64_t sum) {
-  return sum != 0 ? sum : 1;
-}
+using files::bytes_of;
+using files::sum_of_header;
 
-template <typename Header>
-std::uint64_t sum_of_header(const Header& header) {
-  return never_zero(XXH3_64bits(&header, offsetof(Header, sum)));
-}
+using FileRecord = files::FileRecord<RecordHeader, 3>;  // identity, header frame, payload frame
 
 std::uint64_t sum_of_settled(std::uint64_t settled, std::uint64_t header_sum) {
-  return never_zero(XXH3_64bits_withSeed(&settled, sizeof settled, header_sum));
+  return files::sum_of(std::array{bytes_of(settled)}, header_sum);
 }
 
-// The sum of each part is the seed of the next part's sum.
-std::uint64_t sum_of_record(const RecordHeader& header, Bytes identity, Bytes header_frame, Bytes payload_frame) {
-  std::uint64_t sum = XXH3_64bits(&header, sizeof header);
-  for (const Bytes part : {identity, header_frame, payload_frame})
-    sum = XXH3_64bits_withSeed(part.data(), part.size(), sum);
-  return never_zero(sum);
-}
-
-template <typename Value>
-Bytes bytes_of(const Value& value) {
-  return std::as_bytes(std::span(&value, 1));
-}
-
-template <typename Value>
-Value value_at(Bytes bytes, std::uint64_t offset) {
-  Value value;
-  std::memcpy(&value, bytes.data() + offset, sizeof value);
-  return value;
-}
-
-bool all_zero(Bytes bytes) {
-  return std::all_of(bytes.begin(), bytes.end(), [](std::byte byte) { return byte == std::byte{0}; });
-}
+// The bytes of a segment that have not been read yet.
+struct Rest {
+  Bytes bytes;
+  Bytes take(std::size_t count) {
+    const Bytes taken = bytes.first(std::min(count, bytes.size()));
+    bytes = bytes.subspan(taken.size());
+    return taken;
+  }
+};
 
 [[noreturn]] void damaged(const std::string& name, std::uint64_t offset, const std::string& what) {
   throw DamagedFile(name + ", byte " + std::to_string(offset) + ": " + what);
@@ -53,8 +33,9 @@ bool all_zero(Bytes bytes) {
 
 // Returns false if the header is incomplete: the file is too short, or all its bytes are 0.
 bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment) {
-  if (bytes.size() < sizeof(SegmentHeader) || all_zero(bytes)) return false;
-  const auto header = value_at<SegmentHeader>(bytes, 0);
+  SegmentHeader header;
+  if (bytes.size() < sizeof header || files::all_zero(bytes)) return false;
+  std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kJournalMagic) damaged(name, 0, "not a journal: it does not begin with the journal's mark");
   if (header.version != kJournalVersion)
     damaged(name, 0,
@@ -75,37 +56,21 @@ bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment)
 
 // Reads the record at segment.sound_bytes. Returns false at the end of the file and for an incomplete record.
 bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
-  const std::uint64_t offset = segment.sound_bytes;
-  const Bytes rest = bytes.subspan(offset);
-  segment.torn = !rest.empty();
-  if (rest.size() < sizeof(RecordHeader) || all_zero(rest)) return false;
-  const auto header = value_at<RecordHeader>(rest, 0);
-  if (header.sum != sum_of_header(header)) damaged(name, offset, "the header of a record does not match its sum");
-  if (header.index != segment.next_index())
-    damaged(name, offset,
-            "record " + std::to_string(header.index) + " where " + std::to_string(segment.next_index()) + " should be");
-  if (header.header_frame_bytes > kMaxFrameBytes || header.payload_frame_bytes > kMaxFrameBytes ||
-      header.identity_bytes > kMaxFrameBytes)
-    damaged(name, offset, "a record longer than any request");
-  const std::uint64_t frames_at = sizeof header + header.identity_bytes;
-  const std::uint64_t length = frames_at + header.header_frame_bytes + header.payload_frame_bytes;
-  if (rest.size() < length + kRecordSumBytes) return false;
-  const auto sum = value_at<std::uint64_t>(rest, length);
-  // If the length of a file reached the disk before its data, the file ends in zeros. A stored sum is never zero.
-  if (sum == 0 && rest.size() == length + kRecordSumBytes) return false;
-  const Bytes identity = rest.subspan(sizeof header, header.identity_bytes);
-  const Bytes header_frame = rest.subspan(frames_at, header.header_frame_bytes);
-  const Bytes payload_frame = rest.subspan(frames_at + header.header_frame_bytes, header.payload_frame_bytes);
-  if (sum != sum_of_record(header, identity, header_frame, payload_frame))
-    damaged(name, offset, "record " + std::to_string(header.index) + " does not match its sum");
-  segment.records.push_back({.session = header.session,
-                             .sequence = header.sequence,
-                             .previous_reply = header.previous_reply,
+  Rest rest{bytes.subspan(segment.sound_bytes)};
+  FileRecord record;
+  segment.torn = !rest.bytes.empty();
+  if (!record.read(rest, segment.next_index(), kMaxFrameBytes,
+                   [&](const std::string& what) { damaged(name, segment.sound_bytes, what); }))
+    return false;
+  const auto& [identity, header_frame, payload_frame] = record.parts;
+  segment.records.push_back({.session = record.header.session,
+                             .sequence = record.header.sequence,
+                             .previous_reply = record.header.previous_reply,
                              .header_frame = header_frame,
                              .payload_frame = payload_frame,
                              .identity = {reinterpret_cast<const char*>(identity.data()), identity.size()},
-                             .index = header.index});
-  segment.sound_bytes = offset + length + kRecordSumBytes;
+                             .index = record.header.index});
+  segment.sound_bytes = bytes.size() - rest.bytes.size();
   segment.torn = false;
   return true;
 }
@@ -143,17 +108,15 @@ JournalWriter::JournalWriter(Storage& storage, const std::string& name, SegmentH
 
 void JournalWriter::append(const Record& record) {
   if (broken_) throw StorageError("the journal is broken", EIO);
-  RecordHeader header{.index = next_index_,
-                      .session = record.session,
-                      .sequence = record.sequence,
-                      .previous_reply = record.previous_reply,
-                      .header_frame_bytes = static_cast<std::uint32_t>(record.header_frame.size()),
-                      .payload_frame_bytes = static_cast<std::uint32_t>(record.payload_frame.size()),
-                      .identity_bytes = static_cast<std::uint32_t>(record.identity.size())};
-  header.sum = sum_of_header(header);
-  const Bytes identity = std::as_bytes(std::span(record.identity));
-  const std::uint64_t sum = sum_of_record(header, identity, record.header_frame, record.payload_frame);
-  const std::array parts = {bytes_of(header), identity, record.header_frame, record.payload_frame, bytes_of(sum)};
+  FileRecord written{.header = {.index = next_index_,
+                                .session = record.session,
+                                .sequence = record.sequence,
+                                .previous_reply = record.previous_reply,
+                                .header_frame_bytes = static_cast<std::uint32_t>(record.header_frame.size()),
+                                .payload_frame_bytes = static_cast<std::uint32_t>(record.payload_frame.size()),
+                                .identity_bytes = static_cast<std::uint32_t>(record.identity.size())},
+                     .parts = {std::as_bytes(std::span(record.identity)), record.header_frame, record.payload_frame}};
+  const auto parts = written.sealed();
   try {
     file_->append(parts);
   } catch (const StorageError& fault) {

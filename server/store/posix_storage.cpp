@@ -2,17 +2,16 @@
 
 #include <dirent.h>
 #include <fcntl.h>
-#include <limits.h>
 #include <sys/file.h>
 #include <sys/stat.h>
-#include <sys/uio.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <system_error>
 #include <utility>
+
+#include "proto/files/record_file.hpp"
 
 namespace shearbus::store {
 namespace {
@@ -35,22 +34,7 @@ class PosixFile final : public File {
   ~PosixFile() override { ::close(file_); }
 
   void append(std::span<const Bytes> parts) override {
-    std::vector<iovec> left;
-    left.reserve(parts.size());
-    // The cast is safe: writev does not change the bytes.
-    for (const Bytes part : parts)
-      if (!part.empty()) left.push_back({const_cast<std::byte*>(part.data()), part.size()});
-    for (std::size_t first = 0; first < left.size();) {
-      const auto count = static_cast<int>(std::min<std::size_t>(left.size() - first, IOV_MAX));
-      auto written = retried([&] { return ::writev(file_, left.data() + first, count); });
-      if (written < 0) throw StorageError("cannot write " + name_, errno);
-      while (first < left.size() && static_cast<std::size_t>(written) >= left[first].iov_len)
-        written -= static_cast<ssize_t>(left[first++].iov_len);
-      if (first < left.size()) {
-        left[first].iov_base = static_cast<std::byte*>(left[first].iov_base) + written;
-        left[first].iov_len -= static_cast<std::size_t>(written);
-      }
-    }
+    if (const int fault = files::write_parts(file_, parts)) throw StorageError("cannot write " + name_, fault);
   }
   void overwrite(std::uint64_t offset, Bytes bytes) override {
     const auto written =

@@ -1,7 +1,5 @@
 #include "server/store/store.hpp"
 
-#include <xxhash.h>
-
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -13,6 +11,7 @@
 #include <string_view>
 #include <utility>
 
+#include "proto/files/record_file.hpp"
 #include "server/store/checkpoint.hpp"
 
 namespace shearbus::store {
@@ -38,10 +37,6 @@ std::optional<std::uint64_t> number_in(const std::string& file, std::string_view
   return number;
 }
 
-std::uint64_t sum_of(const StoreIdentity& identity) {
-  return XXH3_64bits(&identity, offsetof(StoreIdentity, sum));
-}
-
 StoreIdentity identity_in(Bytes bytes) {
   const std::string file = kIdentityName;
   StoreIdentity identity;
@@ -49,7 +44,7 @@ StoreIdentity identity_in(Bytes bytes) {
     throw DamagedFile(file + ": " + std::to_string(bytes.size()) + " bytes, expected " +
                       std::to_string(sizeof identity));
   std::memcpy(&identity, bytes.data(), sizeof identity);
-  if (identity.magic != kIdentityMagic || identity.sum != sum_of(identity))
+  if (identity.magic != kIdentityMagic || identity.sum != files::sum_of_header(identity))
     throw DamagedFile(file + ": its bytes do not match their sum");
   return identity;
 }
@@ -431,7 +426,7 @@ void Store::write_new(const std::string& file, Bytes bytes, bool synced) const {
 }
 
 void Store::write_identity(StoreIdentity identity) {
-  identity.sum = sum_of(identity);
+  identity.sum = files::sum_of_header(identity);
   write_new(kIdentityName + std::string(kUnfinished), std::as_bytes(std::span(&identity, 1)), true);
 }
 
