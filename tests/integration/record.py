@@ -203,6 +203,13 @@ class Server(RecordTest):
         data[len(data) * 3 // 4] ^= 1
         self.the_log().write_bytes(data)
         self.assertRegex(self.again(self.the_log(), code=1), r"byte \d+: .* does not match its sum")
+        data[len(data) * 3 // 4] ^= 1
+        first = 64 + struct.unpack_from("<I", data, 44)[0]
+        second = first + 48 + sum(struct.unpack_from("<4I", data, first + 16))
+        self.the_log().write_bytes(data[:second] + bytes(40) + data[second + 40:])  # zeros at the end of a file alone are a torn tail
+        self.assertRegex(self.again(self.the_log(), code=1), f"byte {second}: the header of a record does not match its sum")
+        self.the_log().write_bytes(data[:second] + bytes(len(data) - second))
+        self.assertIn("ends in an incomplete record", self.again(self.the_log()))
         for bad in (b"SHBEVLG\n" + bytes(56), bytes(data[:40])):
             self.the_log().write_bytes(bad)
             self.assertRegex(self.again("export", self.the_log(), "--out", self.out, code=1), "version 0|not an event log")
