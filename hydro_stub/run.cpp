@@ -1,15 +1,8 @@
 #include "hydro_stub/run.hpp"
 
 #include <fmt/format.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <array>
-#include <cerrno>
-#include <cstdio>
 #include <stdexcept>
-#include <system_error>
 
 #include "hydro_stub/coulomb_tresca_law.hpp"
 #include "hydro_stub/history.hpp"
@@ -21,6 +14,7 @@
 #include "proto/program/interrupt.hpp"
 #include "proto/program/program.hpp"
 #include "proto/program/progress.hpp"
+#include "proto/program/python.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
@@ -124,37 +118,20 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
 
 namespace {
 
-// Runs a plotting script on a file of results; the pictures are written to `out`.
-void draw(std::string script, const std::filesystem::path& results, const std::filesystem::path& out) {
-  std::string python = SHEARBUS_PYTHON;
-  std::string file = results.string();
-  std::string flag = "--out";
-  std::string directory = out.string();
-  const std::array<char*, 6> arguments = {python.data(), script.data(),    file.data(),
-                                          flag.data(),   directory.data(), nullptr};
-  static_cast<void>(std::fflush(stdout));  // the text printed so far appears before the text of the script
-  pid_t child = 0;
-  const int refused = ::posix_spawn(&child, python.c_str(), nullptr, nullptr, arguments.data(), environ);
-  if (refused != 0) throw std::system_error(refused, std::generic_category(), "cannot start " + python);
-  int status = 0;
-  while (::waitpid(child, &status, 0) < 0) {
-    if (errno != EINTR) throw std::system_error(errno, std::generic_category(), "waiting for the plots");
-  }
-  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-    throw std::runtime_error(
-        fmt::format("the plots failed; the results are whole in {} (see the lines above, or run with "
-                    "--no-plot)",
-                    results.string()));
-  }
+// Runs a plotting script on a directory of results; the pictures are written there, too.
+void draw(const char* script, const std::filesystem::path& out) {
+  if (program::run_python({script, out.string(), "--out", out.string()})) return;
+  throw std::runtime_error(fmt::format(
+      "the plots failed; the results are whole in {} (see the lines above, or run with --no-plot)", out.string()));
 }
 
 }  // namespace
 
 void plot(const std::filesystem::path& out) {
-  draw(SHEARBUS_PLOT_SCRIPT, out, out);
+  draw(SHEARBUS_PLOT_SCRIPT, out);
 }
 void plot_cone(const std::filesystem::path& out) {
-  draw(SHEARBUS_PLOT_CONE_SCRIPT, out, out);
+  draw(SHEARBUS_PLOT_CONE_SCRIPT, out);
 }
 
 }  // namespace shearbus::hydro

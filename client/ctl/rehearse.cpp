@@ -1,13 +1,12 @@
 #include "client/ctl/rehearse.hpp"
 
-#include <unistd.h>
-
-#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <string>
-#include <system_error>
+#include <utility>
 #include <vector>
+
+#include "proto/program/python.hpp"
 
 namespace shearbus::ctl {
 namespace {
@@ -35,14 +34,9 @@ void rehearse(std::span<char* const> arguments) {
     ::setenv("PYTHONPATH", path.c_str(), 1);  // NOLINT(concurrency-mt-unsafe)
     break;
   }
-  std::vector<std::string> words = {SHEARBUS_PYTHON, "-P", "-c", kKit};
+  std::vector<std::string> words = {"-P", "-c", kKit};
   words.insert(words.end(), arguments.begin(), arguments.end());
-  std::vector<char*> pointers;
-  pointers.reserve(words.size() + 1);
-  for (std::string& word : words) pointers.push_back(word.data());
-  pointers.push_back(nullptr);
-  ::execv(SHEARBUS_PYTHON, pointers.data());
-  throw std::system_error(errno, std::generic_category(), SHEARBUS_PYTHON);
+  program::become_python(std::move(words));
 }
 
 }  // namespace shearbus::ctl

@@ -1,12 +1,7 @@
 #include "client/replay/plot.hpp"
 
 #include <fmt/format.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <cerrno>
-#include <cstdio>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
@@ -18,6 +13,7 @@
 #include "proto/files/recording.hpp"
 #include "proto/files/whole_file.hpp"
 #include "proto/program/program.hpp"
+#include "proto/program/python.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -36,26 +32,10 @@ fs::path script() {
 constexpr files::FileKind kPictureFile = {
     "a picture (PNG)", [](const fs::path& file) { return files::head_of(file, 8) == "\x89PNG\r\n\x1a\n"; }};
 
-void run(std::vector<std::string> words) {
-  std::vector<char*> arguments;
-  arguments.reserve(words.size() + 1);
-  for (std::string& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-  static_cast<void>(std::fflush(stdout));
-  pid_t child = 0;
-  if (const int fault = ::posix_spawn(&child, arguments[0], nullptr, nullptr, arguments.data(), environ); fault != 0)
-    throw std::system_error(fault, std::generic_category(), "cannot start " + words[0]);
-  int status = 0;
-  while (::waitpid(child, &status, 0) < 0)
-    if (errno != EINTR) throw std::system_error(errno, std::generic_category(), "waiting for the picture");
-  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
-    throw std::runtime_error("the picture could not be drawn (see the lines above)");
-}
-
 }  // namespace
 
 void plot(const PlotOptions& options) {
-  std::vector<std::string> words = {SHEARBUS_PYTHON, script().string(), "--out", options.out.string()};
+  std::vector<std::string> words = {script().string(), "--out", options.out.string()};
   if (options.node) words.insert(words.end(), {"--node", std::to_string(*options.node)});
   std::vector<files::InputFile> inputs;
   for (const fs::path& file : options.files) {
@@ -79,7 +59,8 @@ void plot(const PlotOptions& options) {
                 .final_name = exported->file()});
     words.push_back(exported->path().string());
   }
-  run(std::move(words));
+  if (!program::run_python(std::move(words)))
+    throw std::runtime_error("the picture could not be drawn (see the lines above)");
   fmt::print("{}\n", program::shown(options.out));
 }
 

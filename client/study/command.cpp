@@ -5,7 +5,6 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <cstdlib>
 #include <ctime>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -13,6 +12,7 @@
 
 #include "proto/files/whole_file.hpp"
 #include "proto/program/program.hpp"
+#include "proto/program/python.hpp"
 #include "server/version.hpp"
 #include "shearbus_places.hpp"
 
@@ -54,9 +54,7 @@ void write_study(const CommandOptions& options, const std::string& name, const n
   fmt::print("\nwritten: {}\n", path.string());
   static_cast<void>(std::fflush(stdout));
   if (!options.plot) return;
-  const std::string command = fmt::format("\"{}\" \"{}/client/study/plot_{}.py\" \"{}\"", SHEARBUS_PYTHON,
-                                          SHEARBUS_SOURCE_DIR, name, path.string());
-  if (std::system(command.c_str()) != 0)  // NOLINT(cert-env33-c): the file names are the user's own
+  if (!program::run_python({fmt::format("{}/client/study/plot_{}.py", SHEARBUS_SOURCE_DIR, name), path.string()}))
     throw std::runtime_error("the picture was not made; the study is whole in " + path.string());
 }
 

@@ -3,16 +3,14 @@
 // parameters to measured curves, the errors of a coupled run's mesh, and the curves of stress against strain of a scene's
 // metal. A study runs on fixed problems or on a user's scene.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <cerrno>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "client/study/command.hpp"
@@ -23,6 +21,7 @@
 #include "client/study/tolerance.hpp"
 #include "proto/program/command_line.hpp"
 #include "proto/program/program.hpp"
+#include "proto/program/python.hpp"
 #include "server/version.hpp"
 #include "shearbus_places.hpp"
 #include "tests/campaign/report.hpp"
@@ -92,14 +91,9 @@ void tolerance(const Options& options) {
 // Replaces this program by a script of this directory that has its own options.
 [[noreturn]] void become(const std::string& script, const std::vector<std::string>& words) {
   const std::string programs = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  std::vector<std::string> command = {SHEARBUS_PYTHON, SHEARBUS_SOURCE_DIR "/client/study/" + script, "--bin",
-                                      programs};
+  std::vector<std::string> command = {SHEARBUS_SOURCE_DIR "/client/study/" + script, "--bin", programs};
   command.insert(command.end(), words.begin(), words.end());
-  std::vector<char*> arguments;
-  for (std::string& word : command) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-  ::execv(arguments.front(), arguments.data());
-  throw std::system_error(errno, std::generic_category(), command.front());
+  shearbus::program::become_python(std::move(command));
 }
 
 }  // namespace

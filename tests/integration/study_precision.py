@@ -20,9 +20,8 @@ material = "steel_dlp"
 """
 
 
-def study(program, out, *arguments, name="precision"):
-    ran = subprocess.run([program, name, *arguments, "--quick", "--repeats", "1", "--no-plot", "--out", out],
-                         capture_output=True, text=True)
+def study(program, out, *arguments, name="precision", plot="--no-plot"):
+    ran = subprocess.run([program, name, *arguments, "--quick", "--repeats", "1", "--out", out, *[plot] * bool(plot)], capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
     return json.loads((pathlib.Path(out) / f"{name}.json").read_text()), ran.stdout
 
@@ -74,10 +73,12 @@ def main():
             assert key.strip("[]") in rows or key.split(" = ")[0] in rows, (key, rows)
         resolved = [r for r in found["options"] if r["option"] in ("", "hard_layer", "soft.melting_curve", "layer.far_boundary")]
         assert len(resolved) == 8 and all(0 < run["temperature_error"] < 2e-2 for r in resolved for run in r["runs"]), resolved
-        # The study accepts a scene of the user's own, too.
+        # The study accepts a scene of the user's own, too, and draws into a directory of any name: no shell reads it.
         scene = pathlib.Path(out) / "mine.toml"
         scene.write_text(SCENE)
-        mine, text = study(program, out, str(scene), "--end", "3e-7")
+        place = pathlib.Path(out) / 'a "$(touch touched)" b'
+        mine, text = study(program, place, str(scene), "--end", "3e-7", plot="")
+        assert (place / "precision.png").stat().st_size > 0
         assert [p["name"] for p in mine["problems"]] == ["mine"] and "cheapest for a tolerance" in text
         scene.write_text(SCENE.replace("aluminium_dlp", "cheese"))
         ran = subprocess.run([program, "precision", str(scene), "--no-plot"], capture_output=True, text=True)

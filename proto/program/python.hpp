@@ -1,0 +1,16 @@
+// Programs in Python, by Debian's interpreter, that a program of ours runs or becomes.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace shearbus::program {
+
+// Runs Python with these arguments and waits for its end. Returns whether it succeeded. Throws std::system_error if it
+// cannot be started.
+bool run_python(std::vector<std::string> words);
+
+// Replaces the calling program by Python with these arguments.
+[[noreturn]] void become_python(std::vector<std::string> words);
+
+}  // namespace shearbus::program
