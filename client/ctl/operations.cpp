@@ -9,6 +9,7 @@
 
 #include "proto/files/endpoint_file.hpp"
 #include "proto/wire/enum_names.hpp"
+#include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
 
 namespace shearbus::ctl {
@@ -90,10 +91,18 @@ void check_idle(const wire::SessionInfo& session, double idle_s) {
                   wire::hexadecimal(session.session_id), seconds(session.idle_ns), idle_s));
 }
 
+// A session whose texts, which are its user's, are as a terminal may have them.
+wire::SessionInfo printable(wire::SessionInfo session) {
+  for (std::string* text : {&session.name, &session.identity, &session.domain})
+    *text = wire::printable(*text, wire::kMaxTextBytes);
+  return session;
+}
+
 void close_one(Operator& server, const wire::SessionInfo& session) {
   const wire::SessionClosed closed = server.close(session);
+  const wire::SessionInfo shown = printable(session);
   fmt::print("{} closed: \"{}\" of {}, {}, {}; its states are gone\n", wire::hexadecimal(session.session_id),
-             session.name, session.identity, counted(session.nodes, "node"), counted(closed.requests, "request"));
+             shown.name, shown.identity, counted(session.nodes, "node"), counted(closed.requests, "request"));
 }
 
 }  // namespace
@@ -225,7 +234,8 @@ void show_sessions(Operator& server, bool json) {
   if (!json)
     fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8} {:>8}  {}\n", "session", "nodes", "version", "last seq", "age, s",
                "idle, s", "scene, opened by");
-  for (const wire::SessionInfo& s : sessions) {
+  for (const wire::SessionInfo& session : sessions) {
+    const wire::SessionInfo s = json ? session : printable(session);
     if (json)
       show_json(s);
     else
@@ -238,7 +248,7 @@ void show_sessions(Operator& server, bool json) {
 void show_top(Operator& server, const std::string& session, wire::Top by, std::uint32_t count) {
   const auto sessions = server.sessions();
   const TopNodes top = server.top_nodes(find(sessions, session).session_id, by, count);
-  fmt::print("{} ({}, version {}): {} of {}\n", top.session.name, counted(top.session.nodes, "node"),
+  fmt::print("{} ({}, version {}): {} of {}\n", printable(top.session).name, counted(top.session.nodes, "node"),
              top.session.state_version, top.node_ids.size(), top.matching);
   const bool sliding = !top.sliding_velocity_m_per_s.empty();
   fmt::print("{:>20} {:>12} {:>14} {:>8}{}\n", "node", "T0, K", "s, MPa", "regime", sliding ? "       [v], m/s" : "");

@@ -23,6 +23,7 @@
 
 #include "client/ctl/operations.hpp"
 #include "proto/wire/enum_names.hpp"
+#include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
 
 namespace shearbus::ctl {
@@ -45,10 +46,7 @@ struct HotNode {
 };
 
 // The answers of a server to one look.
-struct Sample {
-  wire::ServerStatus status;
-  bool is_operator = false;
-  bool is_durable = false;
+struct Sample : Told {
   std::vector<wire::SessionInfo> sessions = {};  // those with the most nodes first; only an operator sees them
   std::vector<HotNode> hottest = {};
 };
@@ -196,15 +194,9 @@ std::string json_of(const Report& report) {
 
 // ---- The screen ----
 
-// Names come from peers: what a terminal would obey becomes a question mark.
-std::string harmless(std::string text) {
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    const bool is_c1 = byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0;
-    if (is_c1) text.replace(i, 2, "?");
-    if (byte < 0x20 || byte == 0x7f) text[i] = '?';
-  }
-  return text;
+// Names come from peers.
+std::string printable(const std::string& text) {
+  return wire::printable(text, wire::kMaxTextBytes);
 }
 
 // Cuts a text without escape codes to a number of columns, each character being one column wide.
@@ -337,7 +329,7 @@ class Screen {
     return fmt::format("\033[48;5;{}m{}\033[0m", kColours[regime], std::string(width, ' '));
   }
 
-  void add(const std::string& text) { lines_.push_back(cut(harmless(text), columns_)); }
+  void add(const std::string& text) { lines_.push_back(cut(printable(text), columns_)); }
 
   static void write(const std::string& text) {
     static_cast<void>(std::fputs(text.c_str(), stdout));
@@ -413,10 +405,7 @@ class Watch {
     std::optional<Sample> before = std::exchange(sample_, std::nullopt);
     try {
       if (!server_) server_.emplace(connect_());
-      const wire::Welcome& welcome = server_->welcome();
-      Sample now{.status = server_->server_status(),
-                 .is_operator = std::ranges::find(welcome.capabilities, "operator") != welcome.capabilities.end(),
-                 .is_durable = welcome.durability != "none"};
+      Sample now{told_by(*server_)};
       if (now.is_operator) inspect_now_and_then(now, before);
       sample_ = std::move(now);
       report_ = report_of(*sample_, before);
@@ -442,7 +431,7 @@ class Watch {
 
   void show() {
     if (screen_) return screen_->draw(options_, report_);
-    fmt::print("{}\n", options_.json ? json_of(report_) : harmless(line_of(report_)));
+    fmt::print("{}\n", options_.json ? json_of(report_) : printable(line_of(report_)));
     static_cast<void>(std::fflush(stdout));
   }
 

@@ -36,7 +36,9 @@ class Served(unittest.TestCase):
 
     def with_session(self):
         """A host with 128 nodes, of which it steps all."""
-        scene = OPTIONS.source / "client/examples/force_driven.toml"
+        scene = self.directory / "scene.toml"
+        text = (OPTIONS.source / "client/examples/force_driven.toml").read_text()
+        scene.write_text(text.replace('name = "force_driven"', 'name = "backwards\\u202e"'))
         host = subprocess.Popen([shutil.which("python3", path="/usr/bin"), "-B", "-c", HOST, self.bus, scene], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
                                 env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
         self.addCleanup(lambda: (host.kill(), host.wait(), host.stdin.close(), host.stdout.close()))
@@ -111,6 +113,15 @@ class OffTheTerminal(Served):
         self.assertIn("; journal ", done.stdout)
 
 
+    def test_names_of_scenes_turn_no_line_around(self):
+        self.step(self.with_session())
+        for words in (("sessions",), ("top",), ("close", "backwards\u202e", "--idle", "0")):
+            done = subprocess.run([OPTIONS.ctl, *words, "--server", self.bus], capture_output=True, text=True, timeout=30)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("backwards\\u{202e}", done.stdout)
+            self.assertNotIn("\u202e", done.stdout)
+
+
 class OnATerminal(Served):
     def setUp(self):
         super().setUp()
@@ -154,7 +165,7 @@ class OnATerminal(Served):
         self.watch()
         self.step(host)
         text = self.until(lambda text: re.search(r"(coulomb|tresca) [1-9]", text) and "hottest" in text)
-        for row in ("sessions    1 with 128 nodes", "regimes", "node-steps/s", "half answered within", "journal", "128 ", "K  "):
+        for row in ("sessions    1 with 128 nodes", "regimes", "node-steps/s", "half answered within", "journal", "128 ", "K  ", "backwards\\u{202e}"):
             self.assertIn(row, text)
         self.assertIn("48;5;67m", self.screen("-e"), "the part of the bar for sticking nodes")
         self.tmux("resize-window", "-x", "50", "-y", "12")
