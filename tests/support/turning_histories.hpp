@@ -121,10 +121,12 @@ inline std::vector<TurningAnswers> run_turning_histories(unsigned seeds, const s
   const double beta_T = heat_partition(scene.soft, scene.hard);
   const double to_melting = scene.soft.melting_temperature - scene.initial_temperature;
   std::vector<TurningAnswers> answers;
+  answers.reserve(requests.size());
   for (const double request : requests) answers.push_back({.request = request, .errors = {}});
   for (unsigned seed = 1; seed <= seeds; ++seed) {
     SummedLayer fine(reference);
     std::vector<SummedLayer> asked;
+    asked.reserve(requests.size());
     for (const double request : requests) asked.emplace_back(discretised(scene, request));
     for (TurningAnswers& one : answers) one.errors.resize(one.errors.size() + kLanes);
     double impulse_scale[kLanes] = {}, heat_scale[kLanes] = {}, time = 0.0;
@@ -152,7 +154,7 @@ inline std::vector<TurningAnswers> run_turning_histories(unsigned seeds, const s
             dt * std::max(beta_T * std::abs(inputs.velocity_jump[l]) * most, kLeastHeat * to_melting / response);
         for (std::size_t i = 0; i < asked.size(); ++i) {
           const SummedLayer& found = asked[i];
-          TurningErrors& errors = answers[i].errors[(seed - 1) * kLanes + static_cast<std::size_t>(l)];
+          TurningErrors& errors = answers[i].errors[std::size_t{seed - 1} * kLanes + static_cast<std::size_t>(l)];
           const double off = found.outputs.interface_temperature[l] - fine.outputs.interface_temperature[l];
           errors.T0 = std::max(errors.T0, std::abs(off) / to_melting);
           errors.impulse = std::max(errors.impulse, std::abs(found.impulse[l] - fine.impulse[l]) / impulse_scale[l]);
