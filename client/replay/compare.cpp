@@ -20,8 +20,6 @@ namespace shearbus::replay {
 namespace {
 
 namespace fs = std::filesystem;
-using wire::Code;
-using wire::Error;
 
 bool same(double a, double b, double rtol) {
   if (std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b)) return true;

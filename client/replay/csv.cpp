@@ -18,15 +18,11 @@
 #include "proto/wire/columns.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/numbers.hpp"
-#include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
 #include "proto/wire/units.hpp"
 
 namespace shearbus::replay {
 namespace {
-
-using wire::Code;
-using wire::Error;
 
 struct CsvColumn {
   std::string name;  // empty: the column is left out
@@ -49,7 +45,7 @@ const std::vector<std::string>& read_names() {
 // The name that was meant by one that no table has; empty: none is near.
 std::string near_name(std::string_view name) {
   std::string lower(name);
-  std::ranges::transform(lower, lower.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c; });
+  std::ranges::transform(lower, lower.begin(), wire::ascii_lower);
   std::ranges::replace(lower, ' ', '_');
   const std::vector<std::string>& known = read_names();
   constexpr std::size_t kShort = 5;  // of shorter words, most are near to each other
@@ -350,7 +346,7 @@ class CsvReader {
 
   std::filesystem::path file_;
   TextLines lines_;
-  std::string line_;
+  std::string_view line_;
   std::size_t number_ = 0;  // of the line; 0: the whole file
   char separator_ = ',';
   char decimal_ = 0;  // the decimal sign of the table; 0: none has been found

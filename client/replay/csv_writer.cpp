@@ -7,17 +7,15 @@
 #include <cerrno>
 
 #include "proto/wire/columns.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::replay {
-namespace {
 
 std::string ending_of(const std::filesystem::path& file) {
   std::string ending = file.extension().string();
-  std::ranges::transform(ending, ending.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c; });
+  std::ranges::transform(ending, ending.begin(), wire::ascii_lower);
   return ending;
 }
-
-}  // namespace
 
 bool is_text_result(const std::filesystem::path& file) {
   return ending_of(file) == ".csv" || ending_of(file) == ".tsv";

@@ -18,6 +18,9 @@ namespace shearbus::replay {
 
 using ColumnPlace = std::pair<wire::Field, std::uint32_t>;  // a component of a column
 
+// The ending of a file's name in small letters, such as ".csv".
+std::string ending_of(const std::filesystem::path& file);
+
 // Whether a result of this name is written as CSV: it ends in .csv or .tsv, with tabs between the values.
 bool is_text_result(const std::filesystem::path& file);
 

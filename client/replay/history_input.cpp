@@ -144,9 +144,7 @@ void HistoryInput::refuse_what_is_missing(const wire::SessionOpened& session) co
   for (const std::string& one : missing_) {
     const std::string name = one.substr(1, one.find(' ') - 1);
     std::vector<std::string> lower = names;
-    for (std::string& one_name : lower)
-      std::ranges::transform(one_name, one_name.begin(),
-                             [](char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c; });
+    for (std::string& one_name : lower) std::ranges::transform(one_name, one_name.begin(), wire::ascii_lower);
     const std::vector<std::string_view> views(lower.begin(), lower.end());
     const std::string_view near = wire::nearest(name, views);
     if (near.empty()) continue;

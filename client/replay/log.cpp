@@ -11,10 +11,6 @@
 namespace shearbus::replay {
 namespace {
 
-using wire::Code;
-using wire::Error;
-using wire::Field;
-
 // Whether a request is refused with this code again when it is repeated in the same states.
 bool is_of_states_or_content(Code code) {
   constexpr std::array kCodes = {Code::kShape,       Code::kUnsupported,   Code::kNothingToCommit,

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "client/replay/names.hpp"
 #include "proto/files/event_log.hpp"
 #include "proto/wire/messages.hpp"
 

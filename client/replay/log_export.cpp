@@ -12,19 +12,15 @@
 #include <variant>
 #include <vector>
 
-#include "client/replay/csv_writer.hpp"
 #include "client/replay/log.hpp"
 #include "client/replay/node_properties.hpp"
+#include "client/replay/result_file.hpp"
 #include "proto/files/recording.hpp"
 #include "proto/files/whole_file.hpp"
 #include "proto/wire/columns.hpp"
 
 namespace shearbus::replay {
 namespace {
-
-using wire::Code;
-using wire::Error;
-using wire::Field;
 
 struct Row {
   std::uint64_t record = 0;  // index in the log
@@ -217,58 +213,6 @@ class Planner {
   std::vector<std::size_t> places_;  // of the table's nodes in the rows of the last step
 };
 
-// Receives the values of a table row by row.
-class TableWriter {
- public:
-  TableWriter(const ExportOptions& options, const Plan& plan, std::vector<Place> columns)
-      : columns_(std::move(columns)) {
-    if (is_text_result(options.like())) {
-      csv_.emplace(options.out, options.like(), columns_, plan.nodes, plan.properties);
-      return;
-    }
-    std::vector<files::Quantity> quantities;
-    for (const auto& [field, component] : columns_) quantities.push_back(files::quantity_of_column(field, component));
-    hdf5_.emplace(options.out, plan.nodes, std::move(quantities),
-                  std::map<std::string, std::string>{{"producer", "shearbus-replay " + options.version},
-                                                     {"scene", plan.scene},
-                                                     {"input_file", options.log.filename().string()},
-                                                     {"input_hash", files::hash_of_file(options.log)},
-                                                     {"times", plan.host_times ? "the host's" : "sums of dt"}},
-                  plan.start_s);
-    plan.properties.write(*hdf5_);
-    for (const auto& [place, values] : plan.masses)
-      if (!plan.masses_change) hdf5_->add_static(files::quantity_of_column(place.first, place.second), values);
-  }
-  void row(const Row& row, const std::vector<std::vector<double>>& numbers) {
-    if (hdf5_) {
-      hdf5_->begin_row(row.time_s, row.dt_s);
-      for (std::size_t i = 0; i < columns_.size(); ++i) {
-        if (wire::element_of(columns_[i].first) == wire::Element::kUint8) {
-          const std::vector<std::uint8_t> codes(numbers[i].begin(), numbers[i].end());
-          hdf5_->set(i, std::span<const std::uint8_t>(codes));
-        } else {
-          hdf5_->set(i, std::span<const double>(numbers[i]));
-        }
-      }
-      hdf5_->end_row();
-      return;
-    }
-    csv_->step(row.time_s, row.dt_s, numbers);
-  }
-
-  void close() {
-    if (hdf5_)
-      hdf5_->close();
-    else
-      csv_->close();
-  }
-
- private:
-  std::vector<Place> columns_;
-  std::optional<files::HistoryWriter> hdf5_;
-  std::optional<CsvWriter> csv_;
-};
-
 }  // namespace
 
 std::size_t export_log(const ExportOptions& options) {
@@ -284,8 +228,17 @@ std::size_t export_log(const ExportOptions& options) {
     if (csv || !is_mass(place) || plan.masses_change) columns.push_back(place);
   const std::size_t inputs = columns.size();
   columns.insert(columns.end(), plan.outputs.begin(), plan.outputs.end());
-  TableWriter writer(options, plan, columns);
-  std::vector<std::vector<double>> numbers(columns.size(), std::vector<double>(plan.nodes.size()));
+  ResultFile table(options.out, options.like(), columns, plan.nodes, plan.properties,
+                   {{"producer", "shearbus-replay " + options.version},
+                    {"scene", plan.scene},
+                    {"input_file", options.log.filename().string()},
+                    {"input_hash", files::hash_of_file(options.log)},
+                    {"times", plan.host_times ? "the host's" : "sums of dt"}},
+                   plan.start_s);
+  if (files::HistoryWriter* const hdf5 = table.hdf5(); hdf5 != nullptr && !plan.masses_change)
+    for (const auto& [place, values] : plan.masses)
+      hdf5->add_static(files::quantity_of_column(place.first, place.second), values);
+  std::vector<double> numbers(plan.nodes.size());
   Log log(options.log);
   NodeOrder order;
   auto row = plan.rows.begin();
@@ -293,21 +246,23 @@ std::size_t export_log(const ExportOptions& options) {
   while (row != plan.rows.end() && log.next()) {
     if (log.index() == row->record) {
       const auto ids = order.rows_of(log.request());
+      table.begin_step(row->time_s, row->dt_s);
       for (std::size_t i = 0; i < columns.size(); ++i) {
         const wire::Batch& batch = i < inputs ? log.request().batch : log.reply().batch;
         if (wire::element_of(columns[i].first) == wire::Element::kUint8) {
           planner.values_of(batch, columns[i], ids, codes);
-          numbers[i].assign(codes.begin(), codes.end());
+          table.set(i, std::span<const std::uint8_t>(codes));
         } else {
-          planner.values_of(batch, columns[i], ids, numbers[i]);
+          planner.values_of(batch, columns[i], ids, numbers);
+          table.set(i, std::span<const double>(numbers));
         }
       }
-      writer.row(*row, numbers);
+      table.end_step();
       ++row;
     }
     order.follow(log.request(), log.reply());
   }
-  writer.close();
+  table.close();
   return plan.rows.size();
 }
 

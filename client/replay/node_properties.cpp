@@ -7,8 +7,6 @@
 
 namespace shearbus::replay {
 
-using wire::Batch;
-
 NodeProperties NodeProperties::of(const Table& history) {
   NodeProperties found;
   if (history.has("initial_temperature")) found.initial_temperature_k = history.per_node("initial_temperature");

@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "client/replay/names.hpp"
 #include "client/replay/table.hpp"
 #include "proto/files/recording.hpp"
 #include "proto/wire/messages.hpp"

@@ -58,6 +58,33 @@ void record_profiles(Bus& bus, const Table& history, std::size_t step, const Bat
   profiles.add(history.times_s()[step], bus.profiles(profiles.node_ids(), pressure), pressure);
 }
 
+// The columns of a result: the pressure and the velocity jump that were sent, so that a result can be drawn and understood
+// without its history, and everything that was answered. The other inputs are in the history alone.
+std::vector<ColumnPlace> columns_of(const wire::SessionOpened& opened) {
+  std::vector<Field> fields = {Field::kPressure, Field::kVelocityJump};
+  fields.insert(fields.end(), opened.reply_columns.begin(), opened.reply_columns.end());
+  std::vector<ColumnPlace> columns;
+  for (const Field field : fields)
+    for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? opened.tangential_components : 1);
+         ++component)
+      columns.emplace_back(field, component);
+  return columns;
+}
+
+void write_step(ResultFile& file, const std::vector<ColumnPlace>& columns, const Batch& request, const Answer& answer,
+                double time_s, double dt_s) {
+  file.begin_step(time_s, dt_s);
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const auto [field, component] = columns[i];
+    const Batch& batch = answer.columns.has(field, component) ? answer.columns : request;
+    if (wire::element_of(field) == wire::Element::kUint8)
+      file.set(i, batch.u8(field, component));
+    else
+      file.set(i, batch.f64(field, component));
+  }
+  file.end_step();
+}
+
 void warn(const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
 }
@@ -68,6 +95,7 @@ void replay(const Options& options, const Table& history, HistoryInput& input, B
   Batch request = bus.request(input.optional_columns(), input.form());
   input.prepare(request);
   InputCheck inputs;
+  const std::vector<ColumnPlace> columns = columns_of(bus.opened());
   for (std::size_t step = 0; step < history.steps(); ++step) {
     if (program::interrupted())
       throw std::runtime_error(
@@ -83,7 +111,7 @@ void replay(const Options& options, const Table& history, HistoryInput& input, B
 
     const auto answered = Clock::now();
     const double dt_s = history.dt_s()[step];
-    result_file.step(request, answer, history.times_s()[step], dt_s);
+    write_step(result_file, columns, request, answer, history.times_s()[step], dt_s);
     time.writing += Clock::now() - answered;
     warn(inputs.add(request, dt_s));
     tally.add(request, answer, history.times_s()[step], dt_s);
@@ -239,13 +267,15 @@ void run(const Options& options) {
       {"machine", server::value_of(provenance, "machine")},
       {"command", server::value_of(provenance, "command")},
   };
-  ResultFile result(options.out, bus.opened(), history.node_ids(), properties, meta, history.start_time_s());
+  ResultFile result(options.out, options.out, columns_of(bus.opened()), history.node_ids(), properties, meta,
+                    history.start_time_s());
   const bool replaced = result.replaces();
   Tally tally(history.node_ids());
   replay(options, history, input, bus, result, profiles, tally, time);
   const wire::SessionClosed totals = bus.close();
   const auto replayed = Clock::now();
-  result.close(profiles);
+  if (files::HistoryWriter* const hdf5 = result.hdf5()) profiles.write(*hdf5);
+  result.close();
   time.writing += Clock::now() - replayed;
   time.total = Clock::now() - start;
 

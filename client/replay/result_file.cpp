@@ -1,59 +1,44 @@
 #include "client/replay/result_file.hpp"
 
-#include <algorithm>
-
 namespace shearbus::replay {
 
-ResultFile::ResultFile(const std::filesystem::path& file, const wire::SessionOpened& opened,
-                       std::span<const std::uint64_t> node_ids, const NodeProperties& properties,
-                       const std::map<std::string, std::string>& meta, double start_time_s) {
-  refuse_ending_of_text(file);
-  const auto add = [&](Field field, bool is_input) {
-    for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? opened.tangential_components : 1);
-         ++component)
-      columns_.push_back({field, component, is_input});
-  };
-  for (const Field field : {Field::kPressure, Field::kVelocityJump}) add(field, true);
-  for (const Field field : opened.reply_columns) add(field, false);
-  if (is_text_result(file)) {
-    std::vector<ColumnPlace> places;
-    for (const Column& column : columns_) places.emplace_back(column.field, column.component);
-    csv_.emplace(file, file, std::move(places), node_ids, properties);
-    values_.resize(columns_.size());
+ResultFile::ResultFile(const std::filesystem::path& file, const std::filesystem::path& like,
+                       const std::vector<ColumnPlace>& columns, std::span<const std::uint64_t> node_ids,
+                       const NodeProperties& properties, const std::map<std::string, std::string>& meta,
+                       double start_time_s)
+    : values_(columns.size()) {
+  if (is_text_result(like)) {
+    csv_.emplace(file, like, columns, node_ids, properties);
     return;
   }
   std::vector<files::Quantity> quantities;
-  for (const Column& column : columns_) quantities.push_back(files::quantity_of_column(column.field, column.component));
+  for (const auto& [field, component] : columns) quantities.push_back(files::quantity_of_column(field, component));
   hdf5_.emplace(file, node_ids, std::move(quantities), meta, start_time_s);
   properties.write(*hdf5_);
 }
 
-void ResultFile::step(const Batch& request, const Answer& answer, double time_s, double dt_s) {
-  if (hdf5_) hdf5_->begin_row(time_s, dt_s);
-  for (std::size_t i = 0; i < columns_.size(); ++i) {
-    const auto [field, component, is_input] = columns_[i];
-    const Batch& batch = is_input ? request : answer.columns;
-    const auto put = [&](const auto& column) {
-      if (hdf5_)
-        hdf5_->set(i, column);
-      else
-        values_[i].assign(column.begin(), column.end());
-    };
-    if (wire::element_of(field) == wire::Element::kUint8)
-      put(batch.u8(field, component));
-    else
-      put(batch.f64(field, component));
-  }
-  if (hdf5_)
-    hdf5_->end_row();
-  else
-    csv_->step(time_s, dt_s, values_);
+void ResultFile::begin_step(double time_s, double dt_s) {
+  if (hdf5_) return hdf5_->begin_row(time_s, dt_s);
+  time_s_ = time_s;
+  dt_s_ = dt_s;
 }
 
-void ResultFile::close(const files::ProfileRecord& profiles) {
-  if (csv_) return csv_->close();
-  profiles.write(*hdf5_);
-  hdf5_->close();
+void ResultFile::set(std::size_t column, std::span<const double> values) {
+  if (hdf5_) return hdf5_->set(column, values);
+  values_[column].assign(values.begin(), values.end());
+}
+
+void ResultFile::set(std::size_t column, std::span<const std::uint8_t> values) {
+  if (hdf5_) return hdf5_->set(column, values);
+  values_[column].assign(values.begin(), values.end());
+}
+
+void ResultFile::end_step() {
+  hdf5_ ? hdf5_->end_row() : csv_->step(time_s_, dt_s_, values_);
+}
+
+void ResultFile::close() {
+  hdf5_ ? hdf5_->close() : csv_->close();
 }
 
 }  // namespace shearbus::replay

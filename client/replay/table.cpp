@@ -6,15 +6,12 @@
 #include <cmath>
 #include <utility>
 
+#include "client/replay/csv_writer.hpp"
 #include "proto/files/recording.hpp"
 #include "proto/wire/columns.hpp"
-#include "proto/wire/status.hpp"
 
 namespace shearbus::replay {
 namespace {
-
-using wire::Code;
-using wire::Error;
 
 class Hdf5Table final : public Table {
  public:
@@ -202,8 +199,7 @@ MemoryTable resampled(Table& table, Rows rows, double dt_s) {
 }
 
 std::unique_ptr<Table> open_table(const std::filesystem::path& file, const TableOptions& options) {
-  std::string ending = file.extension().string();
-  std::ranges::transform(ending, ending.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c; });
+  const std::string ending = ending_of(file);
   const bool csv = ending == ".csv" || ending == ".txt" || ending == ".tsv" || ending == ".dat";
   if (!csv) {
     if (!options.columns.empty())

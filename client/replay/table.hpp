@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "client/replay/names.hpp"
+
 namespace shearbus::replay {
 
 // Quantities per step and node, [T,N], and per node, [N], by name. SI units.
