@@ -15,6 +15,7 @@
 #include "client/replay/table.hpp"
 #include "client/src/connection.hpp"
 #include "proto/wire/columns.hpp"
+#include "proto/wire/units.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -103,11 +104,8 @@ bool compare_logs(const fs::path& file_a, const fs::path& file_b, const Names& n
 
 std::vector<std::string> quantities_of(const Table& table) {
   std::vector<std::string> names;
-  for (const wire::ColumnRow& column : wire::column_rows())
-    for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
-      if (const std::string name = wire::quantity_of(column.field, component);
-          column.kind != wire::Kind::kNode && table.has(name))
-        names.push_back(name);
+  for (const auto& [name, column] : wire::quantities())
+    if (table.has(name)) names.push_back(name);
   return names;
 }
 
@@ -157,29 +155,37 @@ void print_largest(const std::string& name, const Largest& found, const Names& n
       names.a, found.b, names.b);
 }
 
+// Calls value(column, node, of a, of b) for each value of a step, at the first step also for those of a node alone.
+template <typename Value>
+void each_value(Table& a, Table& b, std::size_t step, std::span<const std::string> common, const Value& value) {
+  std::vector<double> row_a(a.nodes()), row_b(b.nodes());
+  for (std::size_t column = 0; column < common.size(); ++column) {
+    const std::string& name = common[column];
+    if (!is_per_node(name)) {
+      a.row(name, step, row_a);
+      b.row(name, step, row_b);
+    } else if (step == 0) {
+      row_a = a.per_node(name);
+      row_b = b.per_node(name);
+    } else {
+      continue;
+    }
+    for (std::size_t node = 0; node < row_a.size(); ++node) value(column, a.node_ids()[node], row_a[node], row_b[node]);
+  }
+}
+
 // Compares all steps of two tables within a tolerance and prints the largest difference of each column that has one.
 // Returns whether they are equal.
 bool compare_within(Table& a, Table& b, std::span<const std::string> common, const Names& names, double rtol) {
   const std::size_t steps = std::min(a.steps(), b.steps());
   std::vector<Largest> largest(common.size());
-  std::vector<double> row_a(a.nodes());
-  std::vector<double> row_b(b.nodes());
   Largest times;
   for (std::size_t step = 0; step < steps; ++step) {
     const double time_s = a.times_s()[step];
     times.add(time_s, b.times_s()[step], rtol, 0, step, time_s);
-    for (std::size_t column = 0; column < common.size(); ++column) {
-      if (is_per_node(common[column])) {
-        if (step > 0) continue;
-        row_a = a.per_node(common[column]);
-        row_b = b.per_node(common[column]);
-      } else {
-        a.row(common[column], step, row_a);
-        b.row(common[column], step, row_b);
-      }
-      for (std::size_t node = 0; node < row_a.size(); ++node)
-        largest[column].add(row_a[node], row_b[node], rtol, a.node_ids()[node], step, time_s);
-    }
+    each_value(a, b, step, common, [&](std::size_t column, std::uint64_t node, double of_a, double of_b) {
+      largest[column].add(of_a, of_b, rtol, node, step, time_s);
+    });
   }
   bool equal = true;
   if (times.differing > 0) {
@@ -224,35 +230,17 @@ bool compare_tables(const fs::path& file_a, const fs::path& file_b, const Names&
   if (!single.empty()) fmt::print("not compared, since only one has it: {}\n", fmt::join(single, ", "));
   if (rtol > 0) return compare_within(*a, *b, common, names, rtol);
   const std::size_t steps = std::min(a->steps(), b->steps());
-  std::vector<double> row_a(a->nodes());
-  std::vector<double> row_b(b->nodes());
-  for (const std::string& name : common) {
-    if (!is_per_node(name)) continue;
-    Found found;
-    row_a = a->per_node(name);
-    row_b = b->per_node(name);
-    for (std::size_t node = 0; node < row_a.size(); ++node)
-      add_value(found, name, a->node_ids()[node], row_a[node], row_b[node], names, 0.0);
-    if (const auto text = found.text()) {
-      fmt::print("{}\n", *text);
-      return false;
-    }
-  }
   for (std::size_t step = 0; step < steps; ++step) {
-    Found found;
     const double time_a = a->times_s()[step];
     const double time_b = b->times_s()[step];
     if (!same(time_a, time_b, 0.0)) {
       fmt::print("step {}: it ends at {} s in {}, at {} s in {}\n", step, time_a, names.a, time_b, names.b);
       return false;
     }
-    for (const std::string& name : common) {
-      if (is_per_node(name)) continue;
-      a->row(name, step, row_a);
-      b->row(name, step, row_b);
-      for (std::size_t node = 0; node < row_a.size(); ++node)
-        add_value(found, name, a->node_ids()[node], row_a[node], row_b[node], names, 0.0);
-    }
+    Found found;
+    each_value(*a, *b, step, common, [&](std::size_t column, std::uint64_t node, double of_a, double of_b) {
+      add_value(found, common[column], node, of_a, of_b, names, 0.0);
+    });
     if (const auto text = found.text()) {
       fmt::print("step {} (ends at {} s): {}\n", step, time_a, *text);
       return false;

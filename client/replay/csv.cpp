@@ -15,7 +15,6 @@
 
 #include "client/replay/table.hpp"
 #include "client/replay/text_lines.hpp"
-#include "proto/wire/columns.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/numbers.hpp"
 #include "proto/wire/text.hpp"
@@ -34,9 +33,8 @@ const std::vector<std::string>& read_names() {
   static const std::vector<std::string> kNames = [] {
     std::vector<std::string> names = {"time", "dt", "node", "node_id", "pair", "initial_temperature"};
     for (const char* name : {"initial_velocity_jump", "initial_velocity_jump_second"}) names.emplace_back(name);
-    for (const wire::ColumnRow& column : wire::column_rows())
-      for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
-        if (column.kind == wire::Kind::kInput) names.push_back(wire::quantity_of(column.field, component));
+    for (const auto& [name, column] : wire::quantities())
+      if (column->kind == wire::Kind::kInput) names.push_back(name);
     return names;
   }();
   return kNames;

@@ -8,7 +8,7 @@
 
 #include "client/replay/csv_writer.hpp"
 #include "proto/files/recording.hpp"
-#include "proto/wire/columns.hpp"
+#include "proto/wire/units.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -33,15 +33,6 @@ class Hdf5Table final : public Table {
  private:
   files::HistoryReader history_;
 };
-
-// The names of the inputs of steps, each with its components.
-std::vector<std::string> input_names() {
-  std::vector<std::string> names;
-  for (const wire::ColumnRow& column : wire::column_rows())
-    for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
-      if (column.kind == wire::Kind::kInput) names.push_back(wire::quantity_of(column.field, component));
-  return names;
-}
 
 // The mean from `begin` to `end` of values at instants, linear in between.
 class Means {
@@ -169,8 +160,8 @@ MemoryTable resampled(Table& table, Rows rows, double dt_s) {
     }
   }
   const std::size_t nodes = table.nodes();
-  for (const std::string& name : input_names()) {
-    if (!table.has(name)) continue;
+  for (const auto& [name, column] : wire::quantities()) {
+    if (column->kind != wire::Kind::kInput || !table.has(name)) continue;
     if (name == "mass_soft" || name == "mass_hard") {
       made.constants[name] = table.per_node(name);
       continue;

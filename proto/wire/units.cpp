@@ -5,9 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <vector>
-
-#include "proto/wire/columns.hpp"
 
 namespace shearbus::wire {
 namespace {
@@ -100,15 +97,22 @@ std::string normal(std::string_view unit) {
 
 }  // namespace
 
+std::vector<std::pair<std::string, const ColumnRow*>> quantities() {
+  std::vector<std::pair<std::string, const ColumnRow*>> found;
+  for (const ColumnRow& column : column_rows())
+    for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
+      if (column.kind != Kind::kNode) found.emplace_back(quantity_of(column.field, component), &column);
+  return found;
+}
+
 const char* unit_of_quantity(std::string_view name) {
   if (name == "time" || name == "dt") return "s";
   if (name == "node_id" || name == "node") return "";
   if (name == "initial_temperature") return "K";
   if (name == "pair" || name.starts_with("parameter/")) return "";
   if (name == "initial_velocity_jump" || name == "initial_velocity_jump_second") return "m/s";
-  for (const ColumnRow& column : column_rows())
-    for (std::uint32_t component = 0; component < (column.tangential ? 2 : 1); ++component)
-      if (column.kind != Kind::kNode && quantity_of(column.field, component) == name) return column.unit;
+  for (const auto& [quantity, column] : quantities())
+    if (quantity == name) return column->unit;
   return nullptr;
 }
 

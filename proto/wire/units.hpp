@@ -4,8 +4,15 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
+
+#include "proto/wire/columns.hpp"
 
 namespace shearbus::wire {
+
+// The quantities of steps by name, each component of its own, and the rows of their columns.
+std::vector<std::pair<std::string, const ColumnRow*>> quantities();
 
 // The SI unit of a quantity of a history, "" for one without a unit; null if no history has a quantity of this name.
 const char* unit_of_quantity(std::string_view name);
