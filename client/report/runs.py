@@ -246,6 +246,12 @@ class Run:
             return self["slip_distance"][-1]
         return np.array(self.summary.get("slip_distance_m", self["slip"]))
 
+    def mean(self, values):
+        """Returns the mean of values, one per node, over the length of the interface, on which a node at an end has half a
+        place; over the nodes where they are no line."""
+        length = self.summary.get("interface", {}).get("length_m")
+        return float(np.average(values, weights=length if length and len(length) == len(values) else None))
+
     def molten_time(self):
         """Returns the time that each node spent in the regime MELTING (µs)."""
         melting = self["regime"] == list(REGIMES).index("MELTING") if "regime" in self else np.zeros((len(self.time), len(self.nodes)), dtype=bool)
