@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
 
 #include "hydro_stub/cone_target.hpp"
@@ -133,7 +134,12 @@ TEST(InterfaceLine, TheMeanOfALinearProfileIsExact) {
     }
     ASSERT_EQ(line.lengths().size(), height.size());
     EXPECT_NEAR(line.mean(height), 0.5 * (height.front() + height.back()), 1e-15);
-    EXPECT_NEAR(line.lengths().front() / line.lengths()[1], 0.5, 1e-3) << "half a place";
+    // a profile that is linear in the last zone, and 0 elsewhere
+    std::vector<double> at_the_end(height.size(), 0.0);
+    at_the_end.back() = 1.0;
+    const double whole = std::accumulate(line.lengths().begin(), line.lengths().end(), 0.0);
+    EXPECT_NEAR(line.mean(at_the_end), line.lengths().back() / whole, 1e-15);
+    EXPECT_NEAR(line.lengths().back() * (static_cast<double>(height.size()) - 1.0) / whole, 0.5, 1e-3);
     // A window of it: an uneven end does not pull the mean.
     const std::size_t first = 1, last = height.size() - 4;
     EXPECT_NEAR(*line.mean(height, [&](std::size_t i) { return i >= first && i <= last; }),
