@@ -145,7 +145,7 @@ def draw(found, out):
              title=f"{found['scene']}, zones of {', '.join(f'{zone * 1e3:g}' for zone in found['zones_m'])} mm")
     axis.grid()
     style.legend_below(figure, drawn)
-    style.save(figure, out / "mesh.png", f"shearbus-study mesh, {found['scene']}, law {found['law']}")
+    style.save(figure, out / "mesh.png", f"shearbus-study mesh, {found['scene']}, law {found['law']}", colours=64)
     print(f"\nwritten: {out / 'mesh.png'}, {out / 'mesh.json'}")
 
 
