@@ -38,12 +38,13 @@ TextLines::TextLines(const std::filesystem::path& file) : file_(file) {
   std::size_t size = 0;
   while (const std::size_t taken = input.read(text_.data() + size, text_.size() - size, file)) size += taken;
   text_.resize(size);
-  if (text_.starts_with("\xff\xfe") || text_.starts_with("\xfe\xff")) try {
-      if (size % 2 != 0) refuse("is UTF-16 by its first bytes, but has an odd number of bytes", "");
-      text_ = utf8_of_utf16(std::string_view(text_).substr(2), text_.starts_with("\xfe"));
-    } catch (const utf8::exception&) {
-      refuse("is UTF-16 by its first bytes, but a unit is half a pair", "");
-    }
+  const bool utf16 = text_.starts_with("\xff\xfe") || text_.starts_with("\xfe\xff");
+  if (utf16 && size % 2 != 0) refuse("is UTF-16 by its first bytes, but has an odd number of bytes", "");
+  try {
+    if (utf16) text_ = utf8_of_utf16(std::string_view(text_).substr(2), text_.starts_with("\xfe"));
+  } catch (const utf8::exception&) {
+    refuse("is UTF-16 by its first bytes, but a unit is half a pair", "");
+  }
   rest_ = text_;
   if (rest_.starts_with("\xef\xbb\xbf")) rest_.remove_prefix(3);
 }

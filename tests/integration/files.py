@@ -350,6 +350,9 @@ class Tables(Files):
         self.assert_read(self.table("sep=;\n" + text))
         self.assert_read(self.table("sep=,\n" + text.replace(",", ".").replace(";", ",")))
         self.assert_refused(self.table(text.encode("utf-16-le")), "zero byte", "UTF-8")
+        self.assert_refused(self.table(text.encode("utf-16") + b"\x3d\xd8"), "half a pair")
+        self.assert_refused(self.table(text.encode("utf-16") + b"1"), "odd number of bytes")
+        self.assert_read(self.table(f"# \U0001f600\n{text}", encoding="utf-16"))
 
     def test_one_decimal_sign(self):
         self.assert_refused(self.table(self.HEAD + "0;11;100\n0.05;11,2;100\n"), "line 3", "decimal comma", "line 3 a decimal point")
