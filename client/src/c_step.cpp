@@ -87,7 +87,9 @@ std::vector<Field> fields_of(const Session& session, std::span<const shearbus_in
         refuse(Code::kShape,
                fmt::format("{} is given {} times, expected once",
                            column_name(static_cast<std::uint32_t>(field), component), found),
-               "Give every component of a column, once.", wire::name(field));
+               components == 1 ? "Give every column once."
+                               : "The scene has tangential_components = 2: give components 0 and 1 of a column, once.",
+               wire::name(field));
     }
   }
   return fields;
@@ -280,7 +282,17 @@ int shearbus_step(shearbus_session* session, const shearbus_request* request, sh
     if (session->fallback && given.mode == SHEARBUS_ADVANCE && !session->started)
       return step_or_fall_back(*session, given, result, ask);
     session_of(session);
-    ask(prepare(*session, given));
+    try {
+      ask(prepare(*session, given));
+    } catch (const Error& fault) {
+      wire::Status status_of_fault = fault.status();
+      if (session->fallback || session->ignores_environment || environment("SHEARBUS_FALLBACK").empty() ||
+          !Fallback::is_gone(status_of_fault.code))
+        throw;
+      status_of_fault.remedy +=
+          " SHEARBUS_FALLBACK is set, but this host has no friction law of its own to go on with.";
+      throw Error(std::move(status_of_fault));
+    }
   });
 }
 
