@@ -160,6 +160,28 @@ void nodes_and_refusals() {
   law.session().close();
 }
 
+// Each of many nodes, whose ids share their low bits or their high ones and come in changing order, gets its own answer.
+void many_nodes() {
+  constexpr std::uint64_t kNodes = 200;
+  shearbus::Options given = options(1);
+  given.check_closure = SHEARBUS_CHECK_OFF;
+  shearbus::ContactLaw law(given, {0}, 2);
+  const auto id_of = [](std::uint64_t k) { return k % 2 == 0 ? k << 32U : ~k; };
+  for (const std::uint64_t stride : {1, 37, 83}) {
+    for (std::uint64_t i = 0; i < kNodes; ++i) {
+      const std::uint64_t k = i * stride % kNodes;
+      shearbus::Contact at = plain();
+      at.pressure = 1e6 * static_cast<double>(k + 1);
+      law.touch(id_of(k), at);
+    }
+    law.solve(kDt);
+    for (std::uint64_t k = 0; k < kNodes; ++k)
+      CHECK(std::fabs(law.traction(id_of(k))[0] + 1e5 * static_cast<double>(k + 1)) < 1e-3);
+  }
+  CHECK(law.session().node_ids().size() == kNodes);
+  law.session().close();
+}
+
 pid_t pid_of_server() {
   std::ifstream file(pid_file);
   pid_t pid = 0;
@@ -302,6 +324,7 @@ int main(int count, char** arguments) try {
   }
   turning_plane();
   nodes_and_refusals();
+  many_nodes();
   fallback();
   return faults == 0 ? 0 : 1;
 } catch (const std::exception& fault) {
