@@ -51,10 +51,16 @@ std::string ClosureCheck::text_of(const Difference& found) const {
   if (units_are_doubtful_)
     return found.text + "A warning before this one doubts units: correct these first, which may be all.";
   if (found.mistakes.empty())
-    return found.text +
-           "No single mistake in signs, sides, masses, time levels or dt_s explains it. Are stresses in Pa and masses "
-           "in kg/m2, is the answer applied times the area, is the jump that before the forces act? The guide's table "
-           "of hosts (client/README.md) has hosts that change velocities in other ways.";
+    return fmt::format(
+        "{}No single mistake in signs, sides, masses, time levels or dt_s explains it. {}, is the answer applied times "
+        "the area, is the jump that before the forces act? The guide's table of hosts (client/README.md) has hosts "
+        "that "
+        "change velocities in other ways.",
+        found.text,
+        found.sticks
+            ? "Are stresses in Pa and the impedance in Pa s/m, is stick_stress the total one (a fault's initial "
+              "stress is part of it, and is subtracted from the answer)"
+            : "Are stresses in Pa and masses in kg/m2");
   return fmt::format("{}One change explains it: {}.", found.text, fmt::join(found.mistakes, "; or: "));
 }
 
@@ -261,7 +267,8 @@ std::optional<ClosureCheck::Difference> ClosureCheck::difference(const Kept& las
           "a host that applies the answered stress has that jump but for rounding ({} of {} nodes differ, this one by "
           "{:.3g} m/s). ",
           worst.now, ids[worst_row], worst.answered, wrong, compared, worst.difference()),
-      .mistakes = {}};
+      .mistakes = {},
+      .sticks = last.sticks};
   if (last.has_stress)
     found.mistakes =
         last.sticks ? closure::stick_mistakes(rows) : closure::far_field_mistakes(rows, {last.dt_before, last.dt, dt});

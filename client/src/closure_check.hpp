@@ -56,6 +56,7 @@ class ClosureCheck {
   struct Difference {
     std::string text;
     std::vector<std::string> mistakes;
+    bool sticks = false;  // of a step in stick form
   };
   std::string text_of(const Difference& found) const;
 

@@ -110,6 +110,8 @@ constexpr Stick kStick[] = {
     {.text = "the answered stress is not applied, or the jump sent is that without friction", .answer = 0.0},
     {.text = "impedance must be twice that sent, or the answered stress is applied to one side only", .answer = 0.5},
     {.text = "impedance must be half of that sent", .answer = 2.0},
+    {.text = "impedance alone must be twice that sent: stick_stress is right", .stick = 0.5, .answer = 0.5},
+    {.text = "impedance alone must be half of that sent: stick_stress is right", .stick = 2.0, .answer = 2.0},
     {.text = "velocity_jump is that of the predictor of a Newmark scheme: send that of the whole step before",
      .stick = 2.0,
      .answer = 2.0,

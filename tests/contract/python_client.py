@@ -415,6 +415,29 @@ class Decisions(Live):
                                 lambda: shearbus.resume(wrong, OPTIONS.endpoint))
         self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.resume(ticket))
 
+    def test_a_host_with_another_mesh_keeps_the_layers_of_the_nodes_that_remain(self):
+        bus, whole = self.open(), self.open()
+        for each in (bus, whole):
+            each.step(1e-9, **drive(100, 90, 80))
+        bus.mark("dump")
+        bus.step(1e-9, **drive(500, 500, 500))
+        ticket = bus.ticket
+        bus.leave()
+        with self.assertRaisesRegex(shearbus.SessionError, "node 11 is not in the session.*retire and register") as caught:
+            shearbus.resume(ticket, OPTIONS.endpoint, nodes=[7, 3, 11])
+        self.assertEqual((caught.exception.code, caught.exception.nodes), (shearbus.Code.RESUME_REFUSED, [11]))
+        with self.assertWarnsRegex(UserWarning, f"1 nodes that the host does not name, such as node {2**64 - 1}"):
+            successor = shearbus.resume(ticket, OPTIONS.endpoint, nodes=[7, 3])
+        self.addCleanup(successor.close)
+        successor.rollback_to("dump")
+        successor.retire([2**64 - 1])
+        successor.register([11])
+        self.assertEqual(list(successor.nodes), [3, 7, 11])
+        answer, expected = successor.step(1e-9, **drive(70, 60, 50)), whole.step(1e-9, **drive(70, 60, 50))
+        numpy.testing.assert_array_equal(answer.temperature[:2], expected.temperature[:2])
+        fresh = self.open(nodes=[11])
+        numpy.testing.assert_array_equal(answer.temperature[2:], fresh.step(1e-9, **drive(50)).temperature)
+
     def test_a_history_holds_what_was_kept(self):
         bus = self.open(record=True)
         answers = [bus.step(1e-9, step=i, **drive(100 + i, 90, 80)) for i in range(3)]

@@ -291,6 +291,18 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
       {.name = "impedance of half zones twice as heavy",
        .named = "impedance must be half of that sent",
        .in_request = impedance(2.0)},
+      {.name = "impedance alone twice as large, as one without the gamma of a Newmark scheme",
+       .named = "impedance alone must be half of that sent",
+       .in_request = times(Field::kImpedance, 2.0)},
+      {.name = "impedance alone half",
+       .named = "impedance alone must be twice",
+       .in_request = times(Field::kImpedance, 0.5)},
+      {.name = "stick stress of a fault without its initial stress",
+       .named = "is stick_stress the total one",
+       .in_request =
+           [](Batch& b) {
+             for (double& stress : b.f64(Field::kStickStress)) stress -= 3e7;
+           }},
       {.name = "impedance half",
        .named = "impedance must be twice that sent, or the answered stress is applied to one side only",
        .in_request = impedance(0.5)},

@@ -386,7 +386,7 @@ SHEARBUS_API int shearbus_resume(shearbus_session** session, const shearbus_opti
                                  shearbus_status* status);
 /* shearbus_resume() for a host that knows its nodes: those in `nodes` must be in the session, with the same pairs and
  * parameters, else the call is SHEARBUS_RESUME_REFUSED with the nodes at fault, and the session stays as it is. What
- * `nodes` leaves out is not compared, nor are initial temperatures. */
+ * `nodes` leaves out is not compared, nor are initial temperatures; of nodes that it leaves out there is a warning. */
 SHEARBUS_API int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* options, const char* ticket,
                                        const shearbus_nodes* nodes, shearbus_status* status);
 /* What the server told of the nodes of a resumed session: ids, pairs and parameters as they were given, in the order
