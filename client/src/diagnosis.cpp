@@ -169,12 +169,12 @@ std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Tim
   for (const TimeLevel& mistake : kTimeLevels)
     if (explains(rows, [&](const Row& row) { return mistake.new_jump(row, times.last); }))
       found.emplace_back(mistake.text);
-  constexpr const char* kNextLength = "the velocities advance by the dt_s of this step, not by that of the last one";
   const struct {
     double dt;
     const char* text;
   } others[] = {
-      {times.now, times.before > 0.0 ? kNextLength : kFirstKick},
+      {times.now, "the velocities advance by the dt_s of this step, not by that of the last one"},
+      {times.before > 0.0 ? 0.0 : times.now, kFirstKick},
       {times.before, "the velocities advance by the dt_s of the step before the last one"},
       {0.5 * (times.last + times.now),
        "dt_s is the step of the positions before; the velocities advance by the mean of the steps before and after"},

@@ -324,7 +324,7 @@ TEST(ClientClosure, WaitsForUnitsBeforeItNamesAMistake) {
   RunningServer server;
   const auto per_node = [](Batch& b) {
     for (const Field field : {Field::kMassSoft, Field::kMassHard, Field::kStickStress, Field::kImpedance})
-      if (b.has(field)) scale(b, field, 1e-8);
+      if (b.has(field)) scale(b, field, 1e-6);
   };
   for (const Form form : {Form::kFarField, Form::kStick}) {
     const struct Run found = run(server, {.name = "per node", .named = "", .in_request = per_node}, form);
