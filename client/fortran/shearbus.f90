@@ -739,6 +739,7 @@ contains
     if (present(msg)) msg = text
     if (present(stat)) return
     write (error_unit, '(2a)') 'shearbus: ', text
+    flush (error_unit)  ! before the backtrace of error stop, in a file, too
     error stop 1
   end subroutine
 
@@ -1272,7 +1273,7 @@ contains
     columns%count = self%n
     columns%n_in = 0
     columns%n_out = 0
-    columns%stick = allocated(self%impedance)
+    columns%stick = allocated(self%impedance) .or. allocated(self%stick_stress)  ! one alone is refused
     columns%masked = present(mask)
     if (columns%masked) then
       if (size(mask) /= self%n) call refuse(columns%code, columns%status, 'mask', size(mask), self%n)
