@@ -1335,11 +1335,15 @@ contains
       self%largest_closure = answer%largest_closure
       self%layer_time = answer%layer_time
       if (.not. columns%masked) then
-        self%regime = iand(int(self%bytes(:columns%count, 1)), 255)
-        self%outcome = iand(int(self%bytes(:columns%count, 2)), 255)
+        self%regime = self%bytes(:columns%count, 1)
+        if (self%flagged == 0) then
+          self%outcome = 0
+        else
+          self%outcome = iand(int(self%bytes(:columns%count, 2)), 255)
+        end if
         return
       end if
-      self%regime(columns%rows) = iand(int(self%bytes(:columns%count, 1)), 255)
+      self%regime(columns%rows) = self%bytes(:columns%count, 1)
       self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 2)), 255)
       do i = 1, columns%n_out
         columns%answers(i)%values(columns%rows) = columns%out(:columns%count, i)
