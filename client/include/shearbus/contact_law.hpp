@@ -242,11 +242,14 @@ class ContactLaw {
   }
 
   void fill(const Node& node, std::size_t column, const Vector& value, double factor) {
-    for (std::size_t c = 0; c < components_; ++c) {
-      const Vector& tangent = node.tangent[c];
-      const double third = components_ == 1 ? 0.0 : value[2] * tangent[2];
-      vectors_[column][c][node.row] = factor * (value[0] * tangent[0] + value[1] * tangent[1] + third);
+    const Vector& first = node.tangent[0];
+    const double in_plane = value[0] * first[0] + value[1] * first[1];
+    if (components_ == 1) {
+      vectors_[column][0][node.row] = factor * in_plane;
+      return;
     }
+    vectors_[column][0][node.row] = factor * (in_plane + value[2] * first[2]);
+    vectors_[column][1][node.row] = factor * dot(value, node.tangent[1]);
   }
 
   void register_new() {
