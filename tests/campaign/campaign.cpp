@@ -111,9 +111,10 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
   // An interface on a flowing layer needs two searches, one for stick and one for slip. Each search evaluates at most
   // 300 sums over the layer; both together seldom evaluate more than 100. Each slip that is tried has a search of its own
-  // for the stress of the contact.
+  // for the stress of the contact. A limit that falls with slip is searched from both ends.
+  const bool falls = has_friction(options) && properties_of(options.interface.friction_law).falls_with_slip;
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
-          .limit_values = (options.plastic_layer ? 60 * 200 : 60) * kLanes * solves,
+          .limit_values = (options.plastic_layer ? 60 * 200 : falls ? 400 : 60) * kLanes * solves,
           .newton_steps = 20000,
           .guarded_steps = kLanes};
 }

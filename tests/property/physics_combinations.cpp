@@ -290,7 +290,7 @@ struct ForgetfulLaw {
   [[maybe_unused]] static constexpr bool kDependsOnTemperature = false;
   static LawFault fault_of(const InterfaceOptions&, const Material&) { return {}; }
   static InterfaceOptions typical(const InterfaceOptions& options, const Material&) { return options; }
-  static FrictionValue at(const InterfaceOptions&, const Material&, double, double) { return {0.1, 0.0, 0.0}; }
+  static FrictionValue at(const InterfaceOptions&, const Material&, const ContactPoint&) { return {0.1}; }
 };
 static_assert(!FrictionLawClass<ForgetfulLaw>);
 
@@ -301,11 +301,11 @@ struct UnboundedLaw : CompleteLaw {
 };
 static_assert(!FrictionLawClass<UnboundedLaw>);
 
-// An incomplete friction law: it depends on slip, but has no function that solves a step.
-struct UnsolvedLaw : CompleteLaw {
-  static constexpr bool kDependsOnSlip = true;
+// An incomplete friction law: it has a state, but does not advance it.
+struct FrozenLaw : CompleteLaw {
+  static constexpr StateVariable kStates[] = {{"frozen", "1"}};
 };
-static_assert(!FrictionLawClass<UnsolvedLaw>);
+static_assert(!FrictionLawClass<FrozenLaw>);
 
 }  // namespace
 }  // namespace shearbus::testing

@@ -97,8 +97,9 @@ constexpr std::array kParts = {
              },
          .set = [](ModelOptions& o, bool on) { o.friction_coefficient = on ? std::optional(0.02) : std::nullopt; },
          .goes_with = {kVelocityDriven, kInterfaceSlip},
-         .equation = "DLP (5)",
-         .adds = "the stress does not exceed mu P; the rest of the jump is slip at z = 0",
+         .equation = "DLP (5), (65)",
+         .adds = "friction limits the stress, and the rest of the jump is slip at z = 0: in short for `[interface]`, "
+                 "which takes any friction law",
          .when = "contacts under little pressure",
          .cost = "velocity-driven x 1.17"},
     Part{
@@ -150,15 +151,20 @@ constexpr std::array kParts = {
          .key = "junctions",
          .is_on = [](const ModelOptions& o) { return o.junctions.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.junctions = on ? std::optional(typical_junctions(o)) : std::nullopt; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating, kPlasticLayer},
+         .goes_with = kEitherStrategy | kEitherHardBody |
+                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kPlasticLayer},
          .equation = "DLP (49)-(54)",
          .adds = "real contact through junctions that harden with the slip",
          .when = "rough contact, small slip",
-         .cost = "force-driven x 1.31"},
+         .cost = "velocity-driven x 6.05, force-driven x 1.31"},
     Part{.property = kSlipDependentFriction,
          .key = "interface.friction_law",
-         .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_slip; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating, kPlasticLayer},
+         .is_on =
+             [](const ModelOptions& o) {
+               return has_friction(o) && properties_of(o.interface.friction_law).depends_on_slip();
+             },
+         .goes_with = kEitherStrategy | kEitherHardBody |
+                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions},
          .law_with = "friction law that depends on slip"},
     Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
@@ -263,14 +269,20 @@ constexpr std::array kParts = {
          .cost = "velocity-driven x 1.05, force-driven x 1.25"},
     Part{.property = kTemperatureDependentFriction,
          .key = "interface.friction_law",
-         .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_temperature; },
-         .goes_with = kEitherHardBody | kFlow | kUnderPressure |
-                      Properties{kForceDriven, kPlasticHeating, kPlasticLayer, kJunctions, kSecondOrder, kModes, kSleep,
-                                 kTolerance, kTwoComponents},
+         .is_on =
+             [](const ModelOptions& o) {
+               return has_friction(o) && properties_of(o.interface.friction_law).depends_on_temperature;
+             },
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
+                      Properties{kPlasticHeating, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents},
          .law_with = "friction law that depends on temperature"},
     Part{.property = kFrictionWithState,
          .key = "interface.friction_law",
-         .is_on = [](const ModelOptions& o) { return !states_of(o.interface.friction_law).empty(); },
+         .is_on = [](const ModelOptions& o) { return has_friction(o) && !states_of(o.interface.friction_law).empty(); },
+         // A state follows the slip: what a law that depends on slip excludes, its row says (inertia, second order).
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
+                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kTolerance, kTwoComponents,
+                                 kTemperatureDependentFriction},
          .law_with = "friction law with a state of its own"},
     Part{.property = kIsothermalEnd,
          .key = "layer.far_boundary",
@@ -285,8 +297,9 @@ constexpr std::array kParts = {
                o.grid.far_boundary = on ? FarBoundary::kIsothermal : FarBoundary::kInsulated;
                if (o.hard_grid) o.hard_grid->far_boundary = o.grid.far_boundary;
              },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kInertia, kSecondOrder, kTwoComponents, kTemperatureDependentFriction},
+         .goes_with =
+             kStepOfALayer | kFlow | kUnderPressure |
+             Properties{kInertia, kSecondOrder, kTwoComponents, kTemperatureDependentFriction, kFrictionWithState},
          .equation = "T(h) = T_start",
          .adds = "the far face of a body keeps the temperature of the start, so that a sliding layer becomes steady",
          .when = "thin layers between baths, as in molecular dynamics",
@@ -300,9 +313,10 @@ constexpr std::array kParts = {
                if (on && !std::isfinite(o.soft.simon_pressure)) give_typical_melting(o.soft);
                choose_melting_curve(o.soft, on ? MeltingCurve::kSimon : MeltingCurve::kConstant);
              },
-         .goes_with = kStepOfALayer | kFlow |
-                      Properties{kPlasticHeating, kInertia, kCompressedPressureTerm, kSecondOrder, kModes, kSleep,
-                                 kTolerance, kTwoComponents, kTemperatureDependentFriction, kIsothermalEnd},
+         .goes_with =
+             kStepOfALayer | kFlow |
+             Properties{kPlasticHeating, kInertia, kCompressedPressureTerm, kSecondOrder, kModes, kSleep, kTolerance,
+                        kTwoComponents, kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd},
          .equation = "Simon, Glatzel 1929",
          .adds = "the melting temperature follows a measured curve T0 (1 + P/a)^(1/c)",
          .when = "metals with a measured melting curve; T0 is then that of the curve, not that of the flow law",
@@ -312,8 +326,8 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.melt_film.has_value(); },
          .set = [](ModelOptions& o,
                    bool on) { o.melt_film = on ? std::optional<MeltFilmOptions>(kTypicalMelt) : std::nullopt; },
-         .goes_with = kUnderPressure |
-                      Properties{kForceDriven, kConductingHardBody, kTwoComponents, kIsothermalEnd, kSimonMelting},
+         .goes_with = kUnderPressure | Properties{kForceDriven, kConductingHardBody, kTwoComponents, kFrictionWithState,
+                                                  kIsothermalEnd, kSimonMelting},
          .equation = "latent heat; s = [v] / integral(dz/eta)",
          .adds = "the soft body melts at the interface, and the melt carries the stress",
          .when = "fast slip that goes on after the interface has reached its melting temperature",
@@ -347,15 +361,12 @@ constexpr std::array kExclusions = {
               "that factor shares out the work of one stress, and with inertia the stress varies across the layer"},
     Exclusion{kInertia, kFlowWithoutWaveReturn,
               "the return of the waves to the yield stress is solved for steinberg_cochran_guinan only"},
+    Exclusion{kJunctions, kInertia, "the waves in the layer meet a contact of one friction stress a step"},
+    Exclusion{kSlipDependentFriction, kInertia, "the waves in the layer meet a contact of one friction stress a step"},
+    Exclusion{kTemperatureDependentFriction, kInertia,
+              "the waves in the layer meet a contact of one friction stress a step"},
     Exclusion{kPlasticLayer, kVelocityDriven,
               "it is an option of strategy force_driven; a velocity-driven layer always flows"},
-    Exclusion{kJunctions, kVelocityDriven,
-              "junctions are an option of strategy force_driven: the velocity-driven layer's stress is that of its "
-              "flow"},
-    Exclusion{kJunctions, kSlipDependentFriction,
-              "with slip one limit rises and the other falls, and an answer would not be found for sure"},
-    Exclusion{kSlipDependentFriction, kVelocityDriven,
-              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
     Exclusion{kCompressedPressureTerm, kFlowWithoutPressureTerm,
               "it changes a pressure term that the law does not have"},
     // Second order in time excludes parts that use a quantity of the step before, or the slip, rate or balance of a
@@ -375,19 +386,13 @@ constexpr std::array kExclusions = {
     Exclusion{kSleep, kInertia, "waves cross the layer of a contact that rests"},
     Exclusion{kSleep, kSecondOrder, "a sleeping node takes the steps of time_integrator = \"backward_euler\" in modes"},
     Exclusion{kSleep, kModes, "it has nothing to save: a step without flux in modes costs as little"},
+    Exclusion{kFrictionWithState, kSleep, "the state of a contact at rest goes on: it heals"},
     Exclusion{kTolerance, kPlasticHeating,
               "where the flow gathers in a band depends on cells and steps, and no estimate can tell"},
     Exclusion{kTolerance, kInertia,
               "the error is estimated from the interface temperature, and waves cross the layer unseen there"},
     Exclusion{kTolerance, kSleep,
               "sleep counts whole steps at rest, and a tolerance cuts the step of each node into pieces of its own"},
-    Exclusion{kTemperatureDependentFriction, kVelocityDriven,
-              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
-    Exclusion{kTemperatureDependentFriction, kSlipDependentFriction,
-              "friction that depends on slip is solved for before the temperature is known"},
-    Exclusion{kFrictionWithState, kVelocityDriven,
-              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
-    Exclusion{kFrictionWithState, kForceDriven, "no solver advances the state of a friction law yet"},
     Exclusion{kTwoComponents, kInterfaceSlip, "the shear rate that drives the layer with that drive has no direction"},
     Exclusion{kTwoComponents, kInertia,
               "the stress of a step has one direction, and that of waves turns across the layer"},
@@ -411,7 +416,7 @@ constexpr std::array kExclusions = {
     Exclusion{kMeltFilm, kPlasticHeating, "next to a film no layer flows whose work could become heat"},
     Exclusion{kMeltFilm, kJunctions, "a film carries the stress on the whole area, junctions on a fraction of it"},
     Exclusion{kMeltFilm, kSlipDependentFriction,
-              "friction that depends on slip is solved for before the film is known"},
+              "the slip is that of the liquid, of which a law of dry friction knows nothing"},
     Exclusion{kMeltFilm, kTemperatureDependentFriction,
               "that friction vanishes at melting, so that the interface would not melt"},
     Exclusion{kMeltFilm, kFirstOrderFlow,
@@ -420,7 +425,6 @@ constexpr std::array kExclusions = {
               "the strength of the solid contact up to melting is that of steinberg_cochran_guinan"},
     Exclusion{kMeltFilm, kFlowWithoutPressureTerm,
               "the strength of the solid contact up to melting is that of steinberg_cochran_guinan"},
-    Exclusion{kMeltFilm, kFrictionWithState, "no solver advances the state of a friction law yet"},
     Exclusion{kMeltFilm, kSecondOrder, "a front that moves is followed to first order"},
     Exclusion{kMeltFilm, kModes, "modes keep no temperature inside the body, where the front is"},
     Exclusion{kMeltFilm, kSleep, "the modes of a sleeping node are those of a body that neither melts nor freezes"},

@@ -4,8 +4,11 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <variant>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
@@ -97,15 +100,10 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
   const double T0 = outputs.interface_temperature[lane];
   const double slip = std::abs(outputs.sliding_velocity[lane]);
   const double a = std::abs(trial[problem.layout.shear_stress + lane]);
-  const Junctions junctions =
-      problem.options.junctions
-          ? junctions_of(&*problem.options.junctions, committed[problem.layout.junction_strain + lane], dt)
-          : Junctions{};
+  const ContactState state = contact_before(problem, committed, lane);
   const auto limit_at = [&](double P) {
     const Material soft = at_pressure(problem.options.soft, P);
-    StressLimit limit = interface_strength(problem.interface, soft, P, nullptr);
-    limit.junctions = junctions;
-    return limit.at(T0, slip);
+    return contact_limit(problem, soft, P, dt, state, nullptr).at(T0, slip);
   };
   const StressLimit::Value limit = limit_at(pressure);
   const double distance = at_pressure(problem.options.soft, pressure).melting_temperature - T0;
@@ -115,9 +113,14 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
   const double by_load =
       path.direction * by_pressure(pressure, T0, distance, [&](double P) { return limit_at(P).stress; });
   if (slip == 0.0) return {0.0, by_load};  // the jump turns in the step: a slip against the stress is taken as 0
-  const double by_free_slip = limit.slope * rise * a + limit.slip_slope;  // of the limit by c
-  const double slope = 1.0 - limit.slope * rise * (slip - b * a) + limit.slip_slope * b;
+  const double by_free_slip = limit.slope * rise * a + limit.slip_slope();  // of the limit by c
+  const double slope = 1.0 - limit.slope * rise * (slip - b * a) + limit.slip_slope() * b;
   return {by_free_slip / slope, by_load / slope};
+}
+
+// Whether the stress of a velocity-driven interface that slips is mu P.
+bool slips_under_constant_limit(const ModelOptions& options) {
+  return !options.junctions && std::holds_alternative<ConstantCoefficient>(form_of(options.interface));
 }
 
 }  // namespace
@@ -125,7 +128,8 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
 bool can_linearise(const ModelOptions& options) {
   return !options.tolerance && options.time_integrator == TimeIntegrator::kBackwardEuler &&
          options.tangential_components == 1 && !options.inertia && !options.plastic_layer && !options.melt_film &&
-         !options.taylor_quinney_factor && options.drive == Drive::kLayerShear;
+         !options.taylor_quinney_factor && options.drive == Drive::kLayerShear &&
+         (options.strategy == Strategy::kForceDriven || slips_under_constant_limit(options));
 }
 
 void linearise(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

@@ -179,7 +179,7 @@ double FlowingSlip::nearby_slip(const NearbyFlow& nearby) const {
     const StressLimit::Value limit = start_.limit.at(T(0, load), v);
     if (!(limit.stress > 0.0) || a >= a_stick_ || layer_at(load) <= a) return -1.0;
     // The stress is the limit at the temperature that stress and slip cause.
-    const double by_slip = (limit.slope * (a * (B0 - B0_work)) + limit.slip_slope) /
+    const double by_slip = (limit.slope * (a * (B0 - B0_work)) + limit.slip_slope()) /
                            (1.0 - limit.slope * (B0 * v + B0_work * (c - 2.0 * b * a - v)));
     double heat_slope = start_.heat_partition * (a + v * by_slip);
     if (heats_by_work()) heat_slope += (c - 2.0 * b * a - v) * by_slip - a;
@@ -198,6 +198,10 @@ double FlowingSlip::nearby_slip(const NearbyFlow& nearby) const {
 }
 
 void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
+  if (std::isnan(load_.stress)) {  // a contact law gave no number, and the lane has none either
+    kind_ = Kind::kSlip;
+    phase_ = Phase::kDone;
+  }
   switch (phase_) {
     case Phase::kDone:
       return;
