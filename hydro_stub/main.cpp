@@ -31,7 +31,6 @@ namespace shearbus::hydro {
 namespace {
 
 constexpr int kInterrupted = 3;
-constexpr std::size_t kLongestShown = 4096;  // of the name of a file  [bytes]
 
 std::filesystem::path output_directory(const Options& options, const guest::HydroScene& scene) {
   if (!options.out.empty()) return options.out;
@@ -126,7 +125,7 @@ void carry_out_2d(const Options& options, const SceneFile& file, const files::Du
   }
   run_problem2d(file, effective_scene(scene), std::move(problem), *law, run, from);
   if (options.plot && cone) plot_cone(run.out);
-  fmt::print("  {:<24}{}\n", "results", wire::printable(run.out.string(), kLongestShown));
+  fmt::print("  {:<24}{}\n", "results", program::shown(run.out));
 }
 
 void carry_out(const Options& options, SceneFile& file) {
@@ -156,7 +155,7 @@ void carry_out(const Options& options, SceneFile& file) {
   run(scene, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
       options.progress);
   if (options.plot) plot(out);
-  fmt::print("  {:<24}{}\n", "results", wire::printable(out.string(), kLongestShown));
+  fmt::print("  {:<24}{}\n", "results", program::shown(out));
 }
 
 void go_on(const Options& options, SceneFile& file) {

@@ -161,10 +161,18 @@ class Run {
     });
   }
 
+  // The scene of a restart: it names the interface law that the command line chose. A thickness that follows from the
+  // zones is left out: a scene with plastic layers may not give another one.
+  guest::HydroScene kept_scene() const {
+    guest::HydroScene kept = file_.scene;
+    if (!layer_thickness_.empty()) kept.mutable_scene()->mutable_layer()->clear_thickness_m();
+    return kept;
+  }
+
   void dump() {
     dumps_.write(cycle_.steps(), [&](const std::string& name, files::DumpWriter& to) {
       to.text("kept", law_.keep(name));
-      to.text("scene", scene::to_toml(file_.scene));  // `scene` names the interface law that the command line chose
+      to.text("scene", scene::to_toml(kept_scene()));
       to.text("server", options_.server);
       const lagrange::Memory memory = cycle_.memory();
       for (const auto& [what, values] : memory.numbers) to.numbers(std::string("cycle/") + what, values);

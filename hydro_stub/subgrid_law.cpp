@@ -1,41 +1,36 @@
 #include "hydro_stub/subgrid_law.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <chrono>
 #include <ctime>
-#include <functional>
-#include <optional>
 #include <sstream>
+#include <thread>
 
-#include "client/src/client.hpp"
-#include "server/embedded.hpp"
+#include "client/src/program_door.hpp"
 #include "server/explain.hpp"
 
 namespace shearbus::hydro {
 namespace {
 
-ClientOptions client_options(const SubgridServer& server, const std::optional<server::Embedded>& embedded) {
-  const files::ServerAddress& address = server.address;
-  ClientOptions options;
-  options.check_closure = server.check_closure ? CheckClosure::kWarn : CheckClosure::kOff;
+// opened: whether the session is open; until then make_law() tells the doubts about the scene.
+Options session_options(const SubgridServer& server, const std::shared_ptr<const bool>& opened) {
+  Options options;
   options.name = "shearbus-hydro";
-  options.endpoint = embedded ? embedded->endpoint() : address.endpoint;
-  options.server_key = address.server_key;
-  options.secret_key = address.secret_key;
-  options.context = embedded ? embedded->context() : nullptr;
+  options.endpoint = server.address.endpoint;
+  options.server_key_file = server.address.server_key_file;
+  options.secret_key_file = server.address.secret_key_file;
+  options.check_closure = server.check_closure ? SHEARBUS_CHECK_WARN : SHEARBUS_CHECK_OFF;
+  options.ignore_environment = true;  // the command line decides
+  options.log = [opened](const std::string& line) {
+    if (*opened || !is_about_opening(line)) fmt::print(stderr, "shearbus: {}\n", line);
+  };
+  if (server.address.endpoint.empty()) {
+    options.state_dir = server.state_dir.string();
+    options.threads = std::max(1U, std::thread::hardware_concurrency());
+  }
   return options;
-}
-
-std::optional<server::Embedded> embed(const SubgridServer& server) {
-  if (!server.address.endpoint.empty()) return std::nullopt;
-  server::ServerOptions options;
-  options.state_dir = server.state_dir.string();
-  return std::optional<server::Embedded>(std::in_place, options);
 }
 
 // Adds the time from the construction to the destruction of this object to LawTime::waited, and the CPU time that the
@@ -61,70 +56,62 @@ class Stopwatch {
   std::chrono::nanoseconds cpu_ = thread_cpu();
 };
 
-template <std::size_t kSize>
-std::string hex(const std::array<std::uint8_t, kSize>& bytes) {
-  return fmt::format("{:02x}", fmt::join(bytes, ""));
-}
-
 // The saved state of the law. As text it is one line, MARK SESSION TOKEN: the name of the saved state (mark) in the
-// server, then the session id and the resume token, both in hexadecimal.
+// server, then the two halves of the session's ticket.
 struct Kept {
   std::string mark;
-  Session::Ticket ticket;
+  std::string ticket;
 };
 
 Kept parse_kept(const std::string& text) {
+  constexpr std::size_t kDigits = 32;
   std::istringstream words(text);
   std::string mark, session, token;
   words >> mark >> session >> token;
-  Kept kept{.mark = mark, .ticket = {}};
-  const auto read = [](const std::string& digits, std::span<std::uint8_t> bytes) {
-    if (digits.size() != 2 * bytes.size()) return false;
-    for (std::size_t i = 0; i < bytes.size(); ++i) {
-      const char* first = digits.data() + 2 * i;
-      if (std::from_chars(first, first + 2, bytes[i], 16).ptr != first + 2) return false;
-    }
-    return true;
-  };
-  if (!read(session, kept.ticket.session_id) || !read(token, kept.ticket.resume_token))
-    throw Error({.code = Code::kInvalidValue,
-                 .text = "a restart dump names no session of a subgrid server",
-                 .remedy = "It is a dump of another interface law."});
-  return kept;
+  const bool is_hex = (session + token).find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (session.size() != kDigits || token.size() != kDigits || !is_hex)
+    throw wire::Error({.code = wire::Code::kInvalidValue,
+                       .text = "a restart dump names no session of a subgrid server",
+                       .remedy = "It is a dump of another interface law."});
+  return {.mark = mark, .ticket = session + ":" + token};
 }
 
-void copy(std::span<const double> from, std::span<double> to) {
-  std::ranges::copy(from, to.begin());
+bool contains(const std::vector<std::uint32_t>& columns, std::uint32_t column) {
+  return std::ranges::find(columns, column) != columns.end();
 }
 
 }  // namespace
 
-// The order of the members matters: the session is destroyed before its client, the client before its server.
 struct SubgridLaw::Impl {
-  Impl(const SubgridServer& where, const std::function<Session(Client&)>& enter)
-      : embedded(embed(where)),
-        client(client_options(where, embedded)),
-        session(enter(client)),
-        wants_soft_plastic_strain_rate(
-            std::ranges::find(session.opened().optional_columns, Field::kSoftPlasticStrainRate) !=
-            session.opened().optional_columns.end()),
-        request(session.request()),
-        server(embedded ? "in this process" : where.address.endpoint),
-        outlives_process(!embedded || !where.state_dir.empty()) {
-    session.want_energy_ledger();
+  Impl(const SubgridServer& where, Session opened)
+      : session(std::move(opened)),
+        node_ids(session.node_ids()),
+        takes_plastic_strain_rate(
+            contains(session.columns(SHEARBUS_OPTIONAL_INPUT), SHEARBUS_SOFT_PLASTIC_STRAIN_RATE)),
+        outcome(node_ids.size()),
+        server(where.address.endpoint.empty() ? "in this process" : where.address.endpoint),
+        outlives_process(!where.address.endpoint.empty() || !where.state_dir.empty()) {
+    const std::vector<std::uint32_t> on_request = session.columns(SHEARBUS_OUTPUT_ON_REQUEST);
+    for (const wire::Field term : wire::kLedgerColumns)
+      if (contains(on_request, static_cast<std::uint32_t>(term))) ledger.emplace_back(term, node_ids.size());
+    warnings = lines_of(session.warnings());
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   ~Impl() {
-    if (kept) session.leave();
+    if (!kept && !closed) close_soon(session);
   }
 
-  std::optional<server::Embedded> embedded;
-  Client client;
+  void commit() {
+    if (std::exchange(trial_stands, false)) session.commit();
+  }
+
   Session session;
-  // true: the session accepts this optional column, but `request` does not yet have it
-  bool wants_soft_plastic_strain_rate;
-  Batch request;  // columns that are sent in each step
+  Ids node_ids;
+  bool takes_plastic_strain_rate;
+  std::vector<std::pair<wire::Field, std::vector<double>>> ledger;  // the columns of the answer's energy ledger
+  std::vector<std::uint8_t> outcome;
+  std::vector<std::string> warnings;
   std::string server;
   bool outlives_process;
   LawTime time;
@@ -132,7 +119,8 @@ struct SubgridLaw::Impl {
   InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
   bool kept = false;
-  wire::SessionClosed totals;  // what the server reported when close() ended the session
+  bool closed = false;
+  shearbus_totals totals = SHEARBUS_TOTALS_INIT;  // what the server reported when close() ended the session
 };
 
 std::string explain(const SceneText& scene, std::size_t nodes) {
@@ -141,21 +129,33 @@ std::string explain(const SceneText& scene, std::size_t nodes) {
 
 SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
                        std::span<const double> initial_temperature, const SubgridServer& server,
-                       std::span<const double> layer_thickness)
-    : impl_(std::make_unique<Impl>(server, [&](Client& client) {
-        OpenOptions options{.initial_temperature_k = initial_temperature};
-        if (!layer_thickness.empty()) options.parameters = {{.key = "layer.thickness_m", .values = layer_thickness}};
-        return client.open(scene.text, scene.file, node_ids, options);
-      })) {}
+                       std::span<const double> layer_thickness) {
+  const auto opened = std::make_shared<bool>(false);
+  Options options = session_options(server, opened);
+  options.scene_text = scene.text;
+  options.scene_name = scene.file;
+  Nodes nodes{.ids = {node_ids.begin(), node_ids.end()},
+              .initial_temperature_k = {initial_temperature.begin(), initial_temperature.end()},
+              .pair = {},
+              .parameters = {}};
+  if (!layer_thickness.empty())
+    nodes.parameters = {{"layer.thickness_m", {layer_thickness.begin(), layer_thickness.end()}}};
+  impl_ = asking([&] { return std::make_unique<Impl>(server, Session::open_nodes(options, nodes)); });
+  *opened = true;
+}
 
 // Restores the layers from a mark (a named copy of their states in the server), then sets the same mark again. The
 // server keeps only the newest two marks: set again, this one is the newest, and the next mark does not replace it.
 SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
-  impl_ = std::make_unique<Impl>(server, [&](Client& client) { return client.resume(point.ticket); });
-  impl_->kept = true;
-  impl_->session.rollback_to(point.mark);
-  impl_->session.mark(point.mark);
+  const auto opened = std::make_shared<bool>(false);
+  asking([&] {
+    impl_ = std::make_unique<Impl>(server, Session::resume(session_options(server, opened), point.ticket));
+    *opened = true;
+    impl_->kept = true;
+    impl_->session.rollback_to(point.mark);
+    impl_->session.mark(point.mark);
+  });
 }
 SubgridLaw::~SubgridLaw() = default;
 
@@ -166,56 +166,50 @@ void SubgridLaw::advance(const InterfaceInputs& in, InterfaceAnswer& answer) {
 
 void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
   const Stopwatch stopwatch(impl_->time);
-  if (impl_->wants_soft_plastic_strain_rate && !in.soft_plastic_strain_rate.empty()) {
-    impl_->request = impl_->session.request(std::array{Field::kSoftPlasticStrainRate});
-    impl_->wants_soft_plastic_strain_rate = false;
-  }
-  Batch& request = impl_->request;
-  if (request.has(Field::kSoftPlasticStrainRate))
-    copy(in.soft_plastic_strain_rate, request.f64(Field::kSoftPlasticStrainRate));
-  copy(in.velocity_jump, request.f64(Field::kVelocityJump));
-  copy(in.pressure, request.f64(Field::kPressure));
-  copy(in.stress_soft, request.f64(Field::kStressSoft));
-  copy(in.stress_hard, request.f64(Field::kStressHard));
-  copy(in.mass_soft, request.f64(Field::kMassSoft));
-  copy(in.mass_hard, request.f64(Field::kMassHard));
-  impl_->session.start_trial(
-      request, {.dt_s = in.dt, .time_s = in.time, .step = in.step, .commit_previous = impl_->trial_stands});
+  Step step(impl_->node_ids.size());
+  step.dt(in.dt).time(in.time).number(in.step).commit_previous(impl_->trial_stands);
+  step.in(SHEARBUS_VELOCITY_JUMP, in.velocity_jump).in(SHEARBUS_PRESSURE, in.pressure);
+  step.in(SHEARBUS_STRESS_SOFT, in.stress_soft).in(SHEARBUS_STRESS_HARD, in.stress_hard);
+  step.in(SHEARBUS_MASS_SOFT, in.mass_soft).in(SHEARBUS_MASS_HARD, in.mass_hard);
+  if (impl_->takes_plastic_strain_rate && !in.soft_plastic_strain_rate.empty())
+    step.in(SHEARBUS_SOFT_PLASTIC_STRAIN_RATE, in.soft_plastic_strain_rate);
+  step.out(SHEARBUS_SHEAR_STRESS, answer.shear_stress).out(SHEARBUS_VELOCITY_JUMP_NEW, answer.velocity_jump_new);
+  step.out(SHEARBUS_SLIDING_VELOCITY, answer.sliding_velocity);
+  step.out(SHEARBUS_INTERFACE_TEMPERATURE, answer.interface_temperature);
+  step.out(SHEARBUS_FRICTION_HEAT, answer.friction_heat);
+  step.out(SHEARBUS_REGIME, answer.regime).out(SHEARBUS_OUTCOME, impl_->outcome);
+  for (auto& [term, values] : impl_->ledger) step.out(static_cast<std::uint32_t>(term), values);
+  asking([&] { impl_->session.start(step, SHEARBUS_TRIAL); });
   impl_->asked = &in;
   impl_->answer = &answer;
 }
 
 void SubgridLaw::finish() {
   const Stopwatch stopwatch(impl_->time);
-  const StepResult& result = impl_->session.finish_trial();
-  InterfaceAnswer& answer = *impl_->answer;
+  const shearbus_result result = asking([&] { return impl_->session.finish(); });
   impl_->trial_stands = true;
-  const std::chrono::nanoseconds solver(result.upscale().solver_ns);
+  const std::chrono::nanoseconds solver(result.solver_ns);
   impl_->time.solver += solver;
-  impl_->time.service += std::chrono::nanoseconds(result.upscale().service_ns);
-  impl_->time.bus += result.round_trip() - solver;
+  impl_->time.service += std::chrono::nanoseconds(result.service_ns);
+  impl_->time.bus += std::chrono::nanoseconds(result.round_trip_ns) - solver;
 
-  const std::span<const std::uint8_t> outcome = result.outcome();
-  const auto failed = std::ranges::find_if(outcome, [](std::uint8_t bits) { return (bits & wire::kFailed) != 0; });
-  if (failed != outcome.end()) {
-    const auto row = static_cast<std::size_t>(failed - outcome.begin());
-    const std::uint64_t node = impl_->session.node_ids()[row];
+  const auto failed =
+      std::ranges::find_if(impl_->outcome, [](std::uint8_t bits) { return (bits & SHEARBUS_OUTCOME_FAILED) != 0; });
+  if (failed != impl_->outcome.end()) {
+    const auto row = static_cast<std::size_t>(failed - impl_->outcome.begin());
+    const std::uint64_t node = impl_->node_ids[row];
     const InterfaceInputs& in = *impl_->asked;
-    throw Error({.code = Code::kUnexpectedReply,
-                 .text = fmt::format("the server found no answer for node {} in step {} ([V] {} m/s, P {} Pa, dt {} s)",
-                                     node, in.step, in.velocity_jump[row], in.pressure[row], in.dt),
-                 .remedy = "the run stops here; a smaller dt may help",
-                 .node_ids = {node}});
+    throw wire::Error(
+        {.code = wire::Code::kUnexpectedReply,
+         .text = fmt::format("the server found no answer for node {} in step {} ([V] {} m/s, P {} Pa, dt {} s)", node,
+                             in.step, in.velocity_jump[row], in.pressure[row], in.dt),
+         .remedy = "the run stops here; a smaller dt may help",
+         .node_ids = {node}});
   }
-  copy(result.shear_stress_pa(), answer.shear_stress);
-  copy(result.velocity_jump_new_m_per_s(), answer.velocity_jump_new);
-  copy(result.sliding_velocity_m_per_s(), answer.sliding_velocity);
-  copy(result.interface_temperature_k(), answer.interface_temperature);
-  copy(result.friction_heat_j_per_m2(), answer.friction_heat);
-  std::ranges::copy(result.regime(), answer.regime.begin());
+  InterfaceAnswer& answer = *impl_->answer;
   answer.energy = {};
-  answer.energy.add(result.batch());
-  answer.flagged = result.upscale().flagged_nodes;
+  for (const auto& [term, values] : impl_->ledger) answer.energy.add(term, values);
+  answer.flagged = result.flagged_nodes;
 }
 
 LawTime SubgridLaw::time_spent() const {
@@ -225,24 +219,29 @@ const std::string& SubgridLaw::server() const {
   return impl_->server;
 }
 const std::vector<std::string>& SubgridLaw::warnings() const {
-  return impl_->session.warnings();
+  return impl_->warnings;
 }
 void SubgridLaw::take_back() {
-  impl_->session.rollback();
+  asking([&] { impl_->session.rollback(); });
   impl_->trial_stands = false;
 }
 wire::Batch SubgridLaw::profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa) {
   const Stopwatch stopwatch(impl_->time);
-  if (std::exchange(impl_->trial_stands, false)) impl_->session.commit();
-  return impl_->session.profiles(node_ids, pressure_pa).rows;
+  const Profiles found = asking([&] {
+    impl_->commit();
+    return impl_->session.profiles({node_ids.begin(), node_ids.end()}, {pressure_pa.begin(), pressure_pa.end()});
+  });
+  return rows_of(found, impl_->session.info().tangential_components);
 }
 std::string SubgridLaw::keep(const std::string& name) {
-  if (impl_->trial_stands) impl_->session.commit();
-  impl_->trial_stands = false;
-  impl_->session.mark(name);
-  impl_->kept = true;
-  const Session::Ticket ticket = impl_->session.ticket();
-  return fmt::format("{} {} {}", name, hex(ticket.session_id), hex(ticket.resume_token));
+  return asking([&] {
+    impl_->commit();
+    impl_->session.mark(name);
+    impl_->kept = true;
+    std::string ticket = impl_->session.ticket();
+    ticket[ticket.find(':')] = ' ';
+    return name + " " + ticket;
+  });
 }
 
 std::string SubgridLaw::cannot_keep() const {
@@ -252,14 +251,19 @@ std::string SubgridLaw::cannot_keep() const {
 }
 
 void SubgridLaw::close() {
-  if (impl_->trial_stands) impl_->session.commit();
-  impl_->trial_stands = false;
-  impl_->totals = impl_->session.close();
+  asking([&] {
+    impl_->commit();
+    impl_->totals = impl_->session.end();
+  });
   impl_->kept = false;
+  impl_->closed = true;
 }
 
 OmittedCost SubgridLaw::omitted_cost() const {
-  const server::OmittedCost omitted = server::omitted_cost(impl_->session.effective_scene(), impl_->totals);
+  const shearbus_totals& totals = impl_->totals;
+  const server::OmittedCost omitted =
+      server::omitted_cost(impl_->session.effective_scene(),
+                           {.node_steps = totals.node_steps, .asleep_node_steps = totals.asleep_node_steps});
   return {.lines = omitted.lines(),
           .parts = omitted.parts,
           .bytes_per_node = omitted.bytes_per_node,

@@ -122,7 +122,7 @@ std::vector<std::string> Access::look_for_revoked() {
 }
 
 service::Caller Access::caller(std::string_view user) {
-  if (user.empty()) return {.identity = "process", .is_operator = true};
+  if (user.empty()) return {.identity = "process", .is_operator = true, .in_process = true};
   const bool is_operator = user.starts_with(kOperator);
   return {.identity = user.substr((is_operator ? kOperator : kClient).size()), .is_operator = is_operator};
 }

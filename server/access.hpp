@@ -37,6 +37,7 @@ class Access {
   // once a second by the thread that asks revoked().
   std::vector<std::string> look_for_revoked();
   // Whether the key behind a user name given by judge() was revoked since.
+  bool any_revoked() const { return !revoked_.empty(); }
   bool revoked(std::string_view user) const { return !revoked_.empty() && revoked_.contains(user); }
 
   // Returns the caller behind a user name given by judge(); an empty name means a client inside this

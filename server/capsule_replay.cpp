@@ -91,8 +91,9 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
   shard::TaskPool pool(1);
   const std::array node = {capsule.node_id};
   const std::array temperature = {made.options.initial_temperature};
-  shard::Shard shard(physics::Model(made.options), node, temperature, pool,
-                     {.check_closure = shard::checks_closure(capsule.state)});
+  shard::Shard shard(
+      physics::Model(made.options), node, temperature, pool,
+      {.check_closure = shard::checks_closure(capsule.state), .sum_energy = shard::sums_energy(capsule.state)});
   shard.restore(capsule.state, nullptr, 0);
   const wire::Batch row = row_of(capsule, made.options);
   const auto reply = wire::columns_of(service::strategy_of(made.options)).reply;

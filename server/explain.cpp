@@ -374,7 +374,7 @@ OmittedCost omitted_cost(const std::string& effective_scene, const wire::Session
   for (const physics::Part& part : physics::parts())
     if (!part.is_on(options) && std::ranges::find(full.parts, unique_key(part)) != full.parts.end())
       omitted.parts.push_back(unique_key(part));
-  if (options.sleep && totals.node_steps > 0)
+  if (physics::nodes_sleep(options) && totals.node_steps > 0)
     omitted.share_asleep = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
   return omitted;
 }

@@ -16,7 +16,7 @@ namespace shearbus::server {
 struct InProcess::Impl {
   explicit Impl(unsigned threads)
       : pool(threads != 0 ? threads : std::max(1U, std::thread::hardware_concurrency())),
-        service({.server_version = SHEARBUS_VERSION,
+        service({.server_version = SHEARBUS_RELEASE,
                  .max_state_bytes = std::numeric_limits<std::uint64_t>::max() / 2,
                  .now_ns = monotonic_ns,
                  .log = {},
@@ -34,7 +34,8 @@ InProcess::~InProcess() = default;
 InProcess::Answer InProcess::answer(std::span<const std::byte> header,
                                     std::optional<std::span<const std::byte>> payload) {
   const std::array frames = {header, payload.value_or(std::span<const std::byte>())};
-  auto sent = impl_->service.handle(service::Frames(frames).first(payload ? 2 : 1), {.identity = "process"});
+  auto sent = impl_->service.handle(service::Frames(frames).first(payload ? 2 : 1),
+                                    {.identity = "process", .in_process = true});
   if (!sent) throw std::runtime_error("there is no memory for the answer of the service");
   return {std::move(sent->header), sent->payload, std::move(sent->owner)};
 }

@@ -265,7 +265,7 @@ int run(const ServerOptions& options) {
       "shearbus-server {} (commit {}): bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, "
       "recordings "
       "{}, log level {}",
-      SHEARBUS_VERSION, shearbus::server::kCommit, fmt::join(options.endpoints, ", "), options.threads,
+      SHEARBUS_RELEASE, shearbus::server::kCommit, fmt::join(options.endpoints, ", "), options.threads,
       options.nodes_per_task,
       options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
       options.state_dir.empty()
@@ -291,7 +291,7 @@ int run(const ServerOptions& options) {
       const std::string host = host_name();
       published.emplace(
           options.endpoint_file,
-          shearbus::files::EndpointFile{.version = SHEARBUS_VERSION,
+          shearbus::files::EndpointFile{.version = SHEARBUS_RELEASE,
                                         .host = host,
                                         .server_key = options.curve_secret.empty() ? "" : server.access().public_key(),
                                         .endpoint = shearbus::files::address_for_clients(bound.front(), host),

@@ -62,7 +62,7 @@ constexpr std::uint64_t quota(std::uint64_t wanted, std::uint64_t whole) {
 service::ServiceOptions service_options(const ServerOptions& options, std::uint64_t epoch, const Log& log) {
   const std::uint64_t memory = options.max_state_bytes != 0 ? options.max_state_bytes : three_quarters_of_memory();
   return {.epoch = epoch,
-          .server_version = SHEARBUS_VERSION,
+          .server_version = SHEARBUS_RELEASE,
           .max_state_bytes = memory,
           .max_sessions_per_user = quota(options.sessions_per_user, wire::kMaxSessions),
           .max_state_bytes_per_user = quota(options.state_bytes_per_user, memory),
@@ -113,6 +113,11 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
       checkpoint_every_ns_(static_cast<std::uint64_t>(1e9 * options.checkpoint_every_s)),
       last_checkpoint_ns_(monotonic_ns()),
       log_(log.info) {}
+
+// The service may still read messages that the router has.
+Server::~Server() {
+  service_.give_up();
+}
 
 bool Server::recover(int stop_fd, ServiceManager* manager) {
   if (!store_) return true;
@@ -184,6 +189,16 @@ service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   return options;
 }
 
+// Ten times a second: what takes time in proportion to the number of sessions, and need not be done at once.
+void Server::look_at_sessions() {
+  constexpr std::uint64_t kEveryNs = 100'000'000;
+  const std::uint64_t now = monotonic_ns();
+  if (now - looked_at_sessions_ns_ < kEveryNs) return;
+  looked_at_sessions_ns_ = now;
+  service_.close_idle_sessions();
+  service_.prove_last_replies();
+}
+
 // Once a second: notifies the watchdog, and warns the operator of peers that were kept from using up file descriptors
 // or memory. Connected clients are still served.
 void Server::look_after() {
@@ -193,6 +208,10 @@ void Server::look_after() {
   manager_->alive();
   for (const std::string& line : access_.look_for_revoked())
     if (log_) log_(line);
+  if (access_.any_revoked())
+    if (const std::size_t ended = router_.end_connections([&](auto user) { return access_.revoked(user); });
+        ended != 0 && log_)
+      log_(fmt::format("{} connections of revoked keys were closed", ended));
   for (const std::string& line : router_.look_after_paths())
     if (log_) log_(line);
   const bool run_out = files_run_out();
@@ -269,8 +288,7 @@ void Server::run(int stop_fd, ServiceManager* manager) {
                                   .beat =
                                       [&] {
                                         if (manager != nullptr) look_after();
-                                        service_.close_idle_sessions();
-                                        service_.prove_last_replies();
+                                        look_at_sessions();
                                         end_if_failed();
                                         checkpoint_if_due();
                                         return !service_.drained();

@@ -30,6 +30,9 @@ class Server {
  public:
   // Takes the state directory. Throws if it is another server's.
   explicit Server(const ServerOptions& options, const Log& log = {});
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+  ~Server();
 
   // Binds an endpoint and returns it as bound, with its port if "*" was given. Throws what Router::bind() throws.
   std::string bind(const std::string& endpoint) { return router_.bind(endpoint); }
@@ -61,6 +64,7 @@ class Server {
   void end_if_failed() const;  // throws std::runtime_error
   service::ServiceOptions with_hooks(service::ServiceOptions options);
   void look_after();
+  void look_at_sessions();
   void complete_status(wire::ServerStatus& status) const;
 
   std::uint64_t epoch_;
@@ -80,6 +84,7 @@ class Server {
   bool ended_with_sessions_ = false;
   std::uint64_t looked_at_socket_ns_ = 0;
   std::uint64_t looked_after_ns_ = 0;
+  std::uint64_t looked_at_sessions_ns_ = 0;
   bool files_run_out_ = false;        // true if the last report said that files run out
   transport::GuardCounters guarded_;  // the guard's counters in the last report
 };

@@ -52,7 +52,7 @@ std::string quoted(std::string_view word) {
 
 Entries version_of(const std::string& program) {
   return {{"program", program},
-          {"version", SHEARBUS_VERSION},
+          {"version", SHEARBUS_RELEASE},
           {"commit", kCommit},
           {"build", SHEARBUS_BUILD},
           {"compiler", SHEARBUS_COMPILER},
@@ -72,7 +72,7 @@ std::string version_text(const std::string& program, bool json) {
     for (const auto& [key, value] : entries) object[key] = value;
     return object.dump();
   }
-  std::string text = fmt::format("{} {}", program, SHEARBUS_VERSION);
+  std::string text = fmt::format("{} {}", program, SHEARBUS_RELEASE);
   for (std::size_t i = 2; i < entries.size(); ++i)
     text += fmt::format("\n  {:<10} {}", entries[i].first, entries[i].second);
   return text;
@@ -84,7 +84,7 @@ Entries provenance(const std::string& program, const std::string& scene, std::sp
     command += fmt::format(" {}", quoted(argument));
   std::array<char, HOST_NAME_MAX + 1> machine{};
   if (::gethostname(machine.data(), machine.size() - 1) != 0) machine = {};
-  return {{"program", program},      {"version", SHEARBUS_VERSION}, {"commit", kCommit}, {"scene", scene},
+  return {{"program", program},      {"version", SHEARBUS_RELEASE}, {"commit", kCommit}, {"scene", scene},
           {"date", wire::utc_now()}, {"machine", machine.data()},   {"command", command}};
 }
 

@@ -19,9 +19,9 @@
 #include <vector>
 
 #include "client/ctl/operations.hpp"
+#include "client/ctl/operator.hpp"
 #include "client/ctl/rehearse.hpp"
 #include "client/ctl/watch.hpp"
-#include "client/src/client.hpp"
 #include "proto/files/input_file.hpp"
 #include "proto/files/key_file.hpp"
 #include "proto/program/command_line.hpp"
@@ -29,7 +29,6 @@
 #include "proto/scene/reader.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/text.hpp"
-#include "server/embedded.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/options_page.hpp"
@@ -69,26 +68,21 @@ struct Options {
   std::string material;
 };
 
-// once: a request is not repeated before the deadline. A server would make a repeated checkpoint once more.
-shearbus::Client connect(const Options& options, bool once = false) {
-  const auto deadline = std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * options.timeout_s));
+ctl::Operator connect(const Options& options, bool once = false) {
   shearbus::files::ServerAddress server{.endpoint = options.server};
-  read_keys_into(server, options.server_key, options.key);
-  return shearbus::Client({.endpoint = server.endpoint,
-                           .server_key = server.server_key,
-                           .secret_key = server.secret_key,
-                           .name = "shearbus-ctl",
-                           .connect_deadline = deadline,
-                           .reply_deadline = deadline,
-                           .retry_after = once ? deadline : shearbus::ClientOptions{}.retry_after,
-                           .wait_for_recovery = false});
+  read_keys_into(server, options.server_key, options.key);  // refuses keys that do not go together
+  return ctl::Operator({.endpoint = server.endpoint,
+                        .server_key_file = server.server_key_file,
+                        .secret_key_file = server.secret_key_file,
+                        .deadline_s = options.timeout_s,
+                        .once = once});
 }
 
 void ping(const Options& options) {
   const auto started = std::chrono::steady_clock::now();
-  const shearbus::Client client = connect(options);
+  const ctl::Operator server = connect(options);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - started;
-  shearbus::ctl::show_ping(client, options.server, took.count());
+  ctl::show_ping(server, options.server, took.count());
 }
 
 // Waits until a server answers that has recovered its sessions.
@@ -98,9 +92,9 @@ void wait_for_server(const Options& options) {
   for (Options rest = options;;) {
     try {
       return ping(rest);
-    } catch (const shearbus::Error& fault) {
+    } catch (const ctl::Error& fault) {
       rest.timeout_s = std::chrono::duration<double>(end - now()).count();
-      if (fault.status().code != shearbus::Code::kRecovering || rest.timeout_s <= kLookAgainS) throw;
+      if (fault.status().code != ctl::Code::kRecovering || rest.timeout_s <= kLookAgainS) throw;
     }
     std::this_thread::sleep_for(std::chrono::duration<double>(kLookAgainS));
     rest.timeout_s -= kLookAgainS;
@@ -119,27 +113,23 @@ int compare(const Options& options) {
 
 // Checks a scene: opens a session of it in a server inside this process, which checks schema and materials.
 void check(const Options& options) {
-  const std::string file = options.scene.string();
-  const shearbus::server::Embedded server;
-  shearbus::Client client({.endpoint = server.endpoint(), .context = server.context(), .name = "shearbus-ctl"});
-  const std::array<std::uint64_t, 1> node = {0};
+  const std::string file = shearbus::program::shown(options.scene);
   const std::string text = shearbus::scene::load_text(options.scene);
   const bool left_out = shearbus::scene::read_file(options.scene) != text;
-  shearbus::Session session = client.open(text, file, node);
-  fmt::print("{}", session.effective_scene());
-  for (const std::string& warning : session.warnings())
+  const ctl::CheckedScene checked = ctl::check_scene(text, file);
+  fmt::print("{}", checked.effective_scene);
+  for (const std::string& warning : checked.warnings)
     shearbus::program::complain(fmt::format("{}: {}", file, shearbus::wire::labelled(warning)));
   shearbus::program::complain(fmt::format("{}: valid{}; {} bytes of state per node", file,
-                                          left_out ? " without its table [hydro]" : "", session.bytes_per_node()));
+                                          left_out ? " without its table [hydro]" : "", checked.bytes_per_node));
   if (left_out)
     shearbus::program::complain(fmt::format(
         "{}: not checked: [hydro], which shearbus-hydro alone reads: shearbus-hydro {} --check", file, file));
-  session.close();
 }
 
 // Writes a key pair; the public file is a line for a server's --authorized-keys.
 void keygen(const Options& options) {
-  const shearbus::KeyPair pair = shearbus::make_key_pair();
+  const ctl::KeyPair pair = ctl::make_key_pair();
   const std::filesystem::path secret_file = options.key_name + ".secret";
   const std::filesystem::path public_file = options.key_name + ".public";
   if (std::filesystem::exists(public_file))  // checked before the secret key is written
@@ -153,8 +143,8 @@ void keygen(const Options& options) {
     std::filesystem::remove(secret_file);  // useless without its public key
     throw;
   }
-  fmt::print("{}: keep it where only its user can read it\n{}: {}\n", secret_file.string(), public_file.string(),
-             pair.public_key);
+  fmt::print("{}: keep it where only its user can read it\n{}: {}\n", shearbus::program::shown(secret_file),
+             shearbus::program::shown(public_file), pair.public_key);
 }
 
 // Prints the materials of the catalog, or one of them with its constants under their scene keys.
@@ -205,7 +195,7 @@ class Commands {
   int exit_code_of_trouble() const { return exit_code_of_trouble_; }
 
  private:
-  using Client = shearbus::Client;
+  using Operator = ctl::Operator;
 
   // Adds a command that is run by `act`.
   CLI::App* add(const char* name, const char* meaning, std::function<int()> act) {
@@ -220,10 +210,10 @@ class Commands {
     });
   }
   // Adds a command that connects to a server and asks it a question.
-  CLI::App* ask(const char* name, const char* meaning, std::function<void(Client&)> question) {
+  CLI::App* ask(const char* name, const char* meaning, std::function<void(Operator&)> question) {
     return with_server(add(name, meaning, [this, question = std::move(question)] {
-      Client client = connect(options_, true);
-      question(client);
+      Operator server = connect(options_, true);
+      question(server);
       return 0;
     }));
   }
@@ -271,8 +261,8 @@ class Commands {
   void add_status() {
     CLI::App* command = with_server(add("status", "What a server holds and has done", [this] {
       if (!options_.all.empty()) return ctl::show_all(options_.all, options_.json, status_of()) ? 0 : kExitFault;
-      Client client = connect(options_);
-      ctl::show_status(ctl::told_by(client), options_.json);
+      Operator server = connect(options_);
+      ctl::show_status(ctl::told_by(server), options_.json);
       return 0;
     }));
     command->add_flag("--json", options_.json, "As one line of JSON for each server");
@@ -295,8 +285,8 @@ class Commands {
     return [options = options_](const std::string& endpoint) {
       Options one = options;
       one.server = endpoint;
-      Client client = connect(one);
-      return ctl::told_by(client);
+      Operator server = connect(one);
+      return ctl::told_by(server);
     };
   }
 
@@ -327,8 +317,8 @@ class Commands {
   void add_metrics() {
     CLI::App* command = with_server(add("metrics", "The same and histograms, as Prometheus' text", [this] {
       if (options_.listen.empty()) {
-        Client client = connect(options_);
-        fmt::print("{}", ctl::prometheus_text(ctl::told_by(client)));
+        Operator server = connect(options_);
+        fmt::print("{}", ctl::prometheus_text(ctl::told_by(server)));
         return 0;
       }
       ctl::serve_metrics(
@@ -349,14 +339,14 @@ class Commands {
   }
 
   void add_questions() {
-    ask("sessions", "The open sessions (operator)", [this](Client& client) {
-      ctl::show_sessions(client, options_.json);
+    ask("sessions", "The open sessions (operator)", [this](Operator& server) {
+      ctl::show_sessions(server, options_.json);
     })->add_flag("--json", options_.json, "As a line of JSON each");
   }
 
   void add_inspections() {
-    CLI::App* top = ask("top", "A session's hottest, fastest or molten nodes (operator)", [this](Client& client) {
-      ctl::show_top(client, options_.session, options_.top, options_.count);
+    CLI::App* top = ask("top", "A session's hottest, fastest or molten nodes (operator)", [this](Operator& server) {
+      ctl::show_top(server, options_.session, options_.top, options_.count);
     });
     top->add_option("SESSION", options_.session, "First digits of its id, or its scene's name; none: the only one");
     shearbus::program::add_choice<shearbus::wire::Top>(*top, "--by", options_.top,
@@ -372,11 +362,11 @@ class Commands {
 
   void add_operations() {
     CLI::App* close = ask("close", "Ends a session whose client is gone for good: its states are lost (operator)",
-                          [this](Client& client) {
+                          [this](Operator& server) {
                             if (options_.domain.empty())
-                              ctl::close(client, options_.session, options_.idle_s);
+                              ctl::close(server, options_.session, options_.idle_s);
                             else
-                              ctl::close_domain(client, options_.domain, options_.idle_s);
+                              ctl::close_domain(server, options_.domain, options_.idle_s);
                           });
     CLI::Option_group* which = close->add_option_group("which");
     which->add_option("SESSION", options_.session, "First digits of its id, or its scene's name where no other has it");
@@ -387,7 +377,7 @@ class Commands {
         ->capture_default_str();
     ask("checkpoint", "Writes a checkpoint now (operator)", ctl::checkpoint);
     CLI::App* drain = ask("drain", "No new sessions from here on (operator)",
-                          [this](Client& client) { ctl::drain(client, options_.exit, options_.within_s); });
+                          [this](Operator& server) { ctl::drain(server, options_.exit, options_.within_s); });
     CLI::Option* exit = drain->add_flag("--exit", options_.exit, "And the server ends when its last session is closed");
     shearbus::program::whole_number(
         drain->add_option(
@@ -459,9 +449,9 @@ int main(int argc, char** argv) {
   try {
     if (rehearses) ctl::rehearse(words.subspan(2));
     return shearbus::program::end_program("shearbus-ctl", commands.run());
-  } catch (const shearbus::Error& fault) {
+  } catch (const ctl::Error& fault) {
     // For a scene at fault the text is a list of lines "file:line:column: ...", which is printed without a prefix.
-    const bool scene = fault.status().code == shearbus::Code::kInvalidScene;
+    const bool scene = fault.status().code == ctl::Code::kInvalidScene;
     if (scene)
       shearbus::program::complain(fault.status().text);
     else

@@ -14,12 +14,6 @@
 namespace shearbus::ctl {
 namespace {
 
-std::string hexadecimal(const wire::SessionId& id) {
-  std::string text;
-  for (const std::uint8_t byte : id) text += fmt::format("{:02x}", byte);
-  return text;
-}
-
 void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
@@ -95,8 +89,8 @@ void check_idle(const wire::SessionInfo& session, double idle_s) {
                   hexadecimal(session.session_id), seconds(session.idle_ns), idle_s));
 }
 
-void close_one(Client& client, const wire::SessionInfo& session) {
-  const wire::SessionClosed closed = client.close(session);
+void close_one(Operator& server, const wire::SessionInfo& session) {
+  const wire::SessionClosed closed = server.close(session);
   fmt::print("{} closed: \"{}\" of {}, {}, {}; its states are gone\n", hexadecimal(session.session_id), session.name,
              session.identity, counted(session.nodes, "node"), counted(closed.requests, "request"));
 }
@@ -137,18 +131,18 @@ std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::Server
   return counts;
 }
 
-void show_ping(const Client& client, const std::string& endpoint, double answered_ms) {
-  const auto& welcome = client.welcome();
+void show_ping(const Operator& server, const std::string& endpoint, double answered_ms) {
+  const auto& welcome = server.welcome();
   fmt::print("{}: server {}, protocol {}.{}, knows you by {}, answered in {:.1f} ms\n", endpoint,
              welcome.server_version, welcome.protocol_major, welcome.protocol_minor, welcome.access, answered_ms);
 }
 
-Told told_by(Client& client) {
-  const std::vector<std::string>& can = client.welcome().capabilities;
+Told told_by(Operator& server) {
+  const std::vector<std::string>& can = server.welcome().capabilities;
   const auto knows = [&](const char* capability) { return std::ranges::find(can, capability) != can.end(); };
-  return {.status = client.server_status(),
+  return {.status = server.server_status(),
           .is_operator = knows("operator"),
-          .is_durable = client.welcome().durability != "none"};
+          .is_durable = server.welcome().durability != "none"};
 }
 
 void show_status(const Told& told, bool json) {
@@ -225,8 +219,8 @@ bool show_all(const std::filesystem::path& directory, bool json, const StatusOf&
   return all_answer;
 }
 
-void show_sessions(Client& client, bool json) {
-  const auto sessions = client.sessions();
+void show_sessions(Operator& server, bool json) {
+  const auto sessions = server.sessions();
   if (!json)
     fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8} {:>8}  {}\n", "session", "nodes", "version", "last seq", "age, s",
                "idle, s", "scene, opened by");
@@ -240,9 +234,9 @@ void show_sessions(Client& client, bool json) {
   }
 }
 
-void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count) {
-  const auto sessions = client.sessions();
-  const TopNodes top = client.top_nodes(find(sessions, session).session_id, by, count);
+void show_top(Operator& server, const std::string& session, wire::Top by, std::uint32_t count) {
+  const auto sessions = server.sessions();
+  const TopNodes top = server.top_nodes(find(sessions, session).session_id, by, count);
   fmt::print("{} ({}, version {}): {} of {}\n", top.session.name, counted(top.session.nodes, "node"),
              top.session.state_version, top.node_ids.size(), top.matching);
   const bool sliding = !top.sliding_velocity_m_per_s.empty();
@@ -255,29 +249,29 @@ void show_top(Client& client, const std::string& session, wire::Top by, std::uin
   }
 }
 
-void close(Client& client, const std::string& session, double idle_s) {
-  const auto sessions = client.sessions();
+void close(Operator& server, const std::string& session, double idle_s) {
+  const auto sessions = server.sessions();
   const wire::SessionInfo& found = find(sessions, session);
   check_idle(found, idle_s);
-  close_one(client, found);
+  close_one(server, found);
 }
 
-void close_domain(Client& client, const std::string& domain, double idle_s) {
-  std::vector<wire::SessionInfo> sessions = client.sessions();
+void close_domain(Operator& server, const std::string& domain, double idle_s) {
+  std::vector<wire::SessionInfo> sessions = server.sessions();
   std::erase_if(sessions, [&](const wire::SessionInfo& session) { return session.domain != domain; });
   if (sessions.empty()) throw std::runtime_error(fmt::format("no open session is in domain \"{}\"", domain));
   for (const wire::SessionInfo& session : sessions) check_idle(session, idle_s);
-  for (const wire::SessionInfo& session : sessions) close_one(client, session);
+  for (const wire::SessionInfo& session : sessions) close_one(server, session);
 }
 
-void checkpoint(Client& client) {
-  const wire::Checkpointed written = client.checkpoint();
+void checkpoint(Operator& server) {
+  const wire::Checkpointed written = server.checkpoint();
   fmt::print("checkpoint of {:.1f} MB in {:.3f} s\n", static_cast<double>(written.bytes) / (1 << 20),
              seconds(written.duration_ns));
 }
 
-void drain(Client& client, bool exit, std::uint64_t within_s) {
-  const wire::Draining draining = client.drain(exit, within_s);
+void drain(Operator& server, bool exit, std::uint64_t within_s) {
+  const wire::Draining draining = server.drain(exit, within_s);
   fmt::print("no new sessions; open now: {}{}{}\n", draining.sessions,
              exit ? ", and the server ends with the last" : "",
              within_s != 0 ? fmt::format(" or in {} s", within_s) : "");

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/src/client.hpp"
+#include "client/ctl/operator.hpp"
 
 namespace shearbus::ctl {
 
@@ -31,7 +31,7 @@ std::string counted(std::uint64_t count, const char* noun);
 // Numbers of nodes by the name of their regime, in the order of the regimes; empty if the server does not tell them.
 std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status);
 
-void show_ping(const Client& client, const std::string& endpoint, double answered_ms);
+void show_ping(const Operator& server, const std::string& endpoint, double answered_ms);
 
 // What a server tells. A user who is no operator is told nothing about other users, the journal and the process: the
 // fields of `status` about these are zero.
@@ -40,7 +40,7 @@ struct Told {
   bool is_operator = false;
   bool is_durable = false;
 };
-Told told_by(Client& client);
+Told told_by(Operator& server);
 void show_status(const Told& told, bool json);
 // Returns the status of the server at an endpoint. Throws Error if the server does not answer.
 using StatusOf = std::function<Told(const std::string& endpoint)>;
@@ -51,15 +51,15 @@ ServerList servers_of(const std::filesystem::path& directory);
 // Prints a line for each endpoint file of a directory: what the server holds, or why it does not answer. Returns false
 // if one does not answer.
 bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of);
-void show_sessions(Client& client, bool json);
+void show_sessions(Operator& server, bool json);
 // `session`: the first digits of a session id, or the name of its scene; may be empty if there is only one session.
-void show_top(Client& client, const std::string& session, wire::Top by, std::uint32_t count);
+void show_top(Operator& server, const std::string& session, wire::Top by, std::uint32_t count);
 // Closes the session with this start of its id, or this scene name, if it has been idle for `idle_s` seconds or more.
-void close(Client& client, const std::string& session, double idle_s);
+void close(Operator& server, const std::string& session, double idle_s);
 // Closes all sessions of a domain, or none of them if one of them has not been idle for `idle_s`.
-void close_domain(Client& client, const std::string& domain, double idle_s);
-void checkpoint(Client& client);
-void drain(Client& client, bool exit, std::uint64_t within_s);
+void close_domain(Operator& server, const std::string& domain, double idle_s);
+void checkpoint(Operator& server);
+void drain(Operator& server, bool exit, std::uint64_t within_s);
 
 // Returns the status in Prometheus' text format, version 0.0.4.
 std::string prometheus_text(const Told& told);

@@ -67,13 +67,13 @@ std::string label_of(const wire::SessionInfo& session) {
 }
 
 // Asks for the sessions and the hottest nodes, for which the server looks at every node.
-void inspect(Client& client, Sample& sample) {
-  sample.sessions = client.sessions();
+void inspect(Operator& server, Sample& sample) {
+  sample.sessions = server.sessions();
   std::ranges::stable_sort(sample.sessions, std::greater<>(), &wire::SessionInfo::nodes);
   for (std::size_t i = 0; i < std::min(kSessionsAsked, sample.sessions.size()); ++i) {
     const wire::SessionInfo& session = sample.sessions[i];
     try {
-      const TopNodes top = client.top_nodes(session.session_id, wire::Top::kHottest, kHottest);
+      const TopNodes top = server.top_nodes(session.session_id, wire::Top::kHottest, kHottest);
       for (std::size_t n = 0; n < top.node_ids.size(); ++n)
         sample.hottest.push_back({label_of(session), top.node_ids[n], top.interface_temperature_k[n], top.regime[n]});
     } catch (const Error& fault) {
@@ -394,7 +394,7 @@ class Signals {
 
 class Watch {
  public:
-  Watch(const WatchOptions& options, const std::function<Client()>& connect) : options_(options), connect_(connect) {
+  Watch(const WatchOptions& options, const std::function<Operator()>& connect) : options_(options), connect_(connect) {
     if (!options.json && Screen::is_possible()) screen_.emplace();
   }
 
@@ -413,16 +413,16 @@ class Watch {
   void ask() {
     std::optional<Sample> before = std::exchange(sample_, std::nullopt);
     try {
-      if (!client_) client_.emplace(connect_());
-      const wire::Welcome& welcome = client_->welcome();
-      Sample now{.status = client_->server_status(),
+      if (!server_) server_.emplace(connect_());
+      const wire::Welcome& welcome = server_->welcome();
+      Sample now{.status = server_->server_status(),
                  .is_operator = std::ranges::find(welcome.capabilities, "operator") != welcome.capabilities.end(),
                  .is_durable = welcome.durability != "none"};
       if (now.is_operator) inspect_now_and_then(now, before);
       sample_ = std::move(now);
       report_ = report_of(*sample_, before);
     } catch (const Error& fault) {
-      client_.reset();
+      server_.reset();
       report_ = {.sample = nullptr, .fault = describe(fault.status())};
     }
   }
@@ -436,7 +436,7 @@ class Watch {
       now.hottest = before->hottest;
       return;
     }
-    inspect(*client_, now);
+    inspect(*server_, now);
     const Clock::time_point ended = Clock::now();
     next_inspection_ = ended + std::chrono::duration_cast<Clock::duration>((ended - begun) / kInspecting);
   }
@@ -476,10 +476,10 @@ class Watch {
   }
 
   const WatchOptions& options_;
-  const std::function<Client()>& connect_;
+  const std::function<Operator()>& connect_;
   Signals signals_;
   std::optional<Screen> screen_;
-  std::optional<Client> client_;
+  std::optional<Operator> server_;
   std::optional<Sample> sample_;
   Report report_;
   Clock::time_point next_inspection_;
@@ -487,7 +487,7 @@ class Watch {
 
 }  // namespace
 
-bool watch(const WatchOptions& options, const std::function<Client()>& connect) {
+bool watch(const WatchOptions& options, const std::function<Operator()>& connect) {
   return Watch(options, connect).run();
 }
 

@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "client/src/client.hpp"
+#include "client/ctl/operator.hpp"
 
 namespace shearbus::ctl {
 
@@ -20,6 +20,6 @@ struct WatchOptions {
 // Watches the server that connect() reaches until SIGINT, SIGTERM, SIGHUP or the key q. A server that does not answer is
 // reported as that, and asked again at the next look. connect() throws Error if no server answers; it must return within
 // about a second, because no signal is seen meanwhile. Returns whether the last look was answered.
-bool watch(const WatchOptions& options, const std::function<Client()>& connect);
+bool watch(const WatchOptions& options, const std::function<Operator()>& connect);
 
 }  // namespace shearbus::ctl

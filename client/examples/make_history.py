@@ -7,6 +7,7 @@
 
 What the datasets mean is in client/replay/README.md. Everything is SI."""
 import argparse
+import re
 
 import h5py
 import numpy as np
@@ -60,14 +61,26 @@ def force_driven(file, args):
     put(file, "initial_velocity_jump", "m s-1", args.velocity * np.arange(1, nodes + 1) / nodes)
 
 
+def number(least, most, whole=False):
+    """Returns the reader of a number of the command line between two bounds."""
+    digits = "[0-9]{1,9}" if whole else r"[+-]?([0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})([eE][+-]?[0-9]{1,3})?"
+
+    def read(text):
+        value = float(text) if re.fullmatch(digits, text) else float("nan")
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"expected a {'whole ' * whole}number from {least:g} to {most:g}, found {text[:60]!r}")
+        return int(value) if whole else value
+    return read
+
+
 def main():
     kinds = {"constant": constant, "ramp": ramp, "force_driven": force_driven}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", choices=kinds)
     parser.add_argument("out", metavar="OUT.h5")
-    parser.add_argument("--steps", type=int, default=1000)
-    parser.add_argument("--dt", type=float, default=1e-9, help="length of a step, s (default 1e-9)")
-    parser.add_argument("--velocity", type=float, default=100.0, help="velocity jump, m/s (default 100)")
+    parser.add_argument("--steps", type=number(1, 1e7, whole=True), default=1000)
+    parser.add_argument("--dt", type=number(1e-15, 1.0), default=1e-9, help="length of a step, s (default 1e-9)")
+    parser.add_argument("--velocity", type=number(-1e5, 1e5), default=100.0, help="velocity jump, m/s (default 100)")
     args = parser.parse_args()
     with h5py.File(args.out, "w") as file:
         kinds[args.kind](file, args)

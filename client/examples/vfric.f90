@@ -21,14 +21,14 @@
 ! the surface interaction; SHEARBUS_ENDPOINT names a server, without it one runs in this process. Each surface pair has
 ! a session of its own with all nodes of its secondary surface, below. Where a run has several processes, each opens
 ! sessions for the pairs it calls this routine for; a node that changes the process loses its layer here. A host whose
-! nodes do that moves them by shearbus_mpi_redistribute, between increments. Nothing tells this routine of the end of
-! the run: the server closes its sessions an hour after that.
+! nodes do that moves them by shearbus_mpi_redistribute, between increments. Restarts, and the end of the run:
+! abaqus_layers.f90, which is compiled before this file. General contact calls another routine: vfriction.f90.
 subroutine vfric(fTangential, statev, kStep, kInc, nContact, nFacNod, nSecNod, nMainNod, nFricDir, nDir, nStateVar, nProps, &
                  nTemp, nPred, numDefTfv, jSecUid, jMainUid, jConSecid, jConMainid, timStep, timGlb, dTimCur, surfInt, surfSec, &
                  surfMain, lContType, dSlipFric, fStickForce, fTangPrev, fNormal, frictionWork, shape, coordSec, coordMain, &
                  dirCosSl, dircosN, props, areaSec, tempSec, preDefSec, tempMain, preDefMain)
-  use, intrinsic :: iso_fortran_env, only: real64
-  use shearbus
+  use, intrinsic :: iso_fortran_env, only: int64, real64
+  use abaqus_layers
   implicit none
   integer, intent(in) :: kStep, kInc, nContact, nFacNod, nSecNod, nMainNod, nFricDir, nDir, nStateVar, nProps, nTemp, nPred
   integer, intent(in) :: numDefTfv, jSecUid(nSecNod), jMainUid(nMainNod), jConSecid(nContact), jConMainid(nFacNod, nContact)
@@ -41,48 +41,44 @@ subroutine vfric(fTangential, statev, kStep, kInc, nContact, nFacNod, nSecNod, n
   real(real64), intent(in) :: dircosN(nDir, nContact), props(nProps), areaSec(nSecNod), tempSec(nContact)
   real(real64), intent(in) :: preDefSec(nContact, nPred), tempMain(numDefTfv), preDefMain(numDefTfv, nPred)
   character(len=80), intent(in) :: surfInt, surfSec, surfMain
-  integer, parameter :: pairs_at_most = 32
-  type(shearbus_interface), save, target :: pairs(pairs_at_most)
-  character(len=160), save :: names(pairs_at_most) = ''
-  type(shearbus_interface), pointer :: bus
+  type(contact_layers), pointer :: layers
   logical :: touches(nSecNod)
   real(real64) :: v_free
-  integer :: pair, k, n
+  integer :: k, n
 
   fTangential = 0
   if (dTimCur <= 0) return
-  pair = findloc(names == surfSec//surfMain .or. names == '', .true., dim=1)
-  if (pair == 0 .or. nStateVar < 4) error stop 'vfric: more than 32 surface pairs, or fewer than 4 state variables'
-  bus => pairs(pair)
-  if (names(pair) == '') then
-    call bus%open(nodes=jSecUid, scene=trim(surfInt)//'.toml', name='vfric '//trim(surfSec)//' '//trim(surfMain), &
-                  check_closure='off', idle_limit=3600)
-    names(pair) = surfSec//surfMain
-    allocate (bus%impedance(nSecNod), bus%stick_stress(nSecNod), source=1.0_real64)
-    bus%jump = 0*bus%impedance
-    bus%pressure = 0*bus%impedance
-    statev(4, :) = -10  ! no increment has this number or the one before it
-  end if
+  if (nStateVar < 4) error stop 'vfric: expected 4 state variables'
+  layers => layers_of(trim(surfInt)//'.'//trim(surfSec)//'.'//trim(surfMain), trim(surfInt)//'.toml', int(jSecUid, int64), &
+                      .true., any(abs(statev(4, :)) > 0), timGlb - dTimCur)
+  associate (bus => layers%bus)
+    if (.not. allocated(bus%impedance)) then
+      allocate (bus%impedance(nSecNod), bus%stick_stress(nSecNod), source=1.0_real64)
+      bus%jump = 0*bus%impedance
+      bus%pressure = 0*bus%impedance
+      where (statev(4, :) <= 0) statev(4, :) = -10  ! no increment has this number or the one before it
+    end if
 
-  touches = .false.
-  do k = 1, nContact
-    n = jConSecid(k)  ! the surface node: the row of the session
-    if (areaSec(n) <= 0) cycle
-    touches(n) = .true.
-    v_free = dSlipFric(1, k)/dTimCur
-    bus%pressure(n) = fNormal(k)/areaSec(n)
-    bus%stick_stress(n) = fStickForce(k)/areaSec(n)
-    bus%impedance(n) = 1  ! any: without slip nothing depends on it
-    if (v_free > 0 .and. fStickForce(k) > 0) bus%impedance(n) = bus%stick_stress(n)/v_free
-    bus%jump(n) = v_free
-    if (nint(statev(4, n)) == kInc - 1) bus%jump(n) = dot_product(statev(1:nDir, n), dirCosSl(:, k))
-  end do
-  call bus%step(dTimCur, timGlb, kInc, mask=touches, open_absent=.true.)  ! a fault prints its text and stops the program
-  do k = 1, nContact
-    n = jConSecid(k)
-    if (.not. touches(n)) cycle
-    fTangential(1, k) = max(-fStickForce(k), min(0.0_real64, -bus%stress(n)*areaSec(n)))
-    statev(1:nDir, n) = bus%jump_new(n)*dirCosSl(:, k)
-    statev(4, n) = kInc
-  end do
+    touches = .false.
+    do k = 1, nContact
+      n = jConSecid(k)  ! the surface node: the row of the session
+      if (areaSec(n) <= 0) cycle
+      touches(n) = .true.
+      v_free = dSlipFric(1, k)/dTimCur
+      bus%pressure(n) = fNormal(k)/areaSec(n)
+      bus%stick_stress(n) = fStickForce(k)/areaSec(n)
+      bus%impedance(n) = 1  ! any: without slip nothing depends on it
+      if (v_free > 0 .and. fStickForce(k) > 0) bus%impedance(n) = bus%stick_stress(n)/v_free
+      bus%jump(n) = v_free
+      if (nint(statev(4, n)) == kInc - 1) bus%jump(n) = dot_product(statev(1:nDir, n), dirCosSl(:, k))
+    end do
+    call bus%step(dTimCur, timGlb, kInc, mask=touches, open_absent=.true.)  ! a fault prints its text and stops the program
+    do k = 1, nContact
+      n = jConSecid(k)
+      if (.not. touches(n)) cycle
+      fTangential(1, k) = max(-fStickForce(k), min(0.0_real64, -bus%stress(n)*areaSec(n)))
+      statev(1:nDir, n) = bus%jump_new(n)*dirCosSl(:, k)
+      statev(4, n) = kInc
+    end do
+  end associate
 end subroutine

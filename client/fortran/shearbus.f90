@@ -13,7 +13,8 @@
 ! Every call has stat and msg as in allocate: stat is 0 or the code of a fault (client/include/shearbus/shearbus.h), msg says
 ! what was expected and found, and what to do. A call without stat that fails prints this and stops the program. A call that
 ! fails changes nothing; after SHEARBUS_UNKNOWN_OUTCOME (501) the same call with the same values is the same request. All
-! quantities are in SI units. An input that the host has not set is refused by name: it is NaN after open.
+! quantities are in SI units. Columns that are answered on request, such as the energy ledger, come with every answer after
+! call bus%want(['ledger']), or once the host has allocated them. An input that the host has not set is refused by name: it is NaN after open.
 !
 ! Arguments of the calls:
 !
@@ -33,6 +34,7 @@
 !   secret_key_file        by tcp: file of the client's own secret key
 !   connect_deadline       s, of the opening
 !   reply_deadline         s, of every call, with its repetitions
+!   retry_after            s, after which a request without an answer is sent again on a new connection
 !   state_dir              directory in which a server in this process keeps its states
 !   threads                number of threads of a server in this process
 !   check_closure          'warn', 'error' or 'off': what a force-driven host meets whose jump is not the one that was answered
@@ -41,6 +43,9 @@
 !   parameters             keys of the scene that have a value for each node, such as 'interface.friction_coefficient'
 !   values                 (n, size(parameters)), in the units of the keys
 !   ticket                 of the session that is to be continued
+!   names                  of columns, as the components of the interface are named
+!   profiles               of the layers, a column after the other
+!   pressure               Pa, one value per node; absent: 0
 !   dt                     s, length of the step
 !   time                   s, at the end of the step, for messages and recordings
 !   n                      number of the host's step, for messages and recordings
@@ -54,6 +59,7 @@
 !   manifest               file with the tickets of all sessions, beside the host's dump
 !   new_owner              rank of each node of bus, in the order of bus%nodes
 !   mark                   name under which the server keeps the states
+!   law                    subroutine with the argument bus of class(shearbus_interface), which fills the columns of the answer
 !   stat                   0, or the code of the fault
 !   msg                    what was expected and found, and what to do
 !
@@ -67,58 +73,133 @@ module shearbus
   private
 
   public :: shearbus_interface, shearbus_version
-  ! Values of regime, and bits of outcome.
-  integer, parameter, public :: shearbus_open_interface = 0, shearbus_stick = 1, shearbus_coulomb = 2, &
-                                shearbus_tresca = 3, shearbus_melting = 4
-  integer, parameter, public :: shearbus_substepped = 1, shearbus_multiple_roots = 2, shearbus_outside_domain = 4, &
-                                shearbus_sudden = 8, shearbus_over_budget = 16, shearbus_asleep = 32, &
-                                shearbus_first_order = 64, shearbus_failed = 128
+  ! Values of regime, bits of outcome, and codes of faults, which are those of shearbus.h.
+  ! print_contract.py: numbers
+  integer, parameter, public :: &
+    shearbus_regime_open = 0, shearbus_regime_stick = 1, shearbus_regime_coulomb = 2, shearbus_regime_tresca = 3, &
+    shearbus_regime_melting = 4, shearbus_outcome_substepped = 1, shearbus_outcome_multiple_roots = 2, &
+    shearbus_outcome_outside_domain = 4, shearbus_outcome_sudden = 8, shearbus_outcome_over_budget = 16, &
+    shearbus_outcome_asleep = 32, shearbus_outcome_first_order = 64, shearbus_outcome_failed = 128, &
+    shearbus_outcome_fallback = 160, shearbus_code_bad_framing = 100, shearbus_code_malformed = 101, &
+    shearbus_code_version = 102, shearbus_code_limit = 103, shearbus_code_checksum = 104, shearbus_code_shape = 105, &
+    shearbus_code_unsupported = 106, shearbus_code_unknown_session = 200, shearbus_code_stale_sequence = 201, &
+    shearbus_code_sequence_gap = 202, shearbus_code_sequence_reused = 203, shearbus_code_epoch = 204, &
+    shearbus_code_nothing_to_commit = 205, shearbus_code_resume_refused = 206, shearbus_code_superseded = 207, &
+    shearbus_code_unknown_mark = 208, shearbus_code_trial_stands = 209, shearbus_code_unknown_transfer = 210, &
+    shearbus_code_not_permitted = 220, shearbus_code_invalid_scene = 300, shearbus_code_invalid_value = 301, &
+    shearbus_code_unknown_node = 302, shearbus_code_duplicate_node = 303, shearbus_code_node_owned = 304, &
+    shearbus_code_other_scene = 305, shearbus_code_step_failed = 306, shearbus_code_shutting_down = 400, &
+    shearbus_code_internal = 401, shearbus_code_no_space = 402, shearbus_code_draining = 403, &
+    shearbus_code_checkpoint_failed = 404, shearbus_code_recovering = 405, shearbus_code_unreachable = 500, &
+    shearbus_code_unknown_outcome = 501, shearbus_code_unexpected_reply = 502, shearbus_code_auth = 503, &
+    shearbus_code_not_closed = 504, shearbus_code_no_memory = 510, shearbus_code_library_fault = 511, &
+    shearbus_code_in_use = 512, shearbus_code_other_process = 513, shearbus_code_no_library = 514
+  ! print_contract.py: end
   integer, parameter, public :: shearbus_ticket_length = 65, shearbus_transfer_length = 32
 
-  type :: shearbus_interface
+  ! The nodes of an interface and the columns of its steps, one value per node. Names that end in 2 are the second component of
+  ! a scene with tangential_components = 2. open allocates the inputs that the scene requires and the columns of every answer;
+  ! a host allocates the other ones that it sends or wants, or names them to want. A step has the stick form if the host
+  ! allocates impedance and stick_stress; then the stresses and masses of both sides are not sent.
+  type :: shearbus_columns
     integer :: n = 0                                 ! number of nodes
     integer(int64), allocatable :: nodes(:)          ! their ids, in the order of the columns
-    ! Columns that the host sets before a step. Allocated by open: those that the scene requires. A host allocates the optional
-    ! ones itself. Names that end in 2 are the second component of a scene with tangential_components = 2.
-    real(real64), allocatable :: jump(:), jump2(:)                 ! m/s, V_soft - V_hard
-    real(real64), allocatable :: pressure(:)                       ! Pa, compression positive
-    real(real64), allocatable :: stress_soft(:), stress_soft2(:)   ! Pa, shear stress half a zone inside the soft body
-    real(real64), allocatable :: stress_hard(:), stress_hard2(:)   ! Pa, shear stress half a zone inside the hard body
-    real(real64), allocatable :: mass_soft(:), mass_hard(:)        ! kg/m2, of the half zone that moves with the interface
-    ! The stick form of a force-driven step, used if the host allocates impedance; then the stresses and masses above are not.
-    real(real64), allocatable :: stick_stress(:), stick_stress2(:) ! Pa, traction that would make the new jump zero
-    real(real64), allocatable :: impedance(:)                      ! Pa s/m, 1/(dt (1/m_soft + 1/m_hard))
-    real(real64), allocatable :: soft_shear_rate(:)                ! 1/s, optional
-    real(real64), allocatable :: soft_plastic_strain_rate(:)       ! 1/s, optional
-    ! Columns of the answer.
-    real(real64), allocatable :: stress(:), stress2(:)             ! Pa, positive when the jump is
-    real(real64), allocatable :: slip(:), slip2(:)                 ! m/s, sliding velocity
-    real(real64), allocatable :: temperature(:)                    ! K
-    real(real64), allocatable :: jump_new(:), jump_new2(:)         ! m/s, force-driven scenes
-    real(real64), allocatable :: heat(:)                           ! J/m2, that entered the layer in the step
-    ! Pa, optional: impulse of the stress over the step, divided by dt; asked for if the host allocates it
-    real(real64), allocatable :: mean_stress(:), mean_stress2(:)
-    ! Optional, asked for if the host allocates them: derivatives of stress by jump and pressure, time to T0 = T_melt.
-    real(real64), allocatable :: stress_per_jump(:), stress_per_pressure(:) ! Pa s/m, 1
-    real(real64), allocatable :: time_to_melting(:)                         ! s
-    real(real64), allocatable :: film_thickness(:)                          ! m, of the melt; scenes with [melt_film]
+    ! print_contract.py: columns
+    ! m/s: [V] = V_soft - V_hard, tangential. Velocity-driven: of the step. Force-driven: at the middle of the last step,
+    ! n-1/2
+    real(real64), allocatable :: jump(:), jump2(:)
+    real(real64), allocatable :: pressure(:)  ! Pa: P, compression positive; P <= 0: no contact
+    ! Pa: shear stress in the soft body, half a zone away from the interface
+    real(real64), allocatable :: stress_soft(:), stress_soft2(:)
+    ! Pa: shear stress in the hard body, half a zone away from the interface
+    real(real64), allocatable :: stress_hard(:), stress_hard2(:)
+    real(real64), allocatable :: mass_soft(:)  ! kg/m2: mass per area of the soft half zone that moves with the interface
+    real(real64), allocatable :: mass_hard(:)  ! kg/m2: mass per area of the hard half zone that moves with the interface
+    real(real64), allocatable :: soft_shear_rate(:)  ! 1/s: shear rate of the soft zone
+    real(real64), allocatable :: soft_plastic_strain_rate(:)  ! 1/s: equivalent plastic strain rate of the soft zone, not negative
+    real(real64), allocatable :: stick_stress(:), stick_stress2(:)  ! Pa: stick form: traction that would make the new jump zero
+    ! Pa s/m: stick form: Z = 1 / (dt (1/m_soft + 1/m_hard)), stress per reduction of the jump
+    real(real64), allocatable :: impedance(:)
+    ! Pa: s = sigma_xz at the interface; positive when [V] > 0: the interface pulls the soft body back
+    real(real64), allocatable :: stress(:), stress2(:)
+    real(real64), allocatable :: slip(:), slip2(:)  ! m/s: [v], slip at the interface; s [v] >= 0
+    real(real64), allocatable :: temperature(:)  ! K: T0, at z = 0
+    real(real64), allocatable :: jump_new(:), jump_new2(:)  ! m/s: [V] at n+1/2
+    real(real64), allocatable :: friction_heat(:)  ! J/m2: heat that entered the layer in this step
+    real(real64), allocatable :: mean_shear_stress(:), mean_shear_stress2(:)  ! Pa: impulse of s over the step, divided by dt_s
+    real(real64), allocatable :: stress_per_jump(:)  ! Pa s/m: derivative of s by [V] of the request; 0: none is known
+    real(real64), allocatable :: stress_per_pressure(:)  ! 1: derivative of s by P; 0: none is known
+    ! s: time after the step in which T0 reaches T_melt at the mean rate of the step; infinity: it does not rise
+    real(real64), allocatable :: time_to_melting(:)
+    real(real64), allocatable :: interface_work(:)  ! J/m2: work of the interface stress
+    real(real64), allocatable :: heat_to_soft(:)  ! J/m2: heat given to the soft body
+    real(real64), allocatable :: heat_to_hard(:)  ! J/m2: heat given to the hard body
+    real(real64), allocatable :: plastic_work(:)  ! J/m2: plastic work in the layer
+    real(real64), allocatable :: stored_heat_soft(:)  ! J/m2: growth of the heat stored in the soft body
+    real(real64), allocatable :: stored_heat_hard(:)  ! J/m2: growth of the heat stored in the hard body, where it conducts
+    real(real64), allocatable :: elastic_energy(:)  ! J/m2: growth of the layer's elastic energy h s^2 / (2 G0); velocity-driven
+    real(real64), allocatable :: heat_residual(:)  ! J/m2: heat released less heat stored where it is resolved: rounding
+    real(real64), allocatable :: energy_residual(:)  ! J/m2: work less heat, cold plastic work and elastic energy
+    ! 1: largest error of this step: of T0, relative to what it had to melting at the start; velocity-driven also of heat and
+    ! impulse; scenes with a tolerance
+    real(real64), allocatable :: error_estimate(:)
+    ! m/s: jump of the request less the jump answered before; NaN: none was; sessions that check closure
+    real(real64), allocatable :: closure(:), closure2(:)
+    real(real64), allocatable :: film_thickness(:)  ! m: thickness of the melt at the end of the step; scenes with [melt_film]
+    ! Pa: impulse of the stress at z = h over the step, divided by dt_s; scenes with inertia
+    real(real64), allocatable :: mean_far_stress(:)
+    ! J/m2: heat that friction has given to the soft body since the node began; scenes with friction_energy = true
+    real(real64), allocatable :: friction_energy_soft(:)
+    ! J/m2: heat that friction has given to the hard body since the node began; scenes with friction_energy = true
+    real(real64), allocatable :: friction_energy_hard(:)
+    ! print_contract.py: end
     integer, allocatable :: regime(:), outcome(:)    ! values and bits above: what held the stress, what is remarkable of it
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
-    real(real64) :: closure = 0                      ! m/s, largest difference of a jump from the one answered before
+    real(real64) :: largest_closure = 0              ! m/s, largest difference of a jump from the one answered before
     real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
+  end type
+
+  ! The layers of nodes at their vertices, in ascending z: arrays (vertices, nodes). NaN: the vertex lies outside of the layer and
+  ! the quantity is one of the layer, or the scene does not have the quantity.
+  type, public :: shearbus_profiles
+    integer :: nodes = 0, vertices = 0
+    ! print_contract.py: columns of a profile
+    ! m: z of the vertex: 0 at the interface, above 0 in the soft body, below 0 in a conducting hard body
+    real(real64), allocatable :: position(:, :)
+    real(real64), allocatable :: width(:, :)  ! m: length across the interface that the vertex stands for
+    real(real64), allocatable :: layer_temperature(:, :)  ! K: T at the vertex
+    ! 1: equivalent plastic strain at the vertex; scenes whose layer flows; NaN outside of the layer
+    real(real64), allocatable :: layer_plastic_strain(:, :)
+    ! Pa: Y(ep, P, T) at the vertex without the effect of the rate; scenes whose layer flows; NaN outside of the layer
+    real(real64), allocatable :: layer_flow_stress(:, :)
+    ! Pa: s at the vertex: uniform in a layer without inertia; NaN outside of the layer
+    real(real64), allocatable :: layer_shear_stress(:, :), layer_shear_stress2(:, :)
+    ! print_contract.py: end
+  end type
+
+  type, extends(shearbus_columns) :: shearbus_interface
+    procedure(own_law), pointer, nopass, private :: law => null()  ! of the host, and whether the last step needed it
+    integer(c_int), pointer, private :: fell_back => null()
     type(c_ptr), private :: handle = c_null_ptr
     type(c_ptr), private :: ranks = c_null_ptr         ! of one session on root: the step of all ranks is then
     type(c_funptr), private :: step_of_all = c_null_funptr
     integer(c_int8_t), allocatable, private :: bytes(:, :)  ! regimes and outcomes of the last answer, as they are sent
   contains
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
-                          offer_32, offer_64, copy
+                          offer_32, offer_64, profiles_32, profiles_64, copy
     ! Opens a session with a layer for each node. Needs scene or scene_text.
     generic :: open => open_32, open_64
     ! Continues the session of a process that has ended. Nodes that are given must be in it with these pairs and parameters.
     procedure :: resume
     ! Makes one step of length dt with the columns of the interface.
     generic :: step => step_plain, step_32, step_64
+    ! Allocates columns by their names, such as 'mean_shear_stress', so that every answer brings them; 'ledger': those of the
+    ! energy ledger.
+    procedure :: want
+    ! Reads the profiles of nodes across the layer, from their committed states. pressure: at which the flow stress is evaluated.
+    generic :: profiles => profiles_32, profiles_64
+    ! Gives a law of the host for steps while the server is gone, if the user allows it by SHEARBUS_FALLBACK (shearbus.h).
+    procedure :: set_fallback
     ! Keeps the result of the trial.
     procedure :: commit
     ! Drops the trial.
@@ -166,15 +247,15 @@ module shearbus
   interface
     ! Opens sessions of all ranks in one domain, in which nodes can move.
     module subroutine shearbus_mpi_open(ranks, comm, bus, nodes, scene, scene_text, endpoint, domain, initial_temperature, &
-                                        name, server_key_file, secret_key_file, connect_deadline, reply_deadline, state_dir, &
-                                        threads, check_closure, idle_limit, on_root, stat, msg)
+                                        name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
+                                        retry_after, state_dir, threads, check_closure, idle_limit, on_root, stat, msg)
       type(shearbus_ranks), intent(inout) :: ranks
       integer, intent(in) :: comm
       type(shearbus_interface), intent(inout), target :: bus
       integer(int64), intent(in) :: nodes(:)
       character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                                 state_dir, check_closure
-      real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline
+      real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after
       integer, intent(in), optional :: threads, idle_limit
       logical, intent(in), optional :: on_root
       integer, intent(out), optional :: stat
@@ -182,15 +263,15 @@ module shearbus
     end subroutine
     ! Goes on from a dump, on any number of ranks; the ranks together ask for each node of the dump once.
     module subroutine shearbus_mpi_restart(ranks, comm, bus, manifest, nodes, endpoint, name, server_key_file, &
-                                           secret_key_file, connect_deadline, reply_deadline, check_closure, idle_limit, &
-                                           stat, msg)
+                                           secret_key_file, connect_deadline, reply_deadline, &
+                                           retry_after, check_closure, idle_limit, stat, msg)
       type(shearbus_ranks), intent(inout) :: ranks
       integer, intent(in) :: comm
       type(shearbus_interface), intent(inout), target :: bus
       character(len=*), intent(in) :: manifest
       integer(int64), intent(in) :: nodes(:)
       character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, check_closure
-      real(real64), intent(in), optional :: connect_deadline, reply_deadline
+      real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after
       integer, intent(in), optional :: idle_limit
       integer, intent(out), optional :: stat
       character(len=*), intent(inout), optional :: msg
@@ -230,6 +311,10 @@ module shearbus
 
   integer(c_size_t), parameter :: text_bytes = 2048, remedy_bytes = 512, field_bytes = 64
   integer, parameter :: columns_at_most = 32
+  ! print_contract.py: sizes
+  integer(c_int32_t), parameter :: regime_column = 34, outcome_column = 35
+  integer, parameter :: columns_of_steps = 43, columns_of_profiles = 7
+  ! print_contract.py: end
 
   type, bind(c) :: c_status
     integer(c_size_t) :: size
@@ -247,7 +332,8 @@ module shearbus
     integer(c_int) :: check_closure
     integer(c_int64_t) :: idle_limit_s
     type(c_funptr) :: interrupted
-    type(c_ptr) :: interrupted_user
+    type(c_ptr) :: interrupted_user, scene_name
+    integer(c_int) :: ignore_environment
   end type
   type :: c_text
     character(kind=c_char, len=:), allocatable :: bytes
@@ -304,7 +390,109 @@ module shearbus
     integer(c_int64_t) :: state_version, max_rows_per_message, max_marks
   end type
 
+  ! What a column is: an input of one form or of all, a column of the answer, or of its energy ledger.
+  integer, parameter :: of_all_forms = 0, far_field = 1, stick_form = 2, answered = 3, in_ledger = 4
+  type :: column_place
+    character(len=32) :: name
+    integer :: field, component, role
+  end type
+  ! print_contract.py: places
+  type(column_place), parameter :: places(columns_of_steps) = [ &
+    column_place('jump', 10, 0, of_all_forms), &
+    column_place('jump2', 10, 1, of_all_forms), &
+    column_place('pressure', 11, 0, of_all_forms), &
+    column_place('stress_soft', 12, 0, far_field), &
+    column_place('stress_soft2', 12, 1, far_field), &
+    column_place('stress_hard', 13, 0, far_field), &
+    column_place('stress_hard2', 13, 1, far_field), &
+    column_place('mass_soft', 14, 0, far_field), &
+    column_place('mass_hard', 15, 0, far_field), &
+    column_place('soft_shear_rate', 16, 0, of_all_forms), &
+    column_place('soft_plastic_strain_rate', 17, 0, of_all_forms), &
+    column_place('stick_stress', 18, 0, stick_form), &
+    column_place('stick_stress2', 18, 1, stick_form), &
+    column_place('impedance', 19, 0, stick_form), &
+    column_place('stress', 30, 0, answered), &
+    column_place('stress2', 30, 1, answered), &
+    column_place('slip', 31, 0, answered), &
+    column_place('slip2', 31, 1, answered), &
+    column_place('temperature', 32, 0, answered), &
+    column_place('jump_new', 33, 0, answered), &
+    column_place('jump_new2', 33, 1, answered), &
+    column_place('friction_heat', 36, 0, answered), &
+    column_place('mean_shear_stress', 37, 0, answered), &
+    column_place('mean_shear_stress2', 37, 1, answered), &
+    column_place('stress_per_jump', 38, 0, answered), &
+    column_place('stress_per_pressure', 39, 0, answered), &
+    column_place('time_to_melting', 49, 0, answered), &
+    column_place('interface_work', 40, 0, in_ledger), &
+    column_place('heat_to_soft', 41, 0, in_ledger), &
+    column_place('heat_to_hard', 42, 0, in_ledger), &
+    column_place('plastic_work', 43, 0, in_ledger), &
+    column_place('stored_heat_soft', 44, 0, in_ledger), &
+    column_place('stored_heat_hard', 45, 0, in_ledger), &
+    column_place('elastic_energy', 46, 0, in_ledger), &
+    column_place('heat_residual', 47, 0, in_ledger), &
+    column_place('energy_residual', 48, 0, in_ledger), &
+    column_place('error_estimate', 60, 0, answered), &
+    column_place('closure', 61, 0, answered), &
+    column_place('closure2', 61, 1, answered), &
+    column_place('film_thickness', 62, 0, answered), &
+    column_place('mean_far_stress', 63, 0, answered), &
+    column_place('friction_energy_soft', 70, 0, answered), &
+    column_place('friction_energy_hard', 71, 0, answered)]
+  ! print_contract.py: end
+
+  ! A pass over the columns of doubles of an interface, which each_column makes: over the allocated ones, or over all.
+  type, abstract :: column_visitor
+    logical :: all
+    integer :: at                                      ! the place of the column that is visited
+  contains
+    procedure(visit_column), deferred :: visit
+  end type
+  type, extends(column_visitor) :: columns_to_fit      ! of a session that was opened
+    integer :: n
+    integer(c_int32_t) :: fields(0:columns_at_most, 0:3)
+  contains
+    procedure :: visit => fit
+  end type
+  type, extends(column_visitor) :: columns_to_follow   ! of a set of nodes that has changed
+    integer, allocatable :: row(:)                     ! of each node in the columns before, or 0
+  contains
+    procedure :: visit => follow
+  end type
+  type, extends(column_visitor) :: columns_to_want
+    character(len=:), allocatable :: name
+    integer :: n
+    logical :: found
+  contains
+    procedure :: visit => allocate_named
+  end type
+  ! The columns of a step. Without initial values, which would be copied in every step.
+  type, extends(column_visitor) :: columns_of_step
+    integer :: n, count, n_in, n_out
+    logical :: stick, masked
+    integer, allocatable :: rows(:)                    ! that are stepped, of those of the interface
+    real(c_double), allocatable :: in(:, :), out(:, :)
+    type(c_column) :: inputs(columns_of_steps), outputs(columns_of_steps + 2)
+    type(column_pointer) :: answers(columns_of_steps)
+    real(c_double) :: nothing                          ! address of a column without rows
+    integer(c_int) :: code
+    type(c_status) :: status
+  contains
+    procedure :: visit => add_to_step
+  end type
+
   abstract interface
+    subroutine visit_column(visitor, column)
+      import
+      class(column_visitor), intent(inout), target :: visitor
+      real(real64), allocatable, target, intent(inout) :: column(:)
+    end subroutine
+    subroutine own_law(bus)
+      import
+      class(shearbus_interface), intent(inout) :: bus
+    end subroutine
     ! A step of all ranks: `fault` is that of this rank before the step, which all ranks then report.
     function step_of_all_ranks(ranks, session, fault, request, result, status) bind(c) result(code)
       import
@@ -349,6 +537,14 @@ module shearbus
       type(c_ptr), value :: session
       type(c_request), intent(in) :: request
       type(c_result), intent(inout) :: result
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_set_fallback(session, law, user, status) bind(c, name='shearbus_set_fallback') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_funptr), value :: law
+      type(c_ptr), value :: user
       type(c_status), intent(inout) :: status
       integer(c_int) :: code
     end function
@@ -413,6 +609,16 @@ module shearbus
       import
       type(c_ptr), value :: session
       character(kind=c_char), intent(out) :: ticket(80)
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_profiles(session, n, ids, pressure, outputs, n_outputs, vertices, status) bind(c, name='shearbus_profiles') &
+      result(code)
+      import
+      type(c_ptr), value :: session, pressure, outputs
+      integer(c_size_t), value :: n, n_outputs
+      integer(c_int64_t), intent(in) :: ids(*)
+      integer(c_size_t), intent(inout) :: vertices
       type(c_status), intent(inout) :: status
       integer(c_int) :: code
     end function
@@ -539,44 +745,44 @@ contains
   ! ---- opening and ending ----
 
   subroutine open_64(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                     parameters, values, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, &
+                     retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, nodes, '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-               parameters, values, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, &
+               retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine open_32(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                     secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                     parameters, values, stat, msg)
+                     secret_key_file, connect_deadline, reply_deadline, &
+                     retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int32), intent(in) :: nodes(:)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     call enter(self, int(nodes, int64), '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-               parameters, values, stat, msg)
+               secret_key_file, connect_deadline, reply_deadline, &
+               retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine resume(self, ticket, endpoint, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
-                    state_dir, threads, check_closure, nodes, pair, parameters, values, stat, msg)
+                    retry_after, state_dir, threads, check_closure, nodes, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     character(len=*), intent(in) :: ticket
     character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir, check_closure, &
                                               pair(:), parameters(:)
-    real(real64), intent(in), optional :: connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after, values(:, :)
     integer(int64), intent(in), optional :: nodes(:)
     integer, intent(in), optional :: threads
     integer, intent(out), optional :: stat
@@ -586,20 +792,20 @@ contains
     if (present(nodes)) expected = nodes
     call enter(self, expected, ticket//c_null_char, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
-               state_dir=state_dir, threads=threads, check_closure=check_closure, pair=pair, parameters=parameters, &
-               values=values, stat=stat, msg=msg)
+               retry_after=retry_after, state_dir=state_dir, threads=threads, check_closure=check_closure, &
+               pair=pair, parameters=parameters, values=values, stat=stat, msg=msg)
   end subroutine
 
   ! Opens a session, or resumes the one of the ticket.
   subroutine enter(self, nodes, ticket, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                   secret_key_file, connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit, pair, &
-                   parameters, values, stat, msg)
+                   secret_key_file, connect_deadline, reply_deadline, &
+                   retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     integer(int64), intent(in) :: nodes(:)
     character(len=*), intent(in) :: ticket
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, values(:, :)
+    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
@@ -611,7 +817,7 @@ contains
     integer(c_int) :: code
     call clear(status)
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
+                      connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     call give_nodes(of, held, nodes, initial_temperature, pair, parameters, values, code, status)
     if (code == 0 .and. len(ticket) > 0) then
       code = c_resume_nodes(self%handle, options, ticket, of, status)
@@ -702,12 +908,12 @@ contains
 
   ! The options of the C interface, which point into `texts`.
   subroutine give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                          connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
+                          connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     type(c_options), intent(out) :: options
     type(c_text), intent(out), target :: texts(8)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure
-    real(real64), intent(in), optional :: connect_deadline, reply_deadline
+    real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after
     integer, intent(in), optional :: threads, idle_limit
     options%size = c_sizeof(options)
     call to_c(endpoint, texts(1)%bytes, options%endpoint)
@@ -728,8 +934,11 @@ contains
     options%idle_limit_s = 0
     options%interrupted = c_null_funptr
     options%interrupted_user = c_null_ptr
+    options%scene_name = c_null_ptr
+    options%ignore_environment = 0
     if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
     if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
+    if (present(retry_after)) options%retry_after_s = retry_after
     if (present(threads)) options%threads = int(threads, c_int32_t)
     if (present(idle_limit)) options%idle_limit_s = idle_limit
     if (present(check_closure)) then  ! an unknown word is a number that the library refuses
@@ -775,56 +984,164 @@ contains
     if (c_inspect(self%handle, info, status) == 0) fields(0, 3) = info%tangential_components
   end function
 
-  ! Allocates the columns, the inputs as NaN.
+  ! Allocates the columns of a session, as NaN.
   subroutine make_columns(self, fields)
     type(shearbus_interface), intent(inout), target :: self
     integer(c_int32_t), intent(in) :: fields(0:columns_at_most, 0:3)
-    real(real64) :: unset
-    logical :: two
-    unset = ieee_value(unset, ieee_quiet_nan)
-    two = fields(0, 3) == 2
-    call fit(self%jump, has(0, 10))
-    call fit(self%jump2, has(0, 10) .and. two)
-    call fit(self%pressure, has(0, 11))
-    call fit(self%stress_soft, has(0, 12))
-    call fit(self%stress_soft2, has(0, 12) .and. two)
-    call fit(self%stress_hard, has(0, 13))
-    call fit(self%stress_hard2, has(0, 13) .and. two)
-    call fit(self%mass_soft, has(0, 14))
-    call fit(self%mass_hard, has(0, 15))
-    call fit(self%stick_stress, .false.)
-    call fit(self%stick_stress2, .false.)
-    call fit(self%impedance, .false.)
-    call fit(self%soft_shear_rate, .false.)
-    call fit(self%soft_plastic_strain_rate, .false.)
-    call fit(self%stress, has(2, 30))
-    call fit(self%stress2, has(2, 30) .and. two)
-    call fit(self%slip, has(2, 31))
-    call fit(self%slip2, has(2, 31) .and. two)
-    call fit(self%temperature, has(2, 32))
-    call fit(self%jump_new, has(2, 33))
-    call fit(self%jump_new2, has(2, 33) .and. two)
-    call fit(self%heat, has(2, 36))
-    call fit(self%mean_stress, .false.)
-    call fit(self%mean_stress2, .false.)
-    call fit(self%stress_per_jump, .false.)
-    call fit(self%stress_per_pressure, .false.)
-    call fit(self%time_to_melting, .false.)
-    call fit(self%film_thickness, .false.)
+    type(columns_to_fit), target :: visitor
+    visitor%all = .true.
+    visitor%n = self%n
+    visitor%fields = fields
+    call each_column(self, visitor)
     if (allocated(self%regime)) deallocate (self%regime, self%outcome)
     allocate (self%regime(self%n), self%outcome(self%n), source=0)
-  contains
-    function has(use, field) result(yes)
-      integer, intent(in) :: use, field
-      logical :: yes
-      yes = any(fields(1:fields(0, use), use) == field)
-    end function
-    subroutine fit(column, wanted)
-      real(real64), allocatable, intent(inout) :: column(:)
-      logical, intent(in) :: wanted
-      if (allocated(column)) deallocate (column)
-      if (wanted) allocate (column(self%n), source=unset)
-    end subroutine
+  end subroutine
+
+  subroutine fit(visitor, column)
+    class(columns_to_fit), intent(inout), target :: visitor
+    real(real64), allocatable, target, intent(inout) :: column(:)
+    type(column_place) :: place
+    integer :: use
+    if (allocated(column)) deallocate (column)
+    place = places(visitor%at)
+    if (place%component == 1 .and. visitor%fields(0, 3) /= 2) return
+    use = merge(2, 0, place%role >= answered)
+    if (any(visitor%fields(1:visitor%fields(0, use), use) == place%field)) allocate (column(visitor%n), source=unset())
+  end subroutine
+
+  function unset() result(value)
+    real(real64) :: value
+    value = ieee_value(value, ieee_quiet_nan)
+  end function
+
+  ! Shows each column of doubles to a visitor.
+  subroutine each_column(self, visitor)
+    type(shearbus_interface), intent(inout), target :: self
+    class(column_visitor), intent(inout), target :: visitor
+    ! print_contract.py: visits
+    visitor%at = 1
+    if (allocated(self%jump) .or. visitor%all) call visitor%visit(self%jump)
+    visitor%at = 2
+    if (allocated(self%jump2) .or. visitor%all) call visitor%visit(self%jump2)
+    visitor%at = 3
+    if (allocated(self%pressure) .or. visitor%all) call visitor%visit(self%pressure)
+    visitor%at = 4
+    if (allocated(self%stress_soft) .or. visitor%all) call visitor%visit(self%stress_soft)
+    visitor%at = 5
+    if (allocated(self%stress_soft2) .or. visitor%all) call visitor%visit(self%stress_soft2)
+    visitor%at = 6
+    if (allocated(self%stress_hard) .or. visitor%all) call visitor%visit(self%stress_hard)
+    visitor%at = 7
+    if (allocated(self%stress_hard2) .or. visitor%all) call visitor%visit(self%stress_hard2)
+    visitor%at = 8
+    if (allocated(self%mass_soft) .or. visitor%all) call visitor%visit(self%mass_soft)
+    visitor%at = 9
+    if (allocated(self%mass_hard) .or. visitor%all) call visitor%visit(self%mass_hard)
+    visitor%at = 10
+    if (allocated(self%soft_shear_rate) .or. visitor%all) call visitor%visit(self%soft_shear_rate)
+    visitor%at = 11
+    if (allocated(self%soft_plastic_strain_rate) .or. visitor%all) call visitor%visit(self%soft_plastic_strain_rate)
+    visitor%at = 12
+    if (allocated(self%stick_stress) .or. visitor%all) call visitor%visit(self%stick_stress)
+    visitor%at = 13
+    if (allocated(self%stick_stress2) .or. visitor%all) call visitor%visit(self%stick_stress2)
+    visitor%at = 14
+    if (allocated(self%impedance) .or. visitor%all) call visitor%visit(self%impedance)
+    visitor%at = 15
+    if (allocated(self%stress) .or. visitor%all) call visitor%visit(self%stress)
+    visitor%at = 16
+    if (allocated(self%stress2) .or. visitor%all) call visitor%visit(self%stress2)
+    visitor%at = 17
+    if (allocated(self%slip) .or. visitor%all) call visitor%visit(self%slip)
+    visitor%at = 18
+    if (allocated(self%slip2) .or. visitor%all) call visitor%visit(self%slip2)
+    visitor%at = 19
+    if (allocated(self%temperature) .or. visitor%all) call visitor%visit(self%temperature)
+    visitor%at = 20
+    if (allocated(self%jump_new) .or. visitor%all) call visitor%visit(self%jump_new)
+    visitor%at = 21
+    if (allocated(self%jump_new2) .or. visitor%all) call visitor%visit(self%jump_new2)
+    visitor%at = 22
+    if (allocated(self%friction_heat) .or. visitor%all) call visitor%visit(self%friction_heat)
+    visitor%at = 23
+    if (allocated(self%mean_shear_stress) .or. visitor%all) call visitor%visit(self%mean_shear_stress)
+    visitor%at = 24
+    if (allocated(self%mean_shear_stress2) .or. visitor%all) call visitor%visit(self%mean_shear_stress2)
+    visitor%at = 25
+    if (allocated(self%stress_per_jump) .or. visitor%all) call visitor%visit(self%stress_per_jump)
+    visitor%at = 26
+    if (allocated(self%stress_per_pressure) .or. visitor%all) call visitor%visit(self%stress_per_pressure)
+    visitor%at = 27
+    if (allocated(self%time_to_melting) .or. visitor%all) call visitor%visit(self%time_to_melting)
+    visitor%at = 28
+    if (allocated(self%interface_work) .or. visitor%all) call visitor%visit(self%interface_work)
+    visitor%at = 29
+    if (allocated(self%heat_to_soft) .or. visitor%all) call visitor%visit(self%heat_to_soft)
+    visitor%at = 30
+    if (allocated(self%heat_to_hard) .or. visitor%all) call visitor%visit(self%heat_to_hard)
+    visitor%at = 31
+    if (allocated(self%plastic_work) .or. visitor%all) call visitor%visit(self%plastic_work)
+    visitor%at = 32
+    if (allocated(self%stored_heat_soft) .or. visitor%all) call visitor%visit(self%stored_heat_soft)
+    visitor%at = 33
+    if (allocated(self%stored_heat_hard) .or. visitor%all) call visitor%visit(self%stored_heat_hard)
+    visitor%at = 34
+    if (allocated(self%elastic_energy) .or. visitor%all) call visitor%visit(self%elastic_energy)
+    visitor%at = 35
+    if (allocated(self%heat_residual) .or. visitor%all) call visitor%visit(self%heat_residual)
+    visitor%at = 36
+    if (allocated(self%energy_residual) .or. visitor%all) call visitor%visit(self%energy_residual)
+    visitor%at = 37
+    if (allocated(self%error_estimate) .or. visitor%all) call visitor%visit(self%error_estimate)
+    visitor%at = 38
+    if (allocated(self%closure) .or. visitor%all) call visitor%visit(self%closure)
+    visitor%at = 39
+    if (allocated(self%closure2) .or. visitor%all) call visitor%visit(self%closure2)
+    visitor%at = 40
+    if (allocated(self%film_thickness) .or. visitor%all) call visitor%visit(self%film_thickness)
+    visitor%at = 41
+    if (allocated(self%mean_far_stress) .or. visitor%all) call visitor%visit(self%mean_far_stress)
+    visitor%at = 42
+    if (allocated(self%friction_energy_soft) .or. visitor%all) call visitor%visit(self%friction_energy_soft)
+    visitor%at = 43
+    if (allocated(self%friction_energy_hard) .or. visitor%all) call visitor%visit(self%friction_energy_hard)
+    ! print_contract.py: end
+  end subroutine
+
+  subroutine want(self, names, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    character(len=*), intent(in) :: names(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(columns_to_want), target :: visitor
+    type(c_status) :: status
+    integer(c_int) :: code
+    integer :: i
+    call clear(status)
+    code = 0
+    visitor%all = .true.
+    visitor%n = self%n
+    do i = 1, size(names)
+      visitor%name = trim(names(i))
+      visitor%found = .false.
+      call each_column(self, visitor)
+      if (.not. visitor%found) then
+        call refuse_text(code, status, 'no column of a step has the name '//visitor%name)
+        exit
+      end if
+    end do
+    call report(code, status, stat, msg)
+  end subroutine
+
+  subroutine allocate_named(visitor, column)
+    class(columns_to_want), intent(inout), target :: visitor
+    real(real64), allocatable, target, intent(inout) :: column(:)
+    logical :: meant
+    meant = places(visitor%at)%name == visitor%name
+    if (visitor%name == 'ledger') meant = places(visitor%at)%role == in_ledger
+    if (.not. meant) return
+    visitor%found = .true.
+    if (.not. allocated(column)) allocate (column(visitor%n), source=unset())
   end subroutine
 
   subroutine adopt_nodes(self)
@@ -860,58 +1177,22 @@ contains
 
   impure elemental subroutine finalise(self)
     type(shearbus_interface), intent(inout) :: self
+    call drop(self)
+  end subroutine
+
+  ! Frees the handle, on which no call is made any more, and what it pointed to.
+  subroutine drop(self)
+    class(shearbus_interface), intent(inout) :: self
     call c_leave(self%handle)
+    if (associated(self%fell_back)) deallocate (self%fell_back)
+    self%law => null()
   end subroutine
 
   subroutine copy(self, other)
     class(shearbus_interface), intent(inout) :: self
     type(shearbus_interface), intent(in) :: other
-    call c_leave(self%handle)
-    self%n = other%n
-    self%nodes = other%nodes
-    call take(self%jump, other%jump)
-    call take(self%jump2, other%jump2)
-    call take(self%pressure, other%pressure)
-    call take(self%stress_soft, other%stress_soft)
-    call take(self%stress_soft2, other%stress_soft2)
-    call take(self%stress_hard, other%stress_hard)
-    call take(self%stress_hard2, other%stress_hard2)
-    call take(self%mass_soft, other%mass_soft)
-    call take(self%mass_hard, other%mass_hard)
-    call take(self%stick_stress, other%stick_stress)
-    call take(self%stick_stress2, other%stick_stress2)
-    call take(self%impedance, other%impedance)
-    call take(self%soft_shear_rate, other%soft_shear_rate)
-    call take(self%soft_plastic_strain_rate, other%soft_plastic_strain_rate)
-    call take(self%stress, other%stress)
-    call take(self%stress2, other%stress2)
-    call take(self%slip, other%slip)
-    call take(self%slip2, other%slip2)
-    call take(self%temperature, other%temperature)
-    call take(self%jump_new, other%jump_new)
-    call take(self%jump_new2, other%jump_new2)
-    call take(self%heat, other%heat)
-    call take(self%mean_stress, other%mean_stress)
-    call take(self%mean_stress2, other%mean_stress2)
-    call take(self%stress_per_jump, other%stress_per_jump)
-    call take(self%stress_per_pressure, other%stress_per_pressure)
-    call take(self%time_to_melting, other%time_to_melting)
-    call take(self%film_thickness, other%film_thickness)
-    if (allocated(other%regime)) then
-      self%regime = other%regime
-      self%outcome = other%outcome
-    end if
-    self%flagged = other%flagged
-  contains
-    subroutine take(to, from)
-      real(real64), allocatable, intent(inout) :: to(:)
-      real(real64), allocatable, intent(in) :: from(:)
-      if (allocated(from)) then
-        to = from
-      else if (allocated(to)) then
-        deallocate (to)
-      end if
-    end subroutine
+    call drop(self)
+    self%shearbus_columns = other%shearbus_columns
   end subroutine
 
   function ticket(self) result(text)
@@ -978,33 +1259,31 @@ contains
     logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    type(c_column), target :: inputs(columns_at_most), outputs(columns_at_most)
-    type(column_pointer) :: answers(columns_at_most)
-    real(c_double), allocatable, target :: in(:, :), out(:, :)
-    real(c_double), target :: nothing  ! address of a column without rows
+    type(columns_of_step), target :: columns
     integer(c_int64_t), allocatable, target :: ids(:)
-    integer, allocatable :: rows(:)
     type(c_request) :: request
     type(c_result) :: answer
-    type(c_status) :: status
     procedure(step_of_all_ranks), pointer :: step_all
-    integer(c_int) :: code
-    logical :: masked
-    integer :: i, count, n_in, n_out
-    call clear(status)
-    code = 0
-    masked = present(mask)
-    if (masked) then
-      if (size(mask) /= self%n) call refuse(code, status, 'mask', size(mask), self%n)
-      if (code == 0) rows = pack([(i, i=1, self%n)], mask)
+    integer :: i
+    call clear(columns%status)
+    columns%code = 0
+    columns%all = .false.
+    columns%n = self%n
+    columns%count = self%n
+    columns%n_in = 0
+    columns%n_out = 0
+    columns%stick = allocated(self%impedance)
+    columns%masked = present(mask)
+    if (columns%masked) then
+      if (size(mask) /= self%n) call refuse(columns%code, columns%status, 'mask', size(mask), self%n)
+      if (columns%code == 0) columns%rows = pack([(i, i=1, self%n)], mask)
+      if (allocated(columns%rows)) columns%count = size(columns%rows)
+      allocate (columns%in(max(columns%count, 1), columns_of_steps), columns%out(max(columns%count, 1), columns_of_steps))
     end if
-    count = self%n
-    if (allocated(rows)) count = size(rows)
-    if (masked) allocate (in(max(count, 1), columns_at_most), out(max(count, 1), columns_at_most))
     if (allocated(self%bytes)) then
-      if (size(self%bytes, 1) < count) deallocate (self%bytes)
+      if (size(self%bytes, 1) < columns%count) deallocate (self%bytes)
     end if
-    if (.not. allocated(self%bytes)) allocate (self%bytes(max(count, 1), 2))
+    if (.not. allocated(self%bytes)) allocate (self%bytes(max(columns%count, 1), 2))
     request%size = c_sizeof(request)
     request%dt_s = dt
     request%time_s = time
@@ -1014,61 +1293,32 @@ contains
     request%commit_previous = number_of(commit_previous)
     request%all_or_nothing = number_of(all_or_nothing)
     request%open_absent = number_of(open_absent)
-    request%n = int(count, c_size_t)
+    request%n = int(columns%count, c_size_t)
     request%node_ids = c_null_ptr
-    if (allocated(rows)) then
-      ids = [self%nodes(rows), 0_c_int64_t]  ! one more, since an array without elements has no address
+    if (allocated(columns%rows)) then
+      ids = [self%nodes(columns%rows), 0_c_int64_t]  ! one more, since an array without elements has no address
       request%node_ids = c_loc(ids)
     end if
-
-    n_in = 0
-    call give(self%jump, 'jump', 10, 0)
-    call give(self%jump2, 'jump2', 10, 1)
-    call give(self%pressure, 'pressure', 11, 0)
-    if (allocated(self%impedance)) then
-      call give(self%stick_stress, 'stick_stress', 18, 0)
-      call give(self%stick_stress2, 'stick_stress2', 18, 1)
-      call give(self%impedance, 'impedance', 19, 0)
-    else
-      call give(self%stress_soft, 'stress_soft', 12, 0)
-      call give(self%stress_soft2, 'stress_soft2', 12, 1)
-      call give(self%stress_hard, 'stress_hard', 13, 0)
-      call give(self%stress_hard2, 'stress_hard2', 13, 1)
-      call give(self%mass_soft, 'mass_soft', 14, 0)
-      call give(self%mass_hard, 'mass_hard', 15, 0)
-    end if
-    call give(self%soft_shear_rate, 'soft_shear_rate', 16, 0)
-    call give(self%soft_plastic_strain_rate, 'soft_plastic_strain_rate', 17, 0)
-    n_out = 0
-    call want(self%stress, 'stress', 30, 0)
-    call want(self%stress2, 'stress2', 30, 1)
-    call want(self%slip, 'slip', 31, 0)
-    call want(self%slip2, 'slip2', 31, 1)
-    call want(self%temperature, 'temperature', 32, 0)
-    call want(self%jump_new, 'jump_new', 33, 0)
-    call want(self%jump_new2, 'jump_new2', 33, 1)
-    call want(self%heat, 'heat', 36, 0)
-    call want(self%mean_stress, 'mean_stress', 37, 0)
-    call want(self%mean_stress2, 'mean_stress2', 37, 1)
-    call want(self%stress_per_jump, 'stress_per_jump', 38, 0)
-    call want(self%stress_per_pressure, 'stress_per_pressure', 39, 0)
-    call want(self%time_to_melting, 'time_to_melting', 49, 0)
-    call want(self%film_thickness, 'film_thickness', 62, 0)
-    outputs(n_out + 1) = c_column(34, 0, c_loc(self%bytes(1, 1)), 0)
-    outputs(n_out + 2) = c_column(35, 0, c_loc(self%bytes(1, 2)), 0)
-    request%inputs = c_loc(inputs)
-    request%n_inputs = int(n_in, c_size_t)
-    request%outputs = c_loc(outputs)
-    request%n_outputs = int(n_out + 2, c_size_t)
+    call each_column(self, columns)
+    columns%outputs(columns%n_out + 1) = c_column(regime_column, 0, c_loc(self%bytes(1, 1)), 0)
+    columns%outputs(columns%n_out + 2) = c_column(outcome_column, 0, c_loc(self%bytes(1, 2)), 0)
+    request%inputs = c_loc(columns%inputs)
+    request%n_inputs = int(columns%n_in, c_size_t)
+    request%outputs = c_loc(columns%outputs)
+    request%n_outputs = int(columns%n_out + 2, c_size_t)
     answer%size = c_sizeof(answer)
     if (c_associated(self%step_of_all)) then
       call c_f_procpointer(self%step_of_all, step_all)
-      code = step_all(self%ranks, self%handle, code, request, answer, status)
-    else if (code == 0) then
-      code = c_step(self%handle, request, answer, status)
+      columns%code = step_all(self%ranks, self%handle, columns%code, request, answer, columns%status)
+    else if (columns%code == 0) then
+      columns%code = c_step(self%handle, request, answer, columns%status)
     end if
-    if (code == 0) call adopt()
-    call report(code, status, stat, msg)
+    if (columns%code == 0) call adopt()
+    if (columns%code == 0 .and. associated(self%fell_back)) then
+      if (self%fell_back /= 0) call self%law(self)
+      self%fell_back = 0
+    end if
+    call report(columns%code, columns%status, stat, msg)
   contains
     function number_of(flag) result(number)
       logical, intent(in), optional :: flag
@@ -1078,65 +1328,150 @@ contains
       if (flag) number = 1
     end function
 
-    function is_sound(column, name) result(yes)
-      real(real64), allocatable, intent(in) :: column(:)
-      character(len=*), intent(in) :: name
-      logical :: yes
-      yes = allocated(column)
-      if (.not. yes) return
-      if (size(column) /= self%n) call refuse(code, status, name, size(column), self%n)
-      yes = code == 0
-    end function
-
-    subroutine give(column, name, field, component)
-      real(real64), allocatable, target, intent(in) :: column(:)
-      character(len=*), intent(in) :: name
-      integer, intent(in) :: field, component
-      if (.not. is_sound(column, name)) return
-      n_in = n_in + 1
-      inputs(n_in) = c_column(int(field, c_int32_t), int(component, c_int32_t), c_loc(nothing), 0)
-      if (masked) then
-        in(:count, n_in) = column(rows)
-        inputs(n_in)%values = c_loc(in(1, n_in))
-      else if (count > 0) then
-        inputs(n_in)%values = c_loc(column)
-      end if
-    end subroutine
-
-    subroutine want(column, name, field, component)
-      real(real64), allocatable, target, intent(inout) :: column(:)
-      character(len=*), intent(in) :: name
-      integer, intent(in) :: field, component
-      if (.not. is_sound(column, name)) return
-      n_out = n_out + 1
-      outputs(n_out) = c_column(int(field, c_int32_t), int(component, c_int32_t), c_loc(nothing), 0)
-      answers(n_out)%values => column
-      if (masked) then
-        outputs(n_out)%values = c_loc(out(1, n_out))
-      else if (count > 0) then
-        outputs(n_out)%values = c_loc(column)
-      end if
-    end subroutine
-
     ! Rows that were not stepped keep their former answers.
     subroutine adopt()
       self%flagged = int(answer%flagged_nodes)
-      self%closure = answer%largest_closure
+      self%largest_closure = answer%largest_closure
       self%layer_time = answer%layer_time
-      if (.not. masked) then
-        self%regime = iand(int(self%bytes(:count, 1)), 255)
-        self%outcome = iand(int(self%bytes(:count, 2)), 255)
+      if (.not. columns%masked) then
+        self%regime = iand(int(self%bytes(:columns%count, 1)), 255)
+        self%outcome = iand(int(self%bytes(:columns%count, 2)), 255)
         return
       end if
-      self%regime(rows) = iand(int(self%bytes(:count, 1)), 255)
-      self%outcome(rows) = iand(int(self%bytes(:count, 2)), 255)
-      do i = 1, n_out
-        answers(i)%values(rows) = out(:count, i)
+      self%regime(columns%rows) = iand(int(self%bytes(:columns%count, 1)), 255)
+      self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 2)), 255)
+      do i = 1, columns%n_out
+        columns%answers(i)%values(columns%rows) = columns%out(:columns%count, i)
       end do
     end subroutine
   end subroutine
 
+  subroutine add_to_step(visitor, column)
+    class(columns_of_step), intent(inout), target :: visitor
+    real(real64), allocatable, target, intent(inout) :: column(:)
+    type(column_place) :: place
+    place = places(visitor%at)
+    if (place%role == merge(far_field, stick_form, visitor%stick)) return
+    if (size(column) /= visitor%n) call refuse(visitor%code, visitor%status, trim(place%name), size(column), visitor%n)
+    if (visitor%code /= 0) return
+    if (place%role < answered) then
+      visitor%n_in = visitor%n_in + 1
+      visitor%inputs(visitor%n_in) = c_column(place%field, place%component, c_loc(visitor%nothing), 0)
+      if (visitor%masked) then
+        visitor%in(:visitor%count, visitor%n_in) = column(visitor%rows)
+        visitor%inputs(visitor%n_in)%values = c_loc(visitor%in(1, visitor%n_in))
+      else if (visitor%count > 0) then
+        visitor%inputs(visitor%n_in)%values = c_loc(column)
+      end if
+    else
+      visitor%n_out = visitor%n_out + 1
+      visitor%outputs(visitor%n_out) = c_column(place%field, place%component, c_loc(visitor%nothing), 0)
+      visitor%answers(visitor%n_out)%values => column
+      if (visitor%masked) then
+        visitor%outputs(visitor%n_out)%values = c_loc(visitor%out(1, visitor%n_out))
+      else if (visitor%count > 0) then
+        visitor%outputs(visitor%n_out)%values = c_loc(column)
+      end if
+    end if
+  end subroutine
+
+  ! ---- profiles ----
+
+  subroutine profiles_64(self, nodes, profiles, pressure, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    integer(int64), intent(in) :: nodes(:)
+    type(shearbus_profiles), intent(out), target :: profiles
+    real(real64), intent(in), optional :: pressure(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_column), target :: outputs(columns_of_profiles)
+    real(c_double), allocatable, target :: pressures(:)
+    type(c_ptr) :: at_pressure
+    type(c_status) :: status
+    integer(c_size_t) :: vertices
+    integer(c_int) :: code
+    integer(c_int32_t) :: fields(0:columns_at_most, 0:3)
+    integer :: n_out
+    call clear(status)
+    code = 0
+    at_pressure = c_null_ptr
+    if (present(pressure)) then
+      if (size(pressure) /= size(nodes)) call refuse(code, status, 'pressure', size(pressure), size(nodes))
+      pressures = [pressure, 0.0_real64]  ! one more, since an array without elements has no address
+      at_pressure = c_loc(pressures)
+    end if
+    vertices = 0
+    if (code == 0) &
+      code = c_profiles(self%handle, size(nodes, kind=c_size_t), nodes, at_pressure, c_null_ptr, 0_c_size_t, vertices, status)
+    if (code == 0) then
+      fields = fields_of(self)
+      n_out = 0
+      call take_all()
+      code = c_profiles(self%handle, size(nodes, kind=c_size_t), nodes, at_pressure, c_loc(outputs), int(n_out, c_size_t), &
+                        vertices, status)
+    end if
+    if (code == 0) then
+      profiles%nodes = size(nodes)
+      profiles%vertices = int(vertices)
+    end if
+    call report(code, status, stat, msg)
+  contains
+    subroutine take_all()
+      ! print_contract.py: profiles
+      call take(profiles%position, 50, 0)
+      call take(profiles%width, 51, 0)
+      call take(profiles%layer_temperature, 52, 0)
+      call take(profiles%layer_plastic_strain, 53, 0)
+      call take(profiles%layer_flow_stress, 54, 0)
+      call take(profiles%layer_shear_stress, 55, 0)
+      call take(profiles%layer_shear_stress2, 55, 1)
+      ! print_contract.py: end
+    end subroutine
+    subroutine take(values, field, component)
+      real(real64), allocatable, target, intent(inout) :: values(:, :)
+      integer, intent(in) :: field, component
+      if (component == 1 .and. fields(0, 3) /= 2) return
+      allocate (values(vertices, size(nodes)))
+      n_out = n_out + 1
+      outputs(n_out) = c_column(int(field, c_int32_t), int(component, c_int32_t), c_loc(values), 0)
+    end subroutine
+  end subroutine
+
+  subroutine profiles_32(self, nodes, profiles, pressure, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    integer(int32), intent(in) :: nodes(:)
+    type(shearbus_profiles), intent(out), target :: profiles
+    real(real64), intent(in), optional :: pressure(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    call self%profiles(int(nodes, int64), profiles, pressure, stat, msg)
+  end subroutine
+
   ! ---- states and nodes ----
+
+  subroutine set_fallback(self, law, stat, msg)
+    class(shearbus_interface), intent(inout) :: self
+    procedure(own_law) :: law
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(c_status) :: status
+    integer(c_int) :: code
+    call clear(status)
+    if (.not. associated(self%fell_back)) allocate (self%fell_back, source=0_c_int)
+    code = c_set_fallback(self%handle, c_funloc(note_fallback), c_loc(self%fell_back), status)
+    if (code == 0) self%law => law
+    call report(code, status, stat, msg)
+  end subroutine
+
+  ! The law is called when the columns have the rows of the step.
+  function note_fallback(user, request) bind(c) result(code)
+    type(c_ptr), value :: user, request
+    integer(c_int) :: code
+    integer(c_int), pointer :: fell_back
+    call c_f_pointer(user, fell_back)
+    fell_back = merge(1_c_int, 0_c_int, c_associated(request))
+    code = 0
+  end function
 
   subroutine commit(self, stat, msg)
     class(shearbus_interface), intent(inout) :: self
@@ -1282,15 +1617,14 @@ contains
 
   ! Gives the columns the rows of the changed set of nodes; a node that was there before keeps its values.
   subroutine follow_nodes(self)
-    class(shearbus_interface), intent(inout) :: self
+    class(shearbus_interface), intent(inout), target :: self
     integer(int64), allocatable :: before(:)
-    integer, allocatable :: row(:)
-    real(real64) :: unset
+    type(columns_to_follow), target :: visitor
     integer :: i, j
-    unset = ieee_value(unset, ieee_quiet_nan)
     allocate (before, source=self%nodes)
     call adopt_nodes(self)
-    allocate (row(self%n), source=0)
+    visitor%all = .false.
+    allocate (visitor%row(self%n), source=0)
     j = 1  ! the nodes that stay keep their order, so that both lists are walked once
     do i = 1, self%n
       do while (j <= size(before))
@@ -1298,60 +1632,34 @@ contains
         j = j + 1
       end do
       if (j > size(before)) exit
-      row(i) = j
+      visitor%row(i) = j
       j = j + 1
     end do
-    call follow(self%jump)
-    call follow(self%jump2)
-    call follow(self%pressure)
-    call follow(self%stress_soft)
-    call follow(self%stress_soft2)
-    call follow(self%stress_hard)
-    call follow(self%stress_hard2)
-    call follow(self%mass_soft)
-    call follow(self%mass_hard)
-    call follow(self%stick_stress)
-    call follow(self%stick_stress2)
-    call follow(self%impedance)
-    call follow(self%soft_shear_rate)
-    call follow(self%soft_plastic_strain_rate)
-    call follow(self%stress)
-    call follow(self%stress2)
-    call follow(self%slip)
-    call follow(self%slip2)
-    call follow(self%temperature)
-    call follow(self%jump_new)
-    call follow(self%jump_new2)
-    call follow(self%heat)
-    call follow(self%mean_stress)
-    call follow(self%mean_stress2)
-    call follow(self%stress_per_jump)
-    call follow(self%stress_per_pressure)
-    call follow(self%time_to_melting)
-    call follow(self%film_thickness)
+    call each_column(self, visitor)
     self%regime = codes(self%regime)
     self%outcome = codes(self%outcome)
   contains
-    subroutine follow(column)
-      real(real64), allocatable, intent(inout) :: column(:)
-      real(real64), allocatable :: values(:)
-      integer :: k
-      if (.not. allocated(column)) return
-      allocate (values(self%n), source=unset)
-      do k = 1, self%n
-        if (row(k) > 0 .and. row(k) <= size(column)) values(k) = column(row(k))
-      end do
-      call move_alloc(values, column)
-    end subroutine
     function codes(column) result(values)
       integer, intent(in) :: column(:)
       integer :: values(self%n)
       integer :: k
       values = 0
       do k = 1, self%n
-        if (row(k) > 0 .and. row(k) <= size(column)) values(k) = column(row(k))
+        if (visitor%row(k) > 0 .and. visitor%row(k) <= size(column)) values(k) = column(visitor%row(k))
       end do
     end function
+  end subroutine
+
+  subroutine follow(visitor, column)
+    class(columns_to_follow), intent(inout), target :: visitor
+    real(real64), allocatable, target, intent(inout) :: column(:)
+    real(real64), allocatable :: values(:)
+    integer :: k
+    allocate (values(size(visitor%row)), source=unset())
+    do k = 1, size(values)
+      if (visitor%row(k) > 0 .and. visitor%row(k) <= size(column)) values(k) = column(visitor%row(k))
+    end do
+    call move_alloc(values, column)
   end subroutine
 
   ! A fault of this side: something has not the size that it must have.
@@ -1361,14 +1669,21 @@ contains
     character(len=*), intent(in) :: name
     integer, intent(in) :: found, expected
     character(len=200) :: text
-    integer :: i
-    code = 105
-    status%code = code
     write (text, '(2a,i0,a,i0)') name, ' has the size ', found, ', expected ', expected
+    call refuse_text(code, status, trim(text))
+  end subroutine
+
+  subroutine refuse_text(code, status, text)
+    integer(c_int), intent(inout) :: code
+    type(c_status), intent(inout) :: status
+    character(len=*), intent(in) :: text
+    integer :: i
+    code = shearbus_code_shape
+    status%code = code
     status%remedy(1) = c_null_char
-    do i = 1, len_trim(text)
+    do i = 1, len(text)
       status%text(i) = text(i:i)
     end do
-    status%text(len_trim(text) + 1) = c_null_char
+    status%text(len(text) + 1) = c_null_char
   end subroutine
 end module

@@ -105,7 +105,7 @@ contains
     root = 0
     if (present(on_root)) root = merge(1, 0, on_root)
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                      connect_deadline, reply_deadline, state_dir, threads, check_closure, idle_limit)
+                      connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     call per_node(initial_temperature, size(nodes), temperatures, temperatures_at, code, status)
     code = c_mpi_open(ranks%handle, int(comm, c_int), code, root, bus%handle, options, size(nodes, kind=c_size_t), nodes, &
                       temperatures_at, status)
@@ -133,7 +133,7 @@ contains
     call clear(status)
     call give_options(options, texts, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                       secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
-                      check_closure=check_closure, idle_limit=idle_limit)
+                      retry_after=retry_after, check_closure=check_closure, idle_limit=idle_limit)
     code = c_mpi_restart(ranks%handle, int(comm, c_int), bus%handle, options, trim(manifest)//c_null_char, &
                          size(nodes, kind=c_size_t), nodes, status)
     if (code == 0) call adopt_nodes(bus)

@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 
 #include "proto/files/input_file.hpp"
+#include "proto/program/program.hpp"
+#include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 #include "server/capsule_replay.hpp"
 
 namespace shearbus::replay {
@@ -10,8 +13,9 @@ namespace shearbus::replay {
 bool run_capsule(const std::filesystem::path& file) {
   const files::RegularFile regular(file);  // a pipe is refused, which would keep the program waiting
   const server::CapsuleReplay capsule = server::replay_capsule(file);
-  fmt::print("{}: node {}, step {} (attempt {}) of {} s to {} s, by server {}\n", file.string(), capsule.node_id,
-             capsule.step, capsule.attempt, capsule.dt_s, capsule.time_s, capsule.server_version);
+  fmt::print("{}: node {}, step {} (attempt {}) of {} s to {} s, by server {}\n", program::shown(file), capsule.node_id,
+             capsule.step, capsule.attempt, capsule.dt_s, capsule.time_s,
+             wire::printable(capsule.server_version, wire::kMaxNameBytes));
   fmt::print("  started from\n");
   for (const auto& part : capsule.state)
     fmt::print("    {:<22} {} values, {} to {} {}{}\n", part.name, part.values, part.lowest, part.highest, part.units,

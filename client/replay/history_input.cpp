@@ -178,9 +178,9 @@ void HistoryInput::fill(std::size_t step, Batch& request) {
   for (const Column& column : rows_) history_.row(column.dataset, step, request.f64(column.field, column.component));
 }
 
-void HistoryInput::feed_back(const StepResult& result, Batch& request) const {
+void HistoryInput::feed_back(const Answer& answer, Batch& request) const {
   for (std::uint32_t component = 0; closed_loop_ && component < components_; ++component)
-    std::ranges::copy(result.velocity_jump_new_m_per_s(component),
+    std::ranges::copy(std::as_const(answer.columns).f64(Field::kVelocityJumpNew, component),
                       request.f64(Field::kVelocityJump, component).begin());
 }
 

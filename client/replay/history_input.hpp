@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "client/replay/bus.hpp"
 #include "client/replay/table.hpp"
-#include "client/src/client.hpp"
 
 namespace shearbus::replay {
 
@@ -28,9 +28,9 @@ class HistoryInput {
   const std::vector<std::string>& notes() const { return notes_; }
 
   void prepare(Batch& request) const;  // sets the values that hold for all steps; in a closed loop also the first jump
-  void fill(std::size_t step, Batch& request);                     // sets the values of one step
-  void feed_back(const StepResult& result, Batch& request) const;  // in a closed loop, sets the jump of the next step
-  void check_all_rows();                                           // reads every value once, to find faults
+  void fill(std::size_t step, Batch& request);                 // sets the values of one step
+  void feed_back(const Answer& answer, Batch& request) const;  // in a closed loop, sets the jump of the next step
+  void check_all_rows();                                       // reads every value once, to find faults
 
  private:
   struct Column {

@@ -30,6 +30,8 @@
 #include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/codec.hpp"
+#include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 #include "server/in_process.hpp"
 
 namespace shearbus::replay {
@@ -372,7 +374,7 @@ class LogReplay {
       steps += session->steps;
       if (session->log.torn())
         fmt::print("  note                        {} ends in an incomplete record, which is left out\n",
-                   session->log.name());
+                   program::shown(session->log.name()));
     }
     const double solver = 1e-9 * static_cast<double>(solver_ns_);
     fmt::print("  sessions                    {}\n", sessions.size());
@@ -382,11 +384,12 @@ class LogReplay {
       fmt::print("  not repeated                {} refusals that the server or the network explain\n", left_out);
     fmt::print("  run time                    {:.3f} s, solver {:.3f} s\n", seconds, solver);
     if (difference_)
-      fmt::print("  answers                     DIFFER: {}\n", *difference_);
+      fmt::print("  answers                     DIFFER: {}\n", wire::printable(*difference_, wire::kMaxTextBytes));
     else if (!changed_)
       fmt::print("  answers                     equal to the recorded ones{}\n",
                  options_.rtol > 0 ? fmt::format(" within {}", options_.rtol) : ", to the last bit");
-    if (!options_.out.empty() && !difference_) fmt::print("  result                      {}\n", options_.out.string());
+    if (!options_.out.empty() && !difference_)
+      fmt::print("  result                      {}\n", program::shown(options_.out));
   }
 
   const LogReplayOptions& options_;

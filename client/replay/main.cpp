@@ -216,7 +216,7 @@ int run(const CLI::App& app, Command& command) {
     if (app.get_subcommand("export")->count("--node") > 0) command.exported.node = command.node;
     command.exported.version = command.run.version;
     const std::size_t steps = replay::export_log(command.exported);
-    fmt::print("{}: {} steps\n", command.exported.out.string(), steps);
+    fmt::print("{}: {} steps\n", shearbus::program::shown(command.exported.out), steps);
     return 0;
   }
   if (app.got_subcommand("plot")) {
@@ -250,7 +250,7 @@ int run(const CLI::App& app, Command& command) {
 int main(int argc, char** argv) {
   shearbus::program::begin_program();
   Command command;
-  command.run.version = command.exported.version = SHEARBUS_VERSION;
+  command.run.version = command.exported.version = SHEARBUS_RELEASE;
   command.run.arguments = {argv, static_cast<std::size_t>(argc)};
   CLI::App app("Replays macroscopic histories and event logs through the subgrid friction service.", "shearbus-replay");
   describe(app, command);

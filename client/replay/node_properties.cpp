@@ -32,22 +32,6 @@ void NodeProperties::write(files::HistoryWriter& writer) const {
                       values);
 }
 
-NodeOpening::NodeOpening(const NodeProperties& properties) : properties_(properties) {
-  for (const std::string& name : properties.pair) {
-    auto at = std::ranges::find(names_, name);
-    if (at == names_.end()) at = names_.insert(at, name);
-    places_.push_back(static_cast<std::uint64_t>(at - names_.begin()));
-  }
-}
-
-OpenOptions NodeOpening::options() const {
-  OpenOptions options = {.initial_temperature_k = properties_.initial_temperature_k, .domain = {}};
-  options.pairs = names_;
-  options.pair = places_;
-  for (const auto& [key, values] : properties_.parameters) options.parameters.push_back({key, values});
-  return options;
-}
-
 RegisteredProperties::Nodes& RegisteredProperties::changed() {
   if (nodes_.use_count() > 1) nodes_ = std::make_shared<Nodes>(*nodes_);
   return *nodes_;

@@ -9,9 +9,10 @@
 #include <utility>
 #include <vector>
 
+#include "client/replay/names.hpp"
 #include "client/replay/table.hpp"
-#include "client/src/client.hpp"
 #include "proto/files/recording.hpp"
+#include "proto/wire/messages.hpp"
 
 namespace shearbus::replay {
 
@@ -26,18 +27,6 @@ struct NodeProperties {
 
   // Writes the datasets that of() reads.
   void write(files::HistoryWriter& writer) const;
-};
-
-// The same as the options of an opening.
-class NodeOpening {
- public:
-  explicit NodeOpening(const NodeProperties& properties);
-  OpenOptions options() const;
-
- private:
-  const NodeProperties& properties_;
-  std::vector<std::string> names_;     // distinct names of pairs
-  std::vector<std::uint64_t> places_;  // of each node's pair among them
 };
 
 // Follows the registrations of an event log.

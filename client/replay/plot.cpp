@@ -17,6 +17,7 @@
 #include "proto/files/input_file.hpp"
 #include "proto/files/recording.hpp"
 #include "proto/files/whole_file.hpp"
+#include "proto/program/program.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -79,7 +80,7 @@ void plot(const PlotOptions& options) {
     words.push_back(exported->path().string());
   }
   run(std::move(words));
-  fmt::print("{}\n", options.out.string());
+  fmt::print("{}\n", program::shown(options.out));
 }
 
 }  // namespace shearbus::replay

@@ -12,11 +12,11 @@
 #include <stdexcept>
 #include <utility>
 
+#include "client/replay/bus.hpp"
 #include "client/replay/history_input.hpp"
 #include "client/replay/node_properties.hpp"
 #include "client/replay/result_file.hpp"
 #include "client/replay/tally.hpp"
-#include "client/src/client.hpp"
 #include "client/src/input_check.hpp"
 #include "proto/files/profile_record.hpp"
 #include "proto/files/recording.hpp"
@@ -25,44 +25,21 @@
 #include "proto/program/progress.hpp"
 #include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
+#include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
-#include "server/embedded.hpp"
 #include "server/explain.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::replay {
 namespace {
 
-constexpr std::size_t kLongestShown = 4096;
-
-// The name of a file, for a terminal.
-std::string shown(const std::filesystem::path& file) {
-  return wire::printable(file.string(), kLongestShown);
-}
-
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-// The server at the given endpoint; without an endpoint, a server on a thread of this process.
-struct Service {
-  explicit Service(const files::ServerAddress& server)
-      : embedded(server.endpoint.empty()
-                     ? std::make_optional<server::Embedded>(server::ServerOptions{.log_level = "warn"})
-                     : std::nullopt),
-        client({.endpoint = embedded ? embedded->endpoint() : server.endpoint,
-                .context = embedded ? embedded->context() : nullptr,
-                .server_key = server.server_key,
-                .secret_key = server.secret_key,
-                .name = "shearbus-replay",
-                .check_closure = CheckClosure::kOff}) {}  // off: unlike a host, a history does not react to answers
-  std::optional<server::Embedded> embedded;
-  Client client;
-};
-
-const StepResult& advance(Session& session, const Batch& request, const Table& history, std::size_t step) {
+const Answer& advance(Bus& bus, const Batch& request, const Table& history, std::size_t step) {
   const double time_s = history.times_s()[step];
   try {
-    return session.advance(request, {.dt_s = history.dt_s()[step], .time_s = time_s, .step = step});
+    return bus.advance(request, history.dt_s()[step], time_s, step);
   } catch (const Error& error) {
     Status status = error.status();
     status.text = fmt::format("step {} (ends at {} s): {}", step, time_s, status.text);
@@ -71,24 +48,24 @@ const StepResult& advance(Session& session, const Batch& request, const Table& h
 }
 
 // Adds the profiles after a step to the record.
-void record_profiles(Session& session, const Table& history, std::size_t step, const Batch& request,
+void record_profiles(Bus& bus, const Table& history, std::size_t step, const Batch& request,
                      files::ProfileRecord& profiles) {
   std::vector<double> pressure;
   for (const std::uint64_t node : profiles.node_ids()) {
     const auto row = std::ranges::find(history.node_ids(), node) - history.node_ids().begin();
     pressure.push_back(request.f64(Field::kPressure)[static_cast<std::size_t>(row)]);
   }
-  profiles.add(history.times_s()[step], session.profiles(profiles.node_ids(), pressure).rows, pressure);
+  profiles.add(history.times_s()[step], bus.profiles(profiles.node_ids(), pressure), pressure);
 }
 
 void warn(const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) fmt::print(stderr, "shearbus-replay: warning: {}\n", warning);
 }
 
-void replay(const Options& options, const Table& history, HistoryInput& input, Session& session,
-            ResultFile& result_file, files::ProfileRecord& profiles, Tally& tally, RunTime& time) {
+void replay(const Options& options, const Table& history, HistoryInput& input, Bus& bus, ResultFile& result_file,
+            files::ProfileRecord& profiles, Tally& tally, RunTime& time) {
   program::Progress progress("replay", options.progress);
-  Batch request = session.request(input.optional_columns(), input.form());
+  Batch request = bus.request(input.optional_columns(), input.form());
   input.prepare(request);
   InputCheck inputs;
   for (std::size_t step = 0; step < history.steps(); ++step) {
@@ -98,20 +75,20 @@ void replay(const Options& options, const Table& history, HistoryInput& input, S
     const auto start = Clock::now();
     input.fill(step, request);
     const auto filled = Clock::now();
-    const StepResult& result = advance(session, request, history, step);
-    const std::chrono::nanoseconds solver(result.upscale().solver_ns);
+    const Answer& answer = advance(bus, request, history, step);
+    const std::chrono::nanoseconds solver(answer.result.solver_ns);
     time.reading += filled - start;
     time.solver += solver;
-    time.bus += result.round_trip() - solver;
+    time.bus += std::chrono::nanoseconds(answer.result.round_trip_ns) - solver;
 
     const auto answered = Clock::now();
     const double dt_s = history.dt_s()[step];
-    result_file.step(request, result, history.times_s()[step], dt_s);
+    result_file.step(request, answer, history.times_s()[step], dt_s);
     time.writing += Clock::now() - answered;
     warn(inputs.add(request, dt_s));
-    tally.add(request, result, history.times_s()[step], dt_s);
-    input.feed_back(result, request);
-    if (profiles.due(history.times_s()[step])) record_profiles(session, history, step, request, profiles);
+    tally.add(request, answer, history.times_s()[step], dt_s);
+    input.feed_back(answer, request);
+    if (profiles.due(history.times_s()[step])) record_profiles(bus, history, step, request, profiles);
     progress.at(step + 1, history.steps());
   }
   warn(inputs.end());
@@ -126,11 +103,10 @@ bool should_check_steps(const Table& history, const HistoryInput& input) {
 
 // Replays the history in half steps, by default with values that change linearly from row to row, and warns if the
 // highest temperature of a node differs by more than 0.5 %.
-void check_steps(const Options& options, const Table& history, HistoryInput& input, Session& session,
-                 const Tally& tally) {
+void check_steps(const Options& options, const Table& history, HistoryInput& input, Bus& bus, const Tally& tally) {
   constexpr double kMost = 0.005;
   const bool linear = options.table.rows == Rows::kUnspecified;
-  Batch request = session.request(input.optional_columns(), input.form());
+  Batch request = bus.request(input.optional_columns(), input.form());
   input.prepare(request);
   std::vector<double> peaks(history.nodes(), 0.0);
   std::vector<double> before;  // values of the row before, column after column
@@ -149,8 +125,8 @@ void check_steps(const Options& options, const Table& history, HistoryInput& inp
           value = before[i] + middle * (now[i] - before[i]);
           ++i;
         }
-      const auto temperature =
-          session.advance(request, {.dt_s = half_s, .time_s = time_s += half_s}).interface_temperature_k();
+      const Batch& answer = bus.advance(request, half_s, time_s += half_s, 0).columns;
+      const auto temperature = answer.f64(Field::kInterfaceTemperature);
       for (std::size_t node = 0; node < peaks.size(); ++node) peaks[node] = std::max(peaks[node], temperature[node]);
     }
     before = std::move(now);
@@ -182,13 +158,11 @@ void check_out(const Options& options) {
 }
 
 // Opens a session; faults of the scene name their --set, or their line in the file.
-Session open(Client& client, const scene::ChangedScene& scene, const Options& options, const Table& history,
-             const OpenOptions& opening) {
-  try {
-    return client.open(scene.text(), options.scene.string(), history.node_ids(), opening);
-  } catch (const Error& fault) {
-    throw Error(scene.placed(fault.status()));
-  }
+Bus open(const Options& options, const scene::ChangedScene& scene, const Table& history,
+         const NodeProperties& properties) try {
+  return {options.server, scene.text(), options.scene.string(), history.node_ids(), properties};
+} catch (const Error& fault) {
+  throw Error(scene.placed(fault.status()));
 }
 
 std::string plural(std::size_t count, const char* noun) {
@@ -208,20 +182,21 @@ struct ReplaySummary {
 };
 
 void print_summary(const ReplaySummary& run) {
-  fmt::print("{}: {}\n", shown(run.options.history), run.extent);
-  fmt::print("  scene                       {} ({})\n", run.scene_name, shown(run.options.scene));
+  fmt::print("{}: {}\n", program::shown(run.options.history), run.extent);
+  fmt::print("  scene                       {} ({})\n", run.scene_name, program::shown(run.options.scene));
   fmt::print("  velocity jump               {}\n", run.input.jump_origin());
   for (const std::string& note : run.input.notes())
-    fmt::print("  note                        {}\n", wire::printable(note, kLongestShown));
+    fmt::print("  note                        {}\n", wire::printable(note, wire::kMaxTextBytes));
   fmt::print("{}", run.tally.text(run.time));
   for (const auto& [label, value] : run.omitted.lines()) fmt::print("  {:<28}{}\n", label, value);
-  fmt::print("  result                      {}{}\n", shown(run.options.out), run.replaced ? " (replaced)" : "");
+  fmt::print("  result                      {}{}\n", program::shown(run.options.out),
+             run.replaced ? " (replaced)" : "");
 }
 
 }  // namespace
 
 void explain(const fs::path& scene) {
-  fmt::print("{}", server::explain(scene::load_text(scene), scene.string()).text());
+  fmt::print("{}", server::explain(scene::load_text(scene), program::shown(scene)).text());
 }
 
 void run(const Options& options) {
@@ -233,34 +208,30 @@ void run(const Options& options) {
   const std::unique_ptr<Table> table = open_table(options.history, options.table);
   Table& history = *table;
   const NodeProperties properties = NodeProperties::of(history);
-  const NodeOpening named(properties);
   RunTime time{.reading = Clock::now() - start};
 
-  Service service(options.server);
-  const OpenOptions opening = named.options();
-  Session session = open(service.client, changed, options, history, opening);
-  HistoryInput input(history, session.opened(), options.closed_loop);
+  Bus bus = open(options, changed, history, properties);
+  HistoryInput input(history, bus.opened(), options.closed_loop);
   files::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
-  if (!options.profile_nodes.empty()) session.profiles(options.profile_nodes);  // what cannot be read is refused here
+  if (!options.profile_nodes.empty()) bus.profiles(options.profile_nodes);  // what cannot be read is refused here
   if (options.check) input.check_all_rows();
-  session.want_energy_ledger();
-  for (const std::string& warning : session.warnings())
+  bus.want_energy_ledger();
+  for (const std::string& warning : bus.opened().warnings)
     program::complain(fmt::format("shearbus-replay: {}", wire::labelled(warning)));
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),
                   history.start_time_s(), history.times_s().back());
   if (options.check) {
-    session.close();
-    fmt::print("{} fits {}: {}\n", shown(options.history), shown(options.scene), extent);
+    bus.close();
+    fmt::print("{} fits {}: {}\n", program::shown(options.history), program::shown(options.scene), extent);
     return;
   }
 
-  const server::Entries provenance =
-      server::provenance("shearbus-replay", session.opened().scene_name, options.arguments);
+  const server::Entries provenance = server::provenance("shearbus-replay", bus.opened().scene_name, options.arguments);
   const std::map<std::string, std::string> meta = {
       {"producer", "shearbus-replay " + options.version},
-      {"server_version", service.client.welcome().server_version},
-      {"scene", session.effective_scene()},
+      {"server_version", bus.server_version()},
+      {"scene", bus.opened().effective_scene},
       {"input_file", options.history.filename().string()},
       {"input_hash", files::hash_of_file(options.history)},
       {"input_jump", input.jump_origin()},
@@ -268,18 +239,18 @@ void run(const Options& options) {
       {"machine", server::value_of(provenance, "machine")},
       {"command", server::value_of(provenance, "command")},
   };
-  ResultFile result(options.out, session, history.node_ids(), properties, meta, history.start_time_s());
+  ResultFile result(options.out, bus.opened(), history.node_ids(), properties, meta, history.start_time_s());
   const bool replaced = result.replaces();
   Tally tally(history.node_ids());
-  replay(options, history, input, session, result, profiles, tally, time);
-  const wire::SessionClosed totals = session.close();
+  replay(options, history, input, bus, result, profiles, tally, time);
+  const wire::SessionClosed totals = bus.close();
   const auto replayed = Clock::now();
   result.close(profiles);
   time.writing += Clock::now() - replayed;
   time.total = Clock::now() - start;
 
   if (options.json) {
-    nlohmann::ordered_json summary = {{"scene", session.opened().scene_name},
+    nlohmann::ordered_json summary = {{"scene", bus.opened().scene_name},
                                       {"history", options.history.string()},
                                       {"result", options.out.string()},
                                       {"steps", history.steps()},
@@ -294,11 +265,11 @@ void run(const Options& options) {
   } else {
     print_summary({.options = options,
                    .extent = extent,
-                   .scene_name = session.opened().scene_name,
+                   .scene_name = bus.opened().scene_name,
                    .input = input,
                    .tally = tally,
                    .time = time,
-                   .omitted = server::omitted_cost(session.effective_scene(), totals),
+                   .omitted = server::omitted_cost(bus.opened().effective_scene, totals),
                    .replaced = replaced});
   }
   if (tally.failed_node_steps() > 0)
@@ -306,7 +277,7 @@ void run(const Options& options) {
                tally.failed_node_steps());
   if (!should_check_steps(history, input)) return;
   try {
-    Session halves = service.client.open(scene, options.scene.string(), history.node_ids(), opening);
+    Bus halves(options.server, scene, options.scene.string(), history.node_ids(), properties);
     check_steps(options, history, input, halves, tally);
     halves.close();
   } catch (const Error&) {

@@ -4,11 +4,10 @@
 
 namespace shearbus::replay {
 
-ResultFile::ResultFile(const std::filesystem::path& file, const Session& session,
+ResultFile::ResultFile(const std::filesystem::path& file, const wire::SessionOpened& opened,
                        std::span<const std::uint64_t> node_ids, const NodeProperties& properties,
                        const std::map<std::string, std::string>& meta, double start_time_s) {
   refuse_ending_of_text(file);
-  const wire::SessionOpened& opened = session.opened();
   const auto add = [&](Field field, bool is_input) {
     for (std::uint32_t component = 0; component < (wire::is_tangential(field) ? opened.tangential_components : 1);
          ++component)
@@ -29,11 +28,11 @@ ResultFile::ResultFile(const std::filesystem::path& file, const Session& session
   properties.write(*hdf5_);
 }
 
-void ResultFile::step(const Batch& request, const StepResult& result, double time_s, double dt_s) {
+void ResultFile::step(const Batch& request, const Answer& answer, double time_s, double dt_s) {
   if (hdf5_) hdf5_->begin_row(time_s, dt_s);
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     const auto [field, component, is_input] = columns_[i];
-    const Batch& batch = is_input ? request : result.batch();
+    const Batch& batch = is_input ? request : answer.columns;
     const auto put = [&](const auto& column) {
       if (hdf5_)
         hdf5_->set(i, column);

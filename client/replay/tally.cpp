@@ -50,14 +50,15 @@ std::string InputRanges::text() const {
                      dt.text("s"));
 }
 
-void Tally::add(const Batch& request, const StepResult& result, double time_s, double dt_s) {
+void Tally::add(const Batch& request, const Answer& answer, double time_s, double dt_s) {
+  const Batch& columns = answer.columns;
   inputs_.add(request, dt_s);
-  const auto temperature = result.interface_temperature_k();
-  const auto velocity = result.sliding_velocity_m_per_s();
-  const auto second_velocity = result.sliding_velocity_m_per_s(1);  // empty if slip has one component
-  const auto heat = result.friction_heat_j_per_m2();
-  const auto regime = result.regime();
-  const auto outcome = result.outcome();
+  const auto temperature = columns.f64(Field::kInterfaceTemperature);
+  const auto velocity = columns.f64(Field::kSlidingVelocity);
+  const auto second_velocity = columns.f64(Field::kSlidingVelocity, 1);  // empty if slip has one component
+  const auto heat = columns.f64(Field::kFrictionHeat);
+  const auto regime = columns.u8(Field::kRegime);
+  const auto outcome = columns.u8(Field::kOutcome);
   for (std::size_t node = 0; node < node_ids_.size(); ++node) {
     slip_[node] += std::hypot(velocity[node], second_velocity.empty() ? 0.0 : second_velocity[node]) * dt_s;
     peaks_k_[node] = std::max(peaks_k_[node], temperature[node]);
@@ -75,7 +76,7 @@ void Tally::add(const Batch& request, const StepResult& result, double time_s, d
     flagged_ += (outcome[node] & ~wire::kAsleep) != wire::kOutcomeOk;
     for (std::size_t bit = 0; bit < outcomes_.size(); ++bit) outcomes_[bit] += (outcome[node] >> bit) & 1u;
   }
-  energy_.add(result.batch());
+  energy_.add(columns);
   node_steps_ += node_ids_.size();
 }
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "client/src/client.hpp"
+#include "client/replay/bus.hpp"
 #include "proto/files/energy_totals.hpp"
 
 namespace shearbus::replay {
@@ -42,7 +42,7 @@ class Tally {
  public:
   explicit Tally(const std::vector<std::uint64_t>& node_ids);
 
-  void add(const Batch& request, const StepResult& result, double time_s, double dt_s);
+  void add(const Batch& request, const Answer& answer, double time_s, double dt_s);
 
   const std::vector<double>& peaks_k() const { return peaks_k_; }  // highest temperature of each node
   std::uint64_t failed_node_steps() const { return outcomes_[kFailedBit]; }

@@ -5,13 +5,12 @@ its temperature, right with its slip distance, inside of the section through the
 
 RUN is a directory that shearbus-hydro wrote: the bodies are read from fields.xmf, the interface from interface.h5.
 Debian's ParaView draws on a screen only; without one: xvfb-run -a -s "-noreset -screen 0 1920x1200x24" pvbatch ..."""
-import argparse
 import pathlib
 
 import h5py
 import numpy
 from paraview import simple
-from printable import printable
+from terminal import Parser, printable, real_number
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
@@ -100,10 +99,10 @@ def scene(run, time):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("run", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
-    parser.add_argument("--time", type=float, default=4.0, help="µs, default 4")
+    parser.add_argument("--time", type=real_number, default=4.0, help="µs, default 4")
     options = parser.parse_args()
     simple._DisableFirstRenderCameraReset()
     view = scene(options.run, options.time * 1e-6)

@@ -7,7 +7,6 @@ contact. Runs with free slip or stick appear only in the first picture, unless t
 
     plot_cone.py RUN [RUN ...] --out DIRECTORY       RUN: a directory that shearbus-hydro wrote
 """
-import argparse
 import pathlib
 import sys
 
@@ -17,7 +16,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
-from printable import complain, printable
+from terminal import Parser, complain, printable
 from runs import Fault, read, style_text
 
 NODES = "interface node: its {} at the start (mm)"
@@ -270,7 +269,7 @@ def pictures(runs):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("runs", nargs="+", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
     options = parser.parse_args()

@@ -5,7 +5,6 @@ side by side.
 
     plot_histories.py RUN [RUN ...] --out DIRECTORY      RUN: a directory that shearbus-hydro wrote, or a file of results
 """
-import argparse
 import pathlib
 import sys
 import warnings
@@ -16,7 +15,7 @@ import style
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from printable import complain, printable
+from terminal import Parser, complain, printable
 from runs import Fault, read, style_text
 
 MOST_LINES = 8   # lines in one panel; with more columns, some lines and the band of all columns
@@ -154,7 +153,7 @@ def pictures(runs):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("runs", nargs="+", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="directory for the pictures")
     options = parser.parse_args()

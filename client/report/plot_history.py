@@ -5,18 +5,16 @@ history of inputs alone completes those that have its steps.
 
     plot_history.py result.h5 [other.h5 ...] [history.h5] --out picture.png [--node ID]
 """
-import argparse
 import pathlib
 import sys
 import textwrap
-import tomllib
 
 import h5py
 import numpy as np
 import style
 from matplotlib.lines import Line2D
-from printable import complain
-from runs import tell_apart, text_of
+from terminal import Parser, complain, read_toml, whole_number
+from runs import check_texts, tell_apart, text_of
 
 MOST_ROWS = 4000  # more would be finer than the pixels of the picture
 PANELS = [  # label, lines: (quantity, label in a legend)
@@ -38,6 +36,10 @@ class File:
         if not h5py.is_hdf5(path):
             raise ValueError(f"{path}: expected a result or a history in HDF5, or an event log; found another kind of file. "
                              "A table in text is replayed first: shearbus-replay TABLE.csv --scene SCENE.toml --out RESULT.h5")
+        try:
+            check_texts(path)
+        except ValueError as fault:
+            raise ValueError(f"{path}: {fault}") from None
         with h5py.File(path) as file:
             if "time" not in file or "node_id" not in file:
                 raise ValueError(f"{path}: not a history or a result, it has no time and node_id")
@@ -47,8 +49,8 @@ class File:
             facts = {key: text_of(value) for key, value in meta.attrs.items()} if meta is not None else {}
             self.scene_text = text_of(meta["scene"][()]) if meta is not None and "scene" in meta else facts.get("scene", "")
         try:
-            self.scene = tomllib.loads(self.scene_text)
-        except tomllib.TOMLDecodeError:
+            self.scene = read_toml(self.scene_text)
+        except ValueError:
             self.scene = {}
         self.law, self.name = facts.get("interface_law", "subgrid"), self.scene.get("name", self.path.stem)
         self.label = style.law_label(self.law)
@@ -115,10 +117,10 @@ def regime_band(axis, time, regime):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser = Parser(description=__doc__.split("\n\n")[0])
     parser.add_argument("files", nargs="+", help="HDF5 files: results, which are drawn over each other, and a history that completes them")
     parser.add_argument("--out", required=True, help="the picture, PNG")
-    parser.add_argument("--node", type=style.whole_number, help="id of the node; default: the hottest")
+    parser.add_argument("--node", type=whole_number, help="id of the node; default: the hottest")
     options = parser.parse_args()
     try:
         files, node = read(options.files, options.node)

@@ -8,7 +8,6 @@ that node.
 The temperature across the interface is that of the heat which friction gave to both bodies, s [v] as recorded,
 conducted into two half-spaces (exact for heat that is constant between two rows). The script ends with an error where
 this differs at z = 0 from the recorded interface temperature by more than 3 %."""
-import argparse
 import pathlib
 import sys
 
@@ -18,7 +17,7 @@ import style
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from plot_history import regime_band
-from printable import complain, printable
+from terminal import Parser, complain, printable, real_number
 from runs import Fault, read, style_text
 from scipy.special import erfc
 
@@ -120,11 +119,11 @@ def overview(runs, time):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("subgrid", type=pathlib.Path)
     parser.add_argument("other", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
-    parser.add_argument("--time", type=style.real_number, default=4.0, help="µs, of the left picture (default 4)")
+    parser.add_argument("--time", type=real_number, default=4.0, help="µs, of the left picture (default 4)")
     options = parser.parse_args()
     try:
         runs = read([options.subgrid, options.other])

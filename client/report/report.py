@@ -2,7 +2,6 @@
 shearbus-hydro wrote, in one or two dimensions, or a file of results of shearbus-replay; runs of one scene with
 several laws are compared.
 """
-import argparse
 import importlib
 import json
 import pathlib
@@ -11,7 +10,7 @@ import shlex
 import subprocess
 import sys
 
-from printable import complain, printable
+from terminal import Parser, complain, printable
 
 
 EPILOG = """Examples:
@@ -40,7 +39,7 @@ def version_of(version, programs):
 
 
 def arguments(version, programs):
-    parser = argparse.ArgumentParser(prog="shearbus-report", usage="shearbus-report RUN [RUN ...] [-o REPORT.html] [--figures DIR]\n       shearbus-report --version [--json]", description=__doc__, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog="shearbus-report", usage="shearbus-report RUN [RUN ...] [-o REPORT.html] [--figures DIR]\n       shearbus-report --version [--json]", description=__doc__, epilog=EPILOG)
     parser.add_argument("runs", nargs="*", type=pathlib.Path, metavar="RUN", help="directory of shearbus-hydro, or result of shearbus-replay (HDF5)")
     parser.add_argument("-o", "--out", type=pathlib.Path, metavar="REPORT.html", help="the report, replaced once it is whole (default: report.html in the first RUN, or beside it)")
     parser.add_argument("--figures", type=pathlib.Path, metavar="DIR", help="figures.json and pictures of the paper's figures, for a section of their own")

@@ -2,7 +2,6 @@
 import base64
 import html
 import io
-import json
 import os
 import re
 import subprocess
@@ -17,6 +16,7 @@ import style
 from PIL import Image
 from findings import ROUNDING, five_numbers, hottest, number, verdict, verdicts
 from runs import Fault, read
+from terminal import read_json
 
 THEMED = {style.INK: "currentColor", style.GRID: "var(--grid)", style.FAINT: "var(--faint)", style.OPEN: "var(--open)", plot_histories.BAND: "var(--band)"}
 SHARES = ("#2a8fbd", "#a8a29a", "#8a5ba6")  # parts of a bar, with style.SECOND
@@ -419,10 +419,13 @@ def paper(directory):
     if directory is None:
         return []
     try:
-        listed = json.loads((directory / "figures.json").read_text())
+        listed = read_json(directory / "figures.json")
         found = []
         for entry in listed:
-            image = Image.open(directory / entry["file"]).convert("RGB")
+            picture = directory / entry["file"]
+            if picture.parent != directory or not picture.is_file():
+                raise ValueError(f"{entry['file']}: expected the name of a picture in the same directory")
+            image = Image.open(picture).convert("RGB")
             image.thumbnail((LARGEST_PICTURE, 3 * LARGEST_PICTURE))
             out = io.BytesIO()
             image.quantize(256, dither=Image.Dither.NONE).save(out, format="png", optimize=True)

@@ -1,8 +1,6 @@
 """One look for all pictures of shearbus: colours of the regimes and of the interface laws, units, sizes, and a footer
 that says where the numbers come from. A picture is drawn with these names and saved by save()."""
-import argparse
 import io
-import math
 import pathlib
 import sys
 
@@ -54,24 +52,6 @@ plt.rcParams.update({
     "text.color": INK, "xtick.color": INK, "ytick.color": INK, "grid.color": GRID, "grid.linewidth": 0.6, "axes.axisbelow": True,
     "axes.prop_cycle": matplotlib.cycler(color=[INK, SECOND, "#2a8fbd", "#8a7f2d", "#8a5ba6"]), "legend.frameon": False,
 })
-
-
-def whole_number(text):
-    """An id of a command line: digits alone, up to 2^64 - 1, as all programs read it."""
-    if not (text.isascii() and text.isdigit() and int(text[:25]) < 2**64):
-        raise argparse.ArgumentTypeError(f"expected a whole number of digits alone, found {text[:60]!r}")
-    return int(text)
-
-
-def real_number(text):
-    """A finite number of a command line."""
-    try:
-        value = float(text) if text.isascii() and "_" not in text and text == text.strip() else math.nan
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"expected a finite number, found {text[:60]!r}")
-    return value
 
 
 def law_label(law):

@@ -215,6 +215,7 @@ class Session {
   void start_trial(const Batch& request, const StepOptions& step);
   void start_advance(const Batch& request, const StepOptions& step);
   const StepResult& finish_trial();
+  void forget_answers();  // the host went on without the server: the next step is not compared with an answer
   std::uint64_t commit();
   std::uint64_t rollback();
   // Stores the committed states on the server under a name, such as that of the host's restart dump; the server keeps

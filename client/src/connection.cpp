@@ -29,6 +29,9 @@
 namespace shearbus {
 namespace {
 
+constexpr std::string_view kOwnProcess = "inproc://";
+constexpr std::size_t kCopiedUpTo =
+    std::size_t{16} * 1024;  // largest payload that is copied within the process  [bytes]
 constexpr int kReconnectMs = 100;
 constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
@@ -60,15 +63,14 @@ std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
 void check_endpoint(const ClientOptions& options) {
   const std::string_view endpoint = options.endpoint;
   const bool file = endpoint.starts_with(files::kFileScheme);  // the server's key is in the file
-  const auto known = {std::string_view("tcp://"), std::string_view("ipc://"), std::string_view("inproc://"),
-                      files::kFileScheme};
+  const auto known = {std::string_view("tcp://"), std::string_view("ipc://"), kOwnProcess, files::kFileScheme};
   if (std::none_of(known.begin(), known.end(), [&](std::string_view scheme) { return endpoint.starts_with(scheme); }))
     throw Error(
         {.code = Code::kUnreachable,
          .text = fmt::format("\"{}\" is not an endpoint", wire::printable(endpoint, kLongestShown)),
          .remedy = "Use tcp://host:port, ipc://path, file://path of an endpoint file, or the inproc:// endpoint of an "
                    "embedded server."});
-  if (endpoint.starts_with("inproc://") && options.context == nullptr)
+  if (endpoint.starts_with(kOwnProcess) && options.context == nullptr)
     throw Error({.code = Code::kUnreachable,
                  .text = fmt::format("{} can be reached only by the program that started the server", endpoint),
                  .remedy = "Leave the endpoint out for a server in this process, or give that of another server."});
@@ -136,6 +138,11 @@ void SocketConnection::no_socket(const char* kind) const {
 SocketConnection::SocketConnection(ClientOptions options) : Connection(std::move(options)) {
   check_endpoint(this->options());
   if (!this->options().record.empty()) start_recording();
+  if (in_process() && !recorder_) leave_out_payload_sums();
+}
+
+bool SocketConnection::in_process() const {
+  return options().endpoint.starts_with(kOwnProcess);
 }
 
 // A recording that cannot be made is reported, and is no error of the host.
@@ -428,12 +435,25 @@ void SocketConnection::notice(short events) {
     options().log(fmt::format("waiting for the answer of {} to {}, since {:.0f} s", where_, waiting_.verb, seconds));
 }
 
+// A message of these bytes, which are copied unless it keeps their memory: they belong to the caller, and libzmq may keep
+// a message beyond the call that sends it if a reply is lost.
+zmq::message_t message_of(std::span<const std::byte> bytes, std::shared_ptr<const void> keeper) {
+  if (!keeper || bytes.size() <= kCopiedUpTo) return {bytes.data(), bytes.size()};
+  auto held = std::make_unique<std::shared_ptr<const void>>(std::move(keeper));
+  // libzmq's interface takes a pointer to non-const but does not change the bytes.
+  zmq::message_t message(
+      const_cast<std::byte*>(bytes.data()), bytes.size(),
+      [](void*, void* hint) { delete static_cast<std::shared_ptr<const void>*>(hint); }, held.get());
+  static_cast<void>(held.release());
+  return message;
+}
+
 // Sends without waiting. Returns false if there is no connection (yet).
 bool SocketConnection::send(const std::string& header, const wire::Batch& batch) {
   const bool has_payload = !batch.columns().empty();
+  const auto keeper = has_payload && in_process() ? batch.keeper() : nullptr;
   const auto send_frame = [&](std::span<const std::byte> bytes, bool more) {
-    // Copies the bytes: they belong to the caller, and libzmq may keep a message beyond this call if a reply is lost.
-    zmq::message_t message(bytes.data(), bytes.size());
+    zmq::message_t message = message_of(bytes, more ? nullptr : keeper);
     const int flags = ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0);
     if (wire::uninterrupted([&] { return zmq_msg_send(message.handle(), socket_.get(), flags); }) >= 0) return true;
     if (zmq_errno() == EAGAIN) return false;
@@ -477,7 +497,10 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     }
     try {
       received.reply = wire::Reply();
-      wire::decode(std::span(views.data(), count), received.reply);
+      if (payload_sum() == wire::PayloadSum::kLeftOut)
+        wire::decode_trusted(std::span(views.data(), count), received.reply);
+      else
+        wire::decode(std::span(views.data(), count), received.reply);
     } catch (const Error& fault) {
       throw Error({.code = Code::kUnexpectedReply,
                    .text = fmt::format("{} sent what is no reply: {}", where_, describe(fault.status())),
@@ -499,7 +522,7 @@ void SocketConnection::post(const wire::Request& request) {
   try {
     if (!socket_ && !connect()) return;
     const auto now = Clock::now();
-    header_ = wire::encode_header(request, std::move(header_));
+    header_ = wire::encode_header(request, std::move(header_), payload_sum());
     if (send(header_, request.batch)) posted_ = Posted{request.request_id, now};
   } catch (...) {
     drop_socket();  // the socket may hold a part of the request
@@ -511,7 +534,7 @@ void SocketConnection::post_behind(const wire::Request& request) {
   if (!socket_ || !posted_) return;
   try {
     const auto now = Clock::now();
-    if (send(wire::encode_header(request), request.batch)) behind_ = Posted{request.request_id, now};
+    if (send(wire::encode_header(request, {}, payload_sum()), request.batch)) behind_ = Posted{request.request_id, now};
   } catch (...) {
     drop_socket();  // it may hold a part of the request
     throw;
@@ -545,7 +568,7 @@ Received SocketConnection::call(const wire::Request& request, std::chrono::milli
 Received SocketConnection::exchange(const wire::Request& request, std::chrono::milliseconds deadline) {
   const auto started = Clock::now();
   auto last_moment = started + deadline;
-  const std::string& header = header_ = wire::encode_header(request, std::move(header_));
+  const std::string& header = header_ = wire::encode_header(request, std::move(header_), payload_sum());
   bool under_way = posted_ && posted_->request_id == request.request_id;
   const auto asked = under_way ? posted_->at : started;
   posted_.reset();

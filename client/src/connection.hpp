@@ -13,6 +13,7 @@
 #include "client/src/client.hpp"
 #include "proto/files/key_file.hpp"
 #include "proto/files/session_recorder.hpp"
+#include "proto/wire/codec.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus {
@@ -73,6 +74,9 @@ class Connection {
   std::optional<wire::Request> opening_in_doubt;
   bool opening_undone = false;  // the last opening was refused, and its ids cannot be used again
 
+  // Whether headers hold the sums of payloads. Messages to a server of this process go without, unless they are recorded.
+  wire::PayloadSum payload_sum() const { return payload_sum_; }
+
   // Most rows of a step or of one of its parts, as the server's welcome says.
   std::size_t max_rows() const { return max_rows_; }
   void set_max_rows(std::uint64_t rows) { max_rows_ = rows != 0 ? rows : wire::kMaxRowsPerMessage; }
@@ -84,8 +88,12 @@ class Connection {
   bool parts_ahead() const { return parts_ahead_; }
   void set_parts_ahead(bool ahead) { parts_ahead_ = ahead; }
 
+ protected:
+  void leave_out_payload_sums() { payload_sum_ = wire::PayloadSum::kLeftOut; }
+
  private:
   ClientOptions options_;
+  wire::PayloadSum payload_sum_ = wire::PayloadSum::kGiven;
   std::uint64_t last_request_id_ = 0;  // 0: no first id has been chosen yet
   std::uint64_t claimant_ = 0;
   bool durable_ = false;
@@ -126,6 +134,7 @@ class SocketConnection final : public Connection {
   void record(const std::string& header, const wire::Batch& batch, std::span<const std::byte> reply_header = {},
               std::span<const std::byte> reply_payload = {}) noexcept;
   bool by_file() const;
+  bool in_process() const;
   bool find_server();
   void drop_socket();
   bool server_has_moved() const;

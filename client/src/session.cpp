@@ -9,6 +9,7 @@
 
 #include "proto/wire/codec.hpp"
 #include "proto/wire/columns.hpp"
+#include "proto/wire/xxh3.hpp"
 
 namespace shearbus {
 namespace {
@@ -153,9 +154,21 @@ wire::Request Session::Impl::next_request() const {
   return request;
 }
 
+// A request that repeats one of unknown outcome has its id. With another payload it is another request, which the server
+// could not tell by a header without a sum.
+void Session::Impl::give_id(wire::Request& request) {
+  const bool other =
+      in_doubt && request.request_id == in_doubt->request_id && wire::xxh3(request.batch.bytes()) != in_doubt->payload;
+  if (request.request_id == 0 || other) request.request_id = connection->next_request_id();
+}
+
+void Session::Impl::keep_in_doubt(const wire::Request& request) noexcept {
+  in_doubt = InDoubt{request.request_id, request.epoch, wire::xxh3(request.batch.bytes())};
+}
+
 template <typename Accept>
 Received Session::Impl::exchange(wire::Request&& request, const Accept& accept) {
-  if (request.request_id == 0) request.request_id = connection->next_request_id();
+  give_id(request);
   try {
     Received received = call(request);
     accept(received);
@@ -167,13 +180,13 @@ Received Session::Impl::exchange(wire::Request&& request, const Accept& accept) 
     // its way.
     const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
     if (fault.status().code == Code::kUnknownOutcome || not_now)
-      in_doubt = InDoubt{request.request_id, request.epoch};
+      keep_in_doubt(request);
     else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
       in_doubt.reset();
     if (fault.status().code == Code::kSequenceReused) resynchronise();
     throw;
   } catch (...) {  // such as std::bad_alloc, before or after the request was sent
-    in_doubt = InDoubt{request.request_id, request.epoch};
+    keep_in_doubt(request);
     throw;
   }
 }
@@ -379,7 +392,7 @@ wire::Request Session::Impl::part_behind(const wire::Request& before, Batch rows
   StepInParts::Sent& sent = in_parts->behind;
   // A part of another epoch cannot have run, because the part before it has not.
   if (sent.request_id == 0 || sent.epoch != before.epoch) {
-    const std::string header = wire::encode_header(before);
+    const std::string header = wire::encode_header(before, {}, connection->payload_sum());
     const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
     sent = {.request_id = connection->next_request_id(), .epoch = before.epoch, .follows = wire::hash_of(bytes)};
   }
@@ -487,7 +500,7 @@ const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepO
           answers = Batch::of(wanted.empty() ? opened.reply_columns : wanted, rows, opened.tangential_components);
         copy();
       } catch (const std::bad_alloc&) {
-        in_doubt = InDoubt{request.request_id, request.epoch};
+        keep_in_doubt(request);
         throw;
       }
       const std::size_t count = request.batch.columns().front().count;
@@ -596,13 +609,13 @@ void Session::Impl::start(const Batch& columns, const StepOptions& options, wire
 
 // Sends a request, whose reply exchange() then waits for.
 void Session::Impl::post(wire::Request& request) {
-  if (request.request_id == 0) request.request_id = connection->next_request_id();
+  give_id(request);
   try {
     connection->post(request);
   } catch (const Error&) {
     throw;  // the request was not sent
   } catch (...) {
-    in_doubt = InDoubt{request.request_id, request.epoch};
+    keep_in_doubt(request);
     throw;
   }
 }
@@ -776,6 +789,10 @@ std::uint64_t Session::state_version() const {
 const ResumedNodes& Session::resumed_nodes() const {
   return impl_->resumed;
 }
+void Session::forget_answers() {
+  if (impl_->closure) impl_->closure->forget();
+}
+
 void Session::leave() {
   impl_->closed = true;
 }

@@ -74,6 +74,7 @@ struct Session::Impl {
   struct InDoubt {  // a request with unknown outcome, which a repeated call must send with the same bytes
     std::uint64_t request_id = 0;
     std::uint64_t epoch = 0;
+    std::uint64_t payload = 0;  // hash of its payload
   };
   std::optional<InDoubt> in_doubt;
   ClaimInDoubt claim_in_doubt;
@@ -90,6 +91,8 @@ struct Session::Impl {
   void end_checks() noexcept;
   void check_answered(const Batch& request, const wire::Reply& reply, wire::Mode mode) noexcept;
   wire::Request next_request() const;
+  void give_id(wire::Request& request);
+  void keep_in_doubt(const wire::Request& request) noexcept;
 
   // Sends the session's next request. The sequence number advances only when the reply has arrived and accept() has
   // adopted it. A request without a reply keeps its id, so that a repeated call has the same bytes and the server

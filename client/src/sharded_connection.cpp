@@ -90,6 +90,10 @@ void ShardedConnection::post(const wire::Request& request) {
   session_of(request).post(request);
 }
 
+void ShardedConnection::post_behind(const wire::Request& request) {
+  session_of(request).post_behind(request);
+}
+
 void ShardedConnection::say(const wire::Request& request) noexcept {
   const auto known = sessions_.find(request.session_id);
   if (known == sessions_.end()) return;
@@ -129,8 +133,6 @@ Received ShardedConnection::hello(const wire::Request& request) {
     links_[k]->set_durable(welcome.durability != "none");
     links_[k]->set_max_rows(welcome.limits.max_rows_per_message);
     if (k == 0) {
-      // A part is divided over the shards when all of them have answered the part before.
-      std::erase(welcome.capabilities, "parts_ahead");
       joined.reply.body = std::move(welcome);
       continue;
     }

@@ -19,6 +19,7 @@ class ShardedConnection final : public Connection {
 
   Received call(const wire::Request& request, std::chrono::milliseconds deadline) override;
   void post(const wire::Request& request) override;
+  void post_behind(const wire::Request& request) override;
   void say(const wire::Request& request) noexcept override;
   Clock::time_point now() const override { return links_[0]->now(); }
   void pause(std::chrono::milliseconds time) override { links_[0]->pause(time); }

@@ -95,6 +95,12 @@ void try_post(Connection& connection, const wire::Request& request) noexcept try
   // The call sends the request, and reports what is wrong.
 }
 
+void try_post_behind(Connection& connection, const wire::Request& request) noexcept try {
+  connection.post_behind(request);
+} catch (const std::exception&) {
+  // The call sends the request, and reports what is wrong.
+}
+
 std::vector<std::vector<std::uint32_t>> rows_of_shards(std::span<const std::uint64_t> node_ids, std::uint32_t shards) {
   std::vector<std::vector<std::uint32_t>> rows(shards);
   for (std::size_t row = 0; row < node_ids.size(); ++row)
@@ -163,6 +169,7 @@ Received ShardedSession::call(const wire::Request& request) {
                    .remedy = "After an unknown outcome make the same call again.",
                    .last_sequence = last_sequence_});
   }
+  if (!operation_ && ahead_ && ahead_->operation.hash != hash) settle_ahead();
   if (previous_committed_ && std::holds_alternative<wire::Commit>(request.body)) {
     previous_committed_ = false;
     last_sequence_ = request.sequence;
@@ -178,10 +185,80 @@ void ShardedSession::post(const wire::Request& request) {
   if (operation_) return;  // call() goes on with it
   const std::string header = wire::encode_header(request);
   const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
-  begin(request, wire::hash_of(bytes));
+  const std::uint64_t hash = wire::hash_of(bytes);
+  if (ahead_ && ahead_->operation.hash != hash) return;  // call() settles it first
+  begin(request, hash);
+}
+
+void ShardedSession::post_behind(const wire::Request& request) {
+  const auto& step = std::get<wire::Downscale>(request.body);
+  if (ahead_ && !operation_ && step.follows == ahead_->operation.hash) begin_ahead();  // its call comes next
+  // After a fault the part before, or this one, may be under way already.
+  if (ahead_ || !operation_ || operation_->stage != Stage::kAsked || step.follows != operation_->hash) return;
+  const std::string header = wire::encode_header(request);
+  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
+  Ahead ahead;
+  ahead.operation = {.hash = wire::hash_of(bytes),
+                     .sequence = request.sequence,
+                     .rows = request.batch.columns().front().count,
+                     .named = request.batch.has(Field::kNodeId)};
+  ahead.operation.question.body = request.body;
+  if (ahead.operation.named) ahead.named_rows = rows_of_shards(request.batch.u64(Field::kNodeId), links_.size());
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    const Shard& shard = shards_[k];
+    const std::string before = wire::encode_header(shard.request);
+    const std::array<std::span<const std::byte>, 1> bytes_before = {std::as_bytes(std::span(before))};
+    wire::Request part = shard.session->next_request();
+    part.sequence = shard.request.sequence + 1;
+    part.epoch = shard.request.epoch;
+    part.request_id = shard.session->connection->next_request_id();
+    auto& asked = part.body.emplace<wire::Downscale>(step);
+    asked.mode = wire::Mode::kTrial;
+    asked.follows = wire::hash_of(bytes_before);
+    part.batch = rows_of(request.batch, ahead.operation.named ? ahead.named_rows[k] : shard.rows);
+    ahead.requests.push_back(std::move(part));
+  }
+  ahead_ = std::move(ahead);
+  for (std::uint32_t k = 0; k < links_.size(); ++k)
+    try_post_behind(*shards_[k].session->connection, ahead_->requests[k]);
+}
+
+// Makes the part that was sent ahead the operation under way. A shard that was restarted since has lost it: it gets
+// the part anew, behind the answered one.
+void ShardedSession::begin_ahead() {
+  Ahead ahead = std::move(*ahead_);
+  ahead_.reset();
+  operation_ = std::move(ahead.operation);
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    Shard& shard = shards_[k];
+    shard.reply.reset();
+    shard.answer.reset();
+    shard.refusal.reset();
+    if (operation_->named) shard.named_rows = std::move(ahead.named_rows[k]);
+    shard.request = std::move(ahead.requests[k]);
+    shard.open = true;
+    if (shard.request.epoch == shard.session->epoch) continue;
+    shard.request.epoch = shard.session->epoch;
+    shard.request.request_id = shard.session->connection->next_request_id();
+    std::get<wire::Downscale>(shard.request.body).follows = 0;
+  }
+}
+
+// Ends a part that was sent ahead and will not be called: the shards may have run it. Its answers are of no use, and
+// it commits nothing.
+void ShardedSession::settle_ahead() {
+  begin_ahead();
+  ++operation_->hash;  // it is nobody's request any more
+  std::get<wire::Downscale>(operation_->question.body).mode = wire::Mode::kTrial;
+  try {
+    complete();
+  } catch (const Error&) {
+    if (operation_) throw;
+  }
 }
 
 void ShardedSession::begin(const wire::Request& request, std::uint64_t hash) {
+  if (ahead_) return begin_ahead();  // of the same hash: call() and post() have settled any other
   const auto* rollback = std::get_if<wire::Rollback>(&request.body);
   const bool to_mark = rollback != nullptr && !rollback->to_mark.empty();
   if (!torn_.empty() && !to_mark)
@@ -239,6 +316,7 @@ void ShardedSession::begin_step(const wire::Request& request, const wire::Downsc
            "Give one row per node, or name the node of each row.", columns.empty() ? Field::kNodeId : columns[0].field);
   wire::Downscale asked = step;
   asked.mode = wire::Mode::kTrial;
+  asked.follows = 0;  // all shards have answered the part before
   asked.commit_previous = operation.commits_previous = step.commit_previous && !previous_committed_;
   if (operation.named) {
     auto rows = rows_of_shards(request.batch.u64(Field::kNodeId), links_.size());
@@ -321,6 +399,7 @@ void ShardedSession::settle() {
   if (code != Code::kUnreachable && code != Code::kAuth) throw Error(*unsettled);
   if (!may_have_run) {
     operation_.reset();
+    ahead_.reset();  // a part goes behind one that was sent
     throw Error(*unsettled);
   }
   wire::Status status = unsettled->status();
@@ -418,7 +497,10 @@ bool ShardedSession::go_on() {
                                  shard->refusal->status().node_ids.end());
       status.node_ids.resize(std::min(status.node_ids.size(), wire::kMaxNodesNamed));
       operation.refusal.emplace(std::move(status));
-      if (!ran) return false;
+      if (!ran) {
+        ahead_.reset();  // each shard refuses the part behind one that it has refused
+        return false;
+      }
       if (std::holds_alternative<wire::Rollback>(operation.question.body)) {
         torn("the rollback to a mark is refused");
         return false;
@@ -427,15 +509,18 @@ bool ShardedSession::go_on() {
         torn("the commit is refused");
         return false;
       }
-      if (step != nullptr && operation.commits_previous) {
-        operation.stage = Stage::kCommitPrevious;
-        for (Shard& shard : shards_)
-          if (shard.refusal) ask(shard, wire::Commit{});
-        break;
+      if (ahead_) {
+        drain();
+        return true;  // what these shards were sent
       }
-      go_back();
+      undo();
       break;
     }
+    case Stage::kDrain:
+      for (Shard& shard : shards_)
+        if (std::exchange(shard.ran_part, false)) shard.refusal.reset();
+      undo();
+      break;
     case Stage::kCommitPrevious:
       previous_committed_ = true;
       if (refused) torn("the trial before cannot be committed");
@@ -454,6 +539,30 @@ bool ShardedSession::go_on() {
   }
   post_all();
   return true;
+}
+
+// Of a part that some shards have refused: the others may run the part behind it, whose answers are awaited first.
+void ShardedSession::drain() {
+  Ahead ahead = std::move(*ahead_);
+  ahead_.reset();
+  operation_->stage = Stage::kDrain;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    Shard& shard = shards_[k];
+    if (!shard.reply || ahead.requests[k].epoch != shard.session->epoch) continue;  // a restarted shard has lost it
+    shard.reply.reset();
+    shard.ran_part = shard.open = true;
+    shard.request = std::move(ahead.requests[k]);
+  }
+}
+
+// After a refusal by some shards: those commit the trial before, if the others have, and all go back.
+void ShardedSession::undo() {
+  Operation& operation = *operation_;
+  if (!std::holds_alternative<wire::Downscale>(operation.question.body) || !operation.commits_previous)
+    return go_back();
+  operation.stage = Stage::kCommitPrevious;
+  for (Shard& shard : shards_)
+    if (shard.refusal) ask(shard, wire::Commit{});
 }
 
 // Undoes a request on the shards that have run it, since others have refused it.
@@ -744,6 +853,7 @@ wire::SessionResumed ShardedSession::position() const {
 
 Received ShardedSession::close(const wire::Request& request) {
   operation_.reset();
+  ahead_.reset();
   std::optional<Error> fault;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
     Shard& shard = shards_[k];
@@ -782,6 +892,7 @@ void ShardedSession::say_close(const wire::Request& request) noexcept try {
     if (shard.session->closed) continue;
     wire::Request goodbye = shard.session->next_request();
     if (operation_ && shard.open) ++goodbye.sequence;  // the request under way runs before the closing one
+    if (ahead_) ++goodbye.sequence;
     if (goodbye.request_id == 0) goodbye.request_id = shard.session->connection->next_request_id();
     goodbye.body = request.body;
     shard.session->connection->say(goodbye);

@@ -36,6 +36,8 @@ class ShardLinks {
 
 // Sends the request without waiting, if that is possible; the call that follows sends it otherwise.
 void try_post(Connection& connection, const wire::Request& request) noexcept;
+// The same for a request that goes behind one that is not answered yet.
+void try_post_behind(Connection& connection, const wire::Request& request) noexcept;
 
 // Rows of each shard, for rows that belong to these nodes.
 std::vector<std::vector<std::uint32_t>> rows_of_shards(std::span<const std::uint64_t> node_ids, std::uint32_t shards);
@@ -53,6 +55,8 @@ class ShardedSession {
   Received call(const wire::Request& request);
   Received read_profiles(const wire::Request& request);
   void post(const wire::Request& request);
+  // Sends a part of a step to the shards before they have answered the part before it.
+  void post_behind(const wire::Request& request);
   void say_close(const wire::Request& request) noexcept;
   Received close(const wire::Request& request);
 
@@ -74,8 +78,9 @@ class ShardedSession {
     std::optional<Received> reply;          // to the last request
     std::optional<Received> answer;         // to the step, while the requests that follow are made
     std::optional<Error> refusal;
+    bool ran_part = false;  // it has run the part that others have refused, and may run the part behind it
   };
-  enum class Stage { kDropTrial, kAsked, kCommit, kCommitPrevious, kUndo };
+  enum class Stage { kDropTrial, kAsked, kDrain, kCommit, kCommitPrevious, kUndo };
   struct Operation {
     std::uint64_t hash = 0;
     std::uint64_t sequence = 0;
@@ -86,8 +91,17 @@ class ShardedSession {
     Stage stage = Stage::kAsked;
     std::optional<Error> refusal;
   };
+  struct Ahead {  // a part that was sent behind the part under way, or behind the last one
+    Operation operation;
+    std::vector<wire::Request> requests;                 // to each shard
+    std::vector<std::vector<std::uint32_t>> named_rows;  // of each shard
+  };
 
   void begin(const wire::Request& request, std::uint64_t hash);
+  void begin_ahead();
+  void settle_ahead();
+  void drain();
+  void undo();
   void begin_step(const wire::Request& request, const wire::Downscale& step);
   void begin_nodes(const wire::Request& request, bool leaving);
   Received complete();
@@ -115,6 +129,7 @@ class ShardedSession {
   std::shared_ptr<const Ids> node_ids_;
   std::map<std::string, std::shared_ptr<const Ids>> marks_;  // order of the rows at each mark
   std::optional<Operation> operation_;
+  std::optional<Ahead> ahead_;
   std::uint64_t last_sequence_ = 0;
   std::uint64_t state_version_ = 0;
   bool trial_stands_ = false;

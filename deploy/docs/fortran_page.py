@@ -82,7 +82,7 @@ def call(name, shown, procedure, meaning, note=()):
 
 def constants(text):
     page = ""
-    for before, statement, _ in statements(text.split("type :: shearbus_interface", 1)[0]):
+    for before, statement, _ in statements(text.split("type :: shearbus_columns", 1)[0]):
         if statement.startswith("integer, parameter, public"):
             page += ("\n" + " ".join(before) + "\n\n" if before else "") + table(["constant", "value"], [(f"`{n}`", v) for n, v in re.findall(r"(\w+)\s*=\s*(\d+)", statement)]) + "\n"
     return page
@@ -95,7 +95,7 @@ def columns(body):
         row = DECLARATION.match(statement)
         if "private" in row[1]:
             continue
-        heads, own = (before[:], "") if len(before) > 1 or not before or before[-1].endswith(".") else ([], before[-1])
+        heads, own = (before, "") if before and before[-1].endswith(".") else ([], " ".join(before))
         if heads:
             page, rows = page + (table(["column", "type", "unit and meaning"], rows) if rows else "") + "\n" + " ".join(heads) + "\n\n", []
         kind = re.split(r",\s*allocatable", row[1])[0]
@@ -105,7 +105,7 @@ def columns(body):
 
 def page(source):
     """Returns the page."""
-    text = source.read_text()
+    text = re.sub(r"^.*print_contract\.py: .*\n", "", source.read_text(), flags=re.M)
     meaning, known = meanings(text), procedures(text)
     head = text.split("! Arguments of the calls:", 1)[0]
     intro, _, rest = head.partition("carries its columns:\n!\n")
@@ -114,15 +114,16 @@ def page(source):
     made = ("# Fortran interface\n\n" + plain(intro + "carries its columns:") + "\n\n```fortran\n" + re.sub(r"^! ? ? ?", "", example, flags=re.M) + "\n```\n\n" + plain(after) +
             f"\n\nThe guide is [Couple your code]({UP}client/README.md); the source, one file that is compiled with the host, is "
             f"[shearbus.f90]({UP}client/fortran/shearbus.f90).\n")
-    body = text.split("type :: shearbus_interface\n", 1)[1].split("\n  end type", 1)[0]
-    data, _, bound = body.partition("\n  contains\n")
+    data, profiles, interface = (text.split(f"{kind} :: shearbus_{name}\n", 1)[1].split("\n  end type", 1)[0]
+                                 for kind, name in (("type", "columns"), ("type, public", "profiles"), ("type, extends(shearbus_columns)", "interface")))
+    bound = interface.partition("\n  contains\n")[2]
     made += "\n## Calls of an interface\n"
     for before, statement, _ in statements(bound):
         generic, plain_one = re.match(r"generic :: (\w+) => .*?(\w+)$", statement), re.match(r"procedure :: (\w+)$", statement)
         if generic or plain_one:
             name, specific = generic.groups() if generic else (plain_one[1],) * 2
             made += call(name, f"bus%{name}", known[specific], meaning, before)
-    made += "\n## Columns\n" + columns(data) + "\n## Constants\n" + constants(text)
+    made += "\n## Columns\n\n" + columns(data) + "\n## Profiles\n\nThe components of `type(shearbus_profiles)`, arrays (vertices, nodes).\n\n" + columns(profiles) + "\n## Constants\n" + constants(text)
     made += "\n## Other procedures\n" + call("shearbus_version", "shearbus_version", known["shearbus_version"], meaning, known["shearbus_version"][3])
     made += (f"\n## Ranks of MPI\n\nA submodule, [shearbus_ranks.f90]({UP}client/mpi/shearbus_ranks.f90), which a host with MPI compiles, too. Every call is "
              "collective, and has the same `stat` and `msg` on all ranks.\n")

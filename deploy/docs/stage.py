@@ -21,7 +21,9 @@ import subprocess
 import sys
 import textwrap
 
-import fortran_page
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "proto"))
+import contract  # noqa: E402
+import fortran_page  # noqa: E402
 
 PAGES = "deploy/docs/pages"
 PYTHON_CLIENT = pathlib.Path(__file__).resolve().parents[2] / "client/python"
@@ -190,18 +192,14 @@ def columns_page(root):
     page = ("# Columns\n\nEvery column of a request or a reply, from `proto/wire/columns.inc`. A column that is *tangential* comes twice in a scene with "
             "`tangential_components = 2`. Python's keywords and attributes are the quantities, but for the short names `jump`, `stress`, `slip`, "
             "`temperature` and `jump_new`.\n\n| no. | name | unit | kind | tangential | meaning |\n|---|---|---|---|---|---|\n")
-    kinds = {"NODE": "node", "INPUT": "input", "STICK": "input, stick form", "OUTPUT": "answer", "EXCHANGE": "answer on request", "LEDGER": "energy ledger, on request", "PROFILE": "profile of the layer"}
-    text = (root / "proto/wire/columns.inc").read_text()
-    rows = []
-    for macro, call in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER|PROFILE)\((.*?)\)$", text, re.M | re.S):
-        words = [w.strip().strip('"') for w in re.findall(r'(?:"[^"]*"|[^,"])+', call)]
-        if macro == "LEDGER":
-            del words[1]
-        kind = "answer on request" if macro == "OUTPUT" and "OnRequest" in words else kinds[macro]
-        rows.append((int(words[1]), words[2], words[4], kind, "yes" if "Tangential" in words or macro == "EXCHANGE" else "", words[-1].replace("|", "\\|")))
-    if len(rows) != len(set(r[0] for r in rows)) or len(rows) < 30:
-        sys.exit(f"proto/wire/columns.inc: {len(rows)} rows were read, some twice or too few")
-    return page + "".join(f"| {n} | `{name}` | {unit} | {kind} | {vector} | {meaning} |\n" for n, name, unit, kind, vector, meaning in sorted(rows))
+    kinds = {"STICK": "input, stick form", "Node": "node", "Input": "input", "Output": "answer", "Ledger": "energy ledger, on request",
+             "Profile": "profile of the layer", "OnRequest": "answer on request"}
+    for c in sorted(contract.columns(root / "proto/wire/columns.inc"), key=lambda column: column.number):
+        on_request = c.kind == "Output" and "OnRequest" in (c.velocity_driven, c.force_driven)
+        kind = kinds["OnRequest"] if on_request else kinds.get(c.macro) or kinds[c.kind]
+        meaning = c.meaning.replace("|", "\\|")
+        page += f"| {c.number} | `{c.name}` | {c.unit} | {kind} | {'yes' if c.tangential else ''} | {meaning} |\n"
+    return page
 
 
 def python_page():
@@ -227,20 +225,10 @@ for name in shearbus.__all__:
 
 
 def codes(root):
-    """Returns the rows (number, name, cause, cure) of the tables in proto/WIRE.md, "Status", after a comparison with the codes of the
-    server (proto/wire/status.hpp, proto/wire/enum_names.cpp) and of the C library (client/include/shearbus/shearbus.h)."""
+    """Returns the rows (number, name, cause, cure) of the tables in proto/WIRE.md, "Status", which are printed from the schema."""
     status = section((root / "proto/WIRE.md").read_text(), "status")
-    rows = [(int(n), name, cause, cure) for n, name, cause, cure in re.findall(r"^\| (\d+) \| (\w+) \| (.*?) \| ?(.*?) \|$", status, re.M)]
-    names = re.search(r"kCodes\[\] = \{(.*?)\n\};", (root / "proto/wire/enum_names.cpp").read_text(), re.S)[1]
-    of_server = {(name, int(n)) for n, name in re.findall(r'\{(\d+), "([A-Z_]+)"\}', names)}
-    numbers = {int(n) for n in re.findall(r"^  k\w+ = (\d+),", (root / "proto/wire/status.hpp").read_text(), re.M)} - {0}
-    codes_of_c = (root / "client/include/shearbus/shearbus.h").read_text().split("---- codes ----", 1)[1].split("};", 1)[0]
-    of_library = {(name, int(n)) for name, n in re.findall(r"^  SHEARBUS_([A-Z_]+) = (\d{3})\b", codes_of_c, re.M)}
-    on_page = {(name, n) for n, name, _, _ in rows}
-    faults = [f"{name} ({n}) is not in the table" for name, n in sorted((of_library | {c for c in of_server if c[1] in numbers}) - on_page)]
-    faults += [f"code {n} is not in the table" for n in sorted(numbers - {n for _, n in on_page})]
-    faults += [f"{name} ({n}) is no code" for name, n in sorted(on_page) if n not in numbers and (name, n) not in of_library]
-    faults += [f"{name} has no cause or no cure" for n, name, cause, cure in rows if n != 1 and not (cause.strip() and cure.strip())]
+    rows = [(int(n), name, cause, cure) for n, name, cause, cure in re.findall(r"^\| (\d+) \| (\w+) \| (.*?) \| ?(.*?) ?\|$", status, re.M)]
+    faults = [f"{name} has no cause or no cure" for n, name, cause, cure in rows if n != 1 and not (cause.strip() and cure.strip())]
     if faults or not rows:
         sys.exit("proto/WIRE.md, \"Status\": " + "; ".join(faults or ["no table of codes"]))
     return rows

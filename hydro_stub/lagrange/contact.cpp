@@ -54,10 +54,13 @@ Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactO
   inputs_.soft_plastic_strain_rate.assign(weights_.rubbing(), 0.0);
 }
 
-void Contact::ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
-                  std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new) {
+void Contact::prepare(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides) {
   weights_.find(middle_position);
   find_compliance(guides, state);
+}
+
+void Contact::ask(const State& state, const Guides& guides, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
+                  std::vector<Vec2>& velocity_new) {
   std::ranges::fill(impulse_, Vec2{});
   std::ranges::fill(pressing_, 0.0);
   press(guides, state, dt, velocity_new);
@@ -110,14 +113,11 @@ void Contact::find_compliance(const Guides& guides, const State& state) {
   for (int i = 0; i < weights_.size(); ++i) {
     for (const PushWeight& w : weights_.push(i)) pushed_[w.node].clear();
   }
+  pressures_.set_matrix(compliance_);
 }
 
-// Finds the normal pressures by projected successive over-relaxation; each sweep reduces the error by a constant
-// factor. The velocities get the impulses after the last sweep.
+// Finds the normal pressures; the velocities get the impulses of their change.
 void Contact::press(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity) {
-  constexpr int kMostSweeps = 400;
-  constexpr double kTolerance = 1e-13;
-  constexpr double kRelaxation = 1.3;  // needs the fewest sweeps on slide lines of the cone: 42, and 84 without it
   const int size = weights_.size();
   if (size == 0) return;
   before_ = pressing_;
@@ -126,21 +126,7 @@ void Contact::press(const Guides& guides, const State& state, double dt, std::ve
     const double least = -(gap > 0.0 ? options_.approach : options_.push_out) * gap / dt * weights_.area(i);
     excess_rate_[i] = opening_rate(i, velocity) - least;
   }
-  const auto relax = [&](int i) {
-    const double own = compliance_[i].front().weight;
-    if (!(own > 0.0)) return 0.0;
-    const double next = std::max(0.0, pressing_[i] - kRelaxation * excess_rate_[i] / own);
-    const double change = next - pressing_[i];
-    if (change == 0.0) return 0.0;
-    pressing_[i] = next;
-    for (const RowWeight& a : compliance_[i]) excess_rate_[a.row] += a.weight * change;
-    return std::abs(change);
-  };
-  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-    double largest = 0.0;
-    for (int i = 0; i < size; ++i) largest = std::max(largest, relax(i));
-    if (largest <= kTolerance * *std::ranges::max_element(pressing_)) break;
-  }
+  pressures_.solve(pressing_, excess_rate_);
   for (int i = 0; i < size; ++i) {
     const double change = pressing_[i] - before_[i];
     if (change == 0.0) continue;

@@ -1,7 +1,7 @@
 // Contact and friction of bodies on slide lines: impulses on the nodes of both surfaces.
 //
 //   1. normal: pressures p_i >= 0 such that no closed gap goes on closing and no pressure acts across an opening gap
-//      (a linear complementarity problem, solved by projected Gauss-Seidel)
+//      (a linear complementarity problem)
 //   2. tangential: far-field stresses, masses and the jump of DLP (58)-(61) at every interface node; the interface law
 //      answers a shear stress
 //   3. normal again, with the shear impulses known
@@ -18,6 +18,7 @@
 
 #include "hydro_stub/interface_law.hpp"
 #include "hydro_stub/lagrange/boundary.hpp"
+#include "hydro_stub/lagrange/complementarity.hpp"
 #include "hydro_stub/lagrange/heat_depth.hpp"
 #include "hydro_stub/lagrange/slide_line.hpp"
 #include "hydro_stub/lagrange/state.hpp"
@@ -38,12 +39,14 @@ class Contact {
  public:
   Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes);
 
+  // Finds what depends on the places of the nodes at mid-step and on no force: weights and the matrix of the pressures.
+  void prepare(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides);
   // Adds the impulses of the step to `velocity_new`, which on entry holds the velocities after all other forces; only
   // nodes on slide lines change. The work is split in two so that other work can be done while the interface law runs:
   // of the steps at the top of this file, ask() does step 1 and sends the law the inputs of step 2, and answered() does
   // the rest. If `law` is null, the surfaces slip freely.
-  void ask(const State& state, const std::vector<Vec2>& middle_position, const Guides& guides, double dt,
-           std::uint64_t step, hydro::InterfaceLaw* law, std::vector<Vec2>& velocity_new);
+  void ask(const State& state, const Guides& guides, double dt, std::uint64_t step, hydro::InterfaceLaw* law,
+           std::vector<Vec2>& velocity_new);
   void answered(const State& state, const Guides& guides, double dt, hydro::InterfaceLaw* law,
                 std::vector<Vec2>& velocity_new);
 
@@ -89,6 +92,7 @@ class Contact {
   // gaps open; its first entry is that of node i itself  [m3/(s Pa s)].
   std::vector<double> before_, excess_rate_;
   std::vector<std::vector<RowWeight>> compliance_;
+  Complementarity pressures_;
   struct Response {
     int row;
     Vec2 velocity;  // velocity of a mesh node per pressure impulse of the interface node `row`  [m/(s Pa s)]

@@ -90,24 +90,19 @@ class Cycle {
 
  private:
   bool try_step(double dt);
-  bool go_to_middle(double dt);
-  void find_gradients();
-  void predict_state(double dt);
+  // The loops over zones and nodes (cycle_loops.cpp).
+  bool predict_middle(double dt);
+  void predict_run(const Run& run, double dt);
   void find_forces();
   void accelerate(double dt);
-  void find_mean_velocities();
   bool go_to_end(double dt);
-  void do_work(double dt);
   enum Reach : std::size_t { kInner, kRim };  // kInner: zones with no node on a slide line; kRim: all others
-  template <class Store>
-  void advance_strips(std::size_t body, Reach reach, double dt, const std::vector<double>& pressure,
-                      const std::vector<Gradient>& gradient, const Store& store);
   void advance_stress(double dt, Reach reach);
+  void update_state();
+  const BodyMaterial& material(const Run& run) const { return bodies_.materials[run.block]; }
+
   void find_rim();
   void book_boundaries(double dt);
-  void update_state(const std::vector<double>& volume, const std::vector<double>& energy, std::vector<double>& density,
-                    std::vector<double>& pressure);
-  void find_sound_speed_and_temperature();
   void choose_step(double end_time);
 
   Bodies bodies_;
@@ -131,23 +126,24 @@ class Cycle {
   std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // stress deviators at mid-step  [Pa]
   std::vector<double> plastic_rate_;  // rate of the equivalent plastic strain up to mid-step; infinite in fluids  [1/s]
   std::vector<double> sound_squared_;
-  std::vector<Vec2> corner_force_;
+  CornerVectors corner_force_;
   std::vector<Vec2> node_force_;               // force of the zones on each node, the sum of its corners' forces
   std::vector<std::vector<Vec2>> load_force_;  // forces of each pressure load on its nodes
   std::vector<Vec2> position_new_;
   std::vector<Vec2> velocity_new_;
   // mean of the velocities at the start and end of the step; it moves the nodes, and the work of forces uses it
   std::vector<Vec2> velocity_mean_;
-  std::vector<double> volume_new_;
+  std::vector<double> volume_new_, energy_new_;
   // velocity gradient of each zone, from the geometry at mid-step and the velocities at the start of the step, later
   // the mean velocities of the step  [1/s]
-  std::vector<Gradient> gradient_;
+  Gradients gradient_;
   std::vector<double> viscous_rate_;
   std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
   std::vector<double> heating_new_;
   std::vector<double> dilatation_;  // relative rate of volume change, dV/dt / V, in the last step  [1/s]
   std::vector<double> xx_new_, yy_new_, xy_new_, plastic_strain_new_;
-  std::vector<std::array<std::vector<int>, 2>> zones_;  // zones of each body, by Reach
+  std::array<std::vector<Run>, 2> runs_;  // by Reach
+  std::vector<Vec2> beyond_;              // impulse of the walls on their nodes  [kg m/s]
 };
 
 }  // namespace shearbus::lagrange

@@ -3,41 +3,64 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hydro_stub/lagrange/mesh.hpp"
+#include "hydro_stub/lagrange/independent.hpp"
+#include "server/physics/material/elementary.hpp"
 
 namespace shearbus::lagrange {
 namespace {
 
-// Smallest value used for the denominator 1 - s1 n - s2 n^2 - s3 n^3 of the Hugoniot pressure, where n = 1 - rho0/rho
-// is the compression. The denominator would be 0 at the largest compression that a shock can reach.
-constexpr double kLeastDenominator = 0.05;
+template <class Law>
+SHEARBUS_WIDE void evaluate_wide(const Law& given, int count, const double* density, const double* energy,
+                                 double* __restrict pressure, double* __restrict sound_speed_squared) {
+  const Law law = given;  // a copy, which no store to the arrays can change
+  SHEARBUS_INDEPENDENT
+  for (int i = 0; i < count; ++i) {
+    const EosPoint point = eos_from_density_energy(law, density[i], energy[i]);
+    pressure[i] = point.pressure;
+    sound_speed_squared[i] = point.sound_speed_squared;
+  }
+}
+
+// A table at equal steps of the compression 1 - rho0/rho.
+struct Table {
+  double first, step;
+  int last;
+  const double* energy;
+  const double* slope;
+};
+
+// Interpolates the energy on the isentrope by the cubic through tabulated values and slopes; beyond the table the
+// energy is linear with the last slope.
+inline double isentrope_energy(const Table& table, double compression) {
+  const double at = (compression - table.first) / table.step;
+  const double last = table.last;
+  const double above = at > 0.0 ? at : 0.0;
+  const double inside = above < last ? above : last;
+  const int place = static_cast<int>(inside);
+  const int i = place < table.last ? place : table.last - 1;
+  const double t = inside - i;
+  const double u = 1.0 - t;
+  const double energy = table.energy[i], energy_next = table.energy[i + 1];
+  const double slope = table.slope[i], slope_next = table.slope[i + 1];
+  const double end_slope = at > 0.0 ? slope_next : slope;
+  return u * u * (1.0 + 2.0 * t) * energy + t * t * (3.0 - 2.0 * t) * energy_next +
+         table.step * t * u * (u * slope - t * slope_next) + (at - inside) * table.step * end_slope;
+}
+
+SHEARBUS_WIDE void find_temperatures_of_metal(const MieGrueneisen& given, const Table& of, int count,
+                                              const double* density, const double* energy,
+                                              double* __restrict temperature) {
+  const MieGrueneisen m = given;
+  const Table table = of;
+  SHEARBUS_INDEPENDENT
+  for (int i = 0; i < count; ++i) {
+    const double compression = 1.0 - m.density / density[i];
+    const double on_isentrope = m.reference_temperature * physics::exponential(m.gamma0 * compression);
+    temperature[i] = on_isentrope + (energy[i] - isentrope_energy(table, compression)) / m.specific_heat;
+  }
+}
 
 }  // namespace
-
-EosPoint eos_from_density_energy(const MieGrueneisen& m, double density, double energy) {
-  const double compression = 1.0 - m.density / density;
-  const double modulus = m.density * m.sound_speed * m.sound_speed;
-  const double thermal = m.gamma0 * m.density;
-  double cold;   // pressure at zero energy  [Pa]
-  double slope;  // derivative of `cold` by the compression  [Pa]
-  if (compression > 0.0) {
-    const double n = compression;
-    const double d = std::max(kLeastDenominator, 1.0 - n * (m.s1 + n * (m.s2 + n * m.s3)));
-    const double hugoniot = modulus * n / (d * d);
-    const double hugoniot_slope = modulus * (d + 2.0 * n * (m.s1 + n * (2.0 * m.s2 + 3.0 * n * m.s3))) / (d * d * d);
-    cold = hugoniot * (1.0 - 0.5 * m.gamma0 * n);
-    slope = hugoniot_slope * (1.0 - 0.5 * m.gamma0 * n) - 0.5 * m.gamma0 * hugoniot;
-  } else {
-    cold = modulus * compression / (1.0 - compression);
-    slope = modulus / ((1.0 - compression) * (1.0 - compression));
-  }
-  const double pressure = cold + thermal * energy;
-  const double square = (m.density * slope + pressure * thermal) / (density * density);
-  // The sound speed of a spalled or vaporised zone is at least a tenth of the reference value, so that the time step
-  // stays bounded.
-  const double least = 0.01 * m.sound_speed * m.sound_speed;
-  return {std::max(pressure, -m.tension_limit), std::max(square, least)};
-}
 
 Eos::Eos(const IdealGas& gas) : is_gas_(true), gas_(gas) {}
 
@@ -45,32 +68,33 @@ Eos::Eos(const MieGrueneisen& metal) : is_gas_(false), metal_(metal) {
   tabulate_isentrope();
 }
 
-void Eos::evaluate(const std::vector<double>& density, const std::vector<double>& energy, int first, int last,
-                   std::vector<double>& pressure, std::vector<double>& sound_speed_squared) const {
-  const auto evaluate_with = [&](const auto& law) {
-#pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
-    for (int z = first; z < last; ++z) {
-      const EosPoint point = eos_from_density_energy(law, density[z], energy[z]);
-      pressure[z] = point.pressure;
-      sound_speed_squared[z] = point.sound_speed_squared;
-    }
-  };
-  if (is_gas_) {
-    evaluate_with(gas_);
-  } else {
-    evaluate_with(metal_);
-  }
+void Eos::evaluate(int count, const double* density, const double* energy, double* pressure,
+                   double* sound_speed_squared) const {
+  if (is_gas_) return evaluate_wide(gas_, count, density, energy, pressure, sound_speed_squared);
+  evaluate_wide(metal_, count, density, energy, pressure, sound_speed_squared);
 }
 
 EosPoint Eos::at(double density, double energy) const {
   return is_gas_ ? eos_from_density_energy(gas_, density, energy) : eos_from_density_energy(metal_, density, energy);
 }
 
+void Eos::find_temperatures(int count, const double* density, const double* energy, double* temperature) const {
+  if (is_gas_) {
+    for (int i = 0; i < count; ++i) temperature[i] = energy[i] / gas_.specific_heat;
+    return;
+  }
+  const Table table = {.first = first_compression_,
+                       .step = compression_step_,
+                       .last = static_cast<int>(isentrope_energy_.size()) - 1,
+                       .energy = isentrope_energy_.data(),
+                       .slope = isentrope_slope_.data()};
+  find_temperatures_of_metal(metal_, table, count, density, energy, temperature);
+}
+
 double Eos::temperature(double density, double energy) const {
-  if (is_gas_) return energy / gas_.specific_heat;
-  const double compression = 1.0 - metal_.density / density;
-  const double on_isentrope = metal_.reference_temperature * std::exp(metal_.gamma0 * compression);
-  return on_isentrope + (energy - isentrope_energy(compression)) / metal_.specific_heat;
+  double temperature = 0.0;
+  find_temperatures(1, &density, &energy, &temperature);
+  return temperature;
 }
 
 double Eos::half_shock_slope() const {
@@ -106,20 +130,6 @@ void Eos::tabulate_isentrope() {
       isentrope_slope_[place] = slope(n + h, energy);
     }
   }
-}
-
-// Interpolates the energy on the isentrope by the cubic through tabulated values and slopes; beyond the table the
-// energy is linear with the last slope.
-double Eos::isentrope_energy(double compression) const {
-  const double last = static_cast<double>(isentrope_energy_.size() - 1);
-  const double at = (compression - first_compression_) / compression_step_;
-  if (at <= 0.0) return isentrope_energy_.front() + at * compression_step_ * isentrope_slope_.front();
-  if (at >= last) return isentrope_energy_.back() + (at - last) * compression_step_ * isentrope_slope_.back();
-  const std::size_t i = static_cast<std::size_t>(at);
-  const double t = at - static_cast<double>(i);
-  const double u = 1.0 - t;
-  return u * u * (1.0 + 2.0 * t) * isentrope_energy_[i] + t * t * (3.0 - 2.0 * t) * isentrope_energy_[i + 1] +
-         compression_step_ * t * u * (u * isentrope_slope_[i] - t * isentrope_slope_[i + 1]);
 }
 
 }  // namespace shearbus::lagrange

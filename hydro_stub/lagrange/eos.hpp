@@ -39,7 +39,31 @@ inline EosPoint eos_from_density_energy(const IdealGas& gas, double density, dou
   return {pressure, gas.gamma * (gas.gamma - 1.0) * (energy > 0.0 ? energy : 0.0)};
 }
 
-EosPoint eos_from_density_energy(const MieGrueneisen& metal, double density, double energy);
+// Without branches: loops over zones vectorise.
+inline EosPoint eos_from_density_energy(const MieGrueneisen& m, double density, double energy) {
+  // Smallest value used for the denominator 1 - s1 n - s2 n^2 - s3 n^3 of the Hugoniot pressure, where n = 1 - rho0/rho
+  // is the compression. The denominator would be 0 at the largest compression that a shock can reach.
+  constexpr double kLeastDenominator = 0.05;
+  const double n = 1.0 - m.density / density;
+  const double modulus = m.density * m.sound_speed * m.sound_speed;
+  const double thermal = m.gamma0 * m.density;
+  const double denominator = 1.0 - n * (m.s1 + n * (m.s2 + n * m.s3));
+  const double d = denominator < kLeastDenominator ? kLeastDenominator : denominator;
+  const double hugoniot = modulus * n / (d * d);
+  const double hugoniot_slope = modulus * (d + 2.0 * n * (m.s1 + n * (2.0 * m.s2 + 3.0 * n * m.s3))) / (d * d * d);
+  const double compressed = 1.0 - 0.5 * m.gamma0 * n;
+  const bool in_compression = n > 0.0;
+  // `cold`: pressure at zero energy [Pa]; `slope`: its derivative by the compression  [Pa]
+  const double cold = in_compression ? hugoniot * compressed : modulus * n / (1.0 - n);
+  const double slope =
+      in_compression ? hugoniot_slope * compressed - 0.5 * m.gamma0 * hugoniot : modulus / ((1.0 - n) * (1.0 - n));
+  const double pressure = cold + thermal * energy;
+  const double square = (m.density * slope + pressure * thermal) / (density * density);
+  // The sound speed of a spalled or vaporised zone is at least a tenth of the reference value, so that the time step
+  // stays bounded.
+  const double least = 0.01 * m.sound_speed * m.sound_speed;
+  return {pressure < -m.tension_limit ? -m.tension_limit : pressure, square < least ? least : square};
+}
 
 // The equation of state of a material, with the tables that it needs.
 class Eos {
@@ -47,15 +71,15 @@ class Eos {
   explicit Eos(const IdealGas& gas);
   explicit Eos(const MieGrueneisen& metal);
 
-  // Computes pressure and squared sound speed of the zones [first, last).
-  void evaluate(const std::vector<double>& density, const std::vector<double>& energy, int first, int last,
-                std::vector<double>& pressure, std::vector<double>& sound_speed_squared) const;
-
+  // Computes pressure and squared sound speed of `count` zones.
+  void evaluate(int count, const double* density, const double* energy, double* pressure,
+                double* sound_speed_squared) const;
   EosPoint at(double density, double energy) const;
 
-  // Returns the temperature  [K]. For a gas T = e / c_v with the specific heat c_v. For a metal T = T_s(rho) + (e -
+  // Computes the temperatures of `count` zones  [K]. For a gas T = e / c_v with the specific heat c_v. For a metal T = T_s(rho) + (e -
   // e_s(rho)) / c_v, where T_s(rho) = T_ref exp(gamma0 (1 - rho0/rho)) and e_s(rho) are temperature and energy on the
   // isentrope through the reference state (density rho0, temperature T_ref).
+  void find_temperatures(int count, const double* density, const double* energy, double* temperature) const;
   double temperature(double density, double energy) const;
 
   // Returns half of dUs/dup, the slope of shock velocity Us over particle velocity up: (gamma + 1)/4 for a gas, s1/2
@@ -64,8 +88,6 @@ class Eos {
 
  private:
   void tabulate_isentrope();
-  double isentrope_energy(double compression) const;
-
   bool is_gas_;
   IdealGas gas_;
   MieGrueneisen metal_;

@@ -27,17 +27,13 @@
 namespace shearbus::lagrange {
 
 struct Geometry {
-  explicit Geometry(int num_zones) : Geometry(static_cast<std::size_t>(num_zones)) {}
+  explicit Geometry(int num_zones) : weights(num_zones), hoop(num_zones), area(num_zones), volume(num_zones) {}
 
-  // weight b_i of each corner: volume per length  [m in the plane, m2 per radian in axisymmetry]
-  std::vector<Vec2> gradient_weight;
-  std::vector<double> hoop_weight;  // weight h_i of each corner; 0 in plane symmetry  [m2]
-  std::vector<double> area;         // area of the zone in the plane  [m2]
-  std::vector<double> volume;       // volume of the zone  [m3 per metre of depth, or per radian]
-
- private:
-  explicit Geometry(std::size_t zones)
-      : gradient_weight(4 * zones), hoop_weight(4 * zones), area(zones), volume(zones) {}
+  CornerVectors
+      weights;         // weight b_i of each corner: volume per length  [m in the plane, m2 per radian in axisymmetry]
+  CornerNumbers hoop;  // weight h_i of each corner; 0 in plane symmetry  [m2]
+  std::vector<double> area;    // area of the zone in the plane  [m2]
+  std::vector<double> volume;  // volume of the zone  [m3 per metre of depth, or per radian]
 };
 
 // The velocity gradient of a zone in the plane, and the hoop rate D_tt.
@@ -47,28 +43,24 @@ struct Gradient {
   double dilatation() const { return xx + yy + tt; }
 };
 
-void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geometry);
+// The gradients of all zones.
+struct Gradients {
+  explicit Gradients(int num_zones) : xx(num_zones), xy(num_zones), yx(num_zones), yy(num_zones), tt(num_zones) {}
+  Gradient operator[](int zone) const { return {xx[zone], xy[zone], yx[zone], yy[zone], tt[zone]}; }
 
+  std::vector<double> xx, xy, yx, yy, tt;
+};
+
+// The functions of a run compute the values of its zones from values at their nodes.
+void measure(Symmetry symmetry, const Run& run, const RunNodes& position, Geometry& geometry);
+void find_gradients(const Run& run, const Geometry& geometry, const RunNodes& velocity, Gradients& gradient);
 // Computes only the volumes of the zones. If a step was too long, some volumes are not positive.
-void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::vector<double>& volume);
+void measure_volumes(Symmetry symmetry, const Run& run, const RunNodes& position, std::vector<double>& volume);
 
-inline Gradient velocity_gradient(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity,
-                                  int zone) {
-  const int* n = mesh.zone_nodes(zone);
-  const Vec2* b = geometry.gradient_weight.data() + std::ptrdiff_t{4} * zone;
-  const double* h = geometry.hoop_weight.data() + std::ptrdiff_t{4} * zone;
-  Gradient g{};
-  for (int k = 0; k < 4; ++k) {
-    const Vec2 v = velocity[n[k]];
-    g.xx += v.x * b[k].x;
-    g.xy += v.x * b[k].y;
-    g.yx += v.y * b[k].x;
-    g.yy += v.y * b[k].y;
-    g.tt += v.x * h[k];
-  }
-  const double inverse = 1.0 / geometry.volume[zone];
-  return {g.xx * inverse, g.xy * inverse, g.yx * inverse, g.yy * inverse, g.tt * inverse};
-}
+// The same for all zones, with one thread.
+void measure(const Mesh& mesh, const std::vector<Vec2>& position, Geometry& geometry);
+void find_gradients(const Mesh& mesh, const Geometry& geometry, const std::vector<Vec2>& velocity, Gradients& gradient);
+void measure_volumes(const Mesh& mesh, const std::vector<Vec2>& position, std::vector<double>& volume);
 
 // Returns the share of each corner in the volume of its zone, the integral of N_i r dA. Multiplied by the density of
 // the zone at the start, the shares are the corner masses, which never change.

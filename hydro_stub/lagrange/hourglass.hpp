@@ -10,10 +10,10 @@
 
 namespace shearbus::lagrange {
 
-// Adds the hourglass forces to the corner forces of all zones. On square zones and at a Courant number of 1, a
+// Adds the hourglass forces to the corner forces of the zones of a run. On square zones and at a Courant number of 1, a
 // `coefficient` of 0.25 stops the mode within one step, and a larger coefficient lets the mode overshoot.
-void add_hourglass(const Mesh& mesh, double coefficient, const Geometry& geometry, const std::vector<Vec2>& position,
-                   const std::vector<Vec2>& velocity, const std::vector<double>& density,
-                   const std::vector<double>& sound_speed, std::vector<Vec2>& corner_force);
+void add_hourglass(double coefficient, const Run& run, const RunNodes& position, const RunNodes& velocity,
+                   const Geometry& geometry, const std::vector<double>& density, const std::vector<double>& sound_speed,
+                   CornerVectors& force);
 
 }  // namespace shearbus::lagrange

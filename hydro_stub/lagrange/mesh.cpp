@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
+
+#include "server/physics/layer/wide.hpp"
 
 namespace shearbus::lagrange {
 
@@ -36,7 +39,7 @@ const Block& Mesh::add_block(int nx, int ny, const std::function<Vec2(int, int)>
   }
   add_zones(block);
   check_zones(block);
-  index_corners();
+  add_runs(block);
   blocks_.push_back(block);
   return blocks_.back();
 }
@@ -50,7 +53,8 @@ void Mesh::add_zones(const Block& b) {
   for (int j = 0; j < b.ny; ++j) {
     for (int i = 0; i < b.nx; ++i) {
       zone_nodes_.insert(zone_nodes_.end(), {b.node(i, j), b.node(i + 1, j), b.node(i + 1, j + 1), b.node(i, j + 1)});
-      neighbours_.insert(neighbours_.end(), {zone(i, j - 1), zone(i + 1, j), zone(i, j + 1), zone(i - 1, j)});
+      const std::array<int, 4> beside = {zone(i, j - 1), zone(i + 1, j), zone(i, j + 1), zone(i - 1, j)};
+      for (std::size_t k = 0; k < 4; ++k) neighbours_[k].push_back(beside[k]);
     }
   }
 }
@@ -71,36 +75,70 @@ void Mesh::check_zones(const Block& block) const {
   }
 }
 
-void Mesh::index_corners() {
-  corner_first_.assign(places_.size() + 1, 0);
-  for (const int node : zone_nodes_) ++corner_first_[node + 1];
-  for (std::size_t n = 0; n < places_.size(); ++n) corner_first_[n + 1] += corner_first_[n];
-  corner_of_node_.assign(zone_nodes_.size(), 0);
-  std::vector<int> next(corner_first_.begin(), corner_first_.end() - 1);
-  for (std::size_t c = 0; c < zone_nodes_.size(); ++c) corner_of_node_[next[zone_nodes_[c]]++] = static_cast<int>(c);
+void Mesh::add_runs(const Block& block) {
+  const int number = static_cast<int>(blocks_.size());
+  for (int j = 0; j < block.ny; ++j) {
+    for (int i = 0; i < block.nx; i += Run::kMostZones) {
+      runs_.push_back({.first = block.zone(i, j), .count = std::min(Run::kMostZones, block.nx - i), .block = number});
+    }
+  }
+  for (int j = 0; j <= block.ny; ++j)
+    node_rows_.push_back({.block = number, .j = j, .first = block.node(0, j), .count = block.columns()});
+  longest_row_ = std::max(longest_row_, block.nx + 1);
 }
 
 namespace {
 
-template <class T>
-void gather_corners(const std::vector<int>& first, const std::vector<int>& corners, const std::vector<T>& corner,
-                    std::vector<T>& node) {
-  const int num_nodes = static_cast<int>(node.size());
-#pragma omp parallel for schedule(static) if (num_nodes >= kFewestForThreads)
-  for (int n = 0; n < num_nodes; ++n) {
-    T sum{};
-    for (int c = first[n]; c < first[n + 1]; ++c) sum += corner[corners[c]];
-    node[n] = sum;
+SHEARBUS_WIDE void take_apart(const Vec2* from, int count, double* __restrict x, double* __restrict y) {
+  for (int i = 0; i < count; ++i) {
+    x[i] = from[i].x;
+    y[i] = from[i].y;
   }
+}
+
+SHEARBUS_WIDE void add_all(const double* from, int count, double* __restrict to) {
+  for (int i = 0; i < count; ++i) to[i] += from[i];
 }
 
 }  // namespace
 
-void Mesh::gather(const std::vector<Vec2>& corner, std::vector<Vec2>& node) const {
-  gather_corners(corner_first_, corner_of_node_, corner, node);
+void Mesh::load(const std::vector<Vec2>& of_nodes, const Run& run, RunNodes& at) const {
+  const int* begin = zone_nodes(run.first);
+  const int* last = zone_nodes(run.first + run.count - 1);
+  for (const int row : {0, 1}) {
+    take_apart(of_nodes.data() + begin[row == 0 ? 0 : 3], run.count, at.x[row], at.y[row]);
+    const Vec2 end = of_nodes[last[row == 0 ? 1 : 2]];  // in a ring the first node of the row
+    at.x[row][run.count] = end.x;
+    at.y[row][run.count] = end.y;
+  }
 }
+
+void Mesh::gather(const CornerVectors& corner, const NodeRow& row, double* x, double* y) const {
+  const Block& block = blocks_[row.block];
+  const int nx = block.nx;
+  std::fill_n(x, nx + 1, 0.0);
+  std::fill_n(y, nx + 1, 0.0);
+  const auto add = [&](int k, int j, int shift) {
+    add_all(corner.x[k] + block.zone(0, j), nx, x + shift);
+    add_all(corner.y[k] + block.zone(0, j), nx, y + shift);
+  };
+  if (row.j > 0) {
+    add(2, row.j - 1, 1);
+    add(3, row.j - 1, 0);
+  }
+  if (row.j < block.ny) {
+    add(1, row.j, 1);
+    add(0, row.j, 0);
+  }
+  if (block.ring) {
+    x[0] += x[nx];
+    y[0] += y[nx];
+  }
+}
+
 void Mesh::gather(const std::vector<double>& corner, std::vector<double>& node) const {
-  gather_corners(corner_first_, corner_of_node_, corner, node);
+  std::ranges::fill(node, 0.0);
+  for (std::size_t c = 0; c < corner.size(); ++c) node[zone_nodes_[c]] += corner[c];
 }
 
 }  // namespace shearbus::lagrange

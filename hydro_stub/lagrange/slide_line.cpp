@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 
 namespace shearbus::lagrange {
@@ -40,6 +41,7 @@ InterfaceWeights::InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lin
       zones_at_.push_back({zones[before], zones[std::min(i, zones.size() - 1)]});
     }
   }
+  near_.resize(lines_.size());
   area_.resize(node_.size());
   whole_area_.resize(node_.size());
   gap_.resize(node_.size());
@@ -65,8 +67,8 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
     hard_zones_[i].clear();
   }
   for (std::size_t line = 0; line < lines_.size(); ++line) {
+    if (near_[line].has_moved(position)) find_near(position, line);
     const int soft_segments = static_cast<int>(lines_[line].soft.zones.size());
-    const int hard_segments = static_cast<int>(lines_[line].hard.zones.size());
     const int* hard = lines_[line].hard.nodes.data();
     for (int s = 0; s < soft_segments; ++s) {
       const Vec2 a = position[lines_[line].soft.nodes[s]];
@@ -74,7 +76,7 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
       const bool axisymmetric = symmetry_ == Symmetry::kAxisymmetric;
       whole_area_[first_[line] + s] += norm(b - a) * (axisymmetric ? (2.0 * a.x + b.x) / 6.0 : 0.5);
       whole_area_[row_after(line, s)] += norm(b - a) * (axisymmetric ? (a.x + 2.0 * b.x) / 6.0 : 0.5);
-      for (int h = 0; h < hard_segments; ++h) {  // the segments that are near enough to face each other
+      for (const int h : near_[line].hard[s]) {  // the segments that are near enough to face each other
         const Vec2 p = position[hard[h]];
         const Vec2 q = position[hard[h + 1]];
         const Vec2 apart = (p + q) - (a + b);
@@ -88,6 +90,43 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
     tangent_[i] = (1.0 / norm(normal_sum_[i])) * left_of(normal_sum_[i]);
     for (ZoneShare& zone : soft_zones_[i]) zone.share /= area_[i];
     for (ZoneShare& zone : hard_zones_[i]) zone.share /= area_[i];
+  }
+}
+
+bool InterfaceWeights::Near::has_moved(const std::vector<Vec2>& position) const {
+  for (std::size_t n = 0; n < nodes.size(); ++n) {
+    const Vec2 moved = position[nodes[n]] - places[n];
+    if (!(dot(moved, moved) <= slack * slack)) return true;
+  }
+  return nodes.empty();
+}
+
+// Lists for each soft segment the hard segments that can pass the test of find() until a node has moved by the slack d:
+// the sum of the two ends' distances then changes by 4 d at most, and the root of its bound by 8 d.
+void InterfaceWeights::find_near(const std::vector<Vec2>& position, std::size_t line) {
+  const Surface& soft = lines_[line].soft;
+  const Surface& hard = lines_[line].hard;
+  Near& near = near_[line];
+  near.nodes = soft.nodes;
+  near.nodes.insert(near.nodes.end(), hard.nodes.begin(), hard.nodes.end());
+  near.places.clear();
+  for (const int n : near.nodes) near.places.push_back(position[n]);
+  double whole = 0.0;
+  for (std::size_t s = 0; s < soft.zones.size(); ++s)
+    whole += norm(position[soft.nodes[s + 1]] - position[soft.nodes[s]]);
+  near.slack = 0.25 * whole / static_cast<double>(soft.zones.size());
+  near.hard.resize(soft.zones.size());
+  for (std::size_t s = 0; s < soft.zones.size(); ++s) {
+    near.hard[s].clear();
+    const Vec2 a = position[soft.nodes[s]];
+    const Vec2 b = position[soft.nodes[s + 1]];
+    for (std::size_t h = 0; h < hard.zones.size(); ++h) {
+      const Vec2 p = position[hard.nodes[h]];
+      const Vec2 q = position[hard.nodes[h + 1]];
+      const double bound = std::sqrt(8.0 * (dot(b - a, b - a) + dot(q - p, q - p))) + 12.0 * near.slack;
+      const Vec2 apart = (p + q) - (a + b);
+      if (dot(apart, apart) <= bound * bound) near.hard[s].push_back(static_cast<int>(h));
+    }
   }
 }
 
@@ -124,7 +163,11 @@ void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::siz
   const Vec2 normal = (1.0 / length) * right_of(ab);
   const double nearest = 0.25 * std::sqrt(reach);
   constexpr double kGauss = 0.28867513459481287;
-  const std::array<int, 2> row = {first_[line] + s, row_after(line, s)};
+  struct Sums {
+    double part = 0.0, gap = 0.0;
+    std::array<double, 2> soft{}, hard{};  // of products with the shape functions of both surfaces
+  };
+  std::array<Sums, 2> sums;  // of the two soft nodes
   for (const double side : {-kGauss, kGauss}) {
     const double xi = from + (0.5 + side) * (to - from);
     const double eta = (at_p - xi) / (at_p - at_q);
@@ -134,21 +177,31 @@ void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::siz
     const double radius = symmetry_ == Symmetry::kAxisymmetric ? a.x + xi * ab.x : 1.0;
     const double weight = 0.5 * (to - from) * length * radius;
     const std::array<double, 2> shape = {1.0 - xi, xi};
-    const std::array<double, 2> hard_shape = {1.0 - eta, eta};
     for (int k = 0; k < 2; ++k) {
-      const int i = row[k];
       const double part = shape[k] * weight;
-      area_[i] += part;
-      gap_[i] += part * gap;
-      normal_sum_[i] += part * normal;
-      add(soft_zones_[i], &ZoneShare::zone, &ZoneShare::share, soft.zones[s], part);
-      add(hard_zones_[i], &ZoneShare::zone, &ZoneShare::share, hard.zones[h], part);
-      for (int m = 0; m < 2; ++m) {
-        add(push_[i], &PushWeight::node, &PushWeight::weight, soft_nodes[m], (-part * shape[m]) * normal);
-        add(push_[i], &PushWeight::node, &PushWeight::weight, hard_nodes[m], (part * hard_shape[m]) * normal);
-        add(overlap_[i], &RowWeight::row, &RowWeight::weight, row[m], part * shape[m]);
-        add(rub_[i], &RubWeight::node, &RubWeight::weight, hard_nodes[m], part * hard_shape[m]);
-      }
+      sums[k].part += part;
+      sums[k].gap += part * gap;
+      sums[k].soft[0] += part * shape[0];
+      sums[k].soft[1] += part * shape[1];
+      sums[k].hard[0] += part * (1.0 - eta);
+      sums[k].hard[1] += part * eta;
+    }
+  }
+  const std::array<int, 2> row = {first_[line] + s, row_after(line, s)};
+  for (int k = 0; k < 2; ++k) {
+    const Sums& sum = sums[k];
+    if (sum.part == 0.0) continue;
+    const int i = row[k];
+    area_[i] += sum.part;
+    gap_[i] += sum.gap;
+    normal_sum_[i] += sum.part * normal;
+    add(soft_zones_[i], &ZoneShare::zone, &ZoneShare::share, soft.zones[s], sum.part);
+    add(hard_zones_[i], &ZoneShare::zone, &ZoneShare::share, hard.zones[h], sum.part);
+    for (int m = 0; m < 2; ++m) {
+      add(push_[i], &PushWeight::node, &PushWeight::weight, soft_nodes[m], -sum.soft[m] * normal);
+      add(push_[i], &PushWeight::node, &PushWeight::weight, hard_nodes[m], sum.hard[m] * normal);
+      add(overlap_[i], &RowWeight::row, &RowWeight::weight, row[m], sum.soft[m]);
+      add(rub_[i], &RubWeight::node, &RubWeight::weight, hard_nodes[m], sum.hard[m]);
     }
   }
 }

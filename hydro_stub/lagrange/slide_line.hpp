@@ -90,11 +90,23 @@ class InterfaceWeights {
   std::span<const ZoneShare> hard_zones(int i) const { return hard_zones_[i]; }
 
  private:
+  // The hard segments that are near each soft segment of a line. No result depends on when the list was made.
+  struct Near {
+    bool has_moved(const std::vector<Vec2>& position) const;
+
+    std::vector<std::vector<int>> hard;  // of each soft segment
+    std::vector<int> nodes;              // of both surfaces
+    std::vector<Vec2> places;            // of these nodes when the list was made  [m]
+    double slack = 0.0;                  // the list holds until a node has moved so far  [m]
+  };
+
   int row_after(std::size_t line, int segment) const;
+  void find_near(const std::vector<Vec2>& position, std::size_t line);
   void pair_segments(const std::vector<Vec2>& position, std::size_t line, int soft_segment, int hard_segment);
 
   Symmetry symmetry_;
   std::vector<SlideLine> lines_;
+  std::vector<Near> near_;  // of each line
   int rubbing_ = 0;
   std::vector<int> first_;  // index of the interface node at the first soft node of each line
   std::vector<int> node_;

@@ -1,8 +1,10 @@
 #include "hydro_stub/lagrange/strength.hpp"
 
+#include <algorithm>
 #include <cmath>
 
-#include "server/physics/layer/wide.hpp"
+#include "hydro_stub/lagrange/independent.hpp"
+#include "server/physics/material/compression.hpp"
 
 namespace shearbus::lagrange {
 namespace {
@@ -29,31 +31,51 @@ void find_trial(double shear_modulus, double dt, Strip& strip, double (&trial)[S
   }
 }
 
+// Stores the melting temperatures and the pressure terms of the zones.
+inline void find_compression(const physics::Material& metal, const Strip& strip, double (&melting)[Strip::kMostZones],
+                             double (&coefficient)[Strip::kMostZones]) {
+  const physics::Material m = metal;
+  const bool simon = m.melting_curve == physics::MeltingCurve::kSimon;
+  const bool lindemann = m.melting_curve == physics::MeltingCurve::kLindemann;
+  for (int i = 0; i < strip.zones; ++i) melting[i] = m.melting_temperature;
+  for (int i = 0; i < strip.zones; ++i) coefficient[i] = m.pressure_coefficient;
+  if (simon) {
+    for (int i = 0; i < strip.zones; ++i) melting[i] = physics::compression::simon_temperature(m, strip.pressure[i]);
+  }
+  if (lindemann) {
+    for (int i = 0; i < strip.zones; ++i) {
+      melting[i] = physics::compression::lindemann_temperature(m, physics::compression::eta_at(m, strip.pressure[i]));
+    }
+  }
+  if (m.pressure_term != physics::PressureTerm::kCompressed) return;
+  for (int i = 0; i < strip.zones; ++i) {
+    coefficient[i] =
+        physics::compression::compressed_pressure_coefficient(m, physics::compression::eta_at(m, strip.pressure[i]));
+  }
+}
+
 // Stores the softening g(P, T) of the zones, their flow stress at rest, and its slope in a step that yields no more.
 template <class Law>
 void find_strength(const physics::Material& metal, double dt, const Strip& strip, double (&g)[Strip::kMostZones],
                    double (&strength)[Strip::kMostZones], double (&slope)[Strip::kMostZones]) {
   const physics::Material m = metal;  // a copy, which no store to the arrays can change
   if (m.varies_with_compression()) {
-    double melting[Strip::kMostZones], pressure_coefficient[Strip::kMostZones];
-    for (int i = 0; i < strip.zones; ++i) {
-      const physics::Material at = physics::at_pressure(m, strip.pressure[i]);
-      melting[i] = at.melting_temperature;
-      pressure_coefficient[i] = at.pressure_coefficient;
-    }
+    double melting[Strip::kMostZones], coefficient[Strip::kMostZones];
+    find_compression(metal, strip, melting, coefficient);
     for (int i = 0; i < strip.zones; ++i) {
       physics::Material now = m;
       now.melting_temperature = melting[i];
-      now.pressure_coefficient = pressure_coefficient[i];
+      now.pressure_coefficient = coefficient[i];
       g[i] = Law::softening(now, strip.pressure[i], strip.temperature[i]).g;
     }
   } else {
     for (int i = 0; i < strip.zones; ++i) g[i] = Law::softening(m, strip.pressure[i], strip.temperature[i]).g;
   }
+  constexpr double kNone = 0.0;  // added to the strain in both lines, so that their common part is computed once
   for (int i = 0; i < strip.zones; ++i) {
     const double ep = strip.plastic_strain[i], P = strip.pressure[i], T = strip.temperature[i];
-    strength[i] = g[i] * Law::hardened(m, ep, 0.0, P, T);
-    slope[i] = g[i] * Law::hardening_slope(m, ep, 0.0, dt, P, T);
+    strength[i] = g[i] * Law::hardened(m, ep + kNone, kNone, P, T);
+    slope[i] = g[i] * Law::hardening_slope(m, ep, kNone, dt, P, T);
   }
 }
 
@@ -170,7 +192,39 @@ SHEARBUS_WIDE void advance_by_law(const physics::Material& metal, double dt, Str
   }
 }
 
+SHEARBUS_WIDE void load_wide(const StrengthState& from, const Run& run, Strip& strip) {
+  const StrengthState s = from;
+  const int first = run.first;
+  const double* d_xx = s.gradient.xx.data() + first;
+  const double* d_yy = s.gradient.yy.data() + first;
+  const double* d_tt = s.gradient.tt.data() + first;
+  const double* d_xy = s.gradient.xy.data() + first;
+  const double* d_yx = s.gradient.yx.data() + first;
+  SHEARBUS_INDEPENDENT
+  for (int i = 0; i < run.count; ++i) {
+    const double mean = (d_xx[i] + d_yy[i] + d_tt[i]) / 3.0;
+    strip.strain_rate_xx[i] = d_xx[i] - mean;
+    strip.strain_rate_yy[i] = d_yy[i] - mean;
+    strip.strain_rate_xy[i] = 0.5 * (d_xy[i] + d_yx[i]);
+    strip.spin[i] = 0.5 * (d_yx[i] - d_xy[i]);
+  }
+  const auto copy = [&](const double* values, double(&to)[Strip::kMostZones]) {
+    std::copy_n(values + first, run.count, to);
+  };
+  copy(s.xx, strip.xx);
+  copy(s.yy, strip.yy);
+  copy(s.xy, strip.xy);
+  copy(s.plastic_strain, strip.plastic_strain);
+  copy(s.pressure, strip.pressure);
+  copy(s.temperature, strip.temperature);
+  strip.zones = run.count;
+}
+
 }  // namespace
+
+void load(const StrengthState& state, const Run& run, Strip& strip) {
+  load_wide(state, run, strip);
+}
 
 void advance_deviators(const physics::Material& metal, double dt, Strip& strip) {
   physics::FlowLaws::with(metal.flow_law,

@@ -29,7 +29,7 @@ struct StrengthStep {
 // Some zones of one metal, side by side, so that the compiler vectorises the arithmetic. No zone enters the arithmetic
 // of another one.
 struct Strip {
-  static constexpr int kMostZones = 64;
+  static constexpr int kMostZones = Run::kMostZones;
   int zones = 0;
   // before a step
   double plastic_strain[kMostZones];
@@ -65,6 +65,19 @@ struct Strip {
 //   3. radial return (Wilkins, Methods Comput. Phys. 3 (1964) 211) to the flow stress at the plastic strain after
 //      the step, which makes the hardening implicit
 void advance_deviators(const physics::Material& metal, double dt, Strip& strip);
+
+// The state of all zones before a step, as a strip takes it.
+struct StrengthState {
+  const Gradients& gradient;
+  const double* plastic_strain;
+  const double* pressure;
+  const double* temperature;
+  const double* xx;
+  const double* yy;
+  const double* xy;
+};
+// Makes a strip of the zones of a run.
+void load(const StrengthState& state, const Run& run, Strip& strip);
 
 // The step of one zone.
 inline StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& gradient,

@@ -1,7 +1,8 @@
 #include "hydro_stub/lagrange/viscosity.hpp"
 
-#include <algorithm>
 #include <cmath>
+
+#include "hydro_stub/lagrange/independent.hpp"
 
 namespace shearbus::lagrange {
 namespace {
@@ -15,89 +16,163 @@ struct Compression {
   Vec2 direction;  // unit eigenvector of `rate`
 };
 
-Compression strongest_compression(const Gradient& d) {
+// The strain rate of a zone in the plane; `shear` is half the sum of the velocity gradient's components xy and yx.
+struct StrainRate {
+  double xx, yy, shear;
+};
+
+// The functions of a zone have no branches, so that loops over zones vectorise.
+inline Compression strongest_compression(const StrainRate& d) {
   const double mean = 0.5 * (d.xx + d.yy);
   const double difference = 0.5 * (d.xx - d.yy);
-  const double shear = 0.5 * (d.xy + d.yx);
-  const double radius = std::sqrt(difference * difference + shear * shear);
-  if (radius == 0.0) return {mean, {1.0, 0.0}};
+  const double radius = std::sqrt(difference * difference + d.shear * d.shear);
   // Eigenvector of the strain rate for its lower eigenvalue, mean - radius, from the row of the matrix in which nothing
   // cancels.
-  const Vec2 v = difference > 0.0 ? Vec2{-shear, difference + radius} : Vec2{radius - difference, -shear};
-  return {mean - radius, (1.0 / norm(v)) * v};
+  const bool first = difference > 0.0;
+  const double ahead = radius + difference, back = radius - difference;
+  const double along = first ? -d.shear : back, vy = first ? ahead : -d.shear;
+  const double vx = radius > 0.0 ? along : 1.0;  // an isotropic rate has every direction
+  const double inverse = 1.0 / std::sqrt(vx * vx + vy * vy);
+  return {mean - radius, {inverse * vx, inverse * vy}};
 }
 
-double rate_along(const Gradient& d, Vec2 s) {
-  return s.x * s.x * d.xx + s.x * s.y * (d.xy + d.yx) + s.y * s.y * d.yy;
+inline double rate_along(const StrainRate& d, Vec2 s) {
+  return s.x * s.x * d.xx + s.x * s.y * (2.0 * d.shear) + s.y * s.y * d.yy;
 }
 
 // Returns the length of a zone along the direction s, 1/|J^-1 s|; the columns of the matrix J are the zone's mean
 // edges.
-double length_along(const Vec2& across, const Vec2& up, Vec2 s) {
+inline double length_along(const Vec2& across, const Vec2& up, Vec2 s) {
   const double inverse = 1.0 / cross(across, up);
   const Vec2 reference = {inverse * cross(s, up), inverse * cross(across, s)};
   return 1.0 / norm(reference);
 }
 
-// Returns the limiter psi of the viscosity: 1 in smooth flow, 0 at the edge of a shock. psi is the smaller of the
-// values for the two directions of the mesh.
-double smoothness(const Mesh& mesh, const std::vector<Gradient>& gradient, int zone, const Compression& c) {
-  double psi = 1.0;
-  for (const int k : {0, 1}) {
-    const int back = mesh.neighbour(zone, k);
-    const int ahead = mesh.neighbour(zone, k + 2);
-    if (back < 0 && ahead < 0) continue;
-    const double inverse = 1.0 / c.rate;
-    const double behind = rate_along(gradient[back < 0 ? ahead : back], c.direction) * inverse;
-    const double before = rate_along(gradient[ahead < 0 ? back : ahead], c.direction) * inverse;
-    psi = std::min({psi, 0.5 * (behind + before), 2.0 * behind, 2.0 * before});
-  }
-  return std::max(0.0, psi);
+inline double smaller(double a, double b) {
+  return b < a ? b : a;
 }
 
 // Returns the share of the strongest compression that viscosity resists: the part of it that changes the volume, and of
 // the rest, which is shear, the elastic part.
-double resisted_share(const Gradient& d, const Compression& c, double plastic_rate) {
-  const double volume = std::clamp(d.dilatation() / c.rate, 0.0, 1.0);
-  const double mean = d.dilatation() / 3.0;
-  const double xx = d.xx - mean, yy = d.yy - mean, tt = d.tt - mean, xy = 0.5 * (d.xy + d.yx);
-  const double equivalent_rate = std::sqrt(2.0 / 3.0 * (xx * xx + yy * yy + tt * tt + 2.0 * xy * xy));
-  const double elastic = plastic_rate < equivalent_rate ? 1.0 - plastic_rate / equivalent_rate : 0.0;
+inline double resisted_share(const StrainRate& d, double tt, const Compression& c, double plastic_rate) {
+  const double dilatation = d.xx + d.yy + tt;
+  const double share = dilatation / c.rate;
+  const double some = smaller(share, 1.0);
+  const double volume = some < 0.0 ? 0.0 : some;
+  const double mean = dilatation / 3.0;
+  const double xx = d.xx - mean, yy = d.yy - mean, zz = tt - mean;
+  const double equivalent_rate = std::sqrt(2.0 / 3.0 * (xx * xx + yy * yy + zz * zz + 2.0 * d.shear * d.shear));
+  const double part = 1.0 - plastic_rate / equivalent_rate;
+  const double elastic = part > 0.0 ? part : 0.0;
   return volume + (1.0 - volume) * elastic;
+}
+
+// Strain rates of zones in a row.
+struct RateRow {
+  double xx[Run::kMostZones + 2], yy[Run::kMostZones + 2], shear[Run::kMostZones + 2];
+  StrainRate at(int i) const { return {xx[i], yy[i], shear[i]}; }
+};
+
+inline void fill(const Gradients& d, int first, int count, int to, RateRow& row) {
+  const double* xx = d.xx.data() + first;
+  const double* yy = d.yy.data() + first;
+  const double* xy = d.xy.data() + first;
+  const double* yx = d.yx.data() + first;
+  SHEARBUS_INDEPENDENT
+  for (int i = 0; i < count; ++i) {
+    row.xx[to + i] = xx[i];
+    row.yy[to + i] = yy[i];
+    row.shear[to + i] = 0.5 * (xy[i] + yx[i]);
+  }
+}
+
+// A run and the zones around it: before the first one and behind the last one, below and above. At an edge of the block
+// the zone on the other side stands for the one that is missing; a row or column of its own is its own neighbour.
+struct Surroundings {
+  RateRow own;  // zone i of the run at i + 1
+  RateRow below, above;
+};
+
+inline int chosen(int wanted, int opposite, int own) {
+  return wanted >= 0 ? wanted : opposite >= 0 ? opposite : own;
+}
+
+inline void find_surroundings(const Mesh& mesh, const Gradients& d, const Run& run, Surroundings& to) {
+  const int first = run.first, last = run.first + run.count - 1;
+  fill(d, first, run.count, 1, to.own);
+  fill(d, chosen(mesh.neighbour(first, 3), mesh.neighbour(first, 1), first), 1, 0, to.own);
+  fill(d, chosen(mesh.neighbour(last, 1), mesh.neighbour(last, 3), last), 1, run.count + 1, to.own);
+  fill(d, chosen(mesh.neighbour(first, 0), mesh.neighbour(first, 2), first), run.count, 0, to.below);
+  fill(d, chosen(mesh.neighbour(first, 2), mesh.neighbour(first, 0), first), run.count, 0, to.above);
+}
+
+struct Coefficients {
+  double linear, quadratic;  // the quadratic one times half the shock's slope
+};
+
+SHEARBUS_WIDE void set_wide(const Mesh& mesh, const Coefficients& c, const Run& run, const RunNodes& position,
+                            const ViscousState& state, CornerVectors& force, double* __restrict viscous_rate) {
+  Surroundings around;
+  find_surroundings(mesh, state.gradient, run, around);
+  const double linear = c.linear, quadratic = c.quadratic;
+  const double* tt = state.gradient.tt.data() + run.first;
+  const double* density = state.density.data() + run.first;
+  const double* sound_speed = state.sound_speed.data() + run.first;
+  const double* plastic_rate = state.plastic_rate.data() + run.first;
+  double q_xx[Run::kMostZones], q_yy[Run::kMostZones], q_xy[Run::kMostZones];
+  SHEARBUS_INDEPENDENT
+  for (int i = 0; i < run.count; ++i) {
+    const StrainRate d = around.own.at(i + 1);
+    const Compression most = strongest_compression(d);
+    const Vec2 s = most.direction;
+    const Vec2 across =
+        0.5 * ((position.corner(1, i) - position.corner(0, i)) + (position.corner(2, i) - position.corner(3, i)));
+    const Vec2 up =
+        0.5 * ((position.corner(3, i) - position.corner(0, i)) + (position.corner(2, i) - position.corner(1, i)));
+    const double length = length_along(across, up, s);
+    const double closing = length * -most.rate;
+    const double inverse = 1.0 / most.rate;
+    const double left = rate_along(around.own.at(i), s) * inverse;
+    const double right = rate_along(around.own.at(i + 2), s) * inverse;
+    const double below = rate_along(around.below.at(i), s) * inverse;
+    const double above = rate_along(around.above.at(i), s) * inverse;
+    // The limiter psi of the viscosity: 1 in smooth flow, 0 at the edge of a shock; the smaller of the values for the
+    // two directions of the mesh.
+    double psi = smaller(smaller(1.0, 0.5 * (below + above)), smaller(2.0 * below, 2.0 * above));
+    psi = smaller(smaller(psi, 0.5 * (right + left)), smaller(2.0 * right, 2.0 * left));
+    psi = psi < 0.0 ? 0.0 : psi;
+    const double limit = (1.0 - psi) * resisted_share(d, tt[i], most, plastic_rate[i]);
+    const double shock = quadratic * length * -most.rate;
+    const double sound = linear * sound_speed[i];
+    const double speed = shock + std::sqrt(shock * shock + sound * sound);
+    const double viscosity = limit * length * speed;
+    const double diffusivity = closing > kRounding * sound_speed[i] ? viscosity : 0.0;  // never where rate >= 0
+    const double stress = density[i] * diffusivity * most.rate;
+    viscous_rate[i] = diffusivity / (length * length);
+    q_xx[i] = stress * s.x * s.x;
+    q_yy[i] = stress * s.y * s.y;
+    q_xy[i] = stress * s.x * s.y;
+  }
+  for (int k = 0; k < 4; ++k) {
+    const double* b_x = state.geometry.weights.x[k] + run.first;
+    const double* b_y = state.geometry.weights.y[k] + run.first;
+    double* __restrict f_x = force.x[k] + run.first;
+    double* __restrict f_y = force.y[k] + run.first;
+    SHEARBUS_INDEPENDENT
+    for (int i = 0; i < run.count; ++i) {
+      f_x[i] = -(q_xx[i] * b_x[i] + q_xy[i] * b_y[i]);
+      f_y[i] = -(q_xy[i] * b_x[i] + q_yy[i] * b_y[i]);
+    }
+  }
 }
 
 }  // namespace
 
-void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Geometry& geometry,
-                   const std::vector<Vec2>& position, const std::vector<Gradient>& gradient,
-                   const std::vector<double>& density, const std::vector<double>& sound_speed,
-                   const std::vector<double>& plastic_rate, int first, int last, std::vector<Vec2>& corner_force,
+void set_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Run& run,
+                   const RunNodes& position, const ViscousState& state, CornerVectors& force,
                    std::vector<double>& viscous_rate) {
-#pragma omp parallel for schedule(static) if (last - first >= kFewestForThreads)
-  for (int zone = first; zone < last; ++zone) {
-    viscous_rate[zone] = 0.0;
-    const Gradient& d = gradient[zone];
-    const Compression c = strongest_compression(d);
-    if (!(c.rate < 0.0)) continue;
-    const int* n = mesh.zone_nodes(zone);
-    const Vec2 across = 0.5 * ((position[n[1]] - position[n[0]]) + (position[n[2]] - position[n[3]]));
-    const Vec2 up = 0.5 * ((position[n[3]] - position[n[0]]) + (position[n[2]] - position[n[1]]));
-    const double length = length_along(across, up, c.direction);
-    if (length * -c.rate <= kRounding * sound_speed[zone]) continue;
-    const double limit = (1.0 - smoothness(mesh, gradient, zone, c)) * resisted_share(d, c, plastic_rate[zone]);
-    const double shock = options.quadratic * half_shock_slope * length * -c.rate;
-    const double sound = options.linear * sound_speed[zone];
-    const double diffusivity = limit * length * (shock + std::sqrt(shock * shock + sound * sound));
-    viscous_rate[zone] = diffusivity / (length * length);
-    const double stress = density[zone] * diffusivity * c.rate;
-    const double xx = stress * c.direction.x * c.direction.x;
-    const double yy = stress * c.direction.y * c.direction.y;
-    const double xy = stress * c.direction.x * c.direction.y;
-    for (int k = 0; k < 4; ++k) {
-      const Vec2 b = geometry.gradient_weight[4 * zone + k];
-      corner_force[4 * zone + k] -= Vec2{xx * b.x + xy * b.y, xy * b.x + yy * b.y};
-    }
-  }
+  set_wide(mesh, {.linear = options.linear, .quadratic = options.quadratic * half_shock_slope}, run, position, state,
+           force, viscous_rate.data() + run.first);
 }
 
 }  // namespace shearbus::lagrange

@@ -38,13 +38,19 @@ struct ViscosityOptions {
   double quadratic = 1.0;  // coefficient c2 of the quadratic viscosity
 };
 
-// Adds the viscous forces to the corner forces of the zones [first, last). `plastic_rate` is the rate of the equivalent
-// plastic strain of each zone, infinite in a fluid  [1/s]. Stores in `viscous_rate` the rate (1 - psi)
+// What viscosity depends on, of all zones.
+struct ViscousState {
+  const Geometry& geometry;
+  const Gradients& gradient;
+  const std::vector<double>& density;
+  const std::vector<double>& sound_speed;
+  const std::vector<double>& plastic_rate;  // rate of the equivalent plastic strain, infinite in a fluid  [1/s]
+};
+
+// Sets the corner forces of the zones of a run to those of viscosity. Stores in `viscous_rate` the rate (1 - psi)
 // phi mu / (rho l^2) at which viscosity evens out velocities  [1/s]; this rate limits the time step.
-void add_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Geometry& geometry,
-                   const std::vector<Vec2>& position, const std::vector<Gradient>& gradient,
-                   const std::vector<double>& density, const std::vector<double>& sound_speed,
-                   const std::vector<double>& plastic_rate, int first, int last, std::vector<Vec2>& corner_force,
+void set_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Run& run,
+                   const RunNodes& position, const ViscousState& state, CornerVectors& force,
                    std::vector<double>& viscous_rate);
 
 }  // namespace shearbus::lagrange

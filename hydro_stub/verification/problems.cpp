@@ -26,6 +26,13 @@ Problem2d ready(const Problem& problem, std::string body_names) {
   return made;
 }
 
+template <typename Problem>
+Problem2d with_surface(const Problem& problem, std::string body_names) {
+  Problem2d made = ready(problem, std::move(body_names));
+  made.free_surface = free_surface(problem, made.bodies);
+  return made;
+}
+
 Problem2d piston(const guest::HydroScene& scene) {
   const guest::Piston& given = scene.hydro().piston();
   return ready(PistonProblem{.symmetry = symmetry_of(given.symmetry()),
@@ -38,13 +45,14 @@ Problem2d piston(const guest::HydroScene& scene) {
 
 Problem2d flyer_impact(const guest::HydroScene& scene) {
   const guest::FlyerImpact& given = scene.hydro().flyer_impact();
-  return ready(FlyerProblem{.symmetry = symmetry_of(given.symmetry()),
-                            .target = make_metal(scene.scene().soft(), "soft"),
-                            .flyer = make_metal(scene.scene().hard(), "hard"),
-                            .length = given.length_m(),
-                            .zones = static_cast<int>(given.zones()),
-                            .speed = given.speed_m_per_s()},
-               "0 target, 1 flyer");
+  return with_surface(FlyerProblem{.symmetry = symmetry_of(given.symmetry()),
+                                   .target = make_metal(scene.scene().soft(), "soft"),
+                                   .flyer = make_metal(scene.scene().hard(), "hard"),
+                                   .length = given.length_m(),
+                                   .zones = static_cast<int>(given.zones()),
+                                   .speed = given.speed_m_per_s(),
+                                   .flyer_length = given.flyer_length_m()},
+                      "0 target, 1 flyer");
 }
 
 Problem2d implosion(const guest::HydroScene& scene) {
@@ -85,12 +93,12 @@ Problem2d gas_flow(const guest::HydroScene& scene) {
 
 Problem2d taylor_bar(const guest::HydroScene& scene) {
   const guest::TaylorBar& given = scene.hydro().taylor_bar();
-  return ready(TaylorProblem{.metal = make_metal(scene.scene().soft(), "soft"),
-                             .radius = given.radius_m(),
-                             .length = given.length_m(),
-                             .speed = given.speed_m_per_s(),
-                             .zones = static_cast<int>(given.zones())},
-               "0 bar");
+  return with_surface(TaylorProblem{.metal = make_metal(scene.scene().soft(), "soft"),
+                                    .radius = given.radius_m(),
+                                    .length = given.length_m(),
+                                    .speed = given.speed_m_per_s(),
+                                    .zones = static_cast<int>(given.zones())},
+                      "0 bar");
 }
 
 Problem2d sliding_plates(const guest::HydroScene& scene) {
@@ -144,7 +152,8 @@ Problem2d make_verification(const guest::HydroScene& scene) {
                    : hydro.has_taylor_bar()   ? taylor_bar(scene)
                                               : sliding_plates(scene);
   made.end_time = hydro.end_time_s();
-  made.history_interval = hydro.end_time_s() / 200.0;
+  constexpr double kRows = 200.0, kRowsOfASurface = 1000.0;  // a velocimeter resolves the rise of a shock
+  made.history_interval = hydro.end_time_s() / (made.free_surface.empty() ? kRows : kRowsOfASurface);
   made.frames = 10;
   return made;
 }

@@ -39,9 +39,10 @@ struct PistonProblem {
 struct FlyerProblem {
   lagrange::Symmetry symmetry;
   Metal target, flyer;
-  double length;  // length of each body  [m]
-  int zones;      // zones along each body
-  double speed;   // speed of the flyer at impact  [m/s]
+  double length;            // length of the target  [m]
+  int zones;                // zones along the target; the flyer's zones have the same length
+  double speed;             // speed of the flyer at impact  [m/s]
+  double flyer_length = 0;  // 0: as the target  [m]
 };
 struct ImplosionProblem {
   bool sphere;
@@ -92,6 +93,12 @@ lagrange::Bodies make_bodies(const SaltzmanProblem& problem);
 lagrange::Bodies make_bodies(const TaylorProblem& problem);
 lagrange::Bodies make_bodies(const PlatesProblem& problem);
 
+// Nodes whose motion an experiment records: the target's far face, the side of the bar.
+std::vector<int> free_surface(const FlyerProblem& problem, const lagrange::Bodies& bodies);
+std::vector<int> free_surface(const TaylorProblem& problem, const lagrange::Bodies& bodies);
+
+// compare() of a flyer and of a bar returns nothing where no solution is known: of a flyer once a wave has come back
+// from a free face or where the metals harden, of a bar other than the one of the literature.
 std::vector<Comparison> compare(const PistonProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const FlyerProblem& problem, const lagrange::Cycle& cycle);
 std::vector<Comparison> compare(const ImplosionProblem& problem, const lagrange::Cycle& cycle);

@@ -1,9 +1,11 @@
 // Plane waves in metals: a piston, and impacts of flyers.
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "hydro_stub/verification/exact.hpp"
 #include "hydro_stub/verification/problems.hpp"
+#include "server/physics/material/strength.hpp"
 
 namespace shearbus::hydro {
 
@@ -106,7 +108,9 @@ Bodies make_bodies(const FlyerProblem& p) {
   const Strip strip{p.symmetry};
   Mesh mesh(p.symmetry);
   const Block target = strip.add(mesh, p.zones, 0.0, p.length);
-  const Block flyer = strip.add(mesh, p.zones, -p.length, 0.0);
+  const double flyer_length = p.flyer_length > 0.0 ? p.flyer_length : p.length;
+  const int flyer_zones = std::max(2, static_cast<int>(std::lround(p.zones * flyer_length / p.length)));
+  const Block flyer = strip.add(mesh, flyer_zones, -flyer_length, 0.0);
   Bodies bodies(std::move(mesh));
   bodies.materials = {body_material(p.target), body_material(p.flyer)};
   fill(bodies, target, p.target.eos.density, 0.0, {});
@@ -117,8 +121,17 @@ Bodies make_bodies(const FlyerProblem& p) {
   return bodies;
 }
 
+std::vector<int> free_surface(const FlyerProblem& p, const Bodies& bodies) {
+  return Strip{p.symmetry}.face(bodies.mesh.blocks()[0], true).nodes;
+}
+
 std::vector<Comparison> compare(const FlyerProblem& p, const Cycle& cycle) {
   const Strip strip{p.symmetry};
+  if (physics::hardens(p.target.strength) || physics::hardens(p.flyer.strength)) return {};
+  const double shorter = p.flyer_length > 0.0 ? std::min(p.flyer_length, p.length) : p.length;
+  const double elastic =
+      std::max(two_waves(p.target, 0.5 * p.speed).elastic_speed, two_waves(p.flyer, 0.5 * p.speed).elastic_speed);
+  if (elastic * cycle.state().time > 2.0 * shorter) return {};
   const Impact exact = impact(p.flyer, p.target, p.speed);
   const double shock = two_waves(p.target, exact.velocity).plastic_speed * cycle.state().time;
   const double face = exact.velocity * cycle.state().time;

@@ -9,12 +9,15 @@
 namespace shearbus::files {
 
 void EnergyTotals::add(const wire::Batch& upscale) {
-  for (std::size_t i = 0; i < wire::kLedgerColumns.size(); ++i) {
-    const auto column = upscale.f64(wire::kLedgerColumns[i]);
-    if (column.empty()) continue;
-    numbers_.back() = static_cast<double>(column.size());
-    numbers_[i] = std::accumulate(column.begin(), column.end(), numbers_[i]);
-  }
+  for (const wire::Field term : wire::kLedgerColumns) add(term, upscale.f64(term));
+}
+
+void EnergyTotals::add(wire::Field term, std::span<const double> values) {
+  if (values.empty()) return;
+  const auto at = std::ranges::find(wire::kLedgerColumns, term) - wire::kLedgerColumns.begin();
+  double& sum = numbers_[static_cast<std::size_t>(at)];
+  numbers_.back() = static_cast<double>(values.size());
+  sum = std::accumulate(values.begin(), values.end(), sum);
 }
 
 void EnergyTotals::add(const EnergyTotals& step) {

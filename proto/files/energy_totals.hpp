@@ -17,6 +17,7 @@ class EnergyTotals {
   void add(const wire::Batch& upscale);
 
   void add(const EnergyTotals& step);
+  void add(wire::Field term, std::span<const double> values);  // adds one column of a reply
 
   bool empty() const { return numbers_.back() == 0.0; }
   double mean(wire::Field term) const;  // mean over the nodes of the sum over the steps  [J/m2]

@@ -125,6 +125,8 @@ void read_keys_into(ServerAddress& address, const std::filesystem::path& server_
   const bool key_in_file = address.endpoint.starts_with(kFileScheme) && server_key.empty();
   if (server_key.empty() != secret_key.empty() && !key_in_file)
     throw std::runtime_error("--server-key and --key go together: the server's public key and one's own secret key");
+  address.server_key_file = server_key.string();
+  address.secret_key_file = secret_key.string();
   if (!server_key.empty()) address.server_key = read_public_key(server_key);
   if (!secret_key.empty()) address.secret_key = read_secret_key(secret_key);
 }

@@ -13,9 +13,10 @@ inline constexpr std::size_t kKeyCharacters = 40;
 
 // Address of a server and keys of the connection: the options --server, --server-key and --key of programs.
 struct ServerAddress {
-  std::string endpoint;    // tcp://host:port, ipc://path, or file://path of an endpoint file
-  std::string server_key;  // tcp: the server's public key; empty: the connection is not encrypted
-  std::string secret_key;  // tcp: secret key of the client; empty if server_key is empty
+  std::string endpoint;                          // tcp://host:port, ipc://path, or file://path of an endpoint file
+  std::string server_key;                        // tcp: the server's public key; empty: the connection is not encrypted
+  std::string secret_key;                        // tcp: secret key of the client; empty if server_key is empty
+  std::string server_key_file, secret_key_file;  // where the keys were read; empty: nowhere
 };
 
 struct KeyLine {

@@ -10,6 +10,7 @@
 #include "proto/files/recording.hpp"
 #include "proto/files/recording_hdf5.hpp"
 #include "proto/files/recording_storage.hpp"
+#include "proto/files/recording_trial.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/numbers.hpp"
 #include "proto/wire/units.hpp"
@@ -123,6 +124,9 @@ void HistoryReader::Impl::open() {
     refuse(file, why.find("unable to open file") != std::string::npos ? "cannot be read" : "is not an HDF5 file",
            "Expected an HDF5 history; was it cut short or written in another format?");
   }
+  if (!survives_its_texts(file))
+    refuse(file, "is damaged: HDF5 does not survive its texts, such as attributes units",
+           "Take a copy that is whole, or have the program that made it write it again.");
   const hid_t opened = H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
   if (opened < 0)
     refuse(file, fmt::format("cannot be opened as HDF5: {}", reason()),

@@ -23,11 +23,6 @@ constexpr std::size_t kMaxChunkWidth = 65'536;     // 512 KiB of doubles
 constexpr std::size_t kTimesPerChunk = 1'024;      // 8 KiB of doubles
 constexpr std::size_t kMaxAttributeBytes = 4'096;  // longer texts are datasets; HDF5's own limit is 64 KiB
 
-constexpr const char* kOutcomeLegend =
-    "0 ok, or a sum of: 1 substepped, 2 multiple roots, 4 outside domain, 8 sudden, 16 over budget, 32 asleep, 64 "
-    "first "
-    "order in place of second, 128 failed (the node kept its old state)";
-
 // Returns the width of the fewest equal parts of `size` that are at most `most` wide; the last part may be narrower.
 std::size_t even_part(std::size_t size, std::size_t most) {
   const std::size_t parts = std::max<std::size_t>((size + most - 1) / most, 1);
@@ -38,6 +33,18 @@ std::string legend_of_regimes() {
   std::string text;
   for (std::size_t regime = 0; regime < wire::kRegimeCount; ++regime)
     text += fmt::format("{}{} {}", regime == 0 ? "" : ", ", regime, wire::regime_name(regime));
+  return text;
+}
+
+// "0 ok, or a sum of: 1 substepped, 2 multiple roots, ..."
+std::string legend_of_outcomes() {
+  std::string text = "0 ok, or a sum of:";
+  for (const wire::EnumValue& bit : wire::names_of(wire::Outcome{}).values) {
+    if (bit.number == 0) continue;
+    std::string name = bit.name;
+    for (char& letter : name) letter = letter == '_' ? ' ' : wire::ascii_lower(letter);
+    text += fmt::format("{} {} {}", bit.number == 1 ? "" : ",", bit.number, name);
+  }
   return text;
 }
 
@@ -186,7 +193,7 @@ void HistoryWriter::Impl::describe_dataset(hid_t dataset, const Quantity& quanti
   if (!quantity.units.empty()) write_units(dataset, quantity.units);
   write_text(dataset, "long_name", quantity.long_name);
   if (quantity.is_regime) write_text(dataset, "legend", legend_of_regimes());
-  if (quantity.is_outcome) write_text(dataset, "legend", kOutcomeLegend);
+  if (quantity.is_outcome) write_text(dataset, "legend", legend_of_outcomes());
 }
 
 void HistoryWriter::Impl::add_series(Quantity quantity) {

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "proto/program/program.hpp"
+#include "proto/wire/limits.hpp"
 #include "proto/wire/numbers.hpp"
 #include "proto/wire/text.hpp"
 
@@ -226,8 +227,8 @@ std::optional<int> parse(CLI::App& app, int argc, const char* const* argv, const
   } catch (const CLI::Success& call) {  // --help, --version
     return app.exit(call);
   } catch (const CLI::ParseError& fault) {
-    complain(fmt::format("{}: {}\nRun {} --help for more information.", app.get_name(), text_of(app, fault),
-                         app.get_name()));
+    complain(fmt::format("{}: {}\nRun {} --help for more information.", app.get_name(),
+                         wire::printable(text_of(app, fault), wire::kMaxTextBytes), app.get_name()));
     return kWrongCommandLine;
   }
   return std::nullopt;

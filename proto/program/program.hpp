@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <string>
 
 #include "proto/wire/status.hpp"
@@ -38,6 +39,12 @@ inline void complain(const std::string& program, const std::exception& fault) no
   const bool list = refusal != nullptr && refusal->status().code == wire::Code::kInvalidScene;
   complain(program + ": " + (list ? fault.what() : wire::printable(fault.what(), kLongest)));
 } catch (const std::exception&) {
+}
+
+// The name of a file, for a terminal.
+inline std::string shown(const std::filesystem::path& file) {
+  constexpr std::size_t kLongest = 4096;
+  return wire::printable(file.string(), kLongest);
 }
 
 // Returns `code`. If not everything that was printed has reached standard output, complains and returns 1 in place of

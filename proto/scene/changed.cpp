@@ -10,6 +10,8 @@
 #include <utility>
 
 #include "proto/scene/reader.hpp"
+#include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::scene {
 namespace {
@@ -56,7 +58,8 @@ std::string ChangedScene::placed(const std::string& line) const {
   const auto path = paths_.find(at.line);
   if (path == paths_.end()) return file_ + rest;
   for (const std::string& change : changes_)
-    if (change.substr(0, change.find('=')) == path->second) return fmt::format("--set {}{}", change, rest);
+    if (change.substr(0, change.find('=')) == path->second)
+      return fmt::format("--set {}{}", wire::printable(change, wire::kMaxTextBytes), rest);
   const auto place = places_.find(path->second);
   return place == places_.end() ? file_ + rest
                                 : fmt::format("{}:{}:{}{}", file_, place->second.line, place->second.column, rest);

@@ -519,7 +519,7 @@ std::string with_value(std::string_view text, const std::string& origin, std::st
   const std::string_view path = assignment.substr(0, equals);
   const auto refuse = [&](const std::string& why) {
     throw wire::Error({.code = wire::Code::kInvalidScene,
-                       .text = fmt::format("{} {}: {}", origin, assignment, why),
+                       .text = fmt::format("{} {}: {}", origin, wire::printable(assignment, wire::kMaxTextBytes), why),
                        .remedy = "Write it as table.key=value, for instance interface.friction_coefficient=0.2.",
                        .field = std::string(path)});
   };

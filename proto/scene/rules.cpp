@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
+#include <unordered_map>
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
@@ -40,8 +42,24 @@ bool excluded(const Enclosed& where, const std::string& unless) {
 // the field that the rule names, `found` its value, `wanted` the values with which the rule is met.
 struct Condition {
   enum { kNone, kMet, kNotMet, kOpen, kUnknown } state = kNone;
-  std::string other, found;
-  std::vector<std::string> wanted;
+  const FieldDescriptor* other = nullptr;
+  std::string_view found;
+  std::span<const std::string> wanted;
+};
+
+// What a thread makes once of each field's descriptor, which lives as long as the process, and keeps: a scene of many
+// pairs asks for it a thousand times for each of them. No lock: a fork could copy it as held.
+template <typename Value>
+class Kept {
+ public:
+  template <typename Make>
+  const Value& of(const void* descriptor, const Make& make) {
+    const auto at = values_.find(descriptor);
+    return at != values_.end() ? at->second : values_.emplace(descriptor, make()).first->second;
+  }
+
+ private:
+  std::unordered_map<const void*, Value> values_;  // references to values stay valid when it grows
 };
 
 // Returns the choices in a text like "johnson_cook or preston_tonks_wallace".
@@ -56,15 +74,30 @@ std::vector<std::string> choices_in(std::string_view text) {
   return choices;
 }
 
+// The rule `used_with` of a field, parsed.
+struct UsedWith {
+  const FieldDescriptor* other;  // of the same table
+  std::vector<std::string> wanted;
+};
+
+const UsedWith& used_with_of(const FieldDescriptor& field) {
+  thread_local Kept<UsedWith> kept;
+  return kept.of(&field, [&] {
+    const std::string& text = rule_of(field).used_with();
+    const std::size_t equals = text.find('=');
+    return UsedWith{field.containing_type()->FindFieldByName(text.substr(0, equals)),
+                    choices_in(text.substr(equals + 1))};
+  });
+}
+
 // Evaluates the rule `used_with` of a field. The state is kOpen if the field that the rule names has neither a value
 // nor a default: then the material of the catalog decides later, and the first choice is assumed until then.
 Condition condition_of(const Enclosed& where, const FieldDescriptor& field) {
-  const std::string& text = rule_of(field).used_with();
-  if (text.empty()) return {};
-  const std::size_t equals = text.find('=');
-  Condition condition{.other = text.substr(0, equals), .found = {}, .wanted = choices_in(text.substr(equals + 1))};
-  const FieldDescriptor& other = *where.field(condition.other);
-  const std::vector<std::string> choices = choices_of(other);
+  if (rule_of(field).used_with().empty()) return {};
+  const UsedWith& rule = used_with_of(field);
+  const FieldDescriptor& other = *rule.other;
+  Condition condition{.other = &other, .wanted = rule.wanted};
+  const std::vector<std::string>& choices = choices_of(other);
   const int chosen = where.message.GetReflection()->GetEnumValue(where.message, &other);
   const auto* value = other.enum_type()->FindValueByNumber(chosen);
   const bool open = chosen == 0 && rule_of(other).default_text().empty();
@@ -123,8 +156,9 @@ class Checker {
   // Checks all fields of a table. If `required` is false, a missing field that the schema requires is no fault.
   void table(const Enclosed& where, const std::string& path, bool required = true) {
     const Message& message = where.message;
-    for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
-      const FieldDescriptor& field = *message.GetDescriptor()->field(i);
+    const google::protobuf::Descriptor& type = *message.GetDescriptor();
+    for (int i = 0; i < type.field_count(); ++i) {
+      const FieldDescriptor& field = *type.field(i);
       const std::string name = path_of(path, field);
       // Named tables are completed by the tables outside of them: a rule between keys checks them (scene.cpp).
       if (has_named_tables(field) || unused(where, field, path, name)) continue;
@@ -159,19 +193,21 @@ class Checker {
     }
     const Condition condition = condition_of(where, field);
     if (condition.state != Condition::kNotMet && condition.state != Condition::kOpen) return false;
-    if (!findings_.sound(path_of(table_path, *where.field(condition.other))))
+    if (!findings_.sound(path_of(table_path, *condition.other)))
       return true;  // the other field is itself at fault, so nothing more is reported
     if (given && condition.state == Condition::kOpen) return false;
     if (given)
-      findings_.add(name, fmt::format("{} is used only with {} = \"{}\", found \"{}\"", shown(field, name),
-                                      condition.other, fmt::join(condition.wanted, "\" or \""), condition.found));
+      findings_.add(name,
+                    fmt::format("{} is used only with {} = \"{}\", found \"{}\"", shown(field, name),
+                                condition.other->name(), fmt::join(condition.wanted, "\" or \""), condition.found));
     return true;
   }
 
   void absent(const Enclosed& where, const FieldDescriptor& field, const std::string& table_path,
               const std::string& name, bool required) {
-    if (!findings_.sound(name)) return;
     const v1::Rule& rule = rule_of(field);
+    if ((!rule.required() || !required) && rule.required_without().empty()) return;  // most fields may be absent
+    if (!findings_.sound(name)) return;
     const std::string meaning = rule.meaning().empty() ? std::string() : fmt::format(" ({})", rule.meaning());
     if (rule.required() && required) {
       findings_.add(table_path, fmt::format("{} is missing{}", shown(field, name), meaning));
@@ -260,7 +296,7 @@ void set_default(Message& message, const FieldDescriptor& field) {
       break;
     case FieldDescriptor::CPPTYPE_ENUM:
       if (!rule.default_text().empty()) {
-        const std::vector<std::string> choices = choices_of(field);
+        const std::vector<std::string>& choices = choices_of(field);
         const auto at = std::find(choices.begin(), choices.end(), rule.default_text());
         reflection.SetEnum(&message, &field, field.enum_type()->value(1 + static_cast<int>(at - choices.begin())));
       }
@@ -273,9 +309,10 @@ void set_default(Message& message, const FieldDescriptor& field) {
 // Fills in the values of a message first, then its tables, because the default of a table may depend on a value.
 void fill_table(Message& message, const Enclosed* around) {
   const Enclosed where{message, around};
+  const google::protobuf::Descriptor& type = *message.GetDescriptor();
   for (const bool tables : {false, true}) {
-    for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
-      const FieldDescriptor& field = *message.GetDescriptor()->field(i);
+    for (int i = 0; i < type.field_count(); ++i) {
+      const FieldDescriptor& field = *type.field(i);
       if (is_table(field) != tables || field.is_repeated()) continue;
       if (excluded(where, rule_of(field).unless())) continue;
       const Condition condition = condition_of(where, field);
@@ -375,8 +412,9 @@ std::vector<std::string> unusual_values(const Message& root) {
   return found;
 }
 
-std::vector<std::string> choices_of(const FieldDescriptor& field) {
-  const google::protobuf::EnumDescriptor& type = *field.enum_type();
+namespace {
+
+std::vector<std::string> choices_in(const google::protobuf::EnumDescriptor& type) {
   // The first name of an enum, for example FAR_BOUNDARY_UNSPECIFIED, begins with the prefix that all its names share.
   const std::string_view unspecified = type.value(0)->name();
   const std::size_t prefix = unspecified.size() - std::string_view("UNSPECIFIED").size();
@@ -387,6 +425,13 @@ std::vector<std::string> choices_of(const FieldDescriptor& field) {
     choices.push_back(std::move(choice));
   }
   return choices;
+}
+
+}  // namespace
+
+const std::vector<std::string>& choices_of(const FieldDescriptor& field) {
+  thread_local Kept<std::vector<std::string>> kept;
+  return kept.of(field.enum_type(), [&] { return choices_in(*field.enum_type()); });
 }
 
 std::string number_text(double value) {

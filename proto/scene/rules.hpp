@@ -91,7 +91,7 @@ std::string unusual_text(const google::protobuf::FieldDescriptor& field, const s
 std::vector<std::string> unusual_values(const google::protobuf::Message& root);
 
 // Returns the names of an enum field's values as scenes write them, in order: "velocity_driven", "force_driven".
-std::vector<std::string> choices_of(const google::protobuf::FieldDescriptor& field);
+const std::vector<std::string>& choices_of(const google::protobuf::FieldDescriptor& field);
 
 // Returns a number as text that reads back to the same bits, e.g. "2e-05".
 std::string number_text(double value);

@@ -22,11 +22,11 @@ struct SceneFile {
 
 // Read a scene from its text or from its file. Both throw wire::Error{kInvalidScene} that lists the faults, as read()
 // does.
-SceneFile parse(std::string text, std::string file);
+SceneFile parse(std::string text, const std::string& file);
 SceneFile load(const std::filesystem::path& path);
 
 // Reads a scene into an empty message of the caller; otherwise it does the same as parse().
-Document read(std::string_view text, std::string file, v1::Scene& scene);
+Document read(std::string_view text, const std::string& file, v1::Scene& scene);
 
 // Checks the rules between keys that the schema cannot express. The defaults of `scene` must be filled in. A rule is
 // skipped if a value that it needs is at fault. Which options exclude each other is not checked here but in the physics

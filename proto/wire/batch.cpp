@@ -49,7 +49,7 @@ Batch Batch::of(std::span<const Field> fields, std::size_t count, std::uint32_t 
   Batch batch;
   batch.lay_out(fields, count, components);
   batch.capacity_ = batch.size_ / 8;
-  batch.owned_ = std::make_unique<std::uint64_t[]>(batch.capacity_);
+  batch.owned_ = std::make_shared<std::uint64_t[]>(batch.capacity_);
   batch.data_ = reinterpret_cast<const std::byte*>(batch.owned_.get());
   return batch;
 }
@@ -59,7 +59,7 @@ void Batch::reshape(std::span<const Field> fields, std::size_t count, std::uint3
   const std::size_t words = size_ / 8;
   if (!owned_ || capacity_ < words || capacity_ - words > words / 4) {
     owned_.reset();
-    owned_ = std::make_unique_for_overwrite<std::uint64_t[]>(words);
+    owned_ = std::make_shared_for_overwrite<std::uint64_t[]>(words);
     capacity_ = words;
   }
   data_ = reinterpret_cast<const std::byte*>(owned_.get());
@@ -72,6 +72,7 @@ void Batch::reshape(std::span<const Field> fields, std::size_t count, std::uint3
 Batch Batch::view() const {
   Batch same;
   same.columns_ = columns_;
+  same.viewed_ = keeper();
   same.data_ = data_;
   same.size_ = size_;
   return same;
@@ -117,7 +118,7 @@ Batch Batch::over(std::vector<Column> columns, std::span<const std::byte> bytes)
 void Batch::own() {
   if (owned_) return;
   capacity_ = padded(size_) / 8;
-  owned_ = std::make_unique_for_overwrite<std::uint64_t[]>(capacity_);
+  owned_ = std::make_shared_for_overwrite<std::uint64_t[]>(capacity_);
   if (size_ > 0) std::memcpy(owned_.get(), data_, size_);
   data_ = reinterpret_cast<const std::byte*>(owned_.get());
 }

@@ -42,6 +42,11 @@ class Batch {
   // Returns the same columns over the same bytes, which belong to this batch or its caller.
   Batch view() const;
 
+  // Lets others keep the memory that this batch owns. Whoever lends it must not write to it while they may read it.
+  void lend() { lent_ = true; }
+  // Keeps the memory of a batch that was lent, or of a view of it; null for any other.
+  std::shared_ptr<const void> keeper() const { return lent_ ? owned_ : viewed_; }
+
   // Makes a batch of columns over received bytes. Aligned bytes are not copied and must outlive the batch; misaligned
   // bytes (ZeroMQ hands out such frames below 8 kB) are copied. Throws Error{kShape} if a column leaves the frame,
   // overlaps another, is misaligned, repeats a field and component or has the wrong element type, or if there are more
@@ -68,8 +73,10 @@ class Batch {
   void own();
 
   std::vector<Column> columns_;
-  std::unique_ptr<std::uint64_t[]> owned_;  // null if the bytes belong to the caller
-  std::size_t capacity_ = 0;                // number of words in owned_
+  std::shared_ptr<std::uint64_t[]> owned_;  // null if the bytes belong to the caller
+  std::shared_ptr<const void> viewed_;      // of a view: the memory of a batch that was lent
+  bool lent_ = false;
+  std::size_t capacity_ = 0;  // number of words in owned_
   const std::byte* data_ = nullptr;
   std::size_t size_ = 0;
 };

@@ -14,6 +14,10 @@
 namespace shearbus::wire {
 namespace {
 
+// The lengths of lists in the rules of the schema (shearbus/v1/wire.proto).
+static_assert(kMaxColumns == 32 && kMaxPairs + 1 == 257 && kMaxParameters == 24 && kMaxOffers == 256 &&
+              kMaxNodesNamed == 16);
+
 using Frames = std::span<const std::span<const std::byte>>;
 
 // The declaration of the payload frame in a header. Columns is a vector to be read into, or a span to be written.
@@ -47,14 +51,19 @@ void envelope_fields(auto&& v, Message& m) {
   throw Error({.code = code, .text = std::move(text), .remedy = std::move(remedy), .field = std::move(field)});
 }
 
-Payload<std::span<const Column>> payload_of(const Batch& batch) {
+// The sum of a payload that goes without: no field at all. A payload whose sum is 0 looks the same, and needs no check.
+constexpr std::uint64_t kNoSum = 0;
+
+Payload<std::span<const Column>> payload_of(const Batch& batch, PayloadSum sum) {
   if (batch.columns().size() > kMaxColumns)
     refuse(Code::kShape, fmt::format("{} columns, at most {} fit a message", batch.columns().size(), kMaxColumns));
   if (batch.bytes().size() > kMaxPayloadBytes)
     refuse(Code::kLimit,
            fmt::format("payload of {} bytes, at most {} fit a message", batch.bytes().size(), kMaxPayloadBytes),
            "Send the nodes in several batches.");
-  return {.size_bytes = batch.bytes().size(), .xxh3 = xxh3(batch.bytes()), .columns = batch.columns()};
+  return {.size_bytes = batch.bytes().size(),
+          .xxh3 = sum == PayloadSum::kGiven ? xxh3(batch.bytes()) : kNoSum,
+          .columns = batch.columns()};
 }
 
 // Returns the status with its list of node ids cut to kMaxNodesNamed, the most that the receiver accepts.
@@ -64,12 +73,12 @@ Status shortened(Status status) {
 }
 
 template <typename Message>
-std::string encode(const Message& message, std::string memory) {
+std::string encode(const Message& message, std::string memory, PayloadSum sum) {
   Encoder out(std::move(memory));
   const FieldWriter write(out);
   out.fixed32(1, kMagic);
   envelope_fields(write, message);
-  if (!message.batch.columns().empty()) write(kPayloadNumber, "payload", payload_of(message.batch));
+  if (!message.batch.columns().empty()) write(kPayloadNumber, "payload", payload_of(message.batch, sum));
   if constexpr (std::is_same_v<Message, Reply>) {
     if (message.status.node_ids.size() <= kMaxNodesNamed)
       write(9, "status", message.status);
@@ -100,8 +109,9 @@ struct Bodies<std::variant<std::monostate, Body...>> {
   }
 };
 
-// Checks that the payload frame is as the header declares it, and returns its columns.
-Batch read_payload(Payload<>* payload, Frames frames, bool may_have_one) {
+// Checks that the payload frame is as the header declares it, and returns its columns. `sum`: whether the header must
+// have its sum; receives whether it has.
+Batch read_payload(Payload<>* payload, Frames frames, bool may_have_one, PayloadSum& sum) {
   if (!payload) {
     if (frames.size() == 2) refuse(Code::kBadFraming, "a payload frame arrived that the header does not declare");
     return {};
@@ -114,6 +124,8 @@ Batch read_payload(Payload<>* payload, Frames frames, bool may_have_one) {
     refuse(Code::kChecksum,
            fmt::format("the payload frame has {} bytes, its header says {}", bytes.size(), payload->size_bytes),
            "Send the request again.", "payload.size_bytes");
+  if (payload->xxh3 != kNoSum) sum = PayloadSum::kGiven;
+  if (sum == PayloadSum::kLeftOut) return Batch::over(std::move(payload->columns), bytes);
   if (const std::uint64_t found = xxh3(bytes); found != payload->xxh3)
     refuse(Code::kChecksum,
            fmt::format("the payload frame has XXH3-64 {:016x}, its header says {:016x}", found, payload->xxh3),
@@ -149,7 +161,7 @@ void check_envelope(const EnvelopeScan& scan) {
 
 // Decodes a header after the scan of its envelope (envelope_scan.hpp) has found no fault.
 template <typename Message>
-void read_header(Frames frames, bool strict, Message& message) {
+void read_header(Frames frames, bool strict, Message& message, PayloadSum& sum) {
   const FieldPath header;
   const FieldPath payload_path{&header, "payload"};
   std::optional<Payload<>> payload;
@@ -187,11 +199,11 @@ void read_header(Frames frames, bool strict, Message& message) {
   } else if (!has_body) {
     refuse(Code::kMalformed, "the request has no body: nothing is asked", {}, "body");
   }
-  message.batch = read_payload(payload ? &*payload : nullptr, frames, may_have_payload);
+  message.batch = read_payload(payload ? &*payload : nullptr, frames, may_have_payload, sum);
 }
 
 template <typename Message>
-void decode_as(Frames frames, Message& message) {
+PayloadSum decode_as(Frames frames, Message& message, PayloadSum sum) {
   message = Message{};
   check_frames(frames);
   const EnvelopeScan scan = scan_envelope(frames[0]);
@@ -207,23 +219,30 @@ void decode_as(Frames frames, Message& message) {
   if (scan.body != 0 && !Bodies<decltype(message.body)>::find(scan.body, []<typename Body>() {}))
     refuse(Code::kUnsupported,
            fmt::format("body {} is not one of protocol {}.{}", scan.body, kProtocolMajor, kProtocolMinor));
-  read_header(frames, scan.protocol_minor <= kProtocolMinor, message);
+  read_header(frames, scan.protocol_minor <= kProtocolMinor, message, sum);
+  return message.batch.columns().empty() ? PayloadSum::kGiven : sum;
 }
 
 }  // namespace
 
-std::string encode_header(const Request& request, std::string memory) {
-  return encode(request, std::move(memory));
+std::string encode_header(const Request& request, std::string memory, PayloadSum sum) {
+  return encode(request, std::move(memory), sum);
 }
-std::string encode_header(const Reply& reply, std::string memory) {
-  return encode(reply, std::move(memory));
+std::string encode_header(const Reply& reply, std::string memory, PayloadSum sum) {
+  return encode(reply, std::move(memory), sum);
 }
 
 void decode(Frames frames, Request& message) {
-  decode_as(frames, message);
+  decode_as(frames, message, PayloadSum::kGiven);
 }
 void decode(Frames frames, Reply& message) {
-  decode_as(frames, message);
+  decode_as(frames, message, PayloadSum::kGiven);
+}
+PayloadSum decode_trusted(Frames frames, Request& message) {
+  return decode_as(frames, message, PayloadSum::kLeftOut);
+}
+PayloadSum decode_trusted(Frames frames, Reply& message) {
+  return decode_as(frames, message, PayloadSum::kLeftOut);
 }
 
 bool declares_payload(std::span<const std::byte> header_frame) {

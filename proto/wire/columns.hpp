@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/enums.hpp"
+
 namespace shearbus::wire {
 
 // The columns, with the same numbers as in shearbus.v1.Field.
@@ -17,10 +19,6 @@ enum class Field : std::uint32_t {
 #define COLUMN(enumerator, number, ...) enumerator = number,
 #include "proto/wire/columns.inc"
 };
-
-enum class Element : std::uint32_t { kUnspecified = 0, kFloat64 = 1, kUint64 = 2, kUint8 = 3 };
-
-enum class Strategy { kUnspecified = 0, kVelocityDriven = 1, kForceDriven = 2 };
 
 // How requests and replies of a strategy use a column.
 enum class Use : std::uint8_t {

@@ -31,6 +31,9 @@ inline constexpr std::size_t kMaxTopNodes = 1'024;
 inline constexpr std::size_t kMaxSessionsListed = 128;  // sessions listed in one reply
 inline constexpr std::uint64_t kMaxDrainS =
     std::uint64_t{365} * 86'400;  // longest time that a drain may give the sessions
+// Bucket 0 of a histogram counts durations below this value, bucket i durations from this value times 2^(i-1) to times
+// 2^i; the last bucket also counts all longer durations  [ns]
+inline constexpr std::uint64_t kHistogramBaseNs = 1024;
 inline constexpr std::size_t kMaxHeaderBytes = std::size_t{512} * 1024;
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{32} * 1024 * 1024;
 // length of a text in a header, except scenes and lists of faults

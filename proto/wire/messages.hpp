@@ -1,4 +1,6 @@
-// Requests and replies as values. codec.hpp turns them into frames and back; batch.hpp holds their columns.
+// Printed by proto/print_contract.py from shearbus/v1/*.proto, which explain the fields: requests and replies as
+// values. codec.hpp turns them into frames and back; batch.hpp holds their columns. clang-format does not see this file.
+// clang-format off
 #pragma once
 
 #include <cstdint>
@@ -8,6 +10,7 @@
 
 #include "proto/wire/batch.hpp"
 #include "proto/wire/columns.hpp"
+#include "proto/wire/enums.hpp"
 #include "proto/wire/field_rows.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
@@ -19,24 +22,61 @@ using ResumeToken = Id;
 using TransferId = Id;
 static_assert(sizeof(Id) == kSessionIdBytes);
 
-// The enums have the same numbers as shearbus.v1.Regime and shearbus.v1.Outcome, which explain the values.
-enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca = 3, kMelting = 4 };
-inline constexpr std::size_t kRegimeCount = 5;
-enum Outcome : std::uint8_t {
-  kOutcomeOk = 0,
-  kSubstepped = 1,
-  kMultipleRoots = 2,
-  kOutsideDomain = 4,
-  kSudden = 8,
-  kOverBudget = 16,
-  kAsleep = 32,
-  kFirstOrder = 64,
-  kFailed = 128,
+struct Downscale {
+  static constexpr BodyRow kBody = {18, "downscale", true};
+  double dt_s = 0.0;
+  double time_s = 0.0;
+  std::uint64_t step = 0;
+  std::uint32_t attempt = 0;
+  Mode mode = Mode::kAdvance;
+  bool commit_previous = false;
+  std::vector<Field> wanted;
+  Policy policy = Policy::kUnspecified;
+  std::uint32_t part = 0;
+  std::uint32_t parts = 0;
+  AbsentNodes absent_nodes = AbsentNodes::kKeep;
+  std::uint64_t follows = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "dt_s", m.dt_s);
+    v(2, "time_s", m.time_s);
+    v(3, "step", m.step);
+    v(4, "attempt", m.attempt);
+    v(5, "mode", required(m.mode));
+    v(6, "commit_previous", m.commit_previous);
+    v(7, "wanted", at_most(32, m.wanted));
+    v(8, "policy", m.policy);
+    v(9, "part", m.part);
+    v(10, "parts", m.parts);
+    v(11, "absent_nodes", m.absent_nodes);
+    v(12, "follows", fixed(m.follows));
+  }
 };
 
-enum class Mode { kUnspecified = 0, kAdvance = 1, kTrial = 2 };
-enum class AbsentNodes { kKeep = 0, kOpen = 1 };  // what a step does to the nodes that it does not name
-enum class Policy { kUnspecified = 0, kAccept = 1, kAllOrNothing = 2 };  // kUnspecified means kAccept
+struct Upscale {
+  static constexpr BodyRow kBody = {18, "upscale", true};
+  std::uint64_t nodes = 0;
+  std::uint64_t state_version = 0;
+  std::uint64_t solver_ns = 0;
+  std::uint64_t service_ns = 0;
+  std::uint64_t flagged_nodes = 0;
+  double largest_closure_m_per_s = 0.0;
+  std::uint64_t closure_node = 0;
+  double layer_time_s = 0.0;
+  std::vector<std::string> warnings;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "nodes", m.nodes);
+    v(2, "state_version", m.state_version);
+    v(3, "solver_ns", m.solver_ns);
+    v(4, "service_ns", m.service_ns);
+    v(5, "flagged_nodes", m.flagged_nodes);
+    v(6, "largest_closure_m_per_s", m.largest_closure_m_per_s);
+    v(7, "closure_node", m.closure_node);
+    v(8, "layer_time_s", m.layer_time_s);
+    v(9, "warnings", m.warnings);
+  }
+};
 
 struct Hello {
   static constexpr BodyRow kBody = {16, "hello"};
@@ -49,165 +89,6 @@ struct Hello {
     v(2, "newest_major", m.newest_major);
     v(3, "client_name", m.client_name);
   }
-};
-struct OpenSession {
-  static constexpr BodyRow kBody = {17, "open_session", true};
-  std::string scene;       // TOML text
-  std::string scene_file;  // name by which fault texts cite the scene
-  SessionId session_id{};
-  ResumeToken resume_token{};
-  std::string domain;  // empty: the session is in no domain
-  bool check_closure = false;
-  std::uint64_t idle_limit_s = 0;       // 0: no limit
-  std::vector<std::string> pairs;       // names of pairs: the values of the column pair are places in this list
-  std::vector<std::string> parameters;  // keys of the scene that have values per node: columns parameter
-
-  static void fields(auto&& v, auto& m) {
-    v(1, "scene", scene_text(m.scene));
-    v(2, "session_id", m.session_id);
-    v(3, "resume_token", m.resume_token);
-    v(4, "domain", m.domain);
-    v(5, "scene_file", m.scene_file);
-    v(6, "check_closure", m.check_closure);
-    v(7, "idle_limit_s", m.idle_limit_s);
-    v(8, "pairs", at_most(kMaxPairs + 1, m.pairs));
-    v(9, "parameters", at_most(kMaxParameters, m.parameters));
-  }
-};
-struct Downscale {
-  static constexpr BodyRow kBody = {18, "downscale", true};
-  double dt_s = 0.0;
-  double time_s = 0.0;
-  std::uint64_t step = 0;
-  std::uint32_t attempt = 0;
-  Mode mode = Mode::kAdvance;
-  bool commit_previous = false;
-  std::vector<Field> wanted;  // columns that the reply is to have; empty: the default columns
-  Policy policy = Policy::kUnspecified;
-  std::uint32_t part = 0;   // number of this part of a step in parts, from 1 on; 0: the step is not divided
-  std::uint32_t parts = 0;  // number of parts
-  AbsentNodes absent_nodes = AbsentNodes::kKeep;
-  std::uint64_t follows = 0;  // hash of the header frame of the part before, which was not answered yet; 0: it was
-
-  static void fields(auto&& v, auto& m) {
-    v(1, "dt_s", m.dt_s);
-    v(2, "time_s", m.time_s);
-    v(3, "step", m.step);
-    v(4, "attempt", m.attempt);
-    v(5, "mode", required(m.mode));
-    v(6, "commit_previous", m.commit_previous);
-    v(7, "wanted", at_most(kMaxColumns, m.wanted));
-    v(8, "policy", m.policy);
-    v(9, "part", m.part);
-    v(10, "parts", m.parts);
-    v(11, "absent_nodes", m.absent_nodes);
-    v(12, "follows", fixed(m.follows));
-  }
-};
-struct Commit {
-  static constexpr BodyRow kBody = {19, "commit"};
-  static void fields(auto&&, auto&) {}
-};
-struct Rollback {
-  static constexpr BodyRow kBody = {20, "rollback"};
-  std::string to_mark;  // name of a mark; empty: the request only drops a waiting trial
-
-  static void fields(auto&& v, auto& m) { v(1, "to_mark", m.to_mark); }
-};
-struct Mark {
-  static constexpr BodyRow kBody = {24, "mark"};
-  std::string name;
-
-  static void fields(auto&& v, auto& m) { v(1, "name", m.name); }
-};
-struct RegisterNodes {
-  static constexpr BodyRow kBody = {25, "register_nodes", true};
-  std::vector<std::string> pairs;  // as in OpenSession
-
-  static void fields(auto&& v, auto& m) { v(1, "pairs", at_most(kMaxPairs + 1, m.pairs)); }
-};
-struct RetireNodes {
-  static constexpr BodyRow kBody = {26, "retire_nodes", true};
-  static void fields(auto&&, auto&) {}
-};
-struct OfferNodes {
-  static constexpr BodyRow kBody = {27, "offer_nodes", true};
-  TransferId transfer_id{};
-
-  static void fields(auto&& v, auto& m) { v(1, "transfer_id", m.transfer_id); }
-};
-struct AcceptNodes {
-  static constexpr BodyRow kBody = {28, "accept_nodes"};
-  TransferId transfer_id{};
-
-  static void fields(auto&& v, auto& m) { v(1, "transfer_id", m.transfer_id); }
-};
-struct CloseSession {
-  static constexpr BodyRow kBody = {21, "close_session"};
-  std::string reason;
-
-  static void fields(auto&& v, auto& m) { v(1, "reason", m.reason); }
-};
-struct ServerStatusQuery {
-  static constexpr BodyRow kBody = {22, "server_status"};
-  static void fields(auto&&, auto&) {}
-};
-struct Checkpoint {
-  static constexpr BodyRow kBody = {29, "checkpoint"};
-  static void fields(auto&&, auto&) {}
-};
-struct Drain {
-  static constexpr BodyRow kBody = {30, "drain"};
-  bool exit = false;
-  std::uint64_t within_s = 0;
-
-  static void fields(auto&& v, auto& m) {
-    v(1, "exit", m.exit);
-    v(2, "within_s", m.within_s);
-  }
-};
-enum class Top { kUnspecified = 0, kHottest = 1, kFastest = 2, kMolten = 3 };
-struct Inspect {
-  static constexpr BodyRow kBody = {31, "inspect"};
-  SessionId after{};
-  Top top = Top::kUnspecified;
-  std::uint32_t count = 0;
-
-  static void fields(auto&& v, auto& m) {
-    v(1, "after", m.after);
-    v(2, "top", m.top);
-    v(3, "count", m.count);
-  }
-};
-struct ReadProfiles {
-  static constexpr BodyRow kBody = {32, "read_profiles", true};
-  static void fields(auto&&, auto&) {}
-};
-struct ResumeSession {
-  static constexpr BodyRow kBody = {23, "resume_session"};
-  ResumeToken resume_token{};
-  std::uint64_t claim = 0;
-  std::uint64_t claimant = 0;
-
-  static void fields(auto&& v, auto& m) {
-    v(1, "resume_token", m.resume_token);
-    v(2, "claim", m.claim);
-    v(3, "claimant", fixed(m.claimant));
-  }
-};
-
-struct Request {
-  std::uint32_t protocol_major = kProtocolMajor;
-  std::uint32_t protocol_minor = kProtocolMinor;
-  std::uint64_t request_id = 0;
-  SessionId session_id{};
-  std::uint64_t sequence = 0;
-  std::uint64_t epoch = 0;
-  std::variant<std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery,
-               ResumeSession, Mark, RegisterNodes, RetireNodes, OfferNodes, AcceptNodes, Checkpoint, Drain, Inspect,
-               ReadProfiles>
-      body;
-  Batch batch;
 };
 
 struct Limits {
@@ -239,6 +120,7 @@ struct Limits {
     v(32, "max_state_bytes_per_user", m.max_state_bytes_per_user);
   }
 };
+
 struct Welcome {
   static constexpr BodyRow kBody = {16, "welcome"};
   std::uint32_t protocol_major = kProtocolMajor;
@@ -259,20 +141,46 @@ struct Welcome {
     v(20, "access", m.access);
   }
 };
+
+struct OpenSession {
+  static constexpr BodyRow kBody = {17, "open_session", true};
+  std::string scene;
+  std::string scene_file;
+  SessionId session_id{};
+  ResumeToken resume_token{};
+  std::string domain;
+  bool check_closure = false;
+  std::uint64_t idle_limit_s = 0;
+  std::vector<std::string> pairs;
+  std::vector<std::string> parameters;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "scene", scene_text(m.scene));
+    v(2, "session_id", m.session_id);
+    v(3, "resume_token", m.resume_token);
+    v(4, "domain", m.domain);
+    v(5, "scene_file", m.scene_file);
+    v(6, "check_closure", m.check_closure);
+    v(7, "idle_limit_s", m.idle_limit_s);
+    v(8, "pairs", at_most(257, m.pairs));
+    v(9, "parameters", at_most(24, m.parameters));
+  }
+};
+
 struct SessionOpened {
   static constexpr BodyRow kBody = {17, "session_opened"};
-  std::string effective_scene;  // canonical TOML text
+  std::string effective_scene;
   std::uint64_t bytes_per_node = 0;
   std::vector<std::string> warnings;
   Strategy strategy = Strategy::kUnspecified;
   std::uint32_t tangential_components = 1;
-  std::vector<Field> required_columns;    // required columns of a step; node_id is always allowed
-  std::vector<Field> optional_columns;    // optional columns of a step
-  std::vector<Field> reply_columns;       // columns of the reply to a step whose `wanted` is empty
-  std::vector<Field> columns_on_request;  // columns that the reply has only if the step's `wanted` names them
+  std::vector<Field> required_columns;
+  std::vector<Field> optional_columns;
+  std::vector<Field> reply_columns;
+  std::vector<Field> columns_on_request;
   std::string scene_name;
-  std::vector<std::string> pairs;       // names of the pairs of the scene
-  std::vector<std::string> parameters;  // keys of the scene that have values per node
+  std::vector<std::string> pairs;
+  std::vector<std::string> parameters;
 
   static void fields(auto&& v, auto& m) {
     v(1, "effective_scene", scene_text(m.effective_scene));
@@ -289,6 +197,20 @@ struct SessionOpened {
     v(12, "parameters", m.parameters);
   }
 };
+
+struct ResumeSession {
+  static constexpr BodyRow kBody = {23, "resume_session"};
+  ResumeToken resume_token{};
+  std::uint64_t claim = 0;
+  std::uint64_t claimant = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "resume_token", m.resume_token);
+    v(2, "claim", m.claim);
+    v(3, "claimant", fixed(m.claimant));
+  }
+};
+
 struct SessionResumed {
   static constexpr BodyRow kBody = {23, "session_resumed", true};
   SessionOpened session;
@@ -296,7 +218,6 @@ struct SessionResumed {
   std::uint64_t state_version = 0;
   bool trial_stands = false;
   std::uint64_t claim = 0;
-  // transfer_id of each offer of this session that waits to be accepted, oldest first
   std::vector<TransferId> offers;
   std::uint64_t claimant = 0;
 
@@ -306,63 +227,113 @@ struct SessionResumed {
     v(3, "state_version", m.state_version);
     v(4, "trial_stands", m.trial_stands);
     v(5, "claim", m.claim);
-    v(6, "offers", at_most(kMaxOffers, m.offers));
+    v(6, "offers", at_most(256, m.offers));
     v(7, "claimant", fixed(m.claimant));
   }
 };
-struct Upscale {
-  static constexpr BodyRow kBody = {18, "upscale", true};
-  std::uint64_t nodes = 0;
-  std::uint64_t state_version = 0;
-  std::uint64_t solver_ns = 0;
-  std::uint64_t service_ns = 0;
-  std::uint64_t flagged_nodes = 0;
-  // The next three fields are set only in sessions that check closure.
-  double largest_closure_m_per_s = 0.0;
-  std::uint64_t closure_node = 0;
-  double layer_time_s = 0.0;
-  std::vector<std::string> warnings;  // each warning begins with the name of the field or column that it is about
 
-  static void fields(auto&& v, auto& m) {
-    v(1, "nodes", m.nodes);
-    v(2, "state_version", m.state_version);
-    v(3, "solver_ns", m.solver_ns);
-    v(4, "service_ns", m.service_ns);
-    v(5, "flagged_nodes", m.flagged_nodes);
-    v(6, "largest_closure_m_per_s", m.largest_closure_m_per_s);
-    v(7, "closure_node", m.closure_node);
-    v(8, "layer_time_s", m.layer_time_s);
-    v(9, "warnings", m.warnings);
-  }
+struct Commit {
+  static constexpr BodyRow kBody = {19, "commit"};
+  static void fields(auto&&, auto&) {}
 };
+
 struct Committed {
   static constexpr BodyRow kBody = {19, "committed"};
   std::uint64_t state_version = 0;
 
   static void fields(auto&& v, auto& m) { v(1, "state_version", m.state_version); }
 };
+
+struct Rollback {
+  static constexpr BodyRow kBody = {20, "rollback"};
+  std::string to_mark;
+
+  static void fields(auto&& v, auto& m) { v(1, "to_mark", m.to_mark); }
+};
+
 struct RolledBack {
   static constexpr BodyRow kBody = {20, "rolled_back", true};
   std::uint64_t state_version = 0;
 
   static void fields(auto&& v, auto& m) { v(1, "state_version", m.state_version); }
 };
+
+struct Mark {
+  static constexpr BodyRow kBody = {24, "mark"};
+  std::string name;
+
+  static void fields(auto&& v, auto& m) { v(1, "name", m.name); }
+};
+
 struct Marked {
   static constexpr BodyRow kBody = {24, "marked"};
   std::uint64_t state_version = 0;
-  std::vector<std::string> names;  // names of the marks that the session keeps, oldest first
+  std::vector<std::string> names;
 
   static void fields(auto&& v, auto& m) {
     v(1, "state_version", m.state_version);
     v(2, "names", m.names);
   }
 };
+
+struct RegisterNodes {
+  static constexpr BodyRow kBody = {25, "register_nodes", true};
+  std::vector<std::string> pairs;
+
+  static void fields(auto&& v, auto& m) { v(1, "pairs", at_most(257, m.pairs)); }
+};
+
+struct RetireNodes {
+  static constexpr BodyRow kBody = {26, "retire_nodes", true};
+  static void fields(auto&&, auto&) {}
+};
+
+struct OfferNodes {
+  static constexpr BodyRow kBody = {27, "offer_nodes", true};
+  TransferId transfer_id{};
+
+  static void fields(auto&& v, auto& m) { v(1, "transfer_id", m.transfer_id); }
+};
+
+struct AcceptNodes {
+  static constexpr BodyRow kBody = {28, "accept_nodes"};
+  TransferId transfer_id{};
+
+  static void fields(auto&& v, auto& m) { v(1, "transfer_id", m.transfer_id); }
+};
+
 struct NodesChanged {
   static constexpr BodyRow kBody = {25, "nodes_changed", true};
   std::uint64_t nodes = 0;
 
   static void fields(auto&& v, auto& m) { v(1, "nodes", m.nodes); }
 };
+
+struct ReadProfiles {
+  static constexpr BodyRow kBody = {32, "read_profiles", true};
+  static void fields(auto&&, auto&) {}
+};
+
+struct Profiles {
+  static constexpr BodyRow kBody = {32, "profiles", true};
+  std::uint64_t nodes = 0;
+  std::uint64_t vertices = 0;
+  std::uint64_t state_version = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "nodes", m.nodes);
+    v(2, "vertices", m.vertices);
+    v(3, "state_version", m.state_version);
+  }
+};
+
+struct CloseSession {
+  static constexpr BodyRow kBody = {21, "close_session"};
+  std::string reason;
+
+  static void fields(auto&& v, auto& m) { v(1, "reason", m.reason); }
+};
+
 struct SessionClosed {
   static constexpr BodyRow kBody = {21, "session_closed"};
   std::uint64_t requests = 0;
@@ -377,6 +348,12 @@ struct SessionClosed {
     v(6, "asleep_node_steps", m.asleep_node_steps);
   }
 };
+
+struct ServerStatusQuery {
+  static constexpr BodyRow kBody = {22, "server_status"};
+  static void fields(auto&&, auto&) {}
+};
+
 struct Histogram {
   std::string name;
   std::string verb;
@@ -390,9 +367,7 @@ struct Histogram {
     v(4, "sum_ns", m.sum_ns);
   }
 };
-// Bucket 0 counts durations below this value, bucket i durations from this value times 2^(i-1) to times 2^i; the last
-// bucket also counts all longer durations  [ns]
-inline constexpr std::uint64_t kHistogramBaseNs = 1024;
+
 struct Refusals {
   std::uint32_t code = 0;
   std::uint64_t count = 0;
@@ -402,83 +377,7 @@ struct Refusals {
     v(2, "count", m.count);
   }
 };
-struct Checkpointed {
-  static constexpr BodyRow kBody = {29, "checkpointed"};
-  std::uint64_t bytes = 0;
-  std::uint64_t duration_ns = 0;
 
-  static void fields(auto&& v, auto& m) {
-    v(1, "bytes", m.bytes);
-    v(2, "duration_ns", m.duration_ns);
-  }
-};
-struct Draining {
-  static constexpr BodyRow kBody = {30, "draining"};
-  std::uint64_t sessions = 0;
-
-  static void fields(auto&& v, auto& m) { v(1, "sessions", m.sessions); }
-};
-struct SessionInfo {
-  SessionId session_id{};
-  std::string name;
-  std::string identity;
-  std::uint64_t nodes = 0;
-  std::uint64_t last_sequence = 0;
-  std::uint64_t state_version = 0;
-  bool trial_stands = false;
-  std::uint64_t age_ns = 0;
-  std::uint64_t idle_ns = 0;
-  std::uint64_t state_bytes = 0;
-  std::uint64_t requests = 0;
-  std::uint64_t node_steps = 0;
-  std::uint64_t solver_ns = 0;
-  std::vector<std::uint64_t> regimes;  // number of nodes by Regime
-  std::string domain;
-  std::uint64_t idle_limit_s = 0;
-
-  static void fields(auto&& v, auto& m) {
-    v(1, "session_id", m.session_id);
-    v(2, "name", m.name);
-    v(3, "identity", m.identity);
-    v(4, "nodes", m.nodes);
-    v(5, "last_sequence", m.last_sequence);
-    v(6, "state_version", m.state_version);
-    v(7, "trial_stands", m.trial_stands);
-    v(8, "age_ns", m.age_ns);
-    v(9, "idle_ns", m.idle_ns);
-    v(10, "state_bytes", m.state_bytes);
-    v(11, "requests", m.requests);
-    v(12, "node_steps", m.node_steps);
-    v(13, "solver_ns", m.solver_ns);
-    v(14, "regimes", m.regimes);
-    v(15, "domain", m.domain);
-    v(16, "idle_limit_s", m.idle_limit_s);
-  }
-};
-struct Inspected {
-  static constexpr BodyRow kBody = {31, "inspected", true};
-  std::vector<SessionInfo> sessions;
-  bool more = false;
-  std::uint64_t matching = 0;
-
-  static void fields(auto&& v, auto& m) {
-    v(1, "sessions", m.sessions);
-    v(2, "more", m.more);
-    v(3, "matching", m.matching);
-  }
-};
-struct Profiles {
-  static constexpr BodyRow kBody = {32, "profiles", true};
-  std::uint64_t nodes = 0;
-  std::uint64_t vertices = 0;  // rows of each node
-  std::uint64_t state_version = 0;
-
-  static void fields(auto&& v, auto& m) {
-    v(1, "nodes", m.nodes);
-    v(2, "vertices", m.vertices);
-    v(3, "state_version", m.state_version);
-  }
-};
 struct ServerStatus {
   static constexpr BodyRow kBody = {22, "server_status"};
   std::uint64_t sessions = 0;
@@ -512,7 +411,7 @@ struct ServerStatus {
   std::uint64_t resident_bytes = 0;
   std::uint64_t open_files = 0;
   std::uint64_t max_open_files = 0;
-  std::vector<std::uint64_t> regimes;  // number of nodes by Regime
+  std::vector<std::uint64_t> regimes;
   std::uint64_t longest_turn_ns = 0;
 
   static void fields(auto&& v, auto& m) {
@@ -552,6 +451,118 @@ struct ServerStatus {
   }
 };
 
+struct Checkpoint {
+  static constexpr BodyRow kBody = {29, "checkpoint"};
+  static void fields(auto&&, auto&) {}
+};
+
+struct Checkpointed {
+  static constexpr BodyRow kBody = {29, "checkpointed"};
+  std::uint64_t bytes = 0;
+  std::uint64_t duration_ns = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "bytes", m.bytes);
+    v(2, "duration_ns", m.duration_ns);
+  }
+};
+
+struct Drain {
+  static constexpr BodyRow kBody = {30, "drain"};
+  bool exit = false;
+  std::uint64_t within_s = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "exit", m.exit);
+    v(2, "within_s", m.within_s);
+  }
+};
+
+struct Draining {
+  static constexpr BodyRow kBody = {30, "draining"};
+  std::uint64_t sessions = 0;
+
+  static void fields(auto&& v, auto& m) { v(1, "sessions", m.sessions); }
+};
+
+struct Inspect {
+  static constexpr BodyRow kBody = {31, "inspect"};
+  SessionId after{};
+  Top top = Top::kUnspecified;
+  std::uint32_t count = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "after", m.after);
+    v(2, "top", m.top);
+    v(3, "count", m.count);
+  }
+};
+
+struct SessionInfo {
+  SessionId session_id{};
+  std::string name;
+  std::string identity;
+  std::uint64_t nodes = 0;
+  std::uint64_t last_sequence = 0;
+  std::uint64_t state_version = 0;
+  bool trial_stands = false;
+  std::uint64_t age_ns = 0;
+  std::uint64_t idle_ns = 0;
+  std::uint64_t state_bytes = 0;
+  std::uint64_t requests = 0;
+  std::uint64_t node_steps = 0;
+  std::uint64_t solver_ns = 0;
+  std::vector<std::uint64_t> regimes;
+  std::string domain;
+  std::uint64_t idle_limit_s = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "session_id", m.session_id);
+    v(2, "name", m.name);
+    v(3, "identity", m.identity);
+    v(4, "nodes", m.nodes);
+    v(5, "last_sequence", m.last_sequence);
+    v(6, "state_version", m.state_version);
+    v(7, "trial_stands", m.trial_stands);
+    v(8, "age_ns", m.age_ns);
+    v(9, "idle_ns", m.idle_ns);
+    v(10, "state_bytes", m.state_bytes);
+    v(11, "requests", m.requests);
+    v(12, "node_steps", m.node_steps);
+    v(13, "solver_ns", m.solver_ns);
+    v(14, "regimes", m.regimes);
+    v(15, "domain", m.domain);
+    v(16, "idle_limit_s", m.idle_limit_s);
+  }
+};
+
+struct Inspected {
+  static constexpr BodyRow kBody = {31, "inspected", true};
+  std::vector<SessionInfo> sessions;
+  bool more = false;
+  std::uint64_t matching = 0;
+
+  static void fields(auto&& v, auto& m) {
+    v(1, "sessions", m.sessions);
+    v(2, "more", m.more);
+    v(3, "matching", m.matching);
+  }
+};
+
+struct Request {
+  std::uint32_t protocol_major = kProtocolMajor;
+  std::uint32_t protocol_minor = kProtocolMinor;
+  std::uint64_t request_id = 0;
+  SessionId session_id{};
+  std::uint64_t sequence = 0;
+  std::uint64_t epoch = 0;
+  std::variant<
+    std::monostate, Hello, OpenSession, Downscale, Commit, Rollback, CloseSession, ServerStatusQuery, ResumeSession,
+    Mark, RegisterNodes, RetireNodes, OfferNodes, AcceptNodes, Checkpoint, Drain, Inspect, ReadProfiles
+> body;
+  Batch batch;
+};
+
 struct Reply {
   std::uint32_t protocol_major = kProtocolMajor;
   std::uint32_t protocol_minor = kProtocolMinor;
@@ -561,9 +572,10 @@ struct Reply {
   std::uint64_t epoch = 0;
   Status status;
   bool replayed = false;
-  std::variant<std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus,
-               SessionResumed, Marked, NodesChanged, Checkpointed, Draining, Inspected, Profiles>
-      body;
+  std::variant<
+    std::monostate, Welcome, SessionOpened, Upscale, Committed, RolledBack, SessionClosed, ServerStatus,
+    SessionResumed, Marked, NodesChanged, Checkpointed, Draining, Inspected, Profiles
+> body;
   Batch batch;
 };
 

@@ -7,8 +7,12 @@
 
 namespace shearbus::wire {
 
+// Elsewhere than in a scene's faults an end of a line is one of a name, which would forge a second message.
 Status& make_printable(Status& status) {
-  for (std::string* text : {&status.text, &status.remedy, &status.field}) *text = printable_lines(*text);
+  constexpr std::size_t kAll = std::string::npos;
+  status.text = status.code == Code::kInvalidScene ? printable_lines(status.text) : printable(status.text, kAll);
+  status.remedy = printable(status.remedy, kAll);
+  status.field = printable(status.field, kAll);
   return status;
 }
 

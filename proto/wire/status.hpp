@@ -6,53 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/enums.hpp"
 #include "proto/wire/field_rows.hpp"
 
 namespace shearbus::wire {
-
-// Stable numbers, the same as shearbus.v1.Code. The hundreds are classes: 1xx the message, 2xx the session, 3xx the
-// content, 4xx the server; 5xx exist on the client's side only.
-enum class Code : std::uint16_t {
-  kUnspecified = 0,
-  kOk = 1,
-  kBadFraming = 100,
-  kMalformed = 101,
-  kVersion = 102,
-  kLimit = 103,
-  kChecksum = 104,
-  kShape = 105,
-  kUnsupported = 106,
-  kUnknownSession = 200,
-  kStaleSequence = 201,
-  kSequenceGap = 202,
-  kSequenceReused = 203,
-  kEpoch = 204,
-  kNothingToCommit = 205,
-  kResumeRefused = 206,
-  kSuperseded = 207,
-  kUnknownMark = 208,
-  kTrialStands = 209,
-  kUnknownTransfer = 210,
-  kNotPermitted = 220,
-  kInvalidScene = 300,
-  kInvalidValue = 301,
-  kUnknownNode = 302,
-  kDuplicateNode = 303,
-  kNodeOwned = 304,
-  kOtherScene = 305,
-  kStepFailed = 306,
-  kShuttingDown = 400,
-  kInternal = 401,
-  kNoSpace = 402,
-  kDraining = 403,
-  kCheckpointFailed = 404,
-  kRecovering = 405,
-  kUnreachable = 500,      // no connection to the endpoint before the deadline
-  kUnknownOutcome = 501,   // no reply before the deadline: the request may or may not have run
-  kUnexpectedReply = 502,  // the reply does not answer the request
-  kAuth = 503,             // the server refuses this client, or its key is not the expected key
-  kNotClosed = 504,        // the host's velocity jump differs from the one in the reply to its last step
-};
 
 // Returns the name that users see, e.g. "SEQUENCE_GAP".
 const char* name(Code code);
@@ -82,12 +39,12 @@ struct Status {
 // Returns the status as one line: "INVALID_VALUE: pressure_pa of node 7 is nan; ... (remedy)".
 std::string describe(const Status& status);
 
-// Escapes control characters and invalid bytes in the texts of a status; the ends of lines stay. Returns the status.
+// Makes the texts of a status printable, each one line; the text of INVALID_SCENE alone has a line for each fault.
 Status& make_printable(Status& status);
 
 class Error : public std::runtime_error {
  public:
-  // Makes the texts of the status printable, line by line: they may quote what strangers wrote.
+  // Makes the texts of the status printable: they may quote what strangers wrote.
   explicit Error(Status status) : Error(std::move(status), Printable()) {}
   const Status& status() const { return status_; }
 

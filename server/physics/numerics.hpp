@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 6;
+inline constexpr std::uint16_t kNumericsVersion = 7;
 
 }  // namespace shearbus::physics

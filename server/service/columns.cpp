@@ -11,39 +11,13 @@ namespace shearbus::service {
 
 using physics::LedgerTerm;
 using physics::TileInputs;
-using physics::TileOutputs;
+using shard::TileAnswers;
 using wire::Field;
 
-// The numbers of the solver's regimes and outcome bits are sent unchanged, as bytes of a reply. The switch in
-// on_the_wire() has no default, so that a new regime of the physics does not compile until the wire protocol has it
-// too.
+// The numbers of the solver's regimes and outcome bits are sent unchanged, as bytes of a reply: both are printed from the
+// schema (proto/print_contract.py).
 namespace {
 
-constexpr wire::Regime on_the_wire(physics::Regime regime) {
-  switch (regime) {
-    case physics::Regime::kOpen:
-      return wire::Regime::kOpen;
-    case physics::Regime::kStick:
-      return wire::Regime::kStick;
-    case physics::Regime::kCoulomb:
-      return wire::Regime::kCoulomb;
-    case physics::Regime::kTresca:
-      return wire::Regime::kTresca;
-    case physics::Regime::kMelting:
-      return wire::Regime::kMelting;
-  }
-  return wire::Regime::kOpen;
-}
-constexpr bool same_numbers() {
-  for (std::uint8_t number = 0; number <= static_cast<std::uint8_t>(wire::Regime::kMelting); ++number)
-    if (static_cast<std::uint8_t>(on_the_wire(static_cast<physics::Regime>(number))) != number) return false;
-  return true;
-}
-static_assert(same_numbers());
-static_assert(physics::kSubstepped == wire::kSubstepped && physics::kMultipleRoots == wire::kMultipleRoots &&
-              physics::kOutsideDomain == wire::kOutsideDomain && physics::kAsleep == wire::kAsleep &&
-              physics::kSudden == wire::kSudden && physics::kOverBudget == wire::kOverBudget &&
-              physics::kFirstOrder == wire::kFirstOrder && physics::kFailed == wire::kFailed);
 static_assert(wire::kLedgerColumns.size() == physics::kLedgerTerms);
 
 // ---- columns of a message, and the tile members that they fill or are filled from ----
@@ -75,8 +49,8 @@ constexpr LedgerRow kLedger[] = {
 };
 
 // If the reply has a column of this field and component, adds it to `columns` with the tile member that fills it.
-template <typename Lane>
-void add_answer(Lane (TileOutputs::*member)[physics::kLanes], wire::Batch& reply, Field field, std::uint32_t component,
+template <typename Lane, typename Of>
+void add_answer(Lane (Of::*member)[physics::kLanes], wire::Batch& reply, Field field, std::uint32_t component,
                 std::vector<shard::OutputColumn>& columns) {
   if (!reply.has(field, component)) return;
   if constexpr (std::is_same_v<Lane, double>)
@@ -209,7 +183,7 @@ shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, 
       columns.inputs.push_back({row.member, request.f64(row.field, row.component)});
   if (request.has(Field::kImpedance)) add_stick_form(request, dt, columns);
 #define ROW(enumerator, component, member) \
-  add_answer(&TileOutputs::member, reply, Field::enumerator, component, columns.outputs);
+  add_answer(&TileAnswers::member, reply, Field::enumerator, component, columns.outputs);
 #define OUTPUT(enumerator, number, name, quantity, unit, element, direction, ...) \
   ROW(enumerator, 0, quantity) SECOND_##direction(ROW, enumerator, quantity)
 #include "proto/wire/columns.inc"

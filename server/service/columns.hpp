@@ -12,6 +12,11 @@
 
 namespace shearbus::service {
 
+// Whether the column is a sum that only nodes of a scene with friction_energy = true keep.
+inline bool is_friction_energy(wire::Field field) {
+  return field == wire::Field::kFrictionEnergySoft || field == wire::Field::kFrictionEnergyHard;
+}
+
 // The name of a column in a capsule: its field's name, with an ending for the second tangential component.
 std::string name_of(const wire::Column& column);
 

@@ -23,7 +23,7 @@ void Service::aside(std::uint64_t bytes, const std::function<void()>& act) {
   if (bytes < options_.aside_from || (turn_of_ == nullptr && !may_step_aside_)) return act();
   if (turn_of_ == nullptr) throw TakesLong();
   LongRequest& request = *std::exchange(turn_of_, nullptr);
-  request.kept = std::exchange(kept_, false);
+  request.journaled = std::exchange(journaled_now_, false);
   request.current = current_;
   request.turn.reset();
   request.task->aside(act);
@@ -40,22 +40,15 @@ void Service::change_aside(Member& member, std::uint64_t bytes, const std::funct
 }
 
 Service::ReplyPtr Service::answer_in_turn(Arrival& arrival, const ReplyPtr& reply) {
-  const auto answer = [&] {
-    const auto& body = arrival.request.body;
-    if (const auto* where = std::get_if<wire::ResumeSession>(&body)) return resume(*where, arrival, reply);
-    if (std::holds_alternative<wire::ReadProfiles>(body)) return read_profiles(arrival, reply);
-    if (const auto* open = std::get_if<wire::OpenSession>(&body)) return open_session(*open, arrival, reply);
-    return answer_in_session(arrival, reply);
-  };
-  if (turn_of_ != nullptr) return answer();
+  if (turn_of_ != nullptr) return answer_by_verb(arrival, reply);
   may_step_aside_ = may_wait_ && options_.wake;
   try {
-    return answer();
+    return answer_by_verb(arrival, reply);
   } catch (const TakesLong&) {
   }
   if (ReplyPtr begun = begin_long(arrival, reply)) return begun;
   may_step_aside_ = false;
-  return answer();  // there is no thread to be had
+  return answer_by_verb(arrival, reply);  // there is no thread to be had
 }
 
 // Returns null if there is no thread.
@@ -107,14 +100,14 @@ Service::ReplyPtr Service::begin_long(Arrival& arrival, const ReplyPtr& reply) {
 // Lets the request go on to its next long part, or to its end.
 void Service::give_turn(LongRequest& request) {
   turn_of_ = &request;
-  kept_ = request.kept;
+  journaled_now_ = request.journaled;
   current_ = request.current;
   may_wait_ = may_step_aside_ = false;
   turn_ = Turn::kAnswered;
   request.task->resume();
   if (!request.task->ended()) return;
   turn_of_ = nullptr;
-  request.kept = std::exchange(kept_, false);
+  request.journaled = std::exchange(journaled_now_, false);
   request.current = current_;
   if (request.member != nullptr) request.member->long_request = nullptr;
   request.member = nullptr;
@@ -133,7 +126,7 @@ Service::ReplyPtr Service::end_long(LongRequest& request) {
   const auto at = std::ranges::find(long_, &request, [](const auto& other) { return other.get(); });
   const std::unique_ptr<LongRequest> ended = std::move(*at);
   long_.erase(at);
-  kept_ = ended->kept;
+  journaled_now_ = ended->journaled;
   current_ = ended->current;
   if (ended->fault) std::rethrow_exception(ended->fault);
   return ended->answer;
@@ -169,6 +162,8 @@ void Service::give_up() noexcept {
   for (const std::unique_ptr<LongRequest>& request : long_)
     if (request->member != nullptr) request->member->long_request = nullptr;
   long_.clear();
+  for (const Member* member : journaled_)
+    if (member->running->pending) member->running->pending->copy();
 }
 
 // What looks at all sessions waits for changes of their states.

@@ -4,6 +4,7 @@
 #include <array>
 #include <exception>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -24,6 +25,26 @@ struct Service::Arrival {
   wire::Request request;
   std::uint64_t hash = 0;  // hash of the frames
   std::uint64_t started_ns = 0;
+  wire::PayloadSum sum{};  // whether the request has the sum of its payload
+};
+
+// The frames of a journaled request that is not answered yet, for a checkpoint that is written on another thread. They
+// are copied there, or at the latest before the request is answered, when their memory may go.
+class PendingFrames {
+ public:
+  using Frames = std::array<std::span<const std::byte>, 2>;
+  explicit PendingFrames(const Frames& frames) : frames_(frames) {}
+
+  void copy() noexcept;
+  // The copies. Throws std::bad_alloc if there was no memory for them.
+  std::array<std::vector<std::byte>, 2> take();
+
+ private:
+  std::mutex copying_;
+  Frames frames_;
+  std::array<std::vector<std::byte>, 2> copies_;
+  bool copied_ = false;
+  bool no_memory_ = false;
 };
 
 // A step being computed. Its columns point into the batches of the request and of the reply.
@@ -31,6 +52,8 @@ struct Service::RunningStep {
   wire::Request request;
   std::uint64_t hash = 0;                            // hash of the request's frames
   std::array<std::span<const std::byte>, 2> frames;  // while the step waits for work()
+  std::shared_ptr<PendingFrames> pending;            // the same for a checkpoint that is being written; null: none is
+  wire::PayloadSum sum{};                            // whether the request has the sum of its payload
   std::uint64_t started_ns = 0;
   ReplyPtr reply;
   shard::Rows rows;
@@ -40,9 +63,9 @@ struct Service::RunningStep {
   std::shared_ptr<shard::Shard::StepRun> run;
   std::uint64_t solver_ns = 0;
   std::uint64_t ended_ns = 0;  // of the last slice
-  bool further = false;        // the step adds its rows to the trial of the parts before
-  std::optional<Parts> parts;  // of part 1: those that have come when it has run, if others are missing
-  bool kept = false;           // the request is in the journal
+  bool extends_trial = false;  // parts 2, 3, ...: add rows to the trial that part 1 began
+  std::optional<Parts> parts;  // part 1 only: the parts received so far, until the step is complete
+  bool journaled = false;      // the request is in the journal
   bool done = false;
 
   const wire::Downscale& step() const { return std::get<wire::Downscale>(request.body); }
@@ -61,23 +84,15 @@ struct Service::LongRequest {
   Member* member = nullptr;  // session of the request; null for one that is being opened
   ReplyPtr answer;           // when it has ended: the answer, or the fault
   std::exception_ptr fault;
-  bool kept = false;  // while it is aside: the state of the request that is being answered
+  bool journaled = false;  // while it is aside: the state of the request that is being answered
   Current current;
   std::optional<Longest> turn;  // measures its turn
   std::unique_ptr<shard::SideTask> task;
 };
 
-struct Service::Member {
-  wire::SessionId id{};
-  std::string identity;  // identity that opened the session; only this identity and operators may use the session
-  wire::ResumeToken resume_token{};  // all zero: the session cannot be resumed
-  std::uint64_t claim = 0;           // number of the last granted claim of a client (resume_session); 0: none yet
-  std::uint64_t claimant = 0;        // random number of the client to which the last claim was granted
-  std::uint64_t epoch = 0;           // epoch that requests must carry since the last claim; 0: no claim yet
-  // Epoch of the client that owns the session, which may be one of an earlier server, and epochs of the clients that
-  // owned the session before, newest last.
-  std::uint64_t owner_epoch = 0;
-  std::vector<std::uint64_t> superseded;
+// Only the identity that opened a session, and operators, may use it.
+struct Service::Member : store::SessionFacts {
+  std::uint64_t epoch = 0;  // epoch that requests must carry since the last claim; 0: no claim yet
   session::Session conversation;
   SessionPairs pairs;
   std::unique_ptr<shard::Shard> shard;   // null after the session has been closed
@@ -85,17 +100,13 @@ struct Service::Member {
   LongRequest* long_request = nullptr;   // null if no request of the session has work aside
   double operators_made_for = 0.0;  // step length whose operators were made aside  [s]; 0: none since the nodes changed
   bool changing = false;            // whether a thread aside changes the states
-  std::string domain;               // name of the session's domain; empty: none
   std::string scene_name;
-  std::string scene;            // scene with all defaults filled in, as TOML
   std::uint64_t opened_ns = 0;  // time of the opening, or of the recovery, by the service's clock
   std::uint64_t last_request_ns = 0;
-  std::uint64_t proven_sequence = 0;    // last request whose reply's hash is in the journal, or in a checkpoint
-  std::uint64_t idle_limit_s = 0;       // the session is closed after this time without a request; 0: never
-  std::string closed_because;           // why the session was closed; empty: no reason given
-  std::optional<Parts> parts;           // a step of which parts are missing
-  std::vector<store::MarkImage> marks;  // marks of the session, oldest first
-  wire::SessionClosed totals;
+  std::uint64_t proven_sequence = 0;  // last request whose reply's hash is in the journal, or in a checkpoint
+  std::string closed_because;         // why the session was closed; empty: no reason given
+  std::optional<Parts> parts;         // a step of which parts are missing
+  std::vector<MarkPtr> marks;         // marks of the session, oldest first
 
   // Whether a trial stands that could be committed. A step of which parts are missing is none.
   bool trial_stands() const { return shard->has_trial() && !parts; }
@@ -114,7 +125,10 @@ wire::Batch node_column(std::span<const std::uint64_t> node_ids);
 
 // What it takes to check the node ids of a request, and to make models for nodes that may each have a pair of their own,
 // as memory that takes as long to write  [bytes].
+constexpr std::uint64_t kBytesPerId = 64;  // to sort or compare an id
 std::uint64_t bytes_of_nodes(const wire::Batch& batch);
+// The lists that a shard has of its nodes, made anew when they change.
+std::uint64_t bytes_of_lists(std::size_t nodes);
 std::uint64_t bytes_of_models(std::size_t nodes, bool several);
 
 // Memory in bytes of the states that a mark or a transfer stores, including the ids of their nodes.

@@ -1,5 +1,4 @@
-// The set of a session's nodes: registering and retiring nodes, moving nodes between sessions, and marks (named copies
-// of a session's nodes and states) with the rollback to them.
+// The set of a session's nodes: registering and retiring nodes, and moving nodes between sessions.
 //
 // Within its domain a node belongs to one session or to one transfer (an offer that waits to be accepted). offer_nodes
 // moves nodes from a session to a transfer, accept_nodes moves them from a transfer to a session. Each of the two is
@@ -9,9 +8,7 @@
 
 #include <algorithm>
 #include <array>
-#include <functional>
 #include <iterator>
-#include <limits>
 #include <utility>
 
 #include "proto/wire/limits.hpp"
@@ -28,14 +25,6 @@ using wire::Field;
 
 namespace {
 
-constexpr std::uint64_t kBytesPerId =
-    64;  // what it takes to sort or compare an id, as memory that takes as long to write
-
-// The lists that a shard has of its nodes, made anew when they change  [bytes].
-std::uint64_t bytes_of_lists(std::size_t nodes) {
-  return kBytesPerId * nodes;
-}
-
 std::vector<std::uint64_t> sorted(std::span<const std::uint64_t> ids) {
   std::vector<std::uint64_t> all(ids.begin(), ids.end());
   std::sort(all.begin(), all.end());
@@ -46,13 +35,6 @@ std::vector<std::uint64_t> common_to(std::span<const std::uint64_t> sorted_ids, 
   std::vector<std::uint64_t> common;
   std::ranges::set_intersection(sorted_ids, sorted(ids), std::back_inserter(common));
   return common;
-}
-
-void check_no_trial(const shard::Shard& shard) {
-  if (shard.has_trial())
-    throw Error({.code = Code::kTrialStands,
-                 .text = "a trial stands; its states are of the nodes there are",
-                 .remedy = "Commit it or roll it back, then change the set of nodes."});
 }
 
 void check_transfer_id(const wire::TransferId& id) {
@@ -95,6 +77,10 @@ std::string_view run_of(std::string_view domain) {
 
 }  // namespace
 
+std::uint64_t bytes_of_lists(std::size_t nodes) {
+  return kBytesPerId * nodes;
+}
+
 wire::Batch node_column(std::span<const std::uint64_t> node_ids) {
   constexpr std::array kColumns = {Field::kNodeId};
   wire::Batch batch = wire::Batch::of(kColumns, node_ids.size());
@@ -114,7 +100,7 @@ std::uint64_t kept_bytes(const shard::States& states) {
 
 std::uint64_t Service::Member::held_bytes() const {
   std::uint64_t bytes = shard->state_bytes();
-  for (const store::MarkImage& mark : marks) bytes += kept_bytes(mark.states);
+  for (const MarkPtr& mark : marks) bytes += kept_bytes(mark->states);
   return bytes;
 }
 
@@ -155,9 +141,9 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
     sessions.emplace_back(id, other.get());
   }
   for (const auto& [id, transfer] : transfers_) {
-    if (Domain{transfer.identity, transfer.domain} != domain) continue;
-    if (self == nullptr || transfer.giver != self->id || transfer.sequence <= withdrawn_after)
-      offers.push_back(&transfer);
+    if (Domain{transfer->identity, transfer->domain} != domain) continue;
+    if (self == nullptr || transfer->giver != self->id || transfer->sequence <= withdrawn_after)
+      offers.push_back(transfer.get());
   }
   // No other request changes the nodes of the domain meanwhile.
   std::vector<std::uint64_t> owned;
@@ -193,18 +179,17 @@ void Service::apply(Member& member, shard::Shard::NodeChange&& change, std::uint
   reply.body = wire::NodesChanged{.nodes = member.shard->nodes().size()};
 }
 
-void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply& reply) {
+void Service::register_nodes(Member& member, const wire::RegisterNodes& named, const Arrival& arrival,
+                             wire::Reply& reply) {
   shard::Shard& shard = *member.shard;
   const wire::Batch& batch = arrival.request.batch;
-  check_no_trial(shard);
   std::span<const std::uint64_t> ids;
   aside(bytes_of_nodes(batch), [&] { ids = check_new_nodes(batch, shard.nodes()); });
   check_owners(member.domain_it_is_in(), &member, kNoneWithdrawn, ids);
-  const auto& named = std::get<wire::RegisterNodes>(arrival.request.body).pairs;
   NewNodes nodes;
   std::uint64_t grown = 0;
   aside(bytes_of_nodes(batch) + bytes_of_models(ids.size(), member.pairs.several()), [&] {
-    nodes = new_nodes(batch, named, member.pairs, shard.pairs());
+    nodes = new_nodes(batch, named.pairs, member.pairs, shard.pairs());
     grown = shard.bytes_with(ids.size(), nodes.of()) - shard.state_bytes();
   });
   const std::size_t after = shard.nodes().size() + ids.size();
@@ -212,14 +197,14 @@ void Service::register_nodes(Member& member, const Arrival& arrival, wire::Reply
   shard::Shard::NodeChange change;
   aside(bytes_of_lists(after) + grown, [&] { change = shard.adding(ids, nodes.temperatures, nullptr, nodes.of()); });
   check_memory(grown, after, arrival.caller, member.identity);  // once more: others have been answered meanwhile
-  keep(arrival, member.id, &member);
+  journal(arrival, member.id, &member);
   apply(member, std::move(change), bytes_of_lists(after), reply);
   metrics_.nodes += ids.size();
 }
 
-void Service::retire_nodes(Member& member, const Arrival& arrival, wire::Reply& reply) {
+void Service::retire_nodes(Member& member, const wire::RetireNodes& /*asked*/, const Arrival& arrival,
+                           wire::Reply& reply) {
   shard::Shard& shard = *member.shard;
-  check_no_trial(shard);
   shard::Rows rows;
   shard::Shard::NodeChange change;
   aside(bytes_of_lists(shard.nodes().size()), [&] {
@@ -228,7 +213,7 @@ void Service::retire_nodes(Member& member, const Arrival& arrival, wire::Reply& 
   });
   const std::uint64_t moved = 2 * kept_bytes(shard, rows.slots.size());
   aside(moved, [] {});
-  keep(arrival, member.id, &member);
+  journal(arrival, member.id, &member);
   apply(member, std::move(change), moved, reply);
   metrics_.nodes -= rows.slots.size();
 }
@@ -237,7 +222,6 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
   shard::Shard& shard = *member.shard;
   const wire::Batch& batch = arrival.request.batch;
   check_in_domain(member.domain);
-  check_no_trial(shard);
   check_transfer_id(offer.transfer_id);
   if (transfers_.contains(offer.transfer_id))
     throw Error({.code = Code::kInvalidValue,
@@ -260,18 +244,19 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
     change = shard.removing(rows.slots);
   });
   check_memory(moved, ids.size(), arrival.caller, member.identity);  // once more
-  std::map<wire::TransferId, store::TransferImage> made;
-  made.emplace(offer.transfer_id, store::TransferImage{.id = offer.transfer_id,
-                                                       .giver = member.id,
-                                                       .sequence = arrival.request.sequence,
-                                                       .identity = member.identity,
-                                                       .domain = member.domain,
-                                                       .layers = std::string(layers_of(member.scene)),
-                                                       .node_ids = {ids.begin(), ids.end()},
-                                                       .states = std::move(states)});
-  keep(arrival, member.id, &member);
+  std::map<wire::TransferId, TransferPtr> made;
+  made.emplace(offer.transfer_id, std::make_shared<const store::TransferImage>(
+                                      store::TransferImage{.id = offer.transfer_id,
+                                                           .giver = member.id,
+                                                           .sequence = arrival.request.sequence,
+                                                           .identity = member.identity,
+                                                           .domain = member.domain,
+                                                           .layers = std::string(layers_of(member.scene)),
+                                                           .node_ids = {ids.begin(), ids.end()},
+                                                           .states = std::move(states)}));
+  journal(arrival, member.id, &member);
   apply(member, std::move(change), 2 * moved, reply);
-  metrics_.state_bytes += kept_bytes(made.begin()->second.states);
+  metrics_.state_bytes += kept_bytes(made.begin()->second->states);
   transfers_.merge(made);
 }
 
@@ -279,15 +264,14 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
                            wire::Reply& reply) {
   shard::Shard& shard = *member.shard;
   check_in_domain(member.domain);
-  check_no_trial(shard);
   check_transfer_id(accept.transfer_id);
   const auto found = transfers_.find(accept.transfer_id);
-  if (found == transfers_.end() || Domain{found->second.identity, found->second.domain} != member.domain_it_is_in())
+  if (found == transfers_.end() || Domain{found->second->identity, found->second->domain} != member.domain_it_is_in())
     throw Error({.code = Code::kUnknownTransfer,
                  .text = fmt::format("no offer with this transfer_id waits in domain \"{}\"", printable(member.domain)),
                  .remedy = "It was accepted or withdrawn, or not made yet: the giver's offer must be answered first.",
                  .field = "accept_nodes.transfer_id"});
-  const store::TransferImage& transfer = found->second;
+  const store::TransferImage& transfer = *found->second;
   if (transfer.layers != layers_of(member.scene))
     throw Error(
         {.code = Code::kOtherScene,
@@ -326,7 +310,7 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
     reply.batch = node_column(transfer.node_ids);
   });
   check_room();  // once more: others have been answered meanwhile
-  keep(arrival, member.id, &member);
+  journal(arrival, member.id, &member);
   apply(member, std::move(change), bytes_of_lists(after), reply);
   metrics_.state_bytes -= freed;
   auto gone = transfers_.extract(found);
@@ -336,7 +320,7 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
 std::vector<wire::TransferId> Service::offers_of(const Member& member) const {
   std::map<std::uint64_t, wire::TransferId> oldest_first;
   for (const auto& [id, transfer] : transfers_)
-    if (transfer.giver == member.id) oldest_first.emplace(transfer.sequence, id);
+    if (transfer->giver == member.id) oldest_first.emplace(transfer->sequence, id);
   std::vector<wire::TransferId> offers;
   offers.reserve(oldest_first.size());
   for (const auto& [sequence, id] : oldest_first) offers.push_back(id);
@@ -348,7 +332,7 @@ void Service::forget_transfers_of(const Domain& domain) {
   const auto open = [&](const auto& entry) { return entry.second->shard && entry.second->domain_it_is_in() == domain; };
   if (domain.name.empty() || std::ranges::any_of(members_, open)) return;
   std::erase_if(transfers_, [&](const auto& entry) {
-    const store::TransferImage& transfer = entry.second;
+    const store::TransferImage& transfer = *entry.second;
     if (Domain{transfer.identity, transfer.domain} != domain) return false;
     log(fmt::format("domain {} ends: {} nodes that session {} offered are gone", printable(transfer.domain),
                     transfer.node_ids.size(), short_name(transfer.giver)));
@@ -356,120 +340,6 @@ void Service::forget_transfers_of(const Domain& domain) {
     metrics_.state_bytes -= kept_bytes(transfer.states);
     return true;
   });
-}
-
-void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply) {
-  check_name(mark.name, "mark.name");
-  const shard::Shard& shard = *member.shard;
-  member.marks.reserve(wire::kMaxMarks + 1);
-  auto gone = std::ranges::find(member.marks, mark.name, &store::MarkImage::name);
-  if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
-  const std::uint64_t freed = gone == member.marks.end() ? 0 : kept_bytes(gone->states);
-  const std::uint64_t wanted = kept_bytes(shard, shard.nodes().size());
-  check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size(), arrival.caller, member.identity);
-  auto& answer = reply.body.emplace<wire::Marked>();
-  answer.state_version = shard.state_version();
-  for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
-    if (old != gone) answer.names.push_back(old->name);
-  answer.names.push_back(mark.name);
-  store::MarkImage made{.name = mark.name,
-                        .sequence = arrival.request.sequence,
-                        .state_version = shard.state_version(),
-                        .node_ids = {},
-                        .states = {}};
-  aside(wanted, [&] {
-    made.node_ids = shard.nodes().ids();
-    made.states = shard.committed_states();
-  });
-  check_memory(wanted > freed ? wanted - freed : 0, shard.nodes().size(), arrival.caller,
-               member.identity);  // once more
-  keep(arrival, member.id, &member);
-
-  store::MarkImage dropped;
-  if (gone != member.marks.end()) {
-    dropped = std::move(*gone);
-    member.marks.erase(gone);
-  }
-  member.marks.push_back(std::move(made));
-  metrics_.state_bytes += wanted - freed;
-  change_aside(member, freed, [&] { dropped = {}; });
-}
-
-void Service::rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply) {
-  if (rollback.to_mark.empty()) {
-    keep(arrival, member.id, &member);
-    member.shard->rollback();
-    member.parts.reset();
-  } else {
-    const auto to = std::ranges::find(member.marks, rollback.to_mark, &store::MarkImage::name);
-    if (to == member.marks.end())
-      throw Error({.code = Code::kUnknownMark,
-                   .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
-                                       member.marks.size()),
-                   .remedy = "The oldest mark goes when a session has more than the limit.",
-                   .field = "rollback.to_mark"});
-    aside(bytes_of_lists(to->node_ids.size()), [&] { reply.batch = node_column(to->node_ids); });
-    rollback_to(member, *to, arrival);
-  }
-  reply.body = wire::RolledBack{.state_version = member.shard->state_version()};
-}
-
-// Restores the nodes of the mark with their states. Nodes registered after the mark leave the session. Nodes retired
-// after the mark return to the session, and so do nodes offered after the mark whose offer is not accepted yet. Throws
-// NODE_OWNED if another session has one of the nodes.
-void Service::rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival) {
-  const shard::Shard& before = *member.shard;
-  const std::uint64_t bytes = kept_bytes(mark.states);
-  std::unique_ptr<shard::Shard> other_nodes;
-  bool other = false;
-  aside(bytes, [&] {
-    other = mark.node_ids != before.nodes().ids() ||
-            (member.pairs.several() && !SessionPairs::same_pairs(mark.states, before.committed_states()));
-  });
-  if (other) {
-    check_owners(member.domain_it_is_in(), &member, mark.sequence, mark.node_ids);
-    const auto check_room = [&](std::uint64_t wanted) {
-      check_memory(wanted > before.state_bytes() ? wanted - before.state_bytes() : 0, mark.node_ids.size(),
-                   arrival.caller, member.identity);
-    };
-    check_room(before.bytes_for(mark.node_ids.size()));
-    aside(bytes, [&] {
-      other_nodes = restored_shard(member.pairs, before.pairs(), mark.node_ids, mark.states);
-      other_nodes->restore(mark.states, nullptr, mark.state_version);
-    });
-    check_room(other_nodes->state_bytes());  // more where nodes of few pairs share a tile
-  }
-  keep(arrival, member.id, &member);
-
-  member.parts.reset();
-  member.operators_made_for = 0.0;
-  metrics_.nodes += mark.node_ids.size() - before.nodes().size();
-  metrics_.state_bytes -= member.held_bytes();
-  if (other_nodes) std::swap(member.shard, other_nodes);
-  const auto restore = [&] {
-    if (other_nodes)
-      other_nodes.reset();
-    else
-      member.shard->restore(mark.states, nullptr, mark.state_version);
-  };
-  change_aside(member, bytes, std::cref(restore));  // without a copy, for which there may be no memory
-  withdraw_offers(member, mark.sequence);
-  metrics_.state_bytes += member.held_bytes();
-}
-
-// Withdraws the offers that the session made after its request `after_sequence`, and drops the marks made after the
-// first of these offers.
-void Service::withdraw_offers(Member& member, std::uint64_t after_sequence) {
-  std::uint64_t first_withdrawn = std::numeric_limits<std::uint64_t>::max();
-  std::erase_if(transfers_, [&](const auto& entry) {
-    const store::TransferImage& transfer = entry.second;
-    if (transfer.giver != member.id || transfer.sequence <= after_sequence) return false;
-    metrics_.nodes -= transfer.node_ids.size();
-    metrics_.state_bytes -= kept_bytes(transfer.states);
-    first_withdrawn = std::min(first_withdrawn, transfer.sequence);
-    return true;
-  });
-  std::erase_if(member.marks, [&](const store::MarkImage& made) { return made.sequence > first_withdrawn; });
 }
 
 }  // namespace shearbus::service

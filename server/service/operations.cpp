@@ -54,21 +54,30 @@ void Service::check_operator(const Caller& caller) const {
                .remedy = "Ask as the server's own user, by ipc, or with a key marked \"operator\" on its list."});
 }
 
-void Service::checkpoint_now(wire::Reply& reply) {
+Service::ReplyPtr Service::tell_status(const wire::ServerStatusQuery& /*asked*/, Arrival& arrival,
+                                       const ReplyPtr& reply) {
+  reply->body = status_for(arrival.caller);
+  return reply;
+}
+
+Service::ReplyPtr Service::checkpoint_now(const wire::Checkpoint& /*asked*/, Arrival& /*arrival*/,
+                                          const ReplyPtr& reply) {
+  if (must_wait_for_changes()) return reply;
   if (store_ == nullptr)
     throw Error({.code = Code::kUnsupported,
                  .text = "this server has no state directory to write a checkpoint to",
                  .remedy = "Start it with --state-dir."});
   const std::uint64_t started_ns = options_.now_ns();
-  if (!checkpoint())
+  if (!checkpoint_in_turn())
     throw Error({.code = Code::kCheckpointFailed,
                  .text = "the checkpoint could not be written; the server's log tells why",
                  .remedy = "The checkpoints before and the journal hold everything. Mend the disk and ask again."});
-  reply.body =
+  reply->body =
       wire::Checkpointed{.bytes = store_->counters().checkpoint_bytes, .duration_ns = options_.now_ns() - started_ns};
+  return reply;
 }
 
-void Service::drain(const wire::Drain& drain, const Caller& caller, wire::Reply& reply) {
+Service::ReplyPtr Service::drain(const wire::Drain& drain, Arrival& arrival, const ReplyPtr& reply) {
   if (drain.within_s != 0 && (!drain.exit || drain.within_s > wire::kMaxDrainS))
     throw Error({.code = Code::kInvalidValue,
                  .text = fmt::format("drain.within_s = {}{}", drain.within_s,
@@ -76,13 +85,14 @@ void Service::drain(const wire::Drain& drain, const Caller& caller, wire::Reply&
                                                 : " without drain.exit, which it limits"),
                  .remedy = "Ask for the end of the server, too, within a year.",
                  .field = "drain.within_s"});
-  log(fmt::format("{} drains the server: no new sessions{}{}; {} are open", caller.identity,
+  log(fmt::format("{} drains the server: no new sessions{}{}; {} are open", arrival.caller.identity,
                   drain.exit ? ", and the end with the last" : "",
                   drain.within_s != 0 ? fmt::format(", or in {} s", drain.within_s) : "", metrics_.sessions));
   draining_ = true;
   exit_when_drained_ = exit_when_drained_ || drain.exit;
   if (drain.within_s != 0) drain_until_ns_ = options_.now_ns() + 1'000'000'000 * drain.within_s;
-  reply.body = wire::Draining{.sessions = metrics_.sessions};
+  reply->body = wire::Draining{.sessions = metrics_.sessions};
+  return reply;
 }
 
 wire::SessionInfo Service::info_of(const Member& member) const {
@@ -100,23 +110,25 @@ wire::SessionInfo Service::info_of(const Member& member) const {
           .age_ns = now_ns - member.opened_ns,
           .idle_ns = now_ns - member.last_request_ns,
           .state_bytes = shard.state_bytes(),
-          .requests = member.totals.requests,
-          .node_steps = member.totals.node_steps,
-          .solver_ns = member.totals.solver_ns,
+          .requests = member.requests,
+          .node_steps = member.node_steps,
+          .solver_ns = member.solver_ns,
           .regimes = std::move(regimes),
           .domain = member.domain,
           .idle_limit_s = member.idle_limit_s};
 }
 
-void Service::inspect(const wire::Inspect& inspect, const wire::Request& request, wire::Reply& reply) const {
-  auto& answer = reply.body.emplace<wire::Inspected>();
+Service::ReplyPtr Service::inspect(const wire::Inspect& inspect, Arrival& arrival, const ReplyPtr& reply) {
+  if (must_wait_for_changes()) return reply;
+  const wire::Request& request = arrival.request;
+  auto& answer = reply->body.emplace<wire::Inspected>();
   if (request.session_id != wire::SessionId{}) {
     const auto found = members_.find(request.session_id);
     if (found == members_.end() || !found->second->shard)
       throw Error({.code = Code::kUnknownSession, .text = "no open session has this id"});
     answer.sessions.push_back(info_of(*found->second));
-    top_nodes(*found->second, inspect, reply);
-    return;
+    top_nodes(*found->second, inspect, *reply);
+    return reply;
   }
   for (auto member = members_.upper_bound(inspect.after); member != members_.end(); ++member) {
     if (!member->second->shard) continue;
@@ -126,6 +138,7 @@ void Service::inspect(const wire::Inspect& inspect, const wire::Request& request
     }
     answer.sessions.push_back(info_of(*member->second));
   }
+  return reply;
 }
 
 void Service::top_nodes(const Member& member, const wire::Inspect& inspect, wire::Reply& reply) const {

@@ -80,15 +80,14 @@ SessionPairs::SessionPairs(const SceneModel& scene, std::vector<std::string> par
       refuse(Code::kInvalidValue, "open_session.parameters",
              fmt::format("{} is given twice as a parameter", parameters_[i]), "Name each key once.");
   }
-  const scene::SceneFile file = scene::parse(scene.effective, "effective scene");
   for (const PairModel& pair : scene.pairs)
     for (const std::string& warning : pair.warnings)
       warnings_.push_back(fmt::format("[pair.{}]: {}", pair.name, warning));
   auto made = std::make_shared<Scenes>();
   made->names.emplace_back();
-  const v1::Scene outside = scene::without_pairs(file.scene);
+  const v1::Scene outside = scene::without_pairs(*scene.scene);
   made->scenes.push_back(outside);
-  for (const v1::Pair& pair : file.scene.pair()) {
+  for (const v1::Pair& pair : scene.scene->pair()) {
     made->names.push_back(pair.name());
     made->scenes.push_back(scene::scene_of_pair(outside, pair));
   }

@@ -63,7 +63,7 @@ void profiles_of(const wire::Batch& asked, const shard::Rows& rows, const shard:
 
 }  // namespace
 
-Service::ReplyPtr Service::read_profiles(const Arrival& arrival, const ReplyPtr& reply) {
+Service::ReplyPtr Service::read_profiles(const wire::ReadProfiles& /*asked*/, Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end() || !found->second->shard)

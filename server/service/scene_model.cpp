@@ -204,6 +204,14 @@ std::optional<double> friction_coefficient_of(const v1::Scene& scene) {
   return scene.interface().friction_coefficient();
 }
 
+// Whether the model has the energy ledger: one stress, and no heat that leaves.
+bool has_ledger(const physics::ModelOptions& options) {
+  const auto leaves = [](const physics::GridOptions& grid) {
+    return grid.far_boundary == physics::FarBoundary::kIsothermal;
+  };
+  return !options.inertia && !leaves(options.grid) && !(options.hard_grid && leaves(*options.hard_grid));
+}
+
 // Converts a checked scene without its pairs, whose defaults have been filled in. Also fills in the constants that the
 // scene leaves to the server.
 SceneModel convert_tables(v1::Scene& scene) {
@@ -248,6 +256,12 @@ SceneModel convert_tables(v1::Scene& scene) {
            "Leave it out, or give a tolerance.");
   }
   refuse_what_excludes_each_other(options);
+  made.friction_energy = scene.friction_energy();
+  if (made.friction_energy && !has_ledger(options))
+    refuse(
+        "friction_energy",
+        "friction_energy sums the energy ledger, which a layer with inertia or with an isothermal face does not have",
+        "Leave it out.");
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
   return made;
@@ -309,6 +323,7 @@ SceneModel convert(v1::Scene& scene) {
   if (scene.pair().empty()) {
     SceneModel made = convert_tables(scene);
     made.effective = scene::to_toml(scene);
+    made.scene = std::make_shared<v1::Scene>(scene);
     made.warnings = scene::unusual_values(scene);
     return made;
   }
@@ -336,6 +351,7 @@ SceneModel convert(v1::Scene& scene) {
            fmt::format("the scene with all constants of its pairs has {} bytes, at most {} are allowed",
                        made.effective.size(), wire::kMaxSceneBytes),
            "Divide the pairs over several sessions.");
+  made.scene = std::make_shared<v1::Scene>(scene);
   made.warnings = scene::unusual_values(scene);
   return made;
 }

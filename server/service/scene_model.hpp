@@ -1,6 +1,7 @@
 // Converts a scene to the options of its model.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,9 +23,11 @@ struct PairModel {
 
 struct SceneModel {
   physics::ModelOptions options;
-  std::string name;              // name of the scene
-  std::string effective;         // canonical TOML text with every default and material constant filled in
-  std::vector<PairModel> pairs;  // in the order of the effective text
+  std::string name;                        // name of the scene
+  std::string effective;                   // canonical TOML text with every default and material constant filled in
+  bool friction_energy = false;            // nodes sum the friction heat of either body
+  std::vector<PairModel> pairs;            // in the order of the effective text
+  std::shared_ptr<const v1::Scene> scene;  // the effective scene
   // values of the effective scene that were probably meant in another unit
   std::vector<std::string> warnings;
 };

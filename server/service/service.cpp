@@ -18,6 +18,7 @@
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/validate.hpp"
+#include "server/service/verb.hpp"
 
 namespace shearbus::service {
 
@@ -27,27 +28,6 @@ using wire::Field;
 
 std::string short_name(const wire::SessionId& id) {
   return fmt::format("{:02x}{:02x}{:02x}{:02x}", id[0], id[1], id[2], id[3]);
-}
-
-// Bytes that it takes to read and convert one of a scene: its time in that of memory.
-constexpr std::uint64_t kBytesPerSceneByte = 256;
-// The same of the model that a set of parameters needs.
-constexpr std::uint64_t kBytesPerModel = std::uint64_t{256} << 10;
-
-std::uint64_t bytes_of_nodes(const wire::Batch& batch) {
-  constexpr std::uint64_t kBytesPerNode = 64;  // to sort and compare an id
-  return kBytesPerNode * batch.u64(Field::kNodeId).size();
-}
-
-std::uint64_t bytes_of_models(std::size_t nodes, bool several) {
-  return several ? kBytesPerModel * std::min(nodes, wire::kMaxParameterSets) : 0;
-}
-
-bool Service::being_opened(const wire::SessionId& session) {
-  const auto opens = [&](const auto& request) { return request.get() != turn_of_ && request->opens == session; };
-  if (std::ranges::none_of(long_, opens)) return false;
-  turn_ = Turn::kWaiting;
-  return true;
 }
 
 std::string printable(const std::string& text) {
@@ -83,11 +63,11 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
   ++asking.requests;
   ReplyPtr reply = blank_reply();
   reply->epoch = epoch_;
-  kept_ = false;
+  journaled_now_ = false;
   current_ = {};
   try {
     reply = answer(frames, caller, reply);
-    if (std::exchange(kept_, false)) settle();
+    if (std::exchange(journaled_now_, false)) settle();
   } catch (const Error& error) {
     reply->status = error.status();
   } catch (const std::exception& fault) {
@@ -101,7 +81,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
     *turn = turn_;
     return std::nullopt;
   }
-  if (kept_) failed_ = true;  // the request is in the journal but has not run: states and journal differ
+  if (journaled_now_) failed_ = true;  // the request is in the journal but has not run: states and journal differ
   if (failed()) {
     log(fmt::format("FAILED: {}: {}", wire::name(reply->status.code), reply->status.text));
     return std::nullopt;
@@ -114,7 +94,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
     reply->batch = wire::Batch();
   }
   ReplyFrames sent;
-  sent.header = wire::encode_header(*reply);
+  sent.header = wire::encode_header(*reply, {}, current_.sum);
   sent.has_payload = !reply->batch.columns().empty();
   sent.payload = reply->batch.bytes();
   sent.owner = std::move(reply);
@@ -122,29 +102,29 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
   if (current_.started_ns != 0) times_.requests[current_.verb].add(options_.now_ns() - current_.started_ns);
   return sent;
 } catch (const std::exception&) {
-  failed_ = failed_ || kept_;
+  failed_ = failed_ || journaled_now_;
   return std::nullopt;
 }
 
 Service::ReplyPtr Service::blank_reply() {
-  if (!spare_reply_) return std::make_shared<wire::Reply>();
-  *spare_reply_ = {};
-  return std::exchange(spare_reply_, nullptr);
+  if (!used_reply_) return std::make_shared<wire::Reply>();
+  *used_reply_ = {};
+  return std::exchange(used_reply_, nullptr);
 }
 
 // Keeps the memory of a reply that was sent, unless a socket still needs it.
-void Service::spare(ReplyPtr reply) noexcept {
+void Service::recycle(ReplyPtr reply) noexcept {
   if (!reply || reply.use_count() != 1) return;
   // The last other owner may have been a thread of libzmq: to give up a copy orders its reads before what is written
   // here, which use_count() does not.
   ReplyPtr(reply).reset();
-  if (!reply->batch.columns().empty()) spare_batch_ = std::move(reply->batch);
-  spare_reply_ = std::move(reply);
+  if (!reply->batch.columns().empty()) used_batch_ = std::move(reply->batch);
+  used_reply_ = std::move(reply);
 }
 
-void Service::spare(std::unique_ptr<RunningStep> step) noexcept {
+void Service::recycle(std::unique_ptr<RunningStep> step) noexcept {
   step->clear();
-  spare_step_ = std::move(step);
+  used_step_ = std::move(step);
 }
 
 void Service::settle() {
@@ -176,7 +156,10 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     if (ReplyPtr ended = end_long(*again)) return ended;
   }
   try {
-    wire::decode(frames, request);
+    if (caller.in_process)
+      arrival.sum = wire::decode_trusted(frames, request);
+    else
+      wire::decode(frames, request);
   } catch (const Error&) {
     address(request);  // so that the refusal has the session and request ids that could be read
     throw;
@@ -186,7 +169,7 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   if (!std::holds_alternative<wire::Downscale>(request.body))
     measured.emplace(options_.cpu_ns, metrics_.longest_turn_ns);
   arrival.started_ns = options_.now_ns();
-  current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns};
+  current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns, .sum = arrival.sum};
   if (caller.is_revoked)
     throw Error({.code = Code::kNotPermitted,
                  .text = fmt::format("{} was taken off the server's list of authorised keys, or has another role there "
@@ -197,33 +180,8 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
     throw Error(
         {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
 
-  if (const auto* greeting = std::get_if<wire::Hello>(&request.body)) {
-    hello(*greeting, caller, *reply);
-    return reply;
-  }
-  if (std::holds_alternative<wire::ServerStatusQuery>(request.body)) {
-    reply->body = status_for(caller);
-    return reply;
-  }
-  if (const auto* look = std::get_if<wire::Inspect>(&request.body)) {
-    check_operator(caller);
-    if (must_wait_for_changes()) return reply;
-    inspect(*look, request, *reply);
-    return reply;
-  }
-  if (const auto* end = std::get_if<wire::Drain>(&request.body)) {
-    check_operator(caller);
-    drain(*end, caller, *reply);
-    return reply;
-  }
-  if (std::holds_alternative<wire::Checkpoint>(request.body)) {
-    check_operator(caller);
-    if (must_wait_for_changes()) return reply;
-    checkpoint_now(*reply);
-    return reply;
-  }
-  // The header holds the checksum of the payload, which decode() has compared, so the hash of the header identifies the
-  // whole request.
+  // The header holds the sum of the payload, which decode() has compared, so the hash of the header identifies the whole
+  // request. A client in this process that leaves out the sum gives each content a request_id of its own.
   arrival.hash = wire::hash_of(frames.first(1));
   return answer_in_turn(arrival, reply);
 }
@@ -263,7 +221,14 @@ void Service::check_identity(const Member& member, const Caller& caller) const {
                .remedy = "Use the key, or the user, that opened it, or ask an operator."});
 }
 
-void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const {
+Service::ReplyPtr Service::answer_by_verb(Arrival& arrival, const ReplyPtr& reply) {
+  const Verb& verb = verb_of(arrival.request);
+  if (verb.of_operators) check_operator(arrival.caller);
+  return verb.sequence ? answer_in_session(verb, arrival, reply) : verb.handler(*this, verb, nullptr, arrival, reply);
+}
+
+Service::ReplyPtr Service::hello(const wire::Hello& hello, Arrival& arrival, const ReplyPtr& reply) {
+  const Caller& caller = arrival.caller;
   if (hello.oldest_major > wire::kProtocolMajor || hello.newest_major < wire::kProtocolMajor)
     throw Error({.code = Code::kVersion,
                  .text = fmt::format("the client speaks protocol {} to {}; this server speaks {}", hello.oldest_major,
@@ -285,177 +250,11 @@ void Service::hello(const wire::Hello& hello, const Caller& caller, wire::Reply&
                           "regimes",         "mean_stress",  "linearised", "pairs",      "parameters", "parts_ahead"};
   if (caller.is_operator) welcome.capabilities.emplace_back("operator");
   if (store_ != nullptr) welcome.durability = store::name(store_->durability());
-  reply.body = std::move(welcome);
-}
-
-// Refuses a new session before its scene and nodes are read.
-void Service::check_may_open(const wire::Request& request) const {
-  check_epoch(request, nullptr);
-  if (request.sequence != 0)
-    throw Error({.code = Code::kSequenceGap,
-                 .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
-                 .remedy = "Send it with sequence 0."});
-  if (draining_ && !replaying_)
-    throw Error({.code = Code::kDraining,
-                 .text = "the server takes no new sessions: it will end when those it has are closed",
-                 .remedy = "Open the session on another server."});
-  if (metrics_.sessions >= options_.max_sessions)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
-                 .remedy = "Close sessions that are no longer used."});
-}
-
-Service::ReplyPtr Service::open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply) {
-  const wire::Request& request = arrival.request;
-  reply->session_id = open.session_id;
-  if (open.session_id == wire::SessionId{})
-    throw Error({.code = Code::kInvalidValue,
-                 .text = "session_id is all zero; expected 16 random bytes",
-                 .remedy = "Draw them from the system's random source.",
-                 .field = "session_id"});
-  if (const auto known = members_.find(open.session_id); known != members_.end()) {
-    check_identity(*known->second, arrival.caller);
-    session::Verdict verdict = known->second->conversation.triage(request.sequence, arrival.hash);
-    if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
-    if (verdict.triage == session::Triage::kProcess)
-      throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
-    ++user(arrival.caller.identity).replayed;
-    return repeat(std::move(verdict.reply));
-  }
-  check_may_open(request);
-  check_session_quota(arrival.caller);
-  if (being_opened(open.session_id) || must_wait_for_domain(arrival.caller.identity, open.domain)) return reply;
-  std::span<const std::uint64_t> node_ids;
-  SceneModel made;
-  aside(bytes_of_nodes(request.batch) + kBytesPerSceneByte * open.scene.size(), [&] {
-    node_ids = check_opening_nodes(request.batch, open.domain);
-    made = scene_model(open.scene, open.scene_file.empty() ? "scene" : open.scene_file);
-  });
-  check_owners({arrival.caller.identity, open.domain}, nullptr, kNoneWithdrawn, node_ids);
-  check_work_budget(made.options);
-  SessionPairs pairs;
-  NewNodes nodes;
-  std::unique_ptr<shard::Shard> shard_made;
-  std::uint64_t wanted = 0;
-  const bool several = !made.pairs.empty() || !open.parameters.empty();
-  aside(kBytesPerSceneByte * open.scene.size() + bytes_of_models(node_ids.size(), several), [&] {
-    pairs = SessionPairs(made, open.parameters);
-    shard::PairTable table = pairs.table(made.options);
-    nodes = new_nodes(request.batch, open.pairs, pairs, table);
-    shard_made = make_shard(std::move(table), open.check_closure);
-    wanted = shard_made->bytes_with(node_ids.size(), nodes.of());
-  });
-  check_memory(wanted, node_ids.size(), arrival.caller, arrival.caller.identity);
-  aside(wanted, [&] { shard_made->apply(shard_made->adding(node_ids, nodes.temperatures, nullptr, nodes.of())); });
-  check_may_open(request);  // once more: others have been answered meanwhile
-  check_session_quota(arrival.caller);
-  check_memory(wanted, node_ids.size(), arrival.caller, arrival.caller.identity);
-
-  auto member = std::make_unique<Member>();
-  member->id = open.session_id;
-  member->identity = arrival.caller.identity;
-  member->owner_epoch = epoch_;
-  member->opened_ns = member->last_request_ns = arrival.started_ns;
-  member->resume_token = open.resume_token;
-  member->domain = open.domain;
-  member->scene_name = std::move(made.name);
-  member->scene = std::move(made.effective);
-  member->idle_limit_s = open.idle_limit_s;
-  member->shard = std::move(shard_made);
-  member->pairs = std::move(pairs);
-  auto& body = reply->body.emplace<wire::SessionOpened>(opened(*member));
-  std::ranges::copy(member->pairs.unusual_parameters(request.batch), std::back_inserter(body.warnings));
-  member->conversation.complete(0, arrival.hash, reply);
-  const shard::Shard& shard = *member->shard;
-  const std::string line =
-      fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
-                  member->identity, printable(member->scene_name), open.domain.empty() ? "" : ", domain ",
-                  printable(open.domain), shard.nodes().size(), shard.bytes_per_node());
-  const std::uint64_t state_bytes = shard.state_bytes();
-  Members made_member;
-  made_member.emplace(open.session_id, std::move(member));
-  keep(arrival, open.session_id, nullptr);
-  members_.merge(made_member);
-  ++metrics_.sessions;
-  metrics_.nodes += node_ids.size();
-  metrics_.state_bytes += state_bytes;
-  log(line);
+  reply->body = std::move(welcome);
   return reply;
 }
 
-// A shard without nodes.
-std::unique_ptr<shard::Shard> Service::make_shard(shard::PairTable pairs, bool check_closure) const {
-  return std::make_unique<shard::Shard>(
-      std::move(pairs), std::span<const std::uint64_t>(), std::span<const std::uint32_t>(), std::span<const double>(),
-      pool_, shard::ShardOptions{.nodes_per_task = options_.nodes_per_task, .check_closure = check_closure});
-}
-
-std::unique_ptr<shard::Shard> Service::restored_shard(const SessionPairs& pairs, shard::PairTable table,
-                                                      const std::vector<std::uint64_t>& node_ids,
-                                                      const shard::States& states) const {
-  auto shard = make_shard(std::move(table), shard::checks_closure(states));
-  const auto of_nodes = pairs.several() ? std::optional(pairs.of_states(states, shard->pairs())) : std::nullopt;
-  const std::vector<double> temperatures(node_ids.size(), shard->model().options().initial_temperature);
-  shard->apply(shard->adding(node_ids, temperatures, nullptr, of_nodes ? &*of_nodes : nullptr));
-  return shard;
-}
-
-Service::NewNodes Service::new_nodes(const wire::Batch& batch, std::span<const std::string> named,
-                                     const SessionPairs& pairs, const shard::PairTable& known) {
-  NewNodes nodes;
-  if (pairs.several()) {
-    nodes.pairs = pairs.of_new_nodes(batch, named, known);
-    nodes.temperatures = check_initial_temperatures(batch, *nodes.pairs);
-  } else {
-    refuse_pair_columns(batch, named.size());
-    nodes.temperatures = check_initial_temperatures(batch, known.model(0).options());
-  }
-  return nodes;
-}
-
-wire::SessionOpened Service::opened(const Member& member) const {
-  const physics::Model& model = member.shard->model();
-  ModelColumns columns = columns_of(model.options());
-  if (!member.shard->check_closure()) std::erase(columns.on_request, Field::kClosure);
-  std::vector<std::string> warnings = model.warnings();
-  std::ranges::copy(member.pairs.warnings(), std::back_inserter(warnings));
-  std::uint64_t reply_row = 0;
-  for (const Field field : columns.reply) reply_row += wire::size_of(wire::element_of(field));
-  return {.effective_scene = member.scene,
-          .bytes_per_node = member.shard->bytes_per_node() + reply_row,
-          .warnings = std::move(warnings),
-          .strategy = strategy_of(model.options()),
-          .tangential_components = static_cast<std::uint32_t>(model.options().tangential_components),
-          .required_columns = std::move(columns.required),
-          .optional_columns = std::move(columns.optional),
-          .reply_columns = std::move(columns.reply),
-          .columns_on_request = std::move(columns.on_request),
-          .scene_name = member.scene_name,
-          .pairs = member.pairs.names(),
-          .parameters = member.pairs.parameters()};
-}
-
-// What was granted once is in the journal and is granted again by every server that replays it.
-void Service::check_work_budget(const physics::ModelOptions& options) const {
-  if (replaying_ || options_.max_work_budget == 0.0 || options.work_budget <= options_.max_work_budget) return;
-  throw Error({.code = Code::kLimit,
-               .text = fmt::format("work_budget = {:g}: this server grants at most {:g} evaluations for a node's step",
-                                   options.work_budget, options_.max_work_budget),
-               .remedy = "Ask for less, or have the server started with a larger --max-work-budget.",
-               .field = "work_budget"});
-}
-
-void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller,
-                           std::string_view owner) const {
-  check_memory_quota(wanted, nodes, caller, owner);
-  if (metrics_.state_bytes > options_.max_state_bytes || wanted > options_.max_state_bytes - metrics_.state_bytes)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
-                                     metrics_.state_bytes >> 20, options_.max_state_bytes >> 20),
-                 .remedy = "Use a graded grid with fewer cells, close sessions, or give the server more memory."});
-}
-
-Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& reply) {
+Service::ReplyPtr Service::answer_in_session(const Verb& verb, Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   const auto found = members_.find(request.session_id);
   if (found == members_.end()) {
@@ -482,100 +281,7 @@ Service::ReplyPtr Service::answer_in_session(Arrival& arrival, const ReplyPtr& r
     throw Error(std::move(verdict.status));
   }
 
-  if (std::holds_alternative<wire::Downscale>(request.body))
-    return member.long_request != nullptr && must_wait(member) ? reply : downscale(member, arrival, reply);
-  if (must_wait(member)) return reply;
-  return change_session(member, arrival, reply);
-}
-
-Service::ReplyPtr Service::change_session(Member& member, const Arrival& arrival, const ReplyPtr& reply) {
-  const wire::Request& request = arrival.request;
-  if (!std::holds_alternative<wire::Commit>(request.body) && must_wait_for_domain(member.identity, member.domain))
-    return reply;
-  hold(member);
-  if (std::holds_alternative<wire::Commit>(request.body)) {
-    if (!member.trial_stands())
-      throw Error({.code = Code::kNothingToCommit,
-                   .text = member.parts ? fmt::format("parts of the step are missing: {} of {} have come",
-                                                      member.parts->last.part, member.parts->last.parts)
-                                        : "no trial is standing",
-                   .remedy = "Send a trial step first, with all of its parts."});
-    keep(arrival, member.id, &member);
-    member.shard->commit();
-    reply->body = wire::Committed{.state_version = member.shard->state_version()};
-  } else if (const auto* back = std::get_if<wire::Rollback>(&request.body)) {
-    rollback(member, *back, arrival, *reply);
-  } else if (const auto* named = std::get_if<wire::Mark>(&request.body)) {
-    mark(member, *named, arrival, *reply);
-  } else if (std::holds_alternative<wire::RegisterNodes>(request.body)) {
-    register_nodes(member, arrival, *reply);
-  } else if (std::holds_alternative<wire::RetireNodes>(request.body)) {
-    retire_nodes(member, arrival, *reply);
-  } else if (const auto* offer = std::get_if<wire::OfferNodes>(&request.body)) {
-    offer_nodes(member, *offer, arrival, *reply);
-  } else if (const auto* accept = std::get_if<wire::AcceptNodes>(&request.body)) {
-    accept_nodes(member, *accept, arrival, *reply);
-  } else if (const auto* close = std::get_if<wire::CloseSession>(&request.body)) {
-    close_session(member, *close, arrival, *reply);
-  } else {
-    throw Error({.code = Code::kUnsupported, .text = "this server does not know the request"});
-  }
-  ++member.totals.requests;
-  spare(member.conversation.complete(request.sequence, arrival.hash, reply));
-  return reply;
-}
-
-// Closes each idle session by a request that the server makes itself, as an operator. The request is journaled, so a
-// recovery closes the session again. After a recovery the time without a request counts from the recovery.
-void Service::close_idle_sessions() noexcept try {
-  std::vector<wire::Request> closings;
-  for (const auto& [id, member] : members_) {
-    if (!member->shard || member->running || member->long_request || member->idle_limit_s == 0) continue;
-    const double idle_s = 1e-9 * static_cast<double>(options_.now_ns() - member->last_request_ns);
-    if (idle_s < static_cast<double>(member->idle_limit_s)) continue;
-    closings.push_back({.session_id = id,
-                        .sequence = member->conversation.last_sequence() + 1,
-                        .body = wire::CloseSession{.reason = fmt::format("idle for {:.0f} s, its client allowed {} s",
-                                                                         idle_s, member->idle_limit_s)}});
-  }
-  for (const wire::Request& closing : closings) {
-    const std::string header = wire::encode_header(closing);
-    const std::span<const std::byte> frame = std::as_bytes(std::span(header));
-    handle(Frames(&frame, 1), {.identity = "the server", .is_operator = true});
-  }
-} catch (const std::exception&) {  // no memory: a later call closes the sessions
-}
-
-void Service::close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival,
-                            wire::Reply& reply) {
-  std::string because = printable(close.reason);
-  const std::uint64_t held = member.held_bytes();
-  aside(held, [] {});
-  keep(arrival, member.id, &member);
-  wire::SessionClosed totals = member.totals;
-  ++totals.requests;  // counts close_session itself
-  log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
-                  close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
-                  1e-9 * static_cast<double>(totals.solver_ns)));
-  std::deque<wire::SessionId>& closed = closed_[member.identity];
-  closed.push_back(member.id);
-  member.closed_because = std::move(because);
-  reply.body = totals;
-  --metrics_.sessions;
-  metrics_.nodes -= member.shard->nodes().size();
-  metrics_.state_bytes -= held;
-  member.parts.reset();
-  std::vector<store::MarkImage> marks = std::move(member.marks);
-  std::unique_ptr<shard::Shard> shard = std::move(member.shard);
-  forget_transfers_of(member.domain_it_is_in());
-  change_aside(member, held, [&] {
-    marks.clear();
-    shard.reset();
-  });
-  if (closed.size() > kClosedSessionsKept && members_.at(closed.front())->long_request == nullptr) {
-    members_.erase(closed.front());
-    closed.pop_front();
-  }
+  return verb.handler(*this, verb, &member, arrival, reply);
 }
 
 wire::ServerStatus Service::status() const {
@@ -586,13 +292,13 @@ wire::ServerStatus Service::status() const {
   status.draining = draining_;
   times_.put_into(status);
   if (store_ != nullptr) {
-    const store::StoreCounters& kept = store_->counters();
-    status.journal_records = kept.records;
-    status.journal_bytes = kept.record_bytes;
-    status.recovered_requests = kept.replayed;
-    status.checkpoints = kept.checkpoints;
-    status.checkpoints_failed = kept.checkpoints_failed;
-    status.checkpoint_bytes = kept.checkpoint_bytes;
+    const store::StoreCounters& counted = store_->counters();
+    status.journal_records = counted.records;
+    status.journal_bytes = counted.record_bytes;
+    status.recovered_requests = counted.replayed;
+    status.checkpoints = counted.checkpoints;
+    status.checkpoints_failed = counted.checkpoints_failed;
+    status.checkpoint_bytes = counted.checkpoint_bytes;
     if (last_checkpoint_ns_ != 0) status.checkpoint_age_ns = options_.now_ns() - last_checkpoint_ns_;
   }
   if (options_.complete_status) options_.complete_status(status);

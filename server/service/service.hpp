@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "proto/wire/codec.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/messages.hpp"
 #include "server/service/metrics.hpp"
@@ -42,6 +43,7 @@ struct Caller {
   std::string_view identity;  // "uid 1000", "key ...", "anonymous" or "process"
   bool is_operator = false;   // may act in any session and on the server itself
   bool is_revoked = false;    // was admitted, and may do nothing any more
+  bool in_process = false;    // its messages stay in this process, where payloads may go without their sums
 };
 
 // What became of a request.
@@ -144,6 +146,9 @@ class Service : private store::Recovery {
   struct Arrival;
   struct RunningStep;
   struct LongRequest;
+  struct Verb;   // verb.hpp
+  struct Verbs;  // verbs.cpp: one row for each verb
+  enum class Trial;
   // Sessions of one identity with the same domain name; a session without a name is in no domain.
   struct Domain {
     std::string_view identity;
@@ -152,23 +157,30 @@ class Service : private store::Recovery {
   };
   using Members = std::map<wire::SessionId, std::unique_ptr<Member>>;
   using ReplyPtr = std::shared_ptr<wire::Reply>;
+  using MarkPtr = std::shared_ptr<const store::MarkImage>;  // a checkpoint may read what the session has dropped
+  using TransferPtr = std::shared_ptr<const store::TransferImage>;
 
   ReplyPtr answer(Frames frames, const Caller& caller, const ReplyPtr& reply);
   ReplyPtr blank_reply();
-  void spare(ReplyPtr reply) noexcept;
-  void spare(std::unique_ptr<RunningStep> step) noexcept;
+  void recycle(ReplyPtr reply) noexcept;
+  void recycle(std::unique_ptr<RunningStep> step) noexcept;
+  static const Verb& verb_of(const wire::Request& request);
   ReplyPtr answer_in_turn(Arrival& arrival, const ReplyPtr& reply);
-  ReplyPtr answer_in_session(Arrival& arrival, const ReplyPtr& reply);
-  ReplyPtr change_session(Member& member, const Arrival& arrival, const ReplyPtr& reply);
-  void hello(const wire::Hello& hello, const Caller& caller, wire::Reply& reply) const;
-  ReplyPtr open_session(const wire::OpenSession& open, const Arrival& arrival, const ReplyPtr& reply);
-  ReplyPtr resume(const wire::ResumeSession& resume, const Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr answer_by_verb(Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr answer_in_session(const Verb& verb, Arrival& arrival, const ReplyPtr& reply);
+  bool begin_change(const Verb& verb, Member& member);
+  void end_change(Member& member, const Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr hello(const wire::Hello& hello, Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr tell_status(const wire::ServerStatusQuery& asked, Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr open_session(const wire::OpenSession& open, Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr resume(const wire::ResumeSession& resume, Arrival& arrival, const ReplyPtr& reply);
   void check_identity(const Member& member, const Caller& caller) const;
   void check_operator(const Caller& caller) const;
-  void checkpoint_now(wire::Reply& reply);
-  void drain(const wire::Drain& drain, const Caller& caller, wire::Reply& reply);
-  void inspect(const wire::Inspect& inspect, const wire::Request& request, wire::Reply& reply) const;
-  ReplyPtr read_profiles(const Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr checkpoint_now(const wire::Checkpoint& asked, Arrival& arrival, const ReplyPtr& reply);
+  bool checkpoint_in_turn();
+  ReplyPtr drain(const wire::Drain& drain, Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr inspect(const wire::Inspect& inspect, Arrival& arrival, const ReplyPtr& reply);
+  ReplyPtr read_profiles(const wire::ReadProfiles& asked, Arrival& arrival, const ReplyPtr& reply);
   void top_nodes(const Member& member, const wire::Inspect& inspect, wire::Reply& reply) const;
   wire::SessionInfo info_of(const Member& member) const;
   void check_epoch(const wire::Request& request, const Member* member) const;
@@ -212,7 +224,7 @@ class Service : private store::Recovery {
   void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
                       const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) const noexcept;
   wire::SessionOpened opened(const Member& member) const;
-  std::unique_ptr<shard::Shard> make_shard(shard::PairTable pairs, bool check_closure) const;
+  std::unique_ptr<shard::Shard> make_shard(shard::PairTable pairs, bool check_closure, bool sum_energy) const;
   // A shard with the nodes of saved states, at the temperature of the start. Throws std::invalid_argument for states of
   // another kind of session.
   std::unique_ptr<shard::Shard> restored_shard(const SessionPairs& pairs, shard::PairTable table,
@@ -259,24 +271,25 @@ class Service : private store::Recovery {
   static constexpr std::uint64_t kNoneWithdrawn = std::numeric_limits<std::uint64_t>::max();
   void check_owners(const Domain& domain, const Member* self, std::uint64_t withdrawn_after,
                     std::span<const std::uint64_t> node_ids);
-  void register_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
-  void retire_nodes(Member& member, const Arrival& arrival, wire::Reply& reply);
+  void register_nodes(Member& member, const wire::RegisterNodes& named, const Arrival& arrival, wire::Reply& reply);
+  void retire_nodes(Member& member, const wire::RetireNodes& asked, const Arrival& arrival, wire::Reply& reply);
   void offer_nodes(Member& member, const wire::OfferNodes& offer, const Arrival& arrival, wire::Reply& reply);
   void accept_nodes(Member& member, const wire::AcceptNodes& accept, const Arrival& arrival, wire::Reply& reply);
   void apply(Member& member, shard::Shard::NodeChange&& change, std::uint64_t bytes, wire::Reply& reply);
   std::vector<wire::TransferId> offers_of(const Member& member) const;  // waiting offers of the session, oldest first
   void forget_transfers_of(const Domain& domain);
+  void commit(Member& member, const wire::Commit& asked, const Arrival& arrival, wire::Reply& reply);
   void mark(Member& member, const wire::Mark& mark, const Arrival& arrival, wire::Reply& reply);
   void rollback(Member& member, const wire::Rollback& rollback, const Arrival& arrival, wire::Reply& reply);
   void rollback_to(Member& member, const store::MarkImage& mark, const Arrival& arrival);
   void withdraw_offers(Member& member, std::uint64_t after_sequence);
   void close_session(Member& member, const wire::CloseSession& close, const Arrival& arrival, wire::Reply& reply);
 
-  void keep(const Arrival& arrival, const wire::SessionId& session, const Member* member,
-            std::optional<std::uint64_t> sequence = {});
+  void journal(const Arrival& arrival, const wire::SessionId& session, const Member* member,
+               std::optional<std::uint64_t> sequence = {});
   void grant(Member& member, const wire::ResumeSession& resume, const Arrival& arrival);
   void settle();
-  store::Snapshot snapshot() const;
+  store::Snapshot snapshot();
   void restore(const store::Snapshot& snapshot) override;
   void run_again(std::span<const std::byte> header, std::span<const std::byte> payload, std::string_view identity,
                  std::uint64_t epoch);
@@ -294,7 +307,7 @@ class Service : private store::Recovery {
   std::uint64_t claims_ = 0;  // number of granted claims (resume_session); claim i has the epoch epoch_ + i
   std::uint64_t granted_epoch_ = 0;                 // during a recovery: epoch of the claim that is replayed
   bool replaying_ = false;                          // true while a recovery runs the requests of the journal again
-  bool kept_ = false;                               // true while the present request is in the journal and has not run
+  bool journaled_now_ = false;                      // true while the present request is in the journal and has not run
   bool may_wait_ = false;                           // true if the present request may be answered later
   Turn turn_ = Turn::kAnswered;                     // turn of the present request
   std::deque<Member*> computing_;                   // sessions whose step waits for work(), the next one first
@@ -305,9 +318,9 @@ class Service : private store::Recovery {
   bool may_step_aside_ = false;                     // whether the present request may become one of them
   // Memory of an earlier step and of its reply, for the next one: a step of a size that the server has answered before
   // allocates next to nothing.
-  std::unique_ptr<RunningStep> spare_step_;
-  wire::Batch spare_batch_;
-  ReplyPtr spare_reply_;
+  std::unique_ptr<RunningStep> used_step_;
+  wire::Batch used_batch_;
+  ReplyPtr used_reply_;
   bool failed_ = false;
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
@@ -316,13 +329,14 @@ class Service : private store::Recovery {
   std::uint64_t drain_until_ns_ = std::numeric_limits<std::uint64_t>::max();
   Members members_;  // all open sessions and the last closed ones
   std::map<std::string, std::deque<wire::SessionId>, std::less<>> closed_;  // by identity, oldest first
-  std::map<wire::TransferId, store::TransferImage> transfers_;              // offered nodes, which no session owns
+  std::map<wire::TransferId, TransferPtr> transfers_;                       // offered nodes, which no session owns
   std::map<std::string, User, std::less<>> users_;                          // by identity
   wire::ServerStatus metrics_;
   Metrics times_;
   struct Current {  // the request that is being answered
     std::size_t verb = 0;
     std::uint64_t started_ns = 0;
+    wire::PayloadSum sum{};  // whether the request has the sum of its payload, hence the answer
   } current_;
   std::uint64_t last_checkpoint_ns_ = 0;
   bool previous_committed_ = false;  // during a recovery: the trial that the request commits is committed already

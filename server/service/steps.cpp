@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <exception>
 #include <limits>
+#include <new>
 #include <optional>
 #include <utility>
 #include <variant>
@@ -24,6 +25,21 @@ using wire::Field;
 
 std::span<const std::uint8_t> Service::RunningStep::outcomes() const {
   return unasked.empty() ? std::as_const(reply->batch).u8(Field::kOutcome) : std::span(unasked);
+}
+
+void PendingFrames::copy() noexcept try {
+  const std::lock_guard lock(copying_);
+  if (std::exchange(copied_, true)) return;
+  for (std::size_t i = 0; i < frames_.size(); ++i) copies_[i].assign(frames_[i].begin(), frames_[i].end());
+} catch (const std::bad_alloc&) {
+  no_memory_ = true;
+}
+
+std::array<std::vector<std::byte>, 2> PendingFrames::take() {
+  copy();
+  const std::lock_guard lock(copying_);
+  if (no_memory_) throw std::bad_alloc();
+  return std::move(copies_);
 }
 
 void Service::RunningStep::clear() noexcept {
@@ -53,6 +69,7 @@ bool Service::follows_running(const Member& member, const Arrival& arrival) cons
 }
 
 Service::ReplyPtr Service::downscale(Member& member, Arrival& arrival, const ReplyPtr& reply) {
+  if (member.long_request != nullptr && must_wait(member)) return reply;
   if (!member.running) {
     if (member.pairs.several() && make_operators(member, arrival)) return nullptr;
     member.running = begin_step(member, arrival, reply);
@@ -102,11 +119,13 @@ Service::ReplyPtr Service::end_step(Member& member, const Arrival& arrival) {
   std::unique_ptr<RunningStep> running = std::move(member.running);
   std::erase(journaled_, &member);
   std::erase(computed_, &member);
-  kept_ = kept_ || running->kept;
+  journaled_now_ = journaled_now_ || running->journaled;
   current_.verb = running->request.body.index();
+  current_.sum = running->sum;
+  if (running->pending) running->pending->copy();
   end_step(member, *running, arrival);
   ReplyPtr reply = running->reply;
-  spare(std::move(running));
+  recycle(std::move(running));
   return reply;
 }
 
@@ -115,7 +134,7 @@ void Service::wait_for_work(Member& member, Frames frames) {
   std::ranges::copy(frames.first(std::min(frames.size(), running.frames.size())), running.frames.begin());
   journaled_.reserve(journaled_.size() + 1);
   computed_.reserve(computed_.size() + computing_.size() + 1);
-  // A user whose steps begin to wait joins where the others are: time that was not used gives no claim.
+  // A user's share starts at the least solver time of those who wait: idle time earns no credit.
   User& owner = user(member.identity);
   std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
   bool waits = false;
@@ -125,28 +144,29 @@ void Service::wait_for_work(Member& member, Frames frames) {
   }
   if (!waits && !computing_.empty()) owner.turn_ns = std::max(owner.turn_ns, least);
   computing_.push_back(&member);
-  running.kept = std::exchange(kept_, false);
-  if (running.kept) journaled_.push_back(&member);
+  running.journaled = std::exchange(journaled_now_, false);
+  if (running.journaled) journaled_.push_back(&member);
 }
 
 // Does everything that can fail: checks, factorisation, memory, the journal. Then begins the step. A step with policy
 // all-or-nothing is computed apart from the states and journaled when it has succeeded.
 std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arrival& arrival, const ReplyPtr& reply) {
   shard::Shard& shard = *member.shard;
-  auto running = spare_step_ ? std::move(spare_step_) : std::make_unique<RunningStep>();
+  auto running = used_step_ ? std::move(used_step_) : std::make_unique<RunningStep>();
   running->request = std::move(arrival.request);
   running->hash = arrival.hash;
+  running->sum = arrival.sum;
   running->started_ns = arrival.started_ns;
   running->reply = reply;
   const wire::Request& request = running->request;
   const wire::Downscale& step = running->step();
   const physics::ModelOptions& options = shard.model().options();
-  const std::span<const Field> wanted = check_wanted(step, options, shard.check_closure());
-  running->further = step.part > 1;
+  const std::span<const Field> wanted = check_wanted(step, options, shard);
+  running->extends_trial = step.part > 1;
   if (step.follows != 0) check_follows(step, member.conversation.last_hash());
   check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
   running->rows = check_step(step, request.batch, options, shard.nodes());
-  if (running->further) check_rows_of_part(request.batch, running->rows, *member.parts);
+  if (running->extends_trial) check_rows_of_part(request.batch, running->rows, *member.parts);
   const bool commits = step.commit_previous && !previous_committed_;
   if (commits && !member.trial_stands())
     throw Error({.code = Code::kNothingToCommit,
@@ -155,9 +175,9 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   running->operators = shard.operators(step.dt_s);
   const shard::Rows& rows = running->rows;
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();
-  spare(member.conversation.forget_before());
+  recycle(member.conversation.forget_before());
   // The shard writes each row of each column.
-  reply->batch = std::move(spare_batch_);
+  reply->batch = std::move(used_batch_);
   reply->batch.reshape(wanted, num_rows, static_cast<std::uint32_t>(options.tangential_components));
   reply->body.emplace<wire::Upscale>();
   shard::StepColumns& columns = running->columns =
@@ -170,13 +190,13 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   }
   if (step.part == 1 && step.parts > 1)
     running->parts.emplace(Parts{.last = step, .stepped = std::vector<bool>(shard.slots())});
-  if (running->further) {
+  if (running->extends_trial) {
     running->run = shard.prepare_extension(rows, *running->operators, columns, member.parts->stepped);
   } else if (step.policy == wire::Policy::kAllOrNothing) {
     running->run = shard.prepare_attempt(rows, *running->operators, columns, commits);
   } else {
     running->run = shard.prepare(rows, *running->operators, columns, std::move(running->run));
-    keep(arrival, member.id, &member);
+    journal(arrival, member.id, &member);
     // Nothing can fail from here to the answer, so states, sequence and kept reply stay consistent.
     if (commits) shard.commit();
   }
@@ -217,8 +237,9 @@ bool Service::work() noexcept {
     return ended;
   } catch (const std::exception& fault) {
     // A journaled request has not run: states and journal differ. Another one is asked again and begins anew.
-    failed_ = failed_ || member.running->kept;
+    failed_ = failed_ || member.running->journaled;
     std::erase(journaled_, &member);
+    if (member.running->pending) member.running->pending->copy();
     member.running.reset();
     log(std::string("a step could not be computed: ") + fault.what());
     return true;
@@ -248,15 +269,15 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
   const bool all_or_nothing = step.policy == wire::Policy::kAllOrNothing;
   if (count.failed != 0)
     leave_capsules(member, running, {reply.batch, running.outcomes(), all_or_nothing && step.commit_previous});
-  if (all_or_nothing || running.further) {
+  if (all_or_nothing || running.extends_trial) {
     if (count.failed != 0 && all_or_nothing) refuse_failed_step(batch, shard.nodes(), running.outcomes());
-    keep(arrival, member.id, &member, running.request.sequence);
+    journal(arrival, member.id, &member, running.request.sequence);
     if (step.commit_previous) shard.commit();
   }
   shard.finish(*running.run);
-  const std::size_t stepped =
-      running.further && rows.others_are_open ? shard.nodes().size() - member.parts->nodes : shard.stepped_nodes(rows);
-  if (running.further) running.parts = std::move(member.parts);
+  const std::size_t stepped = running.extends_trial && rows.others_are_open ? shard.nodes().size() - member.parts->nodes
+                                                                            : shard.stepped_nodes(rows);
+  if (running.extends_trial) running.parts = std::move(member.parts);
   if (running.parts) running.parts->add(step, rows);
   member.parts = step.part < step.parts ? std::move(running.parts) : std::nullopt;
   if (step.mode == wire::Mode::kAdvance && !member.parts) shard.commit();
@@ -268,13 +289,13 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
   upscale.state_version = shard.state_version();
   upscale.solver_ns = running.solver_ns;
   upscale.service_ns = running.ended_ns - running.started_ns;
-  spare(member.conversation.complete(running.request.sequence, running.hash, running.reply, step.follows != 0));
+  recycle(member.conversation.complete(running.request.sequence, running.hash, running.reply, step.follows != 0));
 
   if (store_ != nullptr) store_->add_work(count.work);
-  ++member.totals.requests;
-  member.totals.node_steps += stepped;
-  member.totals.solver_ns += upscale.solver_ns;
-  member.totals.asleep_node_steps += count.asleep;
+  ++member.requests;
+  member.node_steps += stepped;
+  member.solver_ns += upscale.solver_ns;
+  member.asleep_node_steps += count.asleep;
   metrics_.node_steps += stepped;
   metrics_.solver_ns += upscale.solver_ns;
   if (const auto owner = users_.find(arrival.caller.identity); owner != users_.end()) {

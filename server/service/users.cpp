@@ -27,9 +27,9 @@ Service::Usage Service::usage_of(std::string_view identity) const {
     usage.state_bytes += member->changing ? member->held_before : member->held_bytes();
   }
   for (const auto& [id, transfer] : transfers_) {
-    if (transfer.identity != identity) continue;
-    usage.nodes += transfer.node_ids.size();
-    usage.state_bytes += kept_bytes(transfer.states);
+    if (transfer->identity != identity) continue;
+    usage.nodes += transfer->node_ids.size();
+    usage.state_bytes += kept_bytes(transfer->states);
   }
   return usage;
 }

@@ -498,7 +498,7 @@ shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable
 }
 
 std::span<const Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
-                                    bool check_closure) {
+                                    const shard::Shard& shard) {
   const std::span<const Field> all = wire::columns_of(strategy_of(options)).reply;
   const std::span<const Field> on_request = wire::columns_of(strategy_of(options)).on_request;
   if (step.wanted.empty()) return all;
@@ -510,9 +510,13 @@ std::span<const Field> check_wanted(const wire::Downscale& step, const physics::
                          wire::name(field)),
              "Choose from " + join_names(std::array{all, on_request}) + ".");
     check_condition(field, options, "wanted");
-    if (field == Field::kClosure && !check_closure)
+    if (field == Field::kClosure && !shard.check_closure())
       refuse(Code::kUnsupported, "wanted", fmt::format("{} is of sessions that check closure", wire::name(field)),
              "Leave it out, or open the session with open_session.check_closure.");
+    if (is_friction_energy(field) && !shard.sums_energy())
+      refuse(Code::kUnsupported, "wanted",
+             fmt::format("{} is of scenes with friction_energy = true", wire::name(field)),
+             "Leave it out, or open the session with a scene that has the key.");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }

@@ -58,6 +58,6 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
 
 // The columns of the reply: the wanted columns, which belong to `step`, or all default columns of the strategy.
 std::span<const wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
-                                          bool check_closure);
+                                          const shard::Shard& shard);
 
 }  // namespace shearbus::service

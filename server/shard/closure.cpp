@@ -28,6 +28,7 @@ bool grew_by(double dt, double before, double now) {
 }  // namespace
 
 void TileStates::begin_exchange(double* tile) const {
+  if (sums_energy()) std::fill_n(tile + friction_energy, 2 * kLanes, 0.0);
   if (!check_closure()) return;
   std::fill_n(tile + answered_jump, components_ * kLanes, kUnknown);
   std::fill_n(tile + layer_time, kLanes, 0.0);
@@ -36,6 +37,10 @@ void TileStates::begin_exchange(double* tile) const {
 
 bool checks_closure(const States& states) {
   return std::ranges::find(states.columns, TileStates::kAnsweredJump, &StateColumn::name) != states.columns.end();
+}
+
+bool sums_energy(const States& states) {
+  return std::ranges::find(states.columns, TileStates::kFrictionEnergy, &StateColumn::name) != states.columns.end();
 }
 
 Closure& Closure::operator+=(const Closure& other) {

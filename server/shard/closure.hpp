@@ -13,16 +13,23 @@
 
 namespace shearbus::shard {
 
-// Layout of a tile: the states of the model, then those of the exchange with the host (infinite: value not known).
+// Layout of a tile: the states of the model, the sums of the friction energy where the scene has them, then the states
+// of the exchange with the host (infinite: value not known).
 class TileStates : public physics::TileLayout {
+  bool sums_energy_;
   std::size_t components_;  // number of tangential components of the answered jump; 0: the shard does not check closure
 
  public:
-  TileStates(const physics::Model& model, bool check_closure)
+  TileStates(const physics::Model& model, bool check_closure, bool sum_energy = false)
       : TileLayout(model.layout()),
+        sums_energy_(sum_energy),
         components_(check_closure && model.options().strategy == physics::Strategy::kForceDriven
                         ? static_cast<std::size_t>(model.options().tangential_components)
                         : 0) {}
+
+  // Friction heat that the soft body and the hard one have got since the node began: two values.
+  static constexpr const char* kFrictionEnergy = "friction_energy_j_per_m2";
+  std::size_t friction_energy = add(kFrictionEnergy, "J m-2", sums_energy_ ? 2 : 0);
 
   static constexpr const char* kAnsweredJump = "answered_jump_m_per_s";
   std::size_t answered_jump = add(kAnsweredJump, "m s-1", components_);
@@ -32,13 +39,16 @@ class TileStates : public physics::TileLayout {
   std::size_t host_time = add("host_time_s", "s", components_ > 0);
 
   bool check_closure() const { return components_ > 0; }
+  bool sums_energy() const { return sums_energy_; }
 
   // Writes the initial states of the exchange with the host for all nodes of a tile.
   void begin_exchange(double* tile) const;
 };
 
-// Whether the states hold answered jumps, hence come from a shard that checks closure.
+// Whether the states hold answered jumps, hence come from a shard that checks closure; and whether they hold sums of the
+// friction energy.
 bool checks_closure(const States& states);
+bool sums_energy(const States& states);
 
 // How the jumps and the time that the host sends with a step differ from those that the server expects after the last
 // step. A row is the entry of one node in the host's request.

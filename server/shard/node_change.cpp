@@ -1,8 +1,5 @@
 // Changes of the set of nodes. All work that is slow or can fail is done when the change is prepared.
-#include <sys/mman.h>
-
 #include <algorithm>
-#include <new>
 #include <numeric>
 #include <utility>
 
@@ -14,30 +11,11 @@ using physics::kLanes;
 
 namespace {
 
-constexpr std::align_val_t kAlignment{64};
-constexpr std::size_t kMappedFrom = std::size_t{128} << 10;  // smallest block that is allocated with mmap  [bytes]
-
 void copy_lane(const double* from, double* to, std::size_t doubles, std::size_t from_lane, std::size_t to_lane) {
   for (std::size_t i = 0; i < doubles; i += kLanes) to[i + to_lane] = from[i + from_lane];
 }
 
 }  // namespace
-
-// Large blocks are mapped with mmap, because munmap returns their memory to the system at once; a heap may keep it.
-Shard::Block Shard::make_states(std::size_t doubles) {
-  const std::size_t bytes = doubles * sizeof(double);
-  if (bytes < kMappedFrom) return Block(static_cast<double*>(::operator new[](bytes, kAlignment)));
-  void* pages = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (pages == MAP_FAILED) throw std::bad_alloc();
-  return Block(static_cast<double*>(pages), {.mapped_bytes = bytes});
-}
-
-void Shard::Release::operator()(double* p) const {
-  if (mapped_bytes == 0)
-    ::operator delete[](p, kAlignment);
-  else
-    ::munmap(p, mapped_bytes);
-}
 
 // Number of tiles in the block with this index, if the shard has `tiles` tiles.
 std::size_t Shard::tiles_in_block(std::size_t block, std::size_t tiles) const {
@@ -50,7 +28,7 @@ void Shard::size_lists(NodeChange& change) const {
   change.committed_.assign(committed_.begin(),
                            committed_.begin() + static_cast<std::ptrdiff_t>(std::min(tiles, committed_.size())));
   change.committed_.resize(tiles, 0);
-  change.touched_.reserve(change.nodes_.size());  // reserved here, so that a step allocates nothing
+  change.touched_.reserve(change.nodes_->size());  // reserved here, so that a step allocates nothing
   change.row_of_slot_.assign(tiles * kLanes, kNoRow);
 }
 
@@ -67,7 +45,7 @@ std::vector<std::uint32_t> Shard::place(std::span<const std::uint64_t> node_ids,
     }
   }
   std::vector<std::uint32_t> slots = change.map_.add(of_node, change.pairs_ ? change.pairs_->size() : 1);
-  change.nodes_ = nodes_.with(node_ids, slots);
+  change.nodes_ = std::make_shared<const NodeTable>(nodes_->with(node_ids, slots));
   return slots;
 }
 
@@ -85,7 +63,7 @@ Shard::NodeChange Shard::adding(std::span<const std::uint64_t> node_ids, std::sp
   change.blocks_.resize((tiles + tiles_per_block_ - 1) / tiles_per_block_);
   if (tiles == num_tiles()) change.first_block_ = change.blocks_.size();
   for (std::size_t block = change.first_block_; block < change.blocks_.size(); ++block)
-    change.blocks_[block] = make_block(tiles_in_block(block, tiles));
+    change.blocks_[block] = make_tiles(tiles_in_block(block, tiles));
   const auto tile_at = [&](std::size_t tile) {
     const std::size_t block = tile / tiles_per_block_;
     if (block < change.first_block_) return committed(tile);  // a free lane there belongs to nobody
@@ -123,7 +101,7 @@ Shard::NodeChange Shard::removing(std::span<const std::uint32_t> slots) const {
   NodeChange change;
   change.map_ = map_;
   TileMap::Change gone = change.map_.remove(slots);
-  change.nodes_ = nodes_.moved(gone.slot_now);
+  change.nodes_ = std::make_shared<const NodeTable>(nodes_->moved(gone.slot_now));
   change.moves_ = std::move(gone.moves);
   const std::size_t tiles = change.map_.tiles();
   size_lists(change);
@@ -132,11 +110,12 @@ Shard::NodeChange Shard::removing(std::span<const std::uint32_t> slots) const {
   if (tiles == num_tiles() || tiles % tiles_per_block_ == 0) return change;
   --change.first_block_;
   change.copied_tiles_ = tiles_in_block(change.first_block_, tiles);
-  change.blocks_.back() = make_block(change.copied_tiles_);
+  change.blocks_.back() = make_tiles(change.copied_tiles_);
   return change;
 }
 
 void Shard::apply(NodeChange&& change) {
+  end_cut();
   const std::size_t doubles = layout_.doubles;
   for (const auto& [from, to] : change.moves_)
     copy_lane(committed(from / kLanes), committed(to / kLanes), doubles, from % kLanes, to % kLanes);

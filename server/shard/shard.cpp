@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <functional>
 #include <iterator>
 #include <limits>
@@ -9,6 +10,7 @@
 #include <optional>
 
 #include "server/physics/solver/step_operators.hpp"
+#include "server/shard/cut.hpp"
 
 namespace shearbus::shard {
 
@@ -55,12 +57,27 @@ void scatter(const From* values, const LaneRows& lanes, std::span<To> column) {
 }
 
 template <typename Lane, typename Value>
-const Lane* values_of(const AnswerColumn<Lane, Value>& column, const physics::TileOutputs& out,
-                      const physics::TileLedger&) {
+const Lane* values_of(const AnswerColumn<Lane, Value>& column, const TileAnswers& out, const physics::TileLedger&) {
   return out.*column.member;
 }
-const double* values_of(const LedgerColumn& column, const physics::TileOutputs&, const physics::TileLedger& ledger) {
+const double* values_of(const LedgerColumn& column, const TileAnswers&, const physics::TileLedger& ledger) {
   return ledger.term[static_cast<std::size_t>(column.term)];
+}
+
+// Adds the heat of a step to what the friction of each node has given to the bodies. A step that failed gave nothing.
+void sum_energy(const TileStates& layout, std::uint32_t active, physics::TileLedger& ledger, const double* from,
+                double* to, TileAnswers& out) {
+  constexpr physics::LedgerTerm kTerms[] = {physics::LedgerTerm::kHeatToSoft, physics::LedgerTerm::kHeatToHard};
+  double(*const sums[])[kLanes] = {&out.friction_energy_soft, &out.friction_energy_hard};
+  for (std::size_t side = 0; side < 2; ++side) {
+    const std::size_t at = layout.friction_energy + side * kLanes;
+    std::copy_n(from + at, kLanes, to + at);
+    for (const int lane : physics::lanes_of(active)) {
+      const auto l = static_cast<std::size_t>(lane);
+      if ((out.outcome[lane] & physics::kFailed) == 0) to[at + l] = from[at + l] + ledger(kTerms[side], lane);
+      (*sums[side])[lane] = to[at + l];
+    }
+  }
 }
 
 }  // namespace
@@ -101,7 +118,7 @@ Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std:
 Shard::Shard(PairTable pairs, std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> of_node,
              std::span<const double> initial_temperature, TaskPool& pool, const ShardOptions& options)
     : pairs_(std::move(pairs)),
-      layout_(pairs_.model(0), options.check_closure),
+      layout_(pairs_.model(0), options.check_closure, options.sum_energy),
       map_(pairs_.several()),
       pool_(pool),
       options_(options),
@@ -113,6 +130,33 @@ Shard::Shard(PairTable pairs, std::span<const std::uint64_t> node_ids, std::span
 
 double* Shard::buffer(std::size_t tile, unsigned which) const {
   return blocks_[tile / tiles_per_block_].get() + (tile % tiles_per_block_) * tile_doubles() + which * layout_.doubles;
+}
+
+Shard::~Shard() {
+  end_cut();
+}
+
+std::shared_ptr<Cut> Shard::cut() {
+  end_cut();
+  std::vector<const double*> blocks;
+  for (const Block& block : blocks_) blocks.push_back(block.get());
+  // Of a step that is being computed the states do not count yet.
+  return cut_ = std::make_shared<Cut>(Cut::Of{layout_, pairs_, map_, nodes_, std::move(blocks), tiles_per_block_,
+                                              committed_, has_trial_ ? touched_ : std::vector<std::uint32_t>(),
+                                              has_trial_});
+}
+
+// Called before tiles move or their memory is freed.
+void Shard::end_cut() {
+  if (cut_ && cut_.use_count() > 1) cut_->save_all();
+  cut_.reset();
+}
+
+// The buffer of the tile that is not committed, of which an unread cut may need the states.
+double* Shard::trial_to_write(std::size_t tile) const {
+  const unsigned which = 1U - committed_[tile];
+  if (cut_) cut_->before_write(tile, which);
+  return buffer(tile, which);
 }
 
 NodeGlance Shard::glance(std::size_t slot) const {
@@ -185,7 +229,7 @@ struct Shard::TileStep {
   LaneRows lanes;
   double work[kLanes] = {};
   physics::TileInputs in;
-  physics::TileOutputs out;
+  TileAnswers out;
 };
 
 class Shard::StepRun {
@@ -223,8 +267,8 @@ class Shard::StepRun {
 void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   if (rows.all) {
     for (std::size_t tile = 0; tile < num_tiles(); ++tile) tiles.push_back(static_cast<std::uint32_t>(tile));
-    for (std::size_t row = 0; row < nodes_.size() && !nodes_.slots_are_rows(); ++row)
-      row_of_slot_[nodes_.slot_of(row)] = static_cast<std::uint32_t>(row);
+    for (std::size_t row = 0; row < nodes_->size() && !nodes_->slots_are_rows(); ++row)
+      row_of_slot_[nodes_->slot_of(row)] = static_cast<std::uint32_t>(row);
     return;
   }
   for (std::size_t row = 0; row < rows.slots.size(); ++row) {
@@ -239,7 +283,7 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
 
 std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const Operators& operators,
                                                 const StepColumns& columns, std::shared_ptr<StepRun> run) {
-  const StepOf step{stepped_nodes(rows), rows.all && nodes_.slots_are_rows(), rows.others_are_open, operators, columns,
+  const StepOf step{stepped_nodes(rows), rows.all && nodes_->slots_are_rows(), rows.others_are_open, operators, columns,
                     columns.has_ledger()};
   if (run) {
     std::destroy_at(run.get());
@@ -268,7 +312,7 @@ std::shared_ptr<Shard::StepRun> Shard::prepare_attempt(const Rows& rows, const O
   auto run = prepared(rows, operators, columns);
   Attempt& attempt = run->attempt.emplace();
   attempt.tiles.reserve(std::max(num_tiles(), rows.slots.size()));
-  attempt.states = make_states(std::min(num_tiles(), run->step.num_nodes) * layout_.doubles);
+  attempt.states = make_block(std::min(num_tiles(), run->step.num_nodes) * layout_.doubles);
   attempt.start = committed_;
   for (const std::uint32_t tile : touched_)
     if (from_trial) attempt.start[tile] = static_cast<std::uint8_t>(1 - attempt.start[tile]);
@@ -286,6 +330,7 @@ std::shared_ptr<Shard::StepRun> Shard::prepare_extension(const Rows& rows, const
 }
 
 void Shard::begin(StepRun& run) {
+  if (cut_ && (cut_->over() || cut_.use_count() == 1)) cut_.reset();
   if (!run.attempt) rollback();
   std::vector<std::uint32_t>& tiles = run.attempt ? run.attempt->tiles : touched_;
   find_tiles(run.rows, tiles);
@@ -332,8 +377,7 @@ void Shard::run_seat(StepRun& run, std::size_t seat, double work) {
       }
       tile.tile = (*run.tiles)[at];
       tile.from = buffer(tile.tile, run.attempt ? run.attempt->start[tile.tile] : committed_[tile.tile]);
-      tile.to = run.attempt ? run.attempt->states.get() + at * layout_.doubles
-                            : buffer(tile.tile, 1U - committed_[tile.tile]);
+      tile.to = run.attempt ? run.attempt->states.get() + at * layout_.doubles : trial_to_write(tile.tile);
       ++at;
       begin_tile(run.step, tile);
       if (tile.in.active == 0) {
@@ -356,7 +400,8 @@ void Shard::run_seat(StepRun& run, std::size_t seat, double work) {
     }
     const StepCount done = end_tile(run.step, tile);
     here += done;
-    left -= done.work - spent_before;
+    // Lanes advance together: a tile takes the time of all its lanes, however few are active.
+    left -= (done.work - spent_before) * kLanes / std::popcount(tile.in.active);
   }
   const std::lock_guard lock(run.counting);
   run.count += here;
@@ -374,8 +419,7 @@ void Shard::finish(StepRun& run) {
   if (run.extends) {
     const Attempt& attempt = *run.attempt;
     for (std::size_t i = 0; i < attempt.tiles.size(); ++i)
-      std::copy_n(attempt.states.get() + i * layout_.doubles, layout_.doubles,
-                  buffer(attempt.tiles[i], 1U - committed_[attempt.tiles[i]]));
+      std::copy_n(attempt.states.get() + i * layout_.doubles, layout_.doubles, trial_to_write(attempt.tiles[i]));
     std::ranges::set_union(touched_, attempt.tiles, std::back_inserter(run.touched));
     touched_.assign(run.touched.begin(), run.touched.end());
   } else if (run.attempt) {
@@ -400,7 +444,7 @@ void Shard::adopt(const Attempt& attempt) {
   for (std::size_t i = 0; i < attempt.tiles.size(); ++i) {
     const std::uint32_t tile = attempt.tiles[i];
     touched_.push_back(tile);
-    std::copy_n(attempt.states.get() + i * doubles, doubles, buffer(tile, 1U - committed_[tile]));
+    std::copy_n(attempt.states.get() + i * doubles, doubles, trial_to_write(tile));
   }
   has_trial_ = true;
 }
@@ -430,13 +474,15 @@ void Shard::begin_tile(const StepOf& step, TileStep& tile) const {
 }
 
 StepCount Shard::end_tile(const StepOf& step, TileStep& tile) const {
-  const physics::TileOutputs& out = tile.out;
+  const TileAnswers& out = tile.out;
   physics::TileLedger ledger;
   const physics::Model& model = pairs_.model(map_.pair_of(tile.tile));
   const physics::StepOperators& operators = step.operators.of(map_.pair_of(tile.tile));
   if (step.columns.wants_tangent) model.linearise(operators, tile.in, tile.from, tile.to, tile.out);
   if (step.columns.wants_time_to_melting) model.predict_melting(operators, tile.in, tile.from, tile.out);
-  if (step.has_ledger) model.record_energy(operators, tile.in, out, tile.from, tile.to, ledger);
+  if (step.has_ledger || layout_.sums_energy())
+    model.record_energy(operators, tile.in, out, tile.from, tile.to, ledger);
+  if (layout_.sums_energy()) sum_energy(layout_, tile.in.active, ledger, tile.from, tile.to, tile.out);
   for (const OutputColumn& column : step.columns.outputs)
     std::visit([&](const auto& answer) { scatter(values_of(answer, out, ledger), tile.lanes, answer.values); }, column);
   StepCount count;

@@ -12,6 +12,7 @@
 
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/tile.hpp"
+#include "server/shard/block.hpp"
 #include "server/shard/closure.hpp"
 #include "server/shard/node_table.hpp"
 #include "server/shard/pairs.hpp"
@@ -21,6 +22,8 @@
 #include "server/shard/tile_map.hpp"
 
 namespace shearbus::shard {
+
+class Cut;
 
 // Numbers of nodes in a step, by outcome.
 struct StepCount {
@@ -38,6 +41,7 @@ struct ShardOptions {
   std::size_t nodes_per_task = 512;  // smallest number of nodes per thread if several threads share a step
   // true: force-driven nodes also keep the answered velocity jump and the times of layer and host (closure.hpp)
   bool check_closure = false;
+  bool sum_energy = false;  // nodes keep the friction heat that either body has got since they began
 };
 
 // The part of a node's committed state that an operator of the server can inspect.
@@ -56,6 +60,9 @@ class Shard {
   // in a shard of its pair alone.
   Shard(PairTable pairs, std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> of_node,
         std::span<const double> initial_temperature, TaskPool& pool, const ShardOptions& options = {});
+  Shard(const Shard&) = delete;
+  Shard& operator=(const Shard&) = delete;
+  ~Shard();  // saves what a cut has not read yet
 
   // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
   // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
@@ -79,8 +86,9 @@ class Shard {
   const physics::Model& model_of(std::size_t slot) const { return pairs_.model(map_.pair_of(slot / physics::kLanes)); }
   const PairTable& pairs() const { return pairs_; }
   std::uint32_t pair_of(std::size_t slot) const { return map_.pair_of(slot / physics::kLanes); }
-  const NodeTable& nodes() const { return nodes_; }
+  const NodeTable& nodes() const { return *nodes_; }
   bool check_closure() const { return layout_.check_closure(); }
+  bool sums_energy() const { return layout_.sums_energy(); }
   // One more than the highest slot that may hold a node.
   std::size_t slots() const { return map_.tiles() * physics::kLanes; }
   std::uint64_t state_bytes() const {
@@ -123,7 +131,7 @@ class Shard {
 
   // Number of nodes that a step of these rows includes.
   std::size_t stepped_nodes(const Rows& rows) const {
-    return rows.all || rows.others_are_open ? nodes_.size() : rows.slots.size();
+    return rows.all || rows.others_are_open ? nodes_->size() : rows.slots.size();
   }
 
   bool has_trial() const { return has_trial_; }
@@ -152,6 +160,10 @@ class Shard {
   NodeChange removing(std::span<const std::uint32_t> slots) const;
   void apply(NodeChange&& change);
 
+  // The states at this moment, for a reader on another thread while the shard goes on. One at a time: an earlier one that
+  // is not read yet is saved now.
+  std::shared_ptr<Cut> cut();
+
   States committed_states() const;  // committed states of every node
   // States of the nodes in these slots, as rows 0, 1, ...; if `of_trial`, the trial states of nodes that have one.
   States states_of(std::span<const std::uint32_t> slots, bool of_trial) const;
@@ -164,12 +176,6 @@ class Shard {
   static constexpr std::size_t kOperatorsKeptOfPairs = 2;  // in a shard of several pairs
 
  private:
-  struct Release {
-    std::size_t mapped_bytes = 0;  // size of a block mapped with mmap; 0: the block is on the heap
-    void operator()(double* p) const;
-  };
-  using Block = std::unique_ptr<double[], Release>;  // two states per tile: [tile][2][TileStates::doubles]
-
   static std::size_t tiles_for(std::size_t nodes) { return (nodes + physics::kLanes - 1) / physics::kLanes; }
   std::size_t num_tiles() const { return map_.tiles(); }
   static std::uint64_t bytes_per_node(const TileStates& layout);
@@ -180,8 +186,7 @@ class Shard {
   // Memory of the models and operators of the pairs that have nodes; 0 with one pair, whose share is small.
   std::uint64_t bytes_of_pairs(const TileMap& map, std::size_t pairs) const;
   std::size_t tile_doubles() const { return 2 * layout_.doubles; }
-  static Block make_states(std::size_t doubles);
-  Block make_block(std::size_t tiles) const { return make_states(tiles * tile_doubles()); }
+  Block make_tiles(std::size_t tiles) const { return make_block(tiles * tile_doubles()); }
   std::size_t tiles_in_block(std::size_t block, std::size_t tiles) const;
   double* buffer(std::size_t tile, unsigned which) const;
   double* committed(std::size_t tile) const { return buffer(tile, committed_[tile]); }
@@ -203,24 +208,27 @@ class Shard {
   void run_seat(StepRun& run, std::size_t seat, double work);
   void begin_tile(const StepOf& step, TileStep& tile) const;
   StepCount end_tile(const StepOf& step, TileStep& tile) const;
+  double* trial_to_write(std::size_t tile) const;
+  void end_cut();
 
   static constexpr std::uint32_t kNoRow = 0xffffffff;
 
   PairTable pairs_;
   TileStates layout_;
-  NodeTable nodes_;
+  std::shared_ptr<const NodeTable> nodes_ = std::make_shared<const NodeTable>();
   TileMap map_;
   TaskPool& pool_;
   ShardOptions options_;
   // The tiles are stored in blocks, so that a change of the set of nodes moves few states. The last block has only the
   // tiles it needs.
   std::size_t tiles_per_block_;
-  std::vector<Block> blocks_;
+  std::vector<Block> blocks_;               // two states per tile: [tile][2][TileStates::doubles]
   std::vector<std::uint8_t> committed_;     // number (0 or 1) of the buffer with the committed states, for each tile
   std::vector<std::uint32_t> touched_;      // numbers of the tiles that the trial changed, ascending
   std::vector<std::uint32_t> row_of_slot_;  // the request's row for the node in each slot, or kNoRow
   bool has_trial_ = false;
   std::uint64_t state_version_ = 0;
+  std::shared_ptr<Cut> cut_;  // states that somebody may still read; null: none
 
   // (step length [s], operators), last used first
   std::vector<std::pair<double, std::shared_ptr<const Operators>>> operators_;
@@ -235,7 +243,7 @@ struct Shard::Attempt {
 class Shard::NodeChange {
  private:
   friend class Shard;
-  NodeTable nodes_;
+  std::shared_ptr<const NodeTable> nodes_;
   TileMap map_;
   std::optional<PairTable> pairs_;  // absent: the pairs stay
   std::vector<Relocation> moves_;   // moves of states, made before the blocks change

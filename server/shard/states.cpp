@@ -15,6 +15,17 @@ std::uint32_t Shard::tile_of(std::uint32_t slot) {
   return slot / kLanes;
 }
 
+void add_pair_columns(const PairTable& pairs, const TileMap& map, std::span<const std::uint32_t> slots,
+                      States& states) {
+  for (std::size_t i = 0; i < pairs.columns().size(); ++i) {
+    const PairColumn& of_pair = pairs.columns()[i];
+    StateColumn column{.name = of_pair.name, .units = of_pair.units, .width = 1, .values = {}};
+    column.values.reserve(slots.size());
+    for (const std::uint32_t slot : slots) column.values.push_back(pairs[map.pair_of(slot / kLanes)].values[i]);
+    states.columns.push_back(std::move(column));
+  }
+}
+
 States Shard::states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const {
   States states{.rows = std::move(rows), .columns = {}};
   for (const physics::State& state : layout_.states()) {
@@ -29,19 +40,13 @@ States Shard::states_in(std::vector<std::uint32_t> rows, std::span<const std::ui
     }
     states.columns.push_back(std::move(column));
   }
-  for (std::size_t i = 0; i < pairs_.columns().size(); ++i) {
-    const PairColumn& of_pair = pairs_.columns()[i];
-    StateColumn column{.name = of_pair.name, .units = of_pair.units, .width = 1, .values = {}};
-    column.values.reserve(slots.size());
-    for (const std::uint32_t slot : slots) column.values.push_back(pairs_[pair_of(slot)].values[i]);
-    states.columns.push_back(std::move(column));
-  }
+  add_pair_columns(pairs_, map_, slots, states);
   return states;
 }
 
 States Shard::committed_states() const {
-  std::vector<std::uint32_t> slots(nodes_.size());
-  for (std::size_t row = 0; row < slots.size(); ++row) slots[row] = nodes_.slot_of(row);
+  std::vector<std::uint32_t> slots(nodes_->size());
+  for (std::size_t row = 0; row < slots.size(); ++row) slots[row] = nodes_->slot_of(row);
   return states_of(slots, false);
 }
 
@@ -54,8 +59,8 @@ States Shard::states_of(std::span<const std::uint32_t> slots, bool of_trial) con
 States Shard::trial_states() const {
   std::vector<std::uint32_t> rows;
   std::vector<std::uint32_t> slots;
-  for (std::uint32_t row = 0; row < nodes_.size(); ++row)
-    if (const std::uint32_t slot = nodes_.slot_of(row);
+  for (std::uint32_t row = 0; row < nodes_->size(); ++row)
+    if (const std::uint32_t slot = nodes_->slot_of(row);
         std::binary_search(touched_.begin(), touched_.end(), tile_of(slot))) {
       rows.push_back(row);
       slots.push_back(slot);
@@ -88,20 +93,21 @@ void Shard::check_states(const States& states, std::size_t nodes) const {
 
 void Shard::put_states(const States& states, bool of_trial) {
   write_states(states, layout_.states(), [&](std::size_t i) {
-    const std::uint32_t slot = nodes_.slot_of(states.rows[i]);
+    const std::uint32_t slot = nodes_->slot_of(states.rows[i]);
     const std::uint32_t tile = tile_of(slot);
     return buffer(tile, of_trial ? 1U - committed_[tile] : committed_[tile]) + slot % kLanes;
   });
 }
 
 void Shard::restore(const States& committed_states, const States* trial, std::uint64_t state_version) {
-  check_states(committed_states, nodes_.size());
-  if (trial != nullptr) check_states(*trial, nodes_.size());
+  check_states(committed_states, nodes_->size());
+  if (trial != nullptr) check_states(*trial, nodes_->size());
+  end_cut();
   rollback();
   put_states(committed_states, false);
   state_version_ = state_version;
   if (trial == nullptr) return;
-  for (const std::uint32_t row : trial->rows) touched_.push_back(tile_of(nodes_.slot_of(row)));
+  for (const std::uint32_t row : trial->rows) touched_.push_back(tile_of(nodes_->slot_of(row)));
   std::sort(touched_.begin(), touched_.end());
   touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
   // A tile may have lanes without a row in `trial`, as those beyond the last node. They need valid states, too.

@@ -25,6 +25,12 @@ struct States {
   std::vector<StateColumn> columns;
 };
 
+class PairTable;
+class TileMap;
+
+// Adds the columns that tell the pairs of the nodes in these slots.
+void add_pair_columns(const PairTable& pairs, const TileMap& map, std::span<const std::uint32_t> slots, States& states);
+
 // Writes the values of `states` into tiles. `states` must begin with one column for each entry of `known`, in the same
 // order; columns that tell the pairs of the nodes may follow, of which no tile has a copy;
 // `state_of(i)` points at the place in a tile where the state of node states.rows[i] begins.

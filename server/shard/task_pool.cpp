@@ -79,6 +79,7 @@ void Aside::start(std::function<void()> job) {
     thread_ = wire::own_thread([this, job = std::move(job)] {
       job();
       done_ = true;
+      done_.notify_all();
     });
   } catch (...) {
     done_ = true;

@@ -63,7 +63,8 @@ class Aside {
   // Starts a job, which must not throw, after the job before it has ended. Throws std::system_error if there is no
   // thread to be had.
   void start(std::function<void()> job);
-  bool done() const { return done_; }  // whether the last job has ended
+  bool done() const { return done_; }               // whether the last job has ended
+  void wait_for_end() const { done_.wait(false); }  // may be called on any thread
   void wait();
 
  private:

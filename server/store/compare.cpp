@@ -6,7 +6,9 @@
 #include <charconv>
 #include <cstring>
 #include <fstream>
+#include <optional>
 #include <stdexcept>
+#include <type_traits>
 #include <vector>
 
 #include "server/store/checkpoint.hpp"
@@ -35,9 +37,6 @@ std::string number(double value) {
   // Returns the shortest text that reads back to the same bits.
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
-std::string number(std::uint64_t value) {
-  return std::to_string(value);
-}
 
 std::string name_of(const SessionImage& session) {
   std::string name = "session ";
@@ -47,11 +46,6 @@ std::string name_of(const SessionImage& session) {
     name += kDigits[session.id[i] & 15];
   }
   return name;
-}
-
-template <typename Number>
-std::string difference(const std::string& what, Number a, Number b) {
-  return a == b ? std::string() : what + ": " + number(a) + " and " + number(b);
 }
 
 std::string difference(const std::string& where, const shard::States& a, const shard::States& b,
@@ -66,55 +60,66 @@ std::string difference(const std::string& where, const shard::States& a, const s
       const std::size_t at = row * x.width;
       for (std::size_t i = 0; i < x.width; ++i)
         if (std::bit_cast<std::uint64_t>(x.values[at + i]) != std::bit_cast<std::uint64_t>(y.values[at + i]))
-          return where + ", node " + number(node_ids[a.rows[row]]) + ", " + x.name +
-                 (x.width > 1 ? std::string(" ").append(number(std::uint64_t{i})) : "") + ": " +
-                 number(x.values[at + i]) + " and " + number(y.values[at + i]) + " " + x.units;
+          return where + ", node " + std::to_string(node_ids[a.rows[row]]) + ", " + x.name +
+                 (x.width > 1 ? std::string(" ").append(std::to_string(i)) : "") + ": " + number(x.values[at + i]) +
+                 " and " + number(y.values[at + i]) + " " + x.units;
     }
   return {};
 }
 
-std::string difference_of_marks(const std::string& where, const SessionImage& a, const SessionImage& b) {
-  if (std::string text = difference<std::uint64_t>(where + ", marks", a.marks.size(), b.marks.size()); !text.empty())
-    return text;
-  for (std::size_t i = 0; i < a.marks.size(); ++i) {
-    const MarkImage &x = a.marks[i], &y = b.marks[i];
-    const std::string mark = where + ", mark \"" + x.name + "\"";
-    if (x.name != y.name) return mark + ": \"" + y.name + "\" there";
-    if (x.node_ids != y.node_ids) return mark + ": other nodes, or in another order";
-    std::string text = difference(mark + ", state version", x.state_version, y.state_version);
-    if (text.empty()) text = difference(mark, x.states, y.states, x.node_ids);
-    if (!text.empty()) return text;
+std::string difference(const std::string& where, const std::vector<MarkImage>& a, const std::vector<MarkImage>& b);
+
+// Compares one field of two images of the same nodes.
+template <typename Value>
+std::string difference(const std::string& where, const char* what, const Value& a, const Value& b,
+                       const std::vector<std::uint64_t>& node_ids) {
+  if constexpr (std::is_integral_v<Value>) {
+    return a == b ? std::string() : where + ", " + what + ": " + std::to_string(a) + " and " + std::to_string(b);
+  } else if constexpr (std::is_same_v<Value, shard::States>) {
+    return difference(where, a, b, node_ids);
+  } else if constexpr (std::is_same_v<Value, std::optional<shard::States>>) {
+    if (a.has_value() != b.has_value()) return where + ": a " + what + " stands in one only";
+    return a ? difference(where + ", " + what, *a, *b, node_ids) : std::string();
+  } else if constexpr (std::is_same_v<Value, std::vector<MarkImage>>) {
+    return difference(where, a, b);
+  } else {
+    return a == b ? std::string() : where + ": other " + what;
+  }
+}
+
+// The first field that differs.
+template <typename Image>
+std::string difference_of(const std::string& where, const Image& a, const Image& b) {
+  std::string text;
+  Image::fields([&](const char*, auto member, const FieldOf& field) {
+    if (text.empty() && field.compared != nullptr)
+      text = difference(where, field.compared, a.*member, b.*member, a.node_ids);
+  });
+  return text;
+}
+
+std::string difference(const std::string& where, const std::vector<MarkImage>& a, const std::vector<MarkImage>& b) {
+  if (a.size() != b.size()) return where + ", marks: " + std::to_string(a.size()) + " and " + std::to_string(b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const std::string mark = where + ", mark \"" + a[i].name + "\"";
+    if (a[i].name != b[i].name) return mark + ": \"" + b[i].name + "\" there";
+    if (std::string text = difference_of(mark, a[i], b[i]); !text.empty()) return text;
   }
   return {};
 }
 
 std::string difference(const SessionImage& a, const SessionImage& b) {
-  const std::string where = name_of(a);
-  if (a.open != b.open) return where + ": open in one, closed in the other";
-  std::string text = difference(where + ", last request", a.last_sequence, b.last_sequence);
-  if (!text.empty() || !a.open) return text;
-  if (a.scene != b.scene) return where + ": other scenes";
-  if (a.node_ids != b.node_ids) return where + ": other nodes, or in another order";
-  text = difference(where + ", state version", a.state_version, b.state_version);
-  if (text.empty()) text = difference(where, a.committed, b.committed, a.node_ids);
-  if (text.empty() && a.trial.has_value() != b.trial.has_value()) text = where + ": a trial stands in one only";
-  if (text.empty() && (a.part_header != b.part_header || a.part_rows != b.part_rows))
-    text = where + ": other parts of a step have come";
-  if (text.empty() && a.trial) text = difference(where + ", trial", *a.trial, *b.trial, a.node_ids);
-  return text.empty() ? difference_of_marks(where, a, b) : text;
+  if (a.open != b.open) return name_of(a) + ": open in one, closed in the other";
+  return difference_of(name_of(a), a, b);
 }
 
 // Compares the nodes that sessions have offered and no session has accepted yet, in the order of the ids of the offers.
 std::string difference_of_transfers(const Snapshot& a, const Snapshot& b) {
   const std::string where = "nodes offered";
-  if (std::string text = difference<std::uint64_t>(where + ", offers", a.transfers.size(), b.transfers.size());
-      !text.empty())
-    return text;
-  for (std::size_t i = 0; i < a.transfers.size(); ++i) {
-    const TransferImage &x = a.transfers[i], &y = b.transfers[i];
-    if (x.node_ids != y.node_ids) return where + ": other nodes, or in another order";
-    if (std::string text = difference(where, x.states, y.states, x.node_ids); !text.empty()) return text;
-  }
+  if (a.transfers.size() != b.transfers.size())
+    return where + ", offers: " + std::to_string(a.transfers.size()) + " and " + std::to_string(b.transfers.size());
+  for (std::size_t i = 0; i < a.transfers.size(); ++i)
+    if (std::string text = difference_of(where, a.transfers[i], b.transfers[i]); !text.empty()) return text;
   return {};
 }
 

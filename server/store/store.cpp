@@ -528,7 +528,8 @@ bool Store::checkpoint_due() const {
 }
 
 struct Store::CheckpointJob {
-  Snapshot snapshot;
+  Snapshot snapshot;             // until it is written
+  std::uint64_t next_index = 0;  // of the snapshot
   std::uint64_t generation = 0;
   std::uint64_t bytes_before = 0;  // journal size and work since the checkpoint before
   double work_before = 0.0;
@@ -548,7 +549,7 @@ bool Store::checkpoint(Snapshot snapshot) {
 std::shared_ptr<Store::CheckpointJob> Store::begin_checkpoint(Snapshot snapshot) {
   auto job = std::make_shared<CheckpointJob>();
   job->snapshot = std::move(snapshot);
-  job->snapshot.next_index = next_index_;
+  job->snapshot.next_index = job->next_index = next_index_;
   job->snapshot.store = identity_.id;
   job->bytes_before = std::exchange(bytes_since_checkpoint_, 0);
   job->work_before = std::exchange(work_since_checkpoint_, 0.0);
@@ -565,11 +566,21 @@ std::shared_ptr<Store::CheckpointJob> Store::begin_checkpoint(Snapshot snapshot)
   return job;
 }
 
+namespace {
+
+// The bytes of a snapshot, whose memory is given up before they are written.
+std::vector<std::byte> image_of(Snapshot snapshot, std::uint64_t generation) {
+  if (const auto complete = std::exchange(snapshot.complete, nullptr)) complete(snapshot);
+  return checkpoint_bytes(snapshot, generation);
+}
+
+}  // namespace
+
 void Store::write(CheckpointJob& job) const try {
   if (!job.fault.empty()) return;
   const std::string file = checkpoint_name(job.generation);
   const std::string unfinished = file + std::string(kUnfinished);
-  write_new(unfinished, checkpoint_bytes(job.snapshot, job.generation), true);
+  write_new(unfinished, image_of(std::move(job.snapshot), job.generation), true);
   job.named = true;
   storage_.rename(unfinished, file);
   storage_.sync_directory();
@@ -594,7 +605,7 @@ bool Store::end_checkpoint(CheckpointJob& job) {
   retry_at_work_ = 0.0;
   ++counters_.checkpoints;
   counters_.checkpoint_bytes = job.size;
-  checkpoints_.push_back({job.generation, job.snapshot.next_index});
+  checkpoints_.push_back({job.generation, job.next_index});
   try {
     StoreIdentity identity = identity_;
     identity.last_checkpoint = checkpoints_.back().number;

@@ -78,6 +78,13 @@ class Guard {
       connection->bytes.store(0, std::memory_order_relaxed);
   }
 
+  bool end(int file) {
+    const std::lock_guard lock(mutex_);
+    if (!active_.load() || file < 0 || static_cast<std::size_t>(file) >= connections_.size()) return false;
+    const std::uint64_t cookie = connections_[static_cast<std::size_t>(file)].cookie;
+    return cookie != 0 && cookie == cookie_of(file) && ::shutdown(file, SHUT_RDWR) == 0;
+  }
+
   GuardCounters counters() {
     const std::lock_guard lock(mutex_);
     return counters_;
@@ -129,6 +136,9 @@ void begin_descriptor_guard() {
 }
 GuardCounters descriptor_guard_counters() {
   return guard().counters();
+}
+bool end_connection(int file) {
+  return guard().end(file);
 }
 
 }  // namespace shearbus::transport

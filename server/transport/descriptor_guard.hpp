@@ -34,4 +34,8 @@ void begin_descriptor_guard();
 
 GuardCounters descriptor_guard_counters();
 
+// Ends a connection that was accepted since begin(): libzmq finds the end of its stream, and closes it. Returns false if
+// the descriptor is another file by now.
+bool end_connection(int file);
+
 }  // namespace shearbus::transport

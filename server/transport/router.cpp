@@ -263,12 +263,34 @@ bool Router::answer_one(const Handler& handler) {
     return true;
   }
   message.user = user != nullptr ? user : "";
+  if (!options_.curve_secret_key.empty() && user != nullptr) remember_connection(message);
   const Answer answer = ask(handler, message);
   if (answer.kind != Answer::Kind::kDone)
     hold(std::move(next_), answer.kind);
   else if (answer.count != 0)
     send(message.peer, answer);
   return true;
+}
+
+// libzmq tells the descriptor of a message's connection, and has no call that closes one connection.
+void Router::remember_connection(Message& message) {
+  constexpr std::size_t kMostFiles = std::size_t{1} << 16;
+  const int file = zmq_msg_get(message.frames[0].handle(), ZMQ_SRCFD);
+  if (file < 0 || static_cast<std::size_t>(file) >= kMostFiles) return;
+  const auto place = static_cast<std::size_t>(file);
+  if (place >= users_of_files_.size()) users_of_files_.resize(place + 1);
+  if (users_of_files_[place] != message.user) users_of_files_[place] = message.user;
+}
+
+std::size_t Router::end_connections(const std::function<bool(std::string_view user)>& are_out) {
+  std::size_t ended = 0;
+  for (std::size_t file = 0; file < users_of_files_.size(); ++file) {
+    std::string& user = users_of_files_[file];
+    if (user.empty() || !are_out(user)) continue;
+    ended += end_connection(static_cast<int>(file)) ? 1 : 0;
+    user.clear();
+  }
+  return ended;
 }
 
 Answer Router::ask(const Handler& handler, const Message& message) {

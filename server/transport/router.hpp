@@ -113,6 +113,9 @@ class Router {
   // Connections stay. Returns a line for the log for each change. To be called now and then.
   std::vector<std::string> look_after_paths();
 
+  // Ends the connections by which users of keys have sent messages that `are_out` names. Returns their number.
+  std::size_t end_connections(const std::function<bool(std::string_view user)>& are_out);
+
   // Answers requests until `stop_fd` is readable or `pulse.beat` returns false. A request in progress is completed
   // first.
   void run(const Handler& handler, int stop_fd, const Pulse& pulse = {});
@@ -143,6 +146,7 @@ class Router {
   void bind_tcp(const Endpoint& endpoint);
   void guard(Peer::Way way);  // makes the access handler judge every peer of the endpoint that is bound next
   bool answer_one(const Handler& handler);
+  void remember_connection(Message& message);
   Answer ask(const Handler& handler, const Message& message);
   void hold(std::unique_ptr<Message> message, Answer::Kind kind);
   void bind_socket(const std::string& endpoint);
@@ -162,6 +166,7 @@ class Router {
   std::unique_ptr<AccessHandler> access_;
   zmq::socket_t socket_;
   bool serves_own_process_ = false;
+  std::vector<std::string> users_of_files_;    // the last user of each connection, by its descriptor; with keys only
   std::unique_ptr<Message> next_;              // receives the next message
   std::deque<std::unique_ptr<Message>> held_;  // messages that are handed to the handler again, oldest first
   std::size_t waiting_ = 0;                    // number of those that may be dropped, and their size

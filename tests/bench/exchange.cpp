@@ -1,5 +1,5 @@
 // shearbus-bench-exchange KIND NODES STEPS makes steps for a counter of instructions (instructions.py), in one thread
-// and without a socket. KIND is `service` or `shard` (exchange.hpp).
+// and without a socket. KIND is `service`, `embedded` or `shard` (exchange.hpp).
 #include "tests/bench/exchange.hpp"
 
 #include <cstdio>
@@ -17,11 +17,13 @@ void make_steps(const char* nodes, const char* steps) {
 
 int main(int argc, char** argv) {
   if (argc != 4) {
-    std::fprintf(stderr, "usage: shearbus-bench-exchange service|shard NODES STEPS\n");
+    std::fprintf(stderr, "usage: shearbus-bench-exchange service|embedded|shard NODES STEPS\n");
     return 2;
   }
   if (!__builtin_cpu_supports("avx2")) return 77;
-  const bool by_service = std::string_view(argv[1]) == "service";
-  (by_service ? make_steps<shearbus::bench::ByService> : make_steps<shearbus::bench::ByShard>)(argv[2], argv[3]);
+  const std::string_view kind = argv[1];
+  (kind == "service"    ? make_steps<shearbus::bench::ByService>
+   : kind == "embedded" ? make_steps<shearbus::bench::Embedded>
+                        : make_steps<shearbus::bench::ByShard>)(argv[2], argv[3]);
   return 0;
 }

@@ -21,18 +21,26 @@ constexpr auto kStrategy = wire::Strategy::kForceDriven;
 // A client's request is encoded, answered by the service, and its reply decoded.
 class ByService {
  public:
-  explicit ByService(const std::vector<std::uint64_t>& ids)
-      : request_(support::ServiceHarness::step(0, support::step_columns(kStrategy, ids, 0))) {
-    harness_.ask(support::ServiceHarness::opening(support::force_scene(1), ids));
+  explicit ByService(const std::vector<std::uint64_t>& ids, bool in_process = false)
+      : caller_{.in_process = in_process},
+        request_(support::ServiceHarness::step(0, support::step_columns(kStrategy, ids, 0))) {
+    harness_.ask(support::ServiceHarness::opening(support::force_scene(1), ids), caller_);
   }
   void step() {
     ++request_.sequence;
-    if (harness_.ask(request_).code() != wire::Code::kOk) std::abort();
+    if (harness_.ask(request_, caller_).code() != wire::Code::kOk) std::abort();
   }
 
  private:
   support::ServiceHarness harness_;
+  service::Caller caller_;
   wire::Request request_;
+};
+
+// The same with a server in the client's process.
+class Embedded : public ByService {
+ public:
+  explicit Embedded(const std::vector<std::uint64_t>& ids) : ByService(ids, true) {}
 };
 
 class ByShard {

@@ -8,7 +8,6 @@ Counted: instructions of the host's thread per step in C, C++ and Fortran, by va
 two runs of different length; they do not depend on the machine's load. Timed: blocks of steps in C, C++, Fortran and
 Python in turn; printed are the smallest and the lower quartile of the blocks' times per step. With --bounds the exit
 code tells whether the instructions agree within 5 % and Python's smallest time is at most 1.3 times that of C."""
-import argparse
 import pathlib
 import re
 import subprocess
@@ -18,6 +17,8 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "contract"))
 import coupling_page  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/report"))
+from terminal import Parser, whole_number  # noqa: E402
 
 AGREEMENT, PYTHON_RATIO = 0.05, 1.3
 SHORT = 200  # steps of the short run: past those that the closure check watches
@@ -175,12 +176,12 @@ def quartile(values):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True)
-    parser.add_argument("--nodes", type=int, default=10)
-    parser.add_argument("--blocks", type=int, default=60)
-    parser.add_argument("--steps", type=int, default=50)
-    parser.add_argument("--count", type=int, default=1000, help="steps that are counted")
+    parser.add_argument("--nodes", type=whole_number, default=10)
+    parser.add_argument("--blocks", type=whole_number, default=60)
+    parser.add_argument("--steps", type=whole_number, default=50)
+    parser.add_argument("--count", type=whole_number, default=1000, help="steps that are counted")
     parser.add_argument("--bounds", action="store_true")
     options = parser.parse_args()
     source = pathlib.Path(__file__).resolve().parents[2]

@@ -7,7 +7,6 @@ The rate is limited by a token bucket (tc tbf) at both ends. The delay of each w
 host's namespace holds all bytes for so long, and its own cost is in the row without delay. Prints the fastest step next to what the figures
 of that row predict: the step without a network limit, plus round trips times delay, plus bytes by rate. A step on several servers takes two round
 trips, since it is committed when its trial stands on all of them, and one with commit_previous. Exit code 77: this machine has no namespaces."""
-import argparse
 import contextlib
 import json
 import os
@@ -22,6 +21,9 @@ import threading
 import time
 
 import numpy
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/report"))
+from terminal import Parser, real_number, whole_number  # noqa: E402
 
 OPTIONS = None
 SKIPPED = 77
@@ -166,13 +168,13 @@ def main():
     import shearbus
     if sys.argv[1:2] == ["--host"]:
         return play(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), bool(int(sys.argv[5])))
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Parser(description=__doc__)
     parser.add_argument("--bin", type=pathlib.Path, required=True)
-    parser.add_argument("--nodes", type=int, nargs="*", default=[100, 10_000, 100_000])
-    parser.add_argument("--delays", type=float, nargs="*", default=[0, 0.1, 1, 5], help="of one way, ms")
-    parser.add_argument("--rates", type=int, nargs="*", default=[0, 1000, 100], help="Mbit/s; 0: no limit")
-    parser.add_argument("--shards", type=int, nargs="*", default=[1, 2])
-    parser.add_argument("--steps", type=int, default=15)
+    parser.add_argument("--nodes", type=whole_number, nargs="*", default=[100, 10_000, 100_000])
+    parser.add_argument("--delays", type=real_number, nargs="*", default=[0, 0.1, 1, 5], help="of one way, ms")
+    parser.add_argument("--rates", type=whole_number, nargs="*", default=[0, 1000, 100], help="Mbit/s; 0: no limit")
+    parser.add_argument("--shards", type=whole_number, nargs="*", default=[1, 2])
+    parser.add_argument("--steps", type=whole_number, default=15)
     parser.add_argument("--out", type=pathlib.Path)
     OPTIONS = parser.parse_args()
     if os.geteuid() != 0 or run("ip", "netns", "list", check=False).returncode:

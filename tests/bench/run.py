@@ -11,7 +11,6 @@ with the load of the machine, which the file records; the ratios of a part move 
     bus         round trips by ipc, tcp and inproc against bare ZeroMQ, the embedded C call against copies, and MPI
     durability  event log and journal on and off
     cone        a whole run of the hydrocode, with the layers of the server against its own Coulomb-Tresca law"""
-import argparse
 import datetime
 import json
 import os
@@ -25,6 +24,8 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "client/report"))
+from terminal import Parser, whole_number  # noqa: E402
 PARTS = ("rooms", "bus", "durability", "cone")
 MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "-n", "2"]
 NODES = (100, 1_000, 10_000, 100_000)
@@ -139,12 +140,12 @@ def table(rows):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin", help="directory of the programs")
     parser.add_argument("--out", type=pathlib.Path, help="file of the measurements")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help="some of the parts: %(choices)s")
     parser.add_argument("--quick", action="store_true", help="a tenth of the rounds: shows that everything runs, measures little")
-    parser.add_argument("--cpus", type=int, nargs="+", help="processors to bind to; by default the last two")
+    parser.add_argument("--cpus", type=whole_number, nargs="+", help="processors to bind to; by default the last two")
     given = parser.parse_args()
     os.sched_setaffinity(0, given.cpus or sorted(os.sched_getaffinity(0))[-2:])
     found = machine()

@@ -8,7 +8,6 @@ node-step against 10,000 nodes on the same server in alternation, the growth of 
 kill -9, from the journal alone and from a checkpoint. For each number of shards the time of the same step, the numbers of shards in turn.
 Times are of the fastest step of several, since other load of the machine only adds to them, and ratios are of the same run. Prints tables in
 Markdown; --out gets the figures. The largest case needs 450 B per node of memory, and 800 B more while it writes a checkpoint."""
-import argparse
 import contextlib
 import json
 import os
@@ -20,6 +19,9 @@ import tempfile
 import time
 
 import numpy
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/report"))
+from terminal import Parser, whole_number  # noqa: E402
 
 OPTIONS = None
 REFERENCE = 10_000  # nodes
@@ -191,14 +193,14 @@ def table(rows, *names):
 
 def main():
     global OPTIONS, shearbus
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Parser(description=__doc__)
     parser.add_argument("--bin", type=pathlib.Path, required=True)
-    parser.add_argument("--nodes", type=int, nargs="*", default=[10_000, 100_000, 200_000, 1_000_000, 4_000_000])
-    parser.add_argument("--cells", type=int, default=20)
-    parser.add_argument("--shard-cells", type=int, nargs="*", default=[20, 200])
-    parser.add_argument("--shards", type=int, nargs="*", default=sorted({1, 2, len(os.sched_getaffinity(0))}))
-    parser.add_argument("--shard-nodes", type=int, default=200_000)
-    parser.add_argument("--steps", type=int, default=5)
+    parser.add_argument("--nodes", type=whole_number, nargs="*", default=[10_000, 100_000, 200_000, 1_000_000, 4_000_000])
+    parser.add_argument("--cells", type=whole_number, default=20)
+    parser.add_argument("--shard-cells", type=whole_number, nargs="*", default=[20, 200])
+    parser.add_argument("--shards", type=whole_number, nargs="*", default=sorted({1, 2, len(os.sched_getaffinity(0))}))
+    parser.add_argument("--shard-nodes", type=whole_number, default=200_000)
+    parser.add_argument("--steps", type=whole_number, default=5)
     parser.add_argument("--scratch", help="directory for the states; by default that for temporary files")
     parser.add_argument("--out", type=pathlib.Path)
     OPTIONS = parser.parse_args()

@@ -114,7 +114,10 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   // for the stress of the contact. A limit that falls with slip is searched from both ends.
   const bool falls = has_friction(options) && properties_of(options.interface.friction_law).falls_with_slip;
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
-          .limit_values = (options.plastic_layer ? 60 * 200 : falls ? 400 : 60) * kLanes * solves,
+          .limit_values = (options.plastic_layer ? 60 * 200
+                           : falls               ? 400
+                                                 : 60) *
+                          kLanes * solves,
           .newton_steps = 20000,
           .guarded_steps = kLanes};
 }

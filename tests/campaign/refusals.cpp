@@ -99,12 +99,6 @@ std::vector<BadScene> bad_scenes() {
        with(velocity, [](Scene& s) { s.mutable_hard()->set_melting_curve(v1::MELTING_CURVE_LINDEMANN); })},
       {"Simon's curve without its constants", "soft.simon_temperature_k",
        with(velocity, [](Scene& s) { s.mutable_soft()->set_melting_curve(v1::MELTING_CURVE_SIMON); })},
-      {"a face that keeps its temperature, of a body in modes", "layer.far_boundary",
-       with(force,
-            [](Scene& s) {
-              s.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_ISOTHERMAL);
-              s.mutable_layer()->set_heat(v1::HEAT_MODES);
-            })},
       {"pressure term of a law without one", "soft.pressure_term",
        with(velocity,
             [](Scene& s) {

@@ -170,7 +170,7 @@ static void bad_openings(void) {
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_SCENE, "no scene");
   options.scene_file = "/nowhere/scene.toml";
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_SCENE,
-          "/nowhere/scene.toml cannot be read");
+          "/nowhere/scene.toml: cannot be opened");
   options.scene_text = "strategy = 'force_driven'\n";
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_SCENE, "both");
   options.scene_file = NULL;
@@ -429,6 +429,14 @@ static void environment(void) {
   OK(shearbus_close(&session, &status));
   unsetenv("SHEARBUS_ENDPOINT");
   unsetenv("SHEARBUS_SCENE");
+  /* A program whose command line decides. */
+  options.endpoint = endpoint;
+  options.scene_file = scene;
+  options.ignore_environment = 1;
+  setenv("SHEARBUS_ENDPOINT", "ipc:///nowhere/bus", 1);
+  OK(shearbus_open(&session, &options, N, ids, NULL, &status));
+  OK(shearbus_close(&session, &status));
+  unsetenv("SHEARBUS_ENDPOINT");
   unsetenv("SHEARBUS_LOG");
   FILE* log = fopen(log_file, "r");
   CHECK(log != NULL && fgets(line, sizeof line, log) != NULL && strstr(line, "session of 6 nodes") != NULL);
@@ -606,6 +614,65 @@ static void facts(void) {
   CHECK(session == NULL);
 }
 
+/* The answer to a question, or "". */
+static const char* answer_to(shearbus_operator* of, int what, const char* named) {
+  const char* answer = "";
+  shearbus_question question = SHEARBUS_QUESTION_INIT;
+  question.what = what;
+  question.session = named;
+  question.top = 1;
+  question.count = 2;
+  question.last_sequence = 1;
+  OK(shearbus_ask(of, &question, &answer, &status));
+  return answer;
+}
+/* What operators ask, of which this user is one; the whole text of a long fault. */
+static void operators(void) {
+  shearbus_operator* of = NULL;
+  shearbus_session* session = NULL;
+  shearbus_options options = options_of();
+  shearbus_request request = request_of(SHEARBUS_ADVANCE);
+  shearbus_question question = SHEARBUS_QUESTION_INIT;
+  const char* answer = NULL;
+  char named[33], ticket[SHEARBUS_TICKET_BYTES], count[32];
+  reset();
+  OK(shearbus_open(&session, &options, N, ids, NULL, &status));
+  OK(shearbus_step(session, &request, NULL, &status));
+  OK(shearbus_ticket(session, ticket, &status));
+  snprintf(named, sizeof named, "%.32s", ticket);
+  snprintf(count, sizeof count, "\"nodes\": %d", N);
+  OK(shearbus_connect(&of, &options, &status));
+  REFUSED(shearbus_connect(&of, &options, &status), SHEARBUS_INVALID_VALUE, "connected already");
+  CHECK(strstr(answer_to(of, SHEARBUS_ASK_WELCOME, NULL), "\"access\": \"uid\"") != NULL);
+  CHECK(strstr(answer_to(of, SHEARBUS_ASK_STATUS, NULL), "\"sessions\": 1,") != NULL);
+  answer = answer_to(of, SHEARBUS_ASK_SESSIONS, NULL);
+  CHECK(strstr(answer, named) != NULL && strstr(answer, count) != NULL);
+  answer = answer_to(of, SHEARBUS_ASK_TOP, named);
+  CHECK(strstr(answer, "\"matching\": 6, \"node_id\": [") != NULL && strstr(answer, "\"regime\": [") != NULL);
+  question.what = 99;
+  REFUSED(shearbus_ask(of, &question, &answer, &status), SHEARBUS_INVALID_VALUE, "what is 99");
+  question.what = SHEARBUS_ASK_TOP;
+  question.session = "7";
+  REFUSED(shearbus_ask(of, &question, &answer, &status), SHEARBUS_INVALID_VALUE, "32 hexadecimal digits");
+  CHECK(strstr(answer_to(of, SHEARBUS_ASK_CLOSE, named), "\"node_steps\": 6") != NULL);
+  REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_UNKNOWN_SESSION, "");
+  CHECK(strcmp(shearbus_fault_text(), status.text) == 0);
+  shearbus_leave(&session);
+  shearbus_disconnect(&of);
+  CHECK(of == NULL);
+  REFUSED(shearbus_ask(of, &question, &answer, &status), SHEARBUS_INVALID_VALUE, "no operator");
+
+  char public_key[SHEARBUS_KEY_BYTES], secret_key[SHEARBUS_KEY_BYTES], text[4096] = "";
+  OK(shearbus_make_keys(public_key, secret_key, &status));
+  CHECK(strlen(public_key) == 40 && strlen(secret_key) == 40 && strcmp(public_key, secret_key) != 0);
+  for (int i = 0; i < 60; ++i) snprintf(text + strlen(text), sizeof text - strlen(text), "unknown_key_%d = 1\n", i);
+  options.scene_file = NULL;
+  options.scene_text = text;
+  options.scene_name = "keys.toml";
+  REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_SCENE, "keys.toml:1:1: ");
+  CHECK(strlen(shearbus_fault_text()) > strlen(status.text) && strstr(shearbus_fault_text(), "unknown_key_30") != NULL);
+}
+
 static int asked;
 static int stops_at_the_third(void* user) {
   return ++*(int*)user >= 3;
@@ -650,6 +717,7 @@ int main(int argc, char** argv) {
   closure();
   stick_form();
   facts();
+  operators();
   interrupted(server);
   interruptions(&server);
   const int code = stop(server, SIGTERM);

@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """Checks what a shared library of the project shows to the process that loads it: it exports the C functions of the header and nothing
-else, and needs only the libraries that are named here. With --columns and --schema the numbers of the header are compared with the
-columns and the codes of the wire."""
+else, and needs only the libraries that are named here. The options of a session in all languages are those of the header."""
 import argparse
 import pathlib
 import re
@@ -26,21 +25,20 @@ def library_faults(library, header, allowed):
             yield f"{library.name} needs {name} (allowed: {', '.join(sorted(allowed))})"
 
 
-def number_faults(header, columns, schema):
-    numbers = {name: int(value) for name, value in re.findall(r"^\s*SHEARBUS_(\w+) = (\d+)", header, re.M)}
-    rows = {}
-    for kind, body in re.findall(r"^(NODE|INPUT|STICK|OUTPUT|EXCHANGE|LEDGER|PROFILE)\((.*)", columns, re.M):
-        parts = [part.strip() for part in body.split(",")]
-        number, quantity = (parts[2], parts[4]) if kind == "LEDGER" else (parts[1], parts[3])
-        if kind != "NODE":
-            rows[quantity.upper()] = int(number)
-    codes = {name: int(value) for name, value in re.findall(r"^\s*CODE_(\w+) = (\d+)", schema, re.M) if int(value) > 1}
-    for name, number in {**rows, **codes}.items():
-        if numbers.get(name) != number:
-            yield f"shearbus.h has SHEARBUS_{name} = {numbers.get(name)}, the wire has {number}"
-    for name, number in numbers.items():
-        if 10 <= number < 100 and name not in rows and not name.startswith("OUTCOME_"):
-            yield f"shearbus.h has SHEARBUS_{name} = {number}, which is no column of the wire"
+def option_faults(header, client):
+    """Every option of C is one of C++, Fortran and Python, of the same name but for its unit."""
+    members = re.search(r"typedef struct shearbus_options \{(.*?)\} shearbus_options;", re.sub(r"/\*.*?\*/", "", header, flags=re.S), re.S)[1]
+    options = set(re.findall(r"(\w+);", members)) - {"size", "log", "log_user", "interrupted", "interrupted_user"}
+    options -= {"scene_name", "ignore_environment"}  # for programs with a command line
+    cxx = re.search(r"\nstruct Options \{(.*?)\n\};", (client / "include/shearbus/client.hpp").read_text(), re.S)[1]
+    fortran = re.search(r"subroutine open_64\((.*?)\)", (client / "fortran/shearbus.f90").read_text(), re.S)[1]
+    python = re.search(r"\ndef open\((.*?)\):", (client / "python/shearbus/session.py").read_text(), re.S)[1]
+    own = {"Python": {"scene_file": "scene", "scene_text": "scene"}, "Fortran": {"scene_file": "scene"}, "C++": {}}
+    for language, text in (("C++", cxx), ("Fortran", fortran), ("Python", python)):
+        for option in sorted(options):
+            name = own[language].get(option, option if language == "C++" else option.removesuffix("_s"))
+            if not re.search(rf"\b{name}\b", text):
+                yield f"{language} has no option {name}, which shearbus.h has"
 
 
 def main():
@@ -48,14 +46,11 @@ def main():
     parser.add_argument("--library", type=pathlib.Path, required=True)
     parser.add_argument("--header", type=pathlib.Path, required=True)
     parser.add_argument("--needs", required=True, help="names of the allowed libraries, comma-separated, without .so")
-    parser.add_argument("--columns-header", type=pathlib.Path, help="shearbus/columns.h of the build")
-    parser.add_argument("--columns", type=pathlib.Path, help="proto/wire/columns.inc")
-    parser.add_argument("--schema", type=pathlib.Path, help="proto/shearbus/v1/envelope.proto")
     options = parser.parse_args()
     header = options.header.read_text()
     faults = list(library_faults(options.library, header, set(options.needs.split(","))))
-    if options.columns:
-        faults += number_faults(header + options.columns_header.read_text(), options.columns.read_text(), options.schema.read_text())
+    if "shearbus_options" in header:
+        faults += option_faults(header, options.header.parents[2])
     print("\n".join(faults) if faults else f"{options.library.name} shows what its header says")
     return 1 if faults else 0
 

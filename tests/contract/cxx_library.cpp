@@ -91,7 +91,7 @@ void errors() {
   Host host;
   shearbus::Options options = options_of();
   options.scene_file = "/nowhere.toml";
-  REFUSED(shearbus::Session(options, host.ids), SHEARBUS_INVALID_SCENE, "/nowhere.toml cannot be read");
+  REFUSED(shearbus::Session(options, host.ids), SHEARBUS_INVALID_SCENE, "/nowhere.toml: cannot be opened");
   options = options_of();
   options.endpoint = "ipc:///tmp/shearbus-nobody-listens";
   options.connect_deadline_s = 0.2;
@@ -347,6 +347,24 @@ void kills() {
   successor.close();
 }
 
+void operators() {
+  Host host;
+  shearbus::Session bus(options_of(), host.ids);
+  bus.step(host.step());
+  shearbus::Operator server(options_of());
+  shearbus::Operator moved = std::move(server);
+  CHECK(moved.ask(SHEARBUS_ASK_STATUS).find("\"sessions\": 1,") != std::string::npos);
+  CHECK(moved.ask(SHEARBUS_ASK_SESSIONS).find(bus.ticket().substr(0, 32)) != std::string::npos);
+  bus.set_reply_deadline(5.0);
+  CHECK(bus.end().node_steps == kNodes && bus.text(SHEARBUS_DURABILITY) != "none");
+  shearbus::Options options = options_of();
+  options.scene_file.clear();
+  options.scene_name = "keys.toml";
+  for (int i = 0; i < 60; ++i) options.scene_text += "unknown_key_" + std::to_string(i) + " = 1\n";
+  const auto long_list = REFUSED(shearbus::Session(options, host.ids), SHEARBUS_INVALID_SCENE, "keys.toml:1:1: ");
+  CHECK(long_list && long_list->text().find("unknown_key_30") != std::string::npos);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
@@ -359,6 +377,7 @@ int main(int argc, char** argv) try {
   moves();
   parameters();
   closure();
+  operators();
   kills();
   if (faults == 0) std::printf("the C++ interface keeps its contract\n");
   return faults == 0 ? 0 : 1;

@@ -73,7 +73,7 @@ contains
   subroutine bad_openings()
     type(shearbus_interface) :: bus
     call bus%open(scene='/nowhere.toml', nodes=[1, 2], endpoint=endpoint, stat=stat, msg=msg)
-    call refused('no file', 300, '/nowhere.toml cannot be read')
+    call refused('no file', 300, '/nowhere.toml: cannot be opened')
     call bus%open(scene_text='[layer]'//new_line('a')//'cels = 3', nodes=[1, 2], endpoint=endpoint, stat=stat, msg=msg)
     call refused('a bad scene', 300, 'scene_text:2:1')
     call bus%open(scene=scene, nodes=[1, 1], endpoint=endpoint, stat=stat, msg=msg)
@@ -85,6 +85,8 @@ contains
     call refused('the words that are', 301, "Use 'warn', 'off' or 'error'")
     call bus%open(scene=scene, nodes=[1], endpoint='ipc:///nowhere', connect_deadline=0.2_real64, stat=stat, msg=msg)
     call refused('no server', 500, 'UNREACHABLE')
+    call bus%open(scene=scene, nodes=[1], endpoint=endpoint, retry_after=-3.0_real64, stat=stat, msg=msg)
+    call refused('the time of repetition', 301, 'retry_after_s is -3')
     call check('no session', .not. bus%is_open() .and. bus%ticket() == '')
     call bus%step(1e-9_real64, stat=stat, msg=msg)
     call refused('a step', 301, 'there is no session')
@@ -104,14 +106,15 @@ contains
     call bus%step(1e-9_real64, 1e-9_real64, 1, stat=stat, msg=msg)
     call ok('step')
     first = bus%temperature
-    call check('answers', all(bus%stress > 0 .and. bus%temperature > 300 .and. bus%jump_new < bus%jump .and. bus%heat > 0))
-    call check('codes', all(bus%regime >= shearbus_stick .and. bus%regime <= shearbus_melting .and. bus%outcome == 0))
-    allocate (bus%mean_stress(n), source=-1.0_real64)
+    call check('answers', all(bus%stress > 0 .and. bus%temperature > 300 .and. bus%jump_new < bus%jump .and. bus%friction_heat > 0))
+    call check('codes', all(bus%regime >= shearbus_regime_stick .and. bus%regime <= shearbus_regime_melting .and. bus%outcome == 0))
+    allocate (bus%mean_shear_stress(n), source=-1.0_real64)
     call bus%step(1e-9_real64, 2e-9_real64, 2_int64, stat=stat, msg=msg)
     call ok('step with a long number')
-    call check('mean stress of a force-driven step', all(bus%mean_stress == bus%stress))
-    deallocate (bus%mean_stress)
+    call check('mean stress of a force-driven step', all(bus%mean_shear_stress == bus%stress))
+    deallocate (bus%mean_shear_stress)
     second = bus%temperature
+    call further_columns(bus)
 
     call bus%rollback_to('start', stat, msg)
     call ok('rollback_to')
@@ -222,6 +225,40 @@ contains
     call far_field%close()
   end subroutine
 
+  ! The ledger and other columns on request, and profiles.
+  subroutine further_columns(bus)
+    type(shearbus_interface), intent(inout) :: bus
+    type(shearbus_profiles) :: layers
+    real(real64) :: committed(n)
+    integer :: interface_at(1)
+    committed = bus%temperature
+    call bus%want([character(20) :: 'ledger', 'stress_per_jump', 'time_to_melting'], stat, msg)
+    call ok('want')
+    call check('columns of the ledger', allocated(bus%interface_work) .and. allocated(bus%energy_residual))
+    call bus%step(1e-9_real64, 3e-9_real64, 3, trial=.true., stat=stat, msg=msg)
+    call ok('step with the ledger')
+    call check('work', all(bus%interface_work > 0))
+    call check('heat', all(bus%heat_to_soft > 0) .and. &
+               all(abs(bus%heat_to_soft + bus%heat_to_hard - bus%interface_work) <= 1e-9_real64*bus%interface_work))
+    call check('linearised answer', all(bus%stress_per_jump >= 0) .and. all(bus%time_to_melting > 0))
+    call bus%rollback(stat, msg)
+    call ok('rollback')
+    deallocate (bus%interface_work, bus%heat_to_soft, bus%heat_to_hard, bus%plastic_work, bus%stored_heat_soft, &
+                bus%stored_heat_hard, bus%elastic_energy, bus%heat_residual, bus%energy_residual, bus%stress_per_jump, &
+                bus%time_to_melting)
+    call bus%want(['stess'], stat, msg)
+    call refused('a column that no step has', shearbus_code_shape, 'stess')
+    call bus%profiles(bus%nodes(:2), layers, stat=stat, msg=msg)
+    call ok('profiles')
+    call check('shape of profiles', layers%nodes == 2 .and. layers%vertices > 2 .and. &
+               all(shape(layers%layer_temperature) == [layers%vertices, 2]))
+    interface_at = minloc(abs(layers%position(:, 1)))
+    call check('profiles', all(layers%layer_temperature >= 300) .and. .not. allocated(layers%layer_shear_stress2) .and. &
+               abs(layers%layer_temperature(interface_at(1), 1) - committed(1)) < 1e-9_real64)
+    call bus%profiles([1], layers, stat=stat, msg=msg)
+    call refused('profiles of a node that the session lacks', shearbus_code_unknown_node, '')
+  end subroutine
+
   subroutine moves()
     type(shearbus_interface) :: giver, taker, alone
     character(len=shearbus_ticket_length) :: ticket
@@ -303,7 +340,9 @@ contains
     character(len=shearbus_ticket_length) :: ticket
     type(shearbus_interface) :: again
     call leave_scope(ticket)
-    call again%resume(ticket, endpoint=endpoint, stat=stat, msg=msg)
+    call again%resume(ticket, endpoint=endpoint, retry_after=-4.0_real64, stat=stat, msg=msg)
+    call refused('the time of repetition of a resumption', 301, 'retry_after_s is -4')
+    call again%resume(ticket, endpoint=endpoint, retry_after=0.5_real64, stat=stat, msg=msg)
     call ok('resume after the end of a scope')
     call again%close()
   end subroutine

@@ -136,7 +136,7 @@ contains
     call bus%step(dt)
     call bus%step(dt, stat=stat, msg=msg)
     call ok('step on root')
-    call check('answers', all(bus%temperature == expected(bus%nodes)) .and. all(bus%regime >= shearbus_stick))
+    call check('answers', all(bus%temperature == expected(bus%nodes)) .and. all(bus%regime >= shearbus_regime_stick))
     call shearbus_mpi_close(ranks, bus, stat, msg)
     call ok('close on root')
     call bus%step(dt, stat=stat, msg=msg)

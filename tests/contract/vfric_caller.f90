@@ -2,31 +2,31 @@
 ! for: two elastic half-spaces slide on each other at ten nodes of two surface pairs, in central differences with
 ! kinematic contact (predict without friction, ask for the friction force, correct). The answers are those of a session
 ! in far-field form, whose inputs the routine never sees; so is the heat, where the scene has a stress that depends on
-! it. One node leaves its contact and comes back: it has cooled since. vfric_caller SCENE.toml exact|heat;
+! it. One node leaves its contact and comes back: it has cooled since. vfric_caller SCENE.toml exact|heat [first|second];
 ! SHEARBUS_SCENE names the scene for the routine, too. exact: the scene has constant friction, and the jump its exact
-! value.
+! value. first: the host writes its restart file after step 46 and dies; second: another process goes on from there. Both
+! make no comparison; second prints what a whole run prints.
 program vfric_caller
   use, intrinsic :: iso_fortran_env, only: error_unit, real64
+  use friction_host
   use shearbus
   implicit none
-  integer, parameter :: nodes = 10, zones = 80, steps = 60, leaves = 41, returns = 51, lifted = 8, soft = 1, hard = 2, pairs = 2
-  real(real64), parameter :: dt = 1e-9_real64, jump = 100, friction = 0.1_real64, area = 2.5e-7_real64
-  real(real64), parameter :: density(2) = [2703.0_real64, 7900.0_real64], modulus(2) = [27.6e9_real64, 77e9_real64]
-  real(real64), parameter :: impedance(2) = sqrt(density*modulus)
-  real(real64), parameter :: zone(2) = dt*impedance/density, half_mass(2) = 0.5_real64*density*zone
-  real(real64), parameter :: side(2) = [1.0_real64, -1.0_real64]
   real(real64) :: v(0:zones, nodes, 2, pairs), s(0:zones - 1, nodes, 2, pairs), before(nodes), free(nodes), stress(nodes)
   real(real64) :: pressure(nodes), state(4, nodes, pairs), step_dt, time, found, exact
   ! What the routine gets: the touching nodes alone, from the last to the first.
   real(real64) :: force(2, nodes), slip(3, nodes), stick(nodes), normal(nodes), along(3, nodes), areas(nodes)
-  integer :: points(nodes), ids(nodes, pairs), n_points, b, k, n, p, t, faults
+  integer :: points(nodes), ids(nodes, pairs), n_points, k, n, p, t, faults, unit, begin
   type(shearbus_interface) :: far_field(pairs)
   logical :: open_now
-  character(len=500) :: scene, check
+  logical :: compares
+  character(len=500) :: scene, check, part
   character(len=80), parameter :: secondary(2) = [character(len=80) :: 'ASSEMBLY_PLATE_TOP', 'ASSEMBLY_PLATE_SIDE']
 
   call get_command_argument(1, scene)
   call get_command_argument(2, check)
+  call get_command_argument(3, part)
+  compares = part == ''
+  begin = 1
   faults = 0
   v(:, :, soft, :) = jump
   v(:, :, hard, :) = 0
@@ -36,12 +36,20 @@ program vfric_caller
   areas = area
   do p = 1, pairs
     ids(:, p) = [(1000*p + 7*n, n=1, nodes)]
+    if (.not. compares) cycle
     call far_field(p)%open(scene=scene, nodes=ids(:, p), check_closure='off')
     far_field(p)%mass_soft = [(half_mass(soft), n=1, nodes)]
     far_field(p)%mass_hard = [(half_mass(hard), n=1, nodes)]
   end do
 
-  do t = 1, steps
+  if (part == 'second') then
+    open (newunit=unit, file='host.dump', form='unformatted', status='old')
+    read (unit) v, s, state, time
+    close (unit)
+    begin = dumped + 1
+  end if
+
+  do t = begin, steps
     step_dt = merge(0.5_real64*dt, dt, t == 1)
     time = time + step_dt
     do p = 1, pairs
@@ -67,34 +75,42 @@ program vfric_caller
         stress(points(k)) = -force(1, k)/area
       end do
 
-      associate (bus => far_field(p))
-        bus%jump = before
-        bus%pressure = pressure
-        bus%stress_soft = s(0, :, soft, p)
-        bus%stress_hard = s(0, :, hard, p)
-        if (p == 1 .and. t >= leaves .and. t <= returns) then
-          bus%jump(lifted) = merge(0.0_real64, free(lifted), open_now)  ! what stands for the node in the routine's session:
-          bus%stress_soft(lifted) = 0                                   ! nothing while it is not named, and then
-          bus%stress_hard(lifted) = 0                                   ! the slip rate without friction for the one before
-        end if
-        call bus%step(step_dt)
-        if (any(abs(bus%stress - stress) > 1e-9_real64*abs(bus%stress))) call fault('another stress', t, p, 0)
-      end associate
-      do b = soft, hard
-        v(0, :, b, p) = v(0, :, b, p) + side(b)*step_dt/half_mass(b)*(s(0, :, b, p) - stress)
-        v(1:zones - 1, :, b, p) = v(1:zones - 1, :, b, p) &
-                                  + side(b)*step_dt/(density(b)*zone(b))*(s(1:, :, b, p) - s(:zones - 2, :, b, p))
-        s(:, :, b, p) = s(:, :, b, p) + side(b)*dt*modulus(b)/zone(b)*(v(1:, :, b, p) - v(:zones - 1, :, b, p))
-      end do
+      if (compares) then
+        associate (bus => far_field(p))
+          bus%jump = before
+          bus%pressure = pressure
+          bus%stress_soft = s(0, :, soft, p)
+          bus%stress_hard = s(0, :, hard, p)
+          if (p == 1 .and. t >= leaves .and. t <= returns) then
+            bus%jump(lifted) = merge(0.0_real64, free(lifted), open_now)  ! what stands for the node in the routine's session:
+            bus%stress_soft(lifted) = 0                                   ! nothing while it is not named, and then
+            bus%stress_hard(lifted) = 0                                   ! the slip rate without friction for the one before
+          end if
+          call bus%step(step_dt)
+          if (any(abs(bus%stress - stress) > 1e-9_real64*abs(bus%stress))) call fault('another stress', t, p, 0)
+        end associate
+      end if
+      call move(v(:, :, :, p), s(:, :, :, p), stress, step_dt)
     end do
+    if (t == dumped) then
+      call end_of(4, t, time, step_dt)
+      if (part == 'first') then
+        open (newunit=unit, file='host.dump', form='unformatted', status='replace')
+        write (unit) v, s, state, time
+        close (unit)
+        stop
+      end if
+    end if
   end do
+  call end_of(6, steps, time, step_dt)
 
   do p = 1, pairs
     do n = 1, nodes
       found = v(0, n, soft, p) - v(0, n, hard, p)
-      exact = jump - friction*1e8_real64*n/p*(1/impedance(soft) + 1/impedance(hard))
+      exact = exact_jump(1e8_real64*n/p)
       if (check == 'exact' .and. abs(found - exact) > 1e-6_real64) call fault('another jump', steps, p, n)
       if (p == 1 .and. n == 5) print '(a,f10.6,a,f10.6)', 'node 5: [V]', found, ' m/s, with constant friction', exact
+      if (p == 1 .and. n == lifted) print '(a,es24.16)', 'node 8: [V]', found
     end do
   end do
   if (faults > 0) error stop 1

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "tests/support/physics_rig.hpp"
 #include "tests/support/two_half_spaces.hpp"
 
@@ -63,7 +64,7 @@ TEST(PhysicsSecondOrder, ConstantFluxIsOffByItsConstantOverStepsSquared) {
 // If the heat is kept in modes, backward Euler and SDIRK2 both integrate a constant flux exactly, whatever the step
 // length: the only error is that of the modes.
 TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
-  for (FarBoundary far_boundary : {FarBoundary::kHalfSpace, FarBoundary::kInsulated}) {
+  for (FarBoundary far_boundary : {FarBoundary::kHalfSpace, FarBoundary::kInsulated, FarBoundary::kIsothermal}) {
     for (double accuracy : {1e-3, 1e-6, 1e-9}) {
       for (TimeIntegrator integrator : {TimeIntegrator::kBackwardEuler, TimeIntegrator::kSdirk2}) {
         ModelOptions options = coulomb_slip(integrator);
@@ -88,18 +89,28 @@ TEST(PhysicsModes, ConstantFluxIsExactToTheAccuracyAskedFor) {
   }
 }
 
-// The integral of the heat kernel of a slab must equal the image series of its insulated face, also around
-// t = h^2/(160 alpha), where the kernel switches from the formula of a half-space to a series.
-TEST(PhysicsModes, KernelIsThatOfTheImageSeries) {
-  const ModelOptions options = paper_options();
+// The integral of the heat kernel of a slab must equal the image series of its insulated face, or of a held face, whose
+// images have alternating signs, also around t = h^2/(160 alpha), where the kernel switches from the formula of a
+// half-space to a series.
+class SlabKernel : public ::testing::TestWithParam<FarBoundary> {};
+INSTANTIATE_TEST_SUITE_P(, SlabKernel, ::testing::Values(FarBoundary::kInsulated, FarBoundary::kIsothermal),
+                         [](const auto& face) {
+                           return face.param == FarBoundary::kIsothermal ? "Isothermal" : "Insulated";
+                         });
+TEST_P(SlabKernel, IsThatOfTheImageSeries) {
+  ModelOptions options = paper_options();
+  options.grid.far_boundary = GetParam();
+  const double sign = GetParam() == FarBoundary::kIsothermal ? -1.0 : 1.0;
   const HeatKernel slab(options.soft, options.grid);
   const auto ierfc = [](double x) { return std::exp(-x * x) / std::sqrt(M_PI) - x * std::erfc(x); };
   const double h = options.grid.thickness;
   for (double t : {1e-10, 1e-8, 0.9 * h * h / (160 * 48.9e-6), 1.1 * h * h / (160 * 48.9e-6), 1e-6, 1e-5, 1e-3}) {
     const double depth = std::sqrt(options.soft.diffusivity * t);
     double sum = ierfc(0.0);
-    for (int i = 1; i < 2000; ++i) sum += 2.0 * ierfc(i * h / depth);
-    EXPECT_NEAR(slab.integral(t) / (2.0 * depth / options.soft.conductivity * sum), 1.0, 1e-13) << t;
+    double of_sign = 2.0;
+    for (int i = 1; i < 2000; ++i) sum += (of_sign *= sign) * ierfc(i * h / depth);
+    EXPECT_NEAR(slab.integral(t) / (2.0 * depth / options.soft.conductivity * sum), 1.0, 1e-12) << t;
+    if (slab.at(t) * t < 1e-10 * slab.integral(t)) continue;  // steady: the differences below are rounding
     // The derivative of integral(t) must be the kernel K(t), and that of moment(t) must be t K(t).
     const double e = 1e-4 * t;
     EXPECT_NEAR((slab.integral(t + e) - slab.integral(t - e)) / (2 * e * slab.at(t)), 1.0, 1e-7) << t;
@@ -157,6 +168,104 @@ TEST(PhysicsSecondOrder, BrakedPlatesConvergeWithTheirOrder) {
       T0_before = T0_error;
       jump_before = jump_error;
     }
+  }
+}
+
+// A node that has slipped and comes to rest, its contact open, sleeps under SDIRK2: its modes decay exactly in time.
+// Against a reference of many steps T0 keeps the second order of the steps that were solved before.
+TEST(PhysicsSecondOrder, ASleepingNodeKeepsTheOrder) {
+  ModelOptions options = graded(paper_options(Strategy::kForceDriven), 60, 1.08);
+  options = two_sided(options);
+  options.time_integrator = TimeIntegrator::kSdirk2;
+  constexpr double kSlip = 40e-9, kRest = 400e-9;
+  const auto T0_after = [&](bool sleeps, int steps, int& asleep) {
+    ModelOptions own = options;
+    own.sleep = sleeps;
+    Rig rig(own, 1);
+    rig.set_all(100.0, kPressure);
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
+    for (int n = 0; n < steps; ++n) rig.step(kSlip / steps);
+    rig.set_all(0.0, -1.0);
+    for (int n = 0; n < steps; ++n) {
+      rig.step(kRest / steps);
+      asleep += (rig.outputs.outcome[0] & kAsleep) != 0;
+    }
+    return rig.outputs.interface_temperature[0];
+  };
+  int none = 0;
+  const double exact = T0_after(false, 8192, none);
+  std::printf("T0 of a node at rest under SDIRK2: steps, error asleep [K], awake [K], order asleep\n");
+  double before = 0.0;
+  for (const int steps : {64, 128, 256, 512}) {
+    int asleep = 0;
+    const double error = std::abs(T0_after(true, steps, asleep) - exact);
+    const double awake = std::abs(T0_after(false, steps, none) - exact);
+    const double order = before > 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %5d  %11.3e  %11.3e  %6.3f\n", steps, error, awake, order);
+    EXPECT_GT(asleep, steps / 4);
+    EXPECT_LE(error, 1.5 * awake);
+    if (before > 0.0) {
+      EXPECT_GT(order, 1.7);
+    }
+    before = error;
+  }
+  EXPECT_EQ(none, 0);
+}
+
+// Where slip or flow is of first order, steps of SDIRK2 are those of backward Euler to the last bit and say so, and open
+// contacts conduct to second order.
+class FirstOrderSlip : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(, FirstOrderSlip,
+                         ::testing::Values("Junctions", "PlasticLayer", "VelocityWeakening", "MeltFilm", "WorkHeat"),
+                         [](const auto& part) { return std::string(part.param); });
+TEST_P(FirstOrderSlip, IsBackwardEulerAndOpenContactsAreOfSecondOrder) {
+  const std::string part = GetParam();
+  const bool forced = part != "WorkHeat";
+  ModelOptions options = graded(paper_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven), 60, 1.08);
+  options = two_sided(options);
+  if (part == "Junctions") options.junctions = {0.5, 1e-7, options.soft};
+  if (part == "PlasticLayer") options.plastic_layer = true;
+  if (part == "WorkHeat") options.taylor_quinney_factor = 0.9;
+  if (part == "MeltFilm") options.melt_film = MeltFilmOptions{.latent_heat = 4e5, .viscosity = 1e-3};
+  if (part == "VelocityWeakening") {
+    options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+    options.interface.friction_coefficient_fast = 0.05;
+    options.interface.velocity_decay = 0.01;
+  }
+  ModelOptions second = options;
+  second.time_integrator = TimeIntegrator::kSdirk2;
+  Rig one(options, 1), two(second, 1);
+  for (Rig* rig : {&one, &two}) {
+    rig->set_all(100.0, kPressure);
+    for (int n = 0; n < 20; ++n) {
+      rig->inputs.velocity_jump[0] = n == 0 || !forced ? 100.0 : rig->outputs.velocity_jump_new[0];
+      rig->step(1e-9);
+    }
+  }
+  EXPECT_EQ(one.committed, two.committed);
+  EXPECT_EQ(one.outputs.outcome[0] & ~kOutsideDomain, 0);
+  EXPECT_EQ(two.outputs.outcome[0] & ~kOutsideDomain, kFirstOrder);
+  const auto open_T0 = [&](Rig rig, int steps) {
+    rig.set_all(0.0, -1.0);
+    for (int n = 0; n < steps; ++n) {
+      rig.step(100e-9 / steps);
+      EXPECT_EQ(rig.outputs.outcome[0], 0);
+    }
+    return rig.T(0);
+  };
+  const auto again = [&] {  // a rig cannot be copied
+    Rig rig(second, 1);
+    rig.committed = two.committed;
+    return rig;
+  };
+  const double exact = open_T0(again(), 8192);
+  double before = 0.0;
+  for (const int steps : {32, 64, 128}) {
+    const double error = std::abs(open_T0(again(), steps) - exact);
+    if (before > 0.0) {
+      EXPECT_NEAR(std::log2(before / error), 2.0, 0.25) << steps;
+    }
+    before = error;
   }
 }
 

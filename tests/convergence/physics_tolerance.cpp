@@ -7,9 +7,13 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <ostream>
+#include <string>
 #include <vector>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "tests/support/fine_layer.hpp"
+#include "tests/support/force_loops.hpp"
 #include "tests/support/physics_rig.hpp"
 #include "tests/support/turning_histories.hpp"
 
@@ -100,6 +104,12 @@ struct Body {
   ModelOptions options;
 };
 
+ModelOptions held(ModelOptions options) {
+  options.grid.far_boundary = FarBoundary::kIsothermal;
+  if (options.hard_grid) options.hard_grid->far_boundary = FarBoundary::kIsothermal;
+  return options;
+}
+
 std::vector<Body> bodies() {
   ModelOptions steady = paper_options();
   // With mu = 0.01 the heat flux is constant until melting, the case with the largest grid error of a slab.
@@ -110,7 +120,10 @@ std::vector<Body> bodies() {
           {"insulated, constant flux", steady},
           {"half-space", half_space(Strategy::kVelocityDriven)},
           {"half-space, constant flux", steady_half_space},
-          {"two-sided", two_sided(half_space(Strategy::kVelocityDriven))}};
+          {"two-sided", two_sided(half_space(Strategy::kVelocityDriven))},
+          {"isothermal", held(paper_options())},
+          {"isothermal, constant flux", held(steady)},
+          {"isothermal, two-sided", held(two_sided(paper_options()))}};
 }
 
 double from_environment(const char* name, double otherwise) {
@@ -133,6 +146,86 @@ TEST(DeliveredTolerance, HistoriesThatTurnWhileThePressureChangesAreKept) {
     EXPECT_LE(worst, 1.0);
     EXPECT_GE(median, 0.1);
   }
+}
+
+struct LoopScene {
+  const char* what;
+  ModelOptions options;
+  double least;  // smallest request, and substeps of a step of the reference
+  int substeps;
+};
+std::ostream& operator<<(std::ostream& out, const LoopScene& scene) {
+  return out << scene.what;
+}
+
+std::vector<LoopScene> loop_scenes() {
+  const ModelOptions rigid = half_space();
+  ModelOptions junctions = rigid, flowing = rigid, weakening = rigid, profile = two_sided(rigid);
+  junctions.junctions = {0.5, 1e-7, rigid.soft};
+  junctions.junctions->metal.yield_strength = rigid.interface.yield_strength;
+  flowing.plastic_layer = true;
+  flowing.interface.yield_strength = 500e6;
+  weakening.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+  weakening.interface.friction_coefficient = 0.1;
+  weakening.interface.friction_coefficient_fast = 0.02;
+  weakening.interface.velocity_decay = 0.01;
+  return {{"Rigid", rigid, 1e-4, 1024},
+          {"Isothermal", held(paper_options(Strategy::kForceDriven)), 1e-4, 1024},
+          {"TwoSided", profile, 1e-4, 256},
+          {"Junctions", junctions, 1e-3, 512},
+          {"VelocityWeakening", weakening, 1e-3, 512},
+          {"PlasticLayer", flowing, 1e-2, 256}};
+}
+
+// Requests are kept over random force-driven histories, too, as far down as each scene says: T0 and heat. SHEARBUS_SEEDS sets the number of
+// histories, SHEARBUS_LEAST_TOLERANCE the smallest request.
+class ForceLoops : public ::testing::TestWithParam<LoopScene> {};
+INSTANTIATE_TEST_SUITE_P(, ForceLoops, ::testing::ValuesIn(loop_scenes()),
+                         [](const auto& scene) { return std::string(scene.param.what); });
+TEST_P(ForceLoops, AreKept) {
+  const auto seeds = static_cast<unsigned>(from_environment("SHEARBUS_SEEDS", 6));
+  const double least = std::max(GetParam().least, from_environment("SHEARBUS_LEAST_TOLERANCE", 1e-4));
+  std::vector<double> requests = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
+  std::erase_if(requests, [&](double request) { return request < 0.99 * least; });
+  for (const LoopAnswers& answers : run_force_loops(GetParam().options, seeds, requests, GetParam().substeps)) {
+    const auto [median, worst] = answers.over_request();
+    double T0 = 0.0, impulse = 0.0, jump = 0.0, heat = 0.0;
+    for (const LoopErrors& one : answers.errors) {
+      T0 = std::max(T0, one.T0 / answers.request);
+      impulse = std::max(impulse, one.impulse / answers.request);
+      jump = std::max(jump, one.jump / answers.request);
+      heat = std::max(heat, one.heat / answers.request);
+    }
+    std::printf(
+        "requested %.0e, work %.0f a step: median %.3f, at most %.2f (T0 %.2f, impulse %.2f, heat %.2f; jump %.2f)\n",
+        answers.request, answers.work, median, worst, T0, impulse, heat, jump);
+    EXPECT_LE(worst, 1.0);
+  }
+}
+
+// A node at rest sleeps under a tolerance, too, and answers as one that is solved, within the tolerance of both.
+TEST(DeliveredTolerance, HoldsWhereNodesSleep) {
+  constexpr double kRequest = 1e-3;
+  ModelOptions options = half_space(Strategy::kVelocityDriven);
+  ModelOptions sleepy = options;
+  sleepy.sleep = true;
+  Rig awake(discretised(options, kRequest), 1), rig(discretised(sleepy, kRequest), 1);
+  int asleep = 0, woken = 0;
+  for (int n = 0; n < 300; ++n) {
+    const bool slips = n % 150 < 10;
+    for (Rig* each : {&awake, &rig}) {
+      each->set_all(slips ? 80.0 : 0.0, n % 150 < 80 ? 8e9 : -1.0);
+      each->step(1e-8);
+    }
+    asleep += (rig.outputs.outcome[0] & kAsleep) != 0;
+    woken += slips && n > 10 && (rig.outputs.outcome[0] & kAsleep) == 0;
+    EXPECT_NEAR(rig.outputs.interface_temperature[0], awake.outputs.interface_temperature[0],
+                2.0 * kRequest * kToMelting)
+        << n;
+    EXPECT_LE(rig.outputs.error_estimate[0], kStepShare * kRequest);
+  }
+  EXPECT_GT(asleep, 100);
+  EXPECT_EQ(woken, 10);
 }
 
 TEST(DeliveredTolerance, TheGridIsFineEnoughWhereverHeatGoes) {

@@ -3,8 +3,9 @@
 
 after_run.py --configured BUILD     of a build directory configured without tests, as deploy/run has it, nothing built: what its install
                                     scripts take and what the pages name is among what the targets of deploy/run make
-after_run.py --clone DIR            a copy of the tree in DIR, as git would clone it: deploy/run, then each of these. By ccache where it is
-                                    there; minutes without
+after_run.py --clone DIR [--no-unity]   a copy of the tree in DIR, as git would clone it: deploy/run, then each of these. By ccache where it
+                                    is there; minutes without. --no-unity compiles each file alone, as a build with tests for daily work
+                                    does, whose cache then serves
 after_run.py --self-test            a program on a page and an installed file that nothing builds are noticed"""
 import argparse
 import os
@@ -101,7 +102,7 @@ def run(words, timeout, **options):
     return [] if done.returncode == 0 else [f"{' '.join(map(str, words))} ended with {done.returncode}"]
 
 
-def clone_faults(directory, root):
+def clone_faults(directory, root, unity=True):
     """Does what the pages say in a copy of the tree. Returns what failed."""
     shutil.rmtree(directory, ignore_errors=True)
     tree, prefix = directory / "tree", directory / "prefix"
@@ -112,8 +113,11 @@ def clone_faults(directory, root):
             shutil.copy2(root / name, tree / name, follow_symlinks=False)
     environment = {name: value for name, value in os.environ.items() if not name.startswith("SHEARBUS_") and name != "CI"}
     if shutil.which("ccache"):
-        environment.update({f"CMAKE_{language}_COMPILER_LAUNCHER": "ccache" for language in ("C", "CXX")})
+        environment.update({f"CMAKE_{language}_COMPILER_LAUNCHER": "ccache" for language in ("C", "CXX")}, CCACHE_BASEDIR=str(tree))
     options = {"cwd": tree, "env": environment}
+    if not unity and (faults := run(["cmake", "-C", "deploy/cmake/presets/release.cmake", "-S", ".", "-B", "build", "-G", "Ninja",
+                                     "-DSHEARBUS_TESTS=OFF", "-DSHEARBUS_UNITY=OFF", "-DSHEARBUS_WARNINGS_AS_ERRORS=ON"], 300, **options)):
+        return faults
     # A problem of a second: what is built does not depend on the scene.
     if faults := run(["deploy/run", "hydro_stub/problems/two_half_spaces.toml"], 5400, **options):
         return faults
@@ -122,7 +126,7 @@ def clone_faults(directory, root):
     faults += run(["deploy/docs/build"], 900, **options)
     faults += run(["tests/study/paper_figures.py", "-o", "paper", "--coarse"], 1200, **options)
     faults += run(["deploy/build", "programs"], 600, **options)
-    for file in ("include/shearbus/columns.h", "bin/shearbus-ctl", "lib/python3/dist-packages/shearbus/__init__.py"):
+    for file in ("include/shearbus/shearbus.h", "bin/shearbus-ctl", "lib/python3/dist-packages/shearbus/__init__.py"):
         if not (prefix / file).is_file():
             faults.append(f"the installation has no {file}")
     return faults
@@ -156,12 +160,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--configured", type=pathlib.Path)
     parser.add_argument("--clone", type=pathlib.Path)
+    parser.add_argument("--no-unity", action="store_true")
     parser.add_argument("--self-test", action="store_true")
     options = parser.parse_args()
     if options.self_test:
         faults = self_test()
     else:
-        faults = clone_faults(options.clone.resolve(), ROOT) if options.clone else configured_faults(options.configured.resolve(), ROOT)
+        faults = clone_faults(options.clone.resolve(), ROOT, not options.no_unity) if options.clone else configured_faults(options.configured.resolve(), ROOT)
     print("\n".join(faults) or "nothing is missing")
     sys.exit(bool(faults))
 

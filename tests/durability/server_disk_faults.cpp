@@ -145,7 +145,7 @@ TEST(DiskFaults, AFailedSyncOfTheJournalEndsTheServerWithoutAnAnswer) {
   step(0);
   EXPECT_THROW(step(1), Error);
   EXPECT_EQ(server.process().exit_code(10s), 1) << server.log();
-  EXPECT_NE(server.log().find("FAILED"), std::string::npos) << server.log();
+  EXPECT_NE(server.log().find(" error FAILED: "), std::string::npos) << server.log();
   host.session->leave();
 }
 

@@ -22,12 +22,15 @@ import time
 import numpy as np
 import zmq
 
-parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/report"))
+from terminal import Parser, real_number, whole_number  # noqa: E402
+
+parser = Parser(description=__doc__)
 for option in ("server", "ctl", "source"):
     parser.add_argument(f"--{option}", type=pathlib.Path, required=True)
-parser.add_argument("--seconds", type=float, default=1200.0)
-parser.add_argument("--seed", type=int, default=1)
-parser.add_argument("--user", type=int, help=argparse.SUPPRESS)  # a process of a user, started by the soak itself
+parser.add_argument("--seconds", type=real_number, default=1200.0)
+parser.add_argument("--seed", type=whole_number, default=1)
+parser.add_argument("--user", type=whole_number, help=argparse.SUPPRESS)  # a process of a user, started by the soak itself
 parser.add_argument("--work", type=pathlib.Path, help=argparse.SUPPRESS)
 OPTIONS = parser.parse_args()
 sys.path.insert(0, str(OPTIONS.source / "client" / "python"))

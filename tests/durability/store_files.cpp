@@ -35,24 +35,28 @@ shard::States small_states(std::vector<std::uint32_t> slots, double first) {
 
 Snapshot small_snapshot() {
   Snapshot snapshot{.next_index = 42, .server_version = "0.1.0", .sessions = {}};
-  SessionImage closed{.open = false, .last_sequence = 9, .last_hash = 77, .reply_header = some_bytes(20, 1)};
+  SessionImage closed;
   closed.id.fill(0xfe);
-  SessionImage open{
-      .identity = "key abc",
-      .last_sequence = 5,
-      .last_hash = ~0ULL,
-      .reply_header = some_bytes(31, 2),
-      .reply_payload = some_bytes(48, 3),
-      .requests = 6,
-      .node_steps = 12,
-      .solver_ns = 1234,
-      .scene = "name = \"small\"\n",
-      .node_ids = {7, 1ULL << 63},
-      .state_version = 4,
-      .committed = small_states({0, 1}, 300.0),
-      .trial = small_states({1}, 400.0),
-      .marks = {
-          {.name = "dump", .state_version = 2, .node_ids = {7, 1ULL << 63}, .states = small_states({0, 1}, 350.0)}}};
+  closed.open = false;
+  closed.last_sequence = 9;
+  closed.last_hash = 77;
+  closed.reply_header = some_bytes(20, 1);
+  SessionImage open;
+  open.identity = "key abc";
+  open.scene = "name = \"small\"\n";
+  open.requests = 6;
+  open.node_steps = 12;
+  open.solver_ns = 1234;
+  open.last_sequence = 5;
+  open.last_hash = ~0ULL;
+  open.reply_header = some_bytes(31, 2);
+  open.reply_payload = some_bytes(48, 3);
+  open.node_ids = {7, 1ULL << 63};
+  open.state_version = 4;
+  open.committed = small_states({0, 1}, 300.0);
+  open.trial = small_states({1}, 400.0);
+  open.marks = {
+      {.name = "dump", .state_version = 2, .node_ids = {7, 1ULL << 63}, .states = small_states({0, 1}, 350.0)}};
   open.id.fill(0x01);
   snapshot.sessions = {closed, open};
   return snapshot;

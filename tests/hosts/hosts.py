@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Hosts whose surroundings this script makes: hosts.py CASE ... with one of the cases
   no_thread       few processes, threads or memory: refusals that name the limit, in hosts and in shearbus-server
+  control_group   a control group with few threads (pids.max), as of a container or a job: the same
   locale          Turkish and German hosts: the bits and the texts of a plain one
   fortran_traps   a Fortran host that traps floating-point exceptions: the output of a plain one
 Exit code 77: what is needed is not there."""
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 
 SKIPPED = 77
 USER = 54399  # of no other process
@@ -74,6 +76,50 @@ def no_thread(given):
                    f"shearbus-server with {threads} threads says it in one sentence", found)
 
 
+def control_group(given):
+    if given.sanitized:
+        skip("sanitizers need more threads")
+    root = next((place for place in (pathlib.Path("/sys/fs/cgroup/pids"), pathlib.Path("/sys/fs/cgroup")) if (place / "cgroup.procs").exists()), None)
+    group = None if root is None else root / f"shearbus-hosts-{os.getpid()}"
+    try:
+        group.mkdir()
+        (group / "pids.max").write_text("64")
+    except (AttributeError, OSError) as fault:
+        if group is not None and group.exists():
+            group.rmdir()
+        skip(f"no control group can be made: {fault}")
+
+    def run_inside(threads, command):
+        (group / "pids.max").write_text(str(threads))
+        return run(["bash", "-c", f'echo $$ >{group}/cgroup.procs; exec "$@"', "bash", *command])
+
+    try:
+        if run_inside(64, [given.host, "open", given.scene, "embedded"]).returncode != 0:
+            skip("no process can be moved into a control group")
+        for endpoint in ("embedded", "ipc:///tmp/shearbus-no-server"):
+            refused = 0
+            for threads in range(1, 9):
+                found = run_inside(threads, [given.host, "open", given.scene, endpoint])
+                expect(found.returncode in (0, 3) and not found.stderr, f"{threads} threads, {endpoint}: opened or refused", found)
+                if "(pids.max)" in found.stdout:
+                    refused += 1
+                    expect(found.stdout.startswith("UNREACHABLE") and f"{group.name} may have {threads} threads" in found.stdout,
+                           f"{threads} threads, {endpoint}: the refusal names the limit", found)
+            expect(refused > 0 and "(pids.max)" not in found.stdout, f"{endpoint}: too few threads are refused, enough are not", found)
+        with tempfile.TemporaryDirectory() as place:
+            for threads in (1, 2, 3):
+                found = run_inside(threads, [given.server, "--threads", "4", "--log-level", "off", "--bind", f"ipc://{place}/own/bus"])
+                expect(found.returncode == 1 and "(pids.max)" in found.stderr and found.stderr.count("\n") == 1,
+                       f"shearbus-server with {threads} threads says it in one sentence", found)
+    finally:
+        for _ in range(100):  # the kernel counts a process out a moment after its end
+            try:
+                group.rmdir()
+                break
+            except OSError:
+                time.sleep(0.05)
+
+
 def locale(given):
     if shutil.which("localedef") is None:
         skip("no localedef")
@@ -105,7 +151,7 @@ def fortran_traps(given):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("case", choices=("no_thread", "locale", "fortran_traps"))
+    parser.add_argument("case", choices=("no_thread", "control_group", "locale", "fortran_traps"))
     for name in ("scene", "host", "cxx_host", "server", "plain", "traps"):
         parser.add_argument(f"--{name}", type=pathlib.Path)
     parser.add_argument("--endpoint", default="embedded")

@@ -6,6 +6,8 @@ import os
 import pathlib
 import re
 import subprocess
+import sys
+import tempfile
 import unittest
 
 OPTIONS = None
@@ -100,6 +102,73 @@ class Programs(unittest.TestCase):
                 self.assertIn(f"Run {command[0]} --help", done.stderr)
 
 
+# What no program takes for a number, and further texts that it takes for no whole one.
+NO_NUMBERS = ("", " ", "nan", "inf", "-inf", "1e309", "0x10", "1_0", " 1", "1 ", "1,5", "\u0663", "+-5", "1" * 101)
+NO_COUNTS = (*NO_NUMBERS, "-1", "+1", "1.5", "1e3", str(2**64))
+
+
+def python_programs():
+    """Yields (program, option, its number is whole, command up to the value) of the Python programs that pages name."""
+    source = OPTIONS.source
+    python = ["/usr/bin/python3", "-B"]
+    study = next(program for program in OPTIONS.programs if program.name == "shearbus-study")
+    control = next(program for program in OPTIONS.programs if program.name == "shearbus-ctl")
+    for program, option, whole, command in (
+        ("fit", "--starts", True, [study, "fit", "x.toml", "--parameter", "a.b=1:2"]),
+        ("mesh", "--meshes", False, [study, "mesh"]),
+        ("rehearse", "--timeout", False, [control, "rehearse", "ipc:///nowhere/s"]),
+        ("rehearse", "--delay", False, [control, "rehearse", "ipc:///nowhere/s"]),
+        ("plot_history.py", "--node", True, [*python, source / "client/report/plot_history.py", "x.h5", "--out", "x.png"]),
+        ("plot_overview.py", "--time", False, [*python, source / "client/report/plot_overview.py", "x", "y", "--out", "x.png"]),
+        ("make_history.py", "--steps", True, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
+        ("make_history.py", "--dt", False, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
+        ("make_history.py", "--velocity", False, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
+        ("cone_sweep.py", "--end", False, [*python, source / "tests/study/cone_sweep.py", "--hydro", "x"]),
+        ("run.py", "--cpus", True, [*python, source / "tests/bench/run.py", "--bin", "/nowhere"]),
+        ("scale.py", "--steps", True, [*python, source / "tests/bench/scale.py"]),
+        ("network.py", "--delays", False, [*python, source / "tests/bench/network.py"]),
+        ("soak.py", "--seed", True, [*python, source / "tests/durability/soak.py"])):
+        yield program, option, whole, [*command, option]
+
+
+class PythonPrograms(unittest.TestCase):
+    def test_numbers_have_the_rule_of_the_other_programs(self):
+        for program, option, whole, command in python_programs():
+            values = NO_COUNTS if whole else NO_NUMBERS
+            if program != "make_history.py":  # which has a reader of its own; starting Python takes long
+                values = ("", "inf", "1_0", "-1" if whole else "nan")
+            for value in values:
+                with self.subTest(program=program, option=option, value=value):
+                    command[-1] = f"{option}={value}"
+                    done = run(*command)
+                    self.assertEqual(done.returncode, 2, done.stderr)
+                    self.assertIn(option, done.stderr)
+                    self.assertIn("number", done.stderr)
+                    self.assertNotIn("Traceback", done.stderr)
+
+    def test_the_reader_is_that_of_the_other_programs(self):
+        """By the reader of shearbus-server: what one takes, the other takes."""
+        sys.path.insert(0, str(OPTIONS.source / "client/report"))
+        import terminal
+        server = next(program for program in OPTIONS.programs if program.name == "shearbus-server")
+        for text in (*NO_COUNTS, "1", "007", "1e2", "+1e2", "1.", ".5", "2.5E+1", "1e-400", "1e", "e1", ".", "1.e1", "+", "1f", "--1"):
+            for reader, option in ((terminal.whole_number, "--threads"), (terminal.real_number, "--checkpoint-every")):
+                try:
+                    reader(text)
+                    taken = True
+                except argparse.ArgumentTypeError:
+                    taken = False
+                said = run(server, f"{option}={text}", "--bind", "nowhere").stderr
+                with self.subTest(text=text, option=option):
+                    self.assertEqual(f"{option}: expected" not in said, taken, said)
+
+    def test_a_fault_is_one_line_without_commands_to_the_terminal(self):
+        done = run(OPTIONS.report, "--x\x1b[2J\nforged")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--x\\x1b[2J\\nforged", done.stderr)
+        self.assertEqual(len(done.stderr.splitlines()), 2, done.stderr)
+
+
 class Scripts(unittest.TestCase):
     def test_help_prints_the_comment_and_starts_nothing(self):
         for script in ("run", "test", "fuzz", "sanitize", "endure", "build", "coverage", "tidy", "docs/build"):
@@ -116,6 +185,14 @@ class Scripts(unittest.TestCase):
         done = run("bash", "--norc", "-ic", f"source {file}; false; echo still here $-")
         self.assertRegex(done.stdout, r"still here (?!\S*[eu])")
         self.assertIn("deploy/build programs", done.stderr)
+
+    def test_the_job_script_leaves_a_temporary_directory_whose_name_is_too_long_for_a_socket(self):
+        with tempfile.TemporaryDirectory() as place:  # a job that is its launch_server alone
+            pathlib.Path(place, "job.sh").write_text('directory=/d; serve() { echo "$2"; }; run_job() { launch_server 0; }\n')
+            for directory, expected in (("/scratch", "/scratch"), ("/" + 91 * "s", "/" + 91 * "s"), ("/" + 92 * "s", "/tmp"), ("/" + 60 * "\u00e9", "/tmp"), ("", "/tmp")):
+                done = run("bash", OPTIONS.source / "deploy/slurm/one_node.sbatch",
+                           env={**os.environ, "SHEARBUS_SLURM": place, "SLURM_JOB_ID": "7", "TMPDIR": directory, "LC_ALL": "C.UTF-8"})
+                self.assertEqual((done.stdout, done.stderr), (f"ipc://{expected}/shearbus-7/bus\n", ""))
 
     def test_headings_have_no_colours_off_a_terminal_or_with_no_color(self):
         say = f"source {OPTIONS.source}/deploy/prepare.sh; say heading"

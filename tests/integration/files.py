@@ -213,6 +213,28 @@ class Histories(Files):
         self.attribute("pressure", 1.0)
         self.assert_refused(self.replay(), "/pressure", "units")
 
+    def test_damaged_texts_of_variable_length_are_refused(self):
+        """HDF5 1.10 dies of some damage in the heap where h5py writes attributes, or never ends: no program of ours does."""
+        self.write(**support.velocity_history())
+        self.attribute("pressure", "GPa")
+        self.attribute("velocity_jump", "km/s")
+        whole = self.history.read_bytes()
+        heap = whole.index(b"GCOL")
+        attributes = [at for at in range(len(whole)) if whole.startswith(b"units\0", at)]
+        places = [heap + 24, *range(heap + 49, heap + 56), *(at + i for at in attributes for i in (53, 54, 55))]  # of those tried
+        refused = 0
+        for place in places:
+            damaged = bytearray(whole)
+            damaged[place] ^= 0xff
+            self.history.write_bytes(damaged)
+            run = self.run_program("replay", self.history, "--scene", SCENE, "--out", self.out)
+            self.assertIn(run.returncode, (0, 1), f"byte {place}: {run.stderr}")
+            self.assertNotIn("infinite loop", run.stderr)
+            if "HDF5 does not survive its texts" in run.stderr:
+                refused += 1
+                self.assertIn("is damaged", run.stderr)
+        self.assertGreater(refused, 4)
+
     def test_the_units_of_a_start_are_those_of_the_time(self):
         parts = support.velocity_history()
         self.write(**(parts | {"time": 100.0 + parts["time"] * 1e6, "t0": 100.0}))

@@ -1,6 +1,7 @@
 """Tests of shearbus-study fit: a synthetic velocimeter with noise, what a curve cannot tell, exact derivatives, and what is refused."""
 import argparse
 import json
+import os
 import pathlib
 import re
 import subprocess
@@ -100,6 +101,24 @@ class Fit(unittest.TestCase):
         self.assertAlmostEqual((report["parameters"][0]["high"] - report["parameters"][0]["low"]) / (2 * 1.975 * exact), 1.0, delta=0.05)
         with open(self.here / "out/fitted.toml") as file:
             self.assertIn(f"friction_coefficient = {report['parameters'][0]['value']!r}", file.read())
+
+    def test_curves_are_read_as_they_stand(self):
+        curve, pipe = self.here / "curve.csv", self.here / "pipe.csv"
+        os.mkfifo(pipe)
+        for node, said in (("18446744073709551615", "no node 18446744073709551615"), ("9007199254740993", "no node 9007199254740993"),
+                           ("18446744073709551616", "no whole number"), ("1.5", "no whole number"), ("-1", "no whole number"), ("1e3", "no whole number")):
+            curve.write_text("time_s,free_surface_velocity,node_id\n" + f"8e-7,1.0,{node}\n" * 9)
+            done = self.fit("--curve", curve, "--parameter", MU)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn(said, done.stderr)
+        for words, said in ((("--curve", pipe), "pipe.csv: is no regular file"), (("--stress-strain", pipe), "pipe.csv: is no regular file")):
+            done = self.fit(*words, "--parameter", MU)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn(said, done.stderr)
+        for parameter in ("interface.friction_coefficient=nan:1", "interface.friction_coefficient=0.1:inf", "interface.friction_coefficient=1_0:20"):
+            done = self.fit("--curve", curve, "--parameter", parameter)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn("expected KEY=LOW:HIGH", done.stderr)
 
     def test_what_a_curve_does_not_determine_is_told(self):
         curve = self.measure((1,), 4)  # slides at its yield limit: mu has no part in it

@@ -1,6 +1,6 @@
 """Texts of strangers (scenes, tables, files and their names, endpoint files) with commands to a terminal and ends of
 lines in every place: no program prints them, and none makes a second line of them. Needs --server, --ctl, --hydro,
---replay, --report and --source."""
+--replay, --study, --report and --source."""
 import argparse
 import os
 import pathlib
@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 parser = argparse.ArgumentParser()
-for option in ("server", "ctl", "hydro", "replay", "report", "source"):
+for option in ("server", "ctl", "hydro", "replay", "study", "report", "source"):
     parser.add_argument(f"--{option}", required=True)
 OPTIONS, REST = parser.parse_known_args()
 sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
@@ -23,6 +23,7 @@ import shearbus  # noqa: E402
 
 os.environ["SHEARBUS_SERVER"] = OPTIONS.server  # of the sessions below
 
+PROBLEMS = pathlib.Path(OPTIONS.source) / "hydro_stub/problems"
 EVIL = "x\x1b[2J\x07\u009b31m\u202e\nforged: line"
 TOML = '"x\\u001b[2J\\u0007\\u009b31m\\u202e\\nforged: line"'
 SCENE = """name = "plain"
@@ -105,6 +106,32 @@ class HostileTexts(unittest.TestCase):
         self.run_program("replay", "plot", scene, "--out", "out.png", code=(1, 2), quoted=False)
         self.assertFalse((self.path / "out.h5").exists())
 
+    def test_every_text_of_a_command_line(self):
+        """Names of files that come from elsewhere reach command lines by patterns of a shell and by scripts."""
+        good, column = self.file("good.toml", SCENE), PROBLEMS / "two_half_spaces.toml"
+        toml, h5, csv = (self.file(EVIL + end, "a = 1\n") for end in (".toml", ".h5", ".csv"))
+        inside = self.path / EVIL / "x"
+        replay = (csv, "--points", "--scene", good)
+        for program, *words in (
+            ("study", EVIL), ("study", "map", toml), ("study", "fit", toml, "--parameter", "a.b=1:2"), ("study", "fit", good, "--parameter", EVIL),
+            ("study", "fit", good, "--parameter", "a.b=1:2", "--curve", csv), ("study", "mesh", toml), ("study", "curve", toml),
+            ("ctl", EVIL), ("ctl", "compare", h5, h5), ("ctl", "ping", "--server", EVIL, "--timeout", "0.1"), ("ctl", "materials", EVIL),
+            ("ctl", "rehearse", "--problem", EVIL, "ipc:///nowhere/s"), ("ctl", "rehearse", "--timeout", EVIL, "ipc:///nowhere/s"),
+            ("hydro", "--restart", self.path / EVIL), ("hydro", column, "--interface-law", EVIL), ("hydro", column, "--explain", EVIL), ("hydro", toml, "--explain"),
+            ("replay", "compare", h5, h5), ("replay", "export", h5, "--out", "o.csv"), ("replay", "--capsule", h5), ("replay", "plot", h5, "--out", "p.png"),
+            ("replay", *replay, "--out", inside.with_suffix(".h5")), ("replay", *replay, "--columns", EVIL, "--out", "o.h5"),
+            ("replay", *replay, "--set", EVIL, "--out", "o.h5"), ("report", h5), ("report", h5, "-o", inside), ("report", f"--{EVIL}"),
+            ("server", EVIL), ("server", "--bind", EVIL), ("server", "--bind", "ipc:///nowhere/s", "--endpoint-file", inside),
+            ("server", "--bind", "tcp://127.0.0.1:*", "--curve-secret", inside, "--authorized-keys", inside)):
+            said = self.run_program(program, *words, code=(1, 2), quoted=False)
+            self.assertNotIn("Traceback", said)
+        self.run_program("ctl", "keygen", inside.with_name("key"), code=(0, 1))
+        self.run_program("ctl", "keygen", self.path / EVIL, code=0)
+        self.file(EVIL + " good.toml", SCENE)
+        self.run_program("ctl", "check", self.path / (EVIL + " good.toml"), code=0)
+        self.run_program("study", "map", PROBLEMS.parents[1] / "client/examples/validity_map.toml", "--out", self.path / EVIL, "--pressures", "2", "--velocities", "2",
+                         "--times", "1e-8", code=0)
+
     def test_tables_and_histories(self):
         scene = self.file("good.toml", SCENE)
         rows = "\n1e-9,1,100,5e9\n"
@@ -123,15 +150,30 @@ class HostileTexts(unittest.TestCase):
                 file[f"parameter/{EVIL}" if what == "parameter" else EVIL] = [1.0]
             self.run_program("replay", "history.h5", "--scene", scene, "--out", "out.h5", code=(0, 1), quoted=what == "parameter")
 
-    def test_parameters_marks_and_names_of_sessions(self):
+    def test_every_text_that_a_host_gives(self):
+        def opened(scene=SCENE, endpoint=None, **options):
+            return lambda: shearbus.open(scene, [1], endpoint, check_closure="off", connect_deadline=0.2, **options)
+
+        place = self.path / EVIL
         with shearbus.open(SCENE, [1], check_closure="off") as session:
-            for call in (lambda: session.mark(EVIL), lambda: session.rollback_to(EVIL),
-                         lambda: shearbus.open(SCENE, [1], check_closure="off", parameters={EVIL: 1.0}),
-                         lambda: shearbus.open(SCENE, [1], check_closure="off", pair=EVIL),
-                         lambda: shearbus.open(SCENE, [1], check_closure="off", domain=EVIL)):
-                with self.assertRaises((shearbus.Error, ValueError)) as fault:
+            calls = {"mark": lambda: session.mark(EVIL), "rollback_to": lambda: session.rollback_to(EVIL),
+                     "accept": lambda: session.accept(EVIL), "want": lambda: session.step(1e-9, jump=[1.0], pressure=[1e9], want=[EVIL]),
+                     "column": lambda: session.step(1e-9, **{EVIL: [1.0]}),
+                     "parameters": opened(parameters={EVIL: 1.0}), "pair": opened(pair=EVIL), "domain": opened(domain=EVIL),
+                     "domain of a server": opened(endpoint=f"ipc://{self.path}/none", domain=EVIL),
+                     "scene": opened(place.with_suffix(".toml")), "endpoint": opened(endpoint=EVIL),
+                     "ipc": opened(endpoint=f"ipc://{place}"), "tcp": opened(endpoint=f"tcp://{EVIL}:7447"),
+                     "file": opened(endpoint=f"file://{place}"), "check_closure": lambda: shearbus.open(SCENE, [1], check_closure=EVIL),
+                     "state_dir": opened(state_dir=f"/proc/{EVIL}"), "ticket": lambda: shearbus.resume(EVIL),
+                     "server_key_file": opened(endpoint="tcp://127.0.0.1:1", server_key_file=place, secret_key_file=place),
+                     "secret_key_file": opened(endpoint="tcp://127.0.0.1:1", secret_key_file=place, server_key_file=place),
+                     "name": opened(endpoint=f"ipc://{self.path}/none", name=EVIL)}
+            for what, call in calls.items():
+                with self.subTest(what), self.assertRaises((shearbus.Error, ValueError, TypeError)) as fault:
                     call()
-                self.check(str(fault.exception), str(fault.exception), quoted=False)
+                said = str(fault.exception)
+                self.check(said, what, quoted=False)
+                self.assertEqual(len(said.splitlines()), 1, said)
 
     def test_endpoint_files_and_the_log(self):
         directory = self.path / "servers"

@@ -238,7 +238,7 @@ class Cone(unittest.TestCase):
             for threads, flag in ((1, "--overlap"), (1, "--no-overlap"), (3, "--overlap")):
                 out = pathlib.Path(directory) / f"{threads}{flag}"
                 done = subprocess.run([OPTIONS.hydro, str(path), "--out", str(out), "--no-plot", flag], capture_output=True, text=True,
-                                      timeout=250, env={**os.environ, "OMP_NUM_THREADS": str(threads)})
+                                      timeout=250, env={**os.environ, "OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"})
                 self.assertEqual(done.returncode, 0, done.stderr)
                 runs[threads, flag] = out
             first, *others = runs.values()

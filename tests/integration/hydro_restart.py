@@ -144,6 +144,14 @@ class Restart(unittest.TestCase):
             self.assertEqual(profiles["layer_temperature"].shape, (5, 2, profiles["position"].shape[0]))
             self.assertGreater(profiles["layer_temperature"][-1, 1, 0], 320.0)
 
+    def test_plastic_layers_whose_thickness_follows_from_the_zones(self):
+        text = (pathlib.Path(OPTIONS.problems) / "cone_al_steel.toml").read_text()
+        for key, value in {"zone_width_m": "1e-3", "end_time_s": "3e-6"}.items():
+            text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
+            self.assertEqual(found, 1, key)
+        self.scene.write_text(text)
+        self.killed_again_and_again()
+
     def test_hydro_killed_beside_a_server(self):
         self.serve()
         self.killed_again_and_again("--server", self.endpoint)

@@ -45,6 +45,15 @@ class PaperFigures(unittest.TestCase):
         self.assertNotIn("run cone", printed, "a run of the same inputs is used again")
         self.assertEqual(again[18], figures[18])
 
+    def test_the_order_of_the_laws_is_told_of_two_meshes_and_of_every_cone(self):
+        figures, _ = self.figures("21,22")
+        agrees, differs = (" ".join(figures[21][kind]) for kind in ("agrees", "differs"))
+        self.assertIn("Less sliding with the subgrid model, as displacement of the metal", agrees)
+        self.assertRegex(agrees, r"metal against metal over \+-1 mm \S+ mm with law \(5\), \S+ mm with the subgrid model \(-\d+ %, on zones twice as wide -\d+ %\)")
+        self.assertIn("cone_al5083_steel: metal against metal", differs)
+        self.assertIn("Its interface is weaker than the metal beside it", differs)
+        self.assertRegex(" ".join(figures[22]["agrees"]), r"impulse of s x 1\.\d+, on zones twice as wide x 1\.\d+")
+
     def test_what_is_no_figure_and_what_is_missing_are_refused(self):
         done = self.run_program("--only", "11")
         self.assertEqual((done.returncode, "expected numbers from 12 to 22" in done.stderr), (2, True), done.stderr)

@@ -9,6 +9,7 @@ import contextlib
 import importlib.util
 import io
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -317,9 +318,31 @@ class Report(unittest.TestCase):
         bad_summary = self.path / "bad_summary"
         shutil.copytree(self.column, bad_summary)
         (bad_summary / "summary.json").write_text("{")
+        deep, elsewhere, piped = self.path / "deep", self.path / "elsewhere", self.path / "piped"
+        shutil.copytree(self.column, deep)
+        (deep / "summary.json").write_text("[" * 100_000)
+        for figures, file in ((elsewhere, self.column / "x.png"), (piped, "pipe.png")):
+            figures.mkdir()
+            (figures / "figures.json").write_text(json.dumps([{"figure": "12", "title": "t", "file": str(file)}]))
+        os.mkfifo(piped / "pipe.png")
+        pipe = self.path / "pipe"
+        pipe.mkdir()
+        os.mkfifo(pipe / "figures.json")
         out = self.path / "no.html"
-        for runs, text in (([self.path / "gone"], "no such run"), ([empty], "neither fields.xmf nor history.h5"), ([self.path / "cone.toml"], "cannot be read"),
-                           ([self.path / "history.h5"], "no dataset"), ([broken], "interface.h5"), ([bad_summary], "summary.json"),
+        damaged = self.path / "damaged.h5"
+        with h5py.File(damaged, "w") as file:
+            file["time"], file["node_id"] = [1e-9], [1]
+            for name in ("interface_temperature", "shear_stress", "sliding_velocity"):
+                file[name] = [[1.0]]
+            meta = file.create_group("meta")
+            meta.attrs["scene_name"], meta.attrs["producer"] = "abc", "def"
+        content = bytearray(damaged.read_bytes())
+        content[content.index(b"GCOL") + 50] ^= 0xff  # of the size of the second text
+        damaged.write_bytes(content)
+        for runs, text in (([damaged], "HDF5 does not survive its texts"), ([self.path / "gone"], "no such run"), ([empty], "neither fields.xmf nor history.h5"), ([self.path / "cone.toml"], "cannot be read"),
+                           ([self.path / "history.h5"], "no dataset"), ([broken], "interface.h5"), ([bad_summary], "summary.json"), ([deep], "nested too deep"),
+                           ([self.column, "--figures", elsewhere], "in the same directory"), ([self.column, "--figures", piped], "in the same directory"),
+                           ([self.column, "--figures", pipe], "no regular file"),
                            ([self.column, "--figures", empty], "figures.json")):
             said = self.refused(*runs, "-o", out)
             self.assertIn(text, said)

@@ -1,16 +1,6 @@
 // A flow law for tests, Bingham's viscous metal. Its viscosity and its yield stress soften differently, so that rate
 // and temperature are coupled:
 //   Y(dep/dt, T) = (A + eta (1 - T/T_melt) dep/dt) (1 - T/T_melt), with yield stress A and viscosity eta
-#pragma once
-
-#include <array>
-#include <cmath>
-#include <limits>
-#include <string_view>
-
-#include "server/physics/material/flow_law.hpp"
-
-namespace shearbus::physics {
 
 class Bingham {
  public:
@@ -27,45 +17,39 @@ class Bingham {
   static constexpr bool kHasWaveReturn = false;
 
   static LawFault fault_of(const Material&) { return {}; }
-  static Softening softening(const Material& m, double /*pressure*/, double T) {
-    if (!(T < m.melting_temperature)) return {};
-    return {1.0 - T / m.melting_temperature, -1.0 / m.melting_temperature};
+  static Softening softening(const Material& m, Register /*pressure*/, Register T) {
+    const Mask solid = T < m.melting_temperature;
+    return {only(solid, 1.0 - T / m.melting_temperature), only(solid, all(-1.0 / m.melting_temperature))};
   }
-  static double steepest_softening(const Material& m, double /*pressure*/, double /*coldest*/, double /*hottest*/) {
-    return 1.0 / m.melting_temperature;
+  static Register steepest_softening(const Material& m, Register, Register /*coldest*/, Register /*hottest*/) {
+    return all(1.0 / m.melting_temperature);
   }
-  static double hardened(const Material& m, double /*ep*/, double rate, double pressure, double T) {
+  static Register hardened(const Material& m, Register /*ep*/, Register rate, Register pressure, Register T) {
     return m.yield_strength + m.hardening_modulus * softening(m, pressure, T).g * rate;
   }
-  static double hardening_slope(const Material& m, double /*ep*/, double /*dep*/, double dt, double P, double T) {
+  static Register hardening_slope(const Material& m, Register, Register /*dep*/, double dt, Register P, Register T) {
     return m.hardening_modulus * softening(m, P, T).g / dt;
   }
   static double ceiling(const Material&) { return std::numeric_limits<double>::infinity(); }
   static bool hardens(const Material&) { return true; }
 
-  Bingham(const Material& m, double dt) : A_(m.yield_strength), per_strain_(m.hardening_modulus / dt) {}
+  Bingham(const Material& m, double dt, const VertexLoad& load)
+      : load_(load), A_(m.yield_strength), per_strain_(m.hardening_modulus / dt) {}
 
-  double load_of(double a) const { return kSqrt3 * a / A_; }
-  static double unit_of_load(const Material& m) { return m.yield_strength; }
-  static double bracket_at(const Material&, double /*pressure*/) { return 1.0; }
-  double strength_at_rest(double /*bracket*/, double T_melt, double T, double /*ep*/) const {
-    return T < T_melt ? 1.0 - T / T_melt : 0.0;
-  }
-  template <int N, class Take>
-  void flow(const LoadedVertices<N>& loaded, const double (&excess)[N], const double* /*ep*/, const Take& take) const {
-    for (int l = 0; l < N; ++l) {
-      const bool solid = loaded.T[l] < loaded.T_melt[l];
-      const double g = solid ? 1.0 - loaded.T[l] / loaded.T_melt[l] : 1.0;
-      const double dep = solid ? A_ * (loaded.load[l] / g - 1.0) / (per_strain_ * g) : 1e50;
-      // relative decrease of the softening g = 1 - T/T_melt per increase of ln(stress)
-      const double lost = loaded.rise[l] / (loaded.T_melt[l] * g);
-      const double slope = solid ? A_ * loaded.load[l] * (1.0 + lost) / (per_strain_ * g * g) + dep * lost : 1e50;
-      take(l, excess[l] > 0.0 ? dep : 0.0, excess[l] > 0.0 ? slope : 0.0);
-    }
+  // The flow is explicit, so that the search has no root to keep.
+  VertexFlow flow(const LoadedVertex& at) const {
+    const Register stress = kSqrt3 * load_.stress;
+    const Mask solid = at.T < load_.T_melt;
+    const Register g = where(solid, 1.0 - at.T / load_.T_melt, all(1.0));
+    const Mask flows = at.wanted & (stress > only(solid, A_ * g));
+    // relative decrease of the softening g = 1 - T/T_melt per increase of ln(stress)
+    const Register lost = at.rise / (load_.T_melt * g);
+    const Register dep = where(solid, (stress / g - A_) / (per_strain_ * g), all(1e50));
+    const Register slope = where(solid, stress * (1.0 + lost) / (per_strain_ * g * g) + dep * lost, all(1e50));
+    return {only(flows, dep), only(flows, slope), all(0.0), all(0.0)};
   }
 
  private:
+  VertexLoad load_;
   double A_, per_strain_;
 };
-
-}  // namespace shearbus::physics

@@ -15,6 +15,11 @@ ModelOptions random_sleeping_options(Draw& draw, Strategy strategy, bool extreme
   options.modes.reset();
   options.time_integrator = TimeIntegrator::kBackwardEuler;
   options.sleep = true;
+  Draw aside = draw;
+  if (aside.chance(0.3)) {
+    options.grid.far_boundary = FarBoundary::kIsothermal;
+    if (options.hard_grid && aside.chance(0.7)) options.hard_grid->far_boundary = FarBoundary::kIsothermal;
+  }
   if (options.drive == Drive::kLayerShear && draw.chance(0.3)) options.tangential_components = 2;
   return options;
 }
@@ -45,6 +50,35 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
   EXPECT_GT(slept.stuck, 4000);
   EXPECT_GT(slept.woken, 300);
   EXPECT_LT(slept.apart, 1e-11);  // 1.8e-12 force-driven
+}
+// A node whose interface may melt sleeps while all of it is solid, and wakes where a pressure that falls would melt it.
+TEST(PhysicsSleepNextToAFilm, ASleeperToAFilmAnswersAsIfItWereAwake) {
+  Draw draw(20262);
+  Slept slept;
+  long molten = 0;
+  for (int scene = 0; scene < 40; ++scene) {
+    const bool extreme = scene % 4 == 3;
+    ModelOptions options = random_melting_options(draw, extreme);
+    options.sleep = true;
+    Rig rig(options);
+    AwakeTwin awake(options);
+    start_hard_elsewhere(draw, rig);
+    Phase phase{};
+    for (int step = 0; step < kPhases * kStepsPerPhase; ++step) {
+      if (step % kStepsPerPhase == 0) phase = begin_phase(draw, rig, extreme);
+      within_phase(phase, rig);
+      const double dt = random_dt(draw, extreme);
+      rig.step(dt);
+      ASSERT_NO_THROW(awake.repeat(rig, dt, slept)) << "scene " << scene << ", step " << step;
+      for (int l = 0; l < kLanes; ++l) molten += rig.outputs.film_thickness[l] > 0.0;
+    }
+  }
+  printf("asleep %ld node-steps, %ld of them stuck under stress, woke %ld times, molten %ld; apart by %.1e K\n",
+         slept.asleep, slept.stuck, slept.woken, molten, slept.apart);
+  EXPECT_GT(slept.asleep, 5000);
+  EXPECT_GT(slept.stuck, 500);
+  EXPECT_GT(slept.woken, 50);
+  EXPECT_GT(molten, 100);
 }
 INSTANTIATE_TEST_SUITE_P(Strategies, PhysicsSleepSteps,
                          ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),

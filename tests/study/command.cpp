@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "proto/files/whole_file.hpp"
+#include "proto/program/program.hpp"
 #include "server/version.hpp"
 #include "shearbus_places.hpp"
 
@@ -39,7 +40,7 @@ CLI::App* add_command(CLI::App& program, const std::string& name, const std::str
 
 void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study) {
   nlohmann::ordered_json out = {{"study", name},
-                                {"version", SHEARBUS_VERSION},
+                                {"version", SHEARBUS_RELEASE},
                                 {"commit", server::kCommit},
                                 {"date", fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)))},
                                 {"processor", processor()}};

@@ -6,7 +6,6 @@
 Prints one row per width: mean slip with law (5) and with the service, the reduction of slip by the service in percent, and of both laws
 the displacement of metal against metal over +-0.5 and +-1 mm, the friction impulse, the share of slip under Coulomb friction, the hottest interface and the highest pressure and sliding velocity of the flank. The last line
 gives the spread of the reduction over the widths, largest less smallest. Two runs go side by side."""
-import argparse
 import concurrent.futures
 import json
 import pathlib
@@ -16,6 +15,9 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "client/report"))
+from terminal import Parser, positive_numbers  # noqa: E402
+
 LAWS = ("coulomb_tresca", "subgrid")
 
 
@@ -55,13 +57,13 @@ def row(zone, law5, subgrid):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("scene", type=pathlib.Path, nargs="?", default=ROOT / "hydro_stub/problems/cone_al_steel.toml")
     parser.add_argument("--hydro", type=pathlib.Path, required=True)
-    parser.add_argument("--zones", default="0.5e-3,0.25e-3,0.125e-3", help="zone widths, m")
+    parser.add_argument("--zones", type=positive_numbers, default="0.5e-3,0.25e-3,0.125e-3", help="zone widths, m")
     parser.add_argument("--out", type=pathlib.Path, help="keeps the runs")
     options = parser.parse_args()
-    zones = [float(zone) for zone in options.zones.split(",")]
+    zones = options.zones
     with tempfile.TemporaryDirectory() as scratch, concurrent.futures.ThreadPoolExecutor(2) as pool:
         out = options.out or pathlib.Path(scratch)
         runs = {(zone, law): pool.submit(run, options.hydro, options.scene, zone, law, out) for zone in zones for law in LAWS}

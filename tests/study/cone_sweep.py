@@ -7,7 +7,6 @@ Each layer runs with each zone width, in time steps that the hydrocode chooses. 
 interface, and T0 of every node at every output. The error of a layer is its distance to the best layer in the same zones. The error of the
 zones is the distance to zones half as wide, both with the best layer; T0 is compared only within the same zones, because other zones have
 other nodes. Writes cone_sweep.json, with date, processor and commit, and prints the table."""
-import argparse
 import datetime
 import json
 import pathlib
@@ -19,6 +18,9 @@ import h5py
 import numpy
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "client/report"))
+from terminal import Parser, positive_number, positive_numbers  # noqa: E402
+
 SCENE = ROOT / "hydro_stub/problems/cone_al_steel_hot.toml"
 BEST = "modes 1e-6, sdirk2"
 COMMON = 'thickness_m = 100e-6\nfar_boundary = "half_space"'
@@ -75,14 +77,14 @@ def told(value):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("--hydro", type=pathlib.Path, required=True)
-    parser.add_argument("--zones", default="2e-3,1e-3,0.5e-3", help="zone widths, m, each half the one before")
+    parser.add_argument("--zones", type=positive_numbers, default="2e-3,1e-3,0.5e-3", help="zone widths, m, each half the one before")
     parser.add_argument("--layers", default="", help="only layers whose name contains this (and the best)")
-    parser.add_argument("--end", type=float, default=12e-6, help="s")
+    parser.add_argument("--end", type=positive_number, default=12e-6, help="s")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/study"))
     options = parser.parse_args()
-    zones = [float(z) for z in options.zones.split(",")]
+    zones = options.zones
     if any(abs(a / b - 2) > 1e-9 for a, b in zip(zones, zones[1:])):
         sys.exit("cone_sweep.py: --zones: each zone width is to be half the one before")
     layers = [name for name in LAYERS if name == BEST or options.layers in name]

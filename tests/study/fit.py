@@ -38,6 +38,9 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc, t as student
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "client/report"))
+from terminal import Parser, complain, positive_count, read_text, read_toml, real_number  # noqa: E402
+
 STEP = 2e-3  # of a derivative, as a part of the parameter's range
 ANSWERS = ("shear_stress", "sliding_velocity", "interface_temperature")
 INPUTS = re.findall(r"^(?:INPUT|STICK)\(\w+, \d+, \w+, (\w+),", (ROOT / "proto/wire/columns.inc").read_text(encoding="utf-8"), re.M)
@@ -49,17 +52,12 @@ class Fault(Exception):
     """What is wrong with the input, in a sentence for the user."""
 
 
-class Help(argparse.RawDescriptionHelpFormatter):
-    def add_usage(self, usage, actions, groups, prefix=None):
-        super().add_usage(usage, actions, groups, "Usage: ")
-
-
 class Parameter:
     def __init__(self, text):
         found = re.fullmatch(r"([\w.]+)=([^:]+):([^:]+)", text)
         try:
-            self.key, self.low, self.high = found[1], float(found[2]), float(found[3])
-        except (TypeError, ValueError):
+            self.key, self.low, self.high = found[1], real_number(found[2]), real_number(found[3])
+        except (TypeError, argparse.ArgumentTypeError):
             raise Fault(f"--parameter {text}: expected KEY=LOW:HIGH, for instance interface.friction_coefficient=0.1:0.6") from None
         if not self.low < self.high:
             raise Fault(f"--parameter {text}: the range is empty")
@@ -68,12 +66,27 @@ class Parameter:
         return self.low + x * (self.high - self.low)
 
 
+def rows_of(path):
+    """Returns the cells of a CSV file without its comments."""
+    try:
+        return list(csv.reader(line for line in read_text(path).splitlines() if line.strip() and not line.startswith("#")))
+    except (ValueError, csv.Error) as cause:
+        raise Fault(f"{path}: {cause}") from None
+
+
+def id_of(path, text):
+    """Returns the id of a node as it stands: a float holds those up to 2^53 alone. Other programs write 7 as 7.0."""
+    found = re.fullmatch(r"\s*([0-9]+)(?:\.0*)?\s*", text)
+    if found is None or not int(found[1]) < 2**64:
+        raise Fault(f"{path}: node {text[:60]!r} is no whole number from 0 to 2^64 - 1")
+    return int(found[1])
+
+
 class Curve:
     """A measured quantity of one or several nodes against time."""
 
     def __init__(self, path):
-        with open(path, newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
+        rows = rows_of(path)
         header = [name.strip() for name in rows[0]] if rows else []
         quantities = [name for name in header if name not in ("time_s", "sigma", "node_id")]
         if "time_s" not in header or len(quantities) != 1:
@@ -86,7 +99,10 @@ class Curve:
         self.path, self.quantity = path, quantities[0]
         self.time, self.values = columns["time_s"], columns[self.quantity]
         self.sigma = columns.get("sigma")
-        self.node_id = columns["node_id"].astype(np.uint64) if "node_id" in columns else None
+        self.node_id = None
+        if "node_id" in header:
+            place = header.index("node_id")
+            self.node_id = np.array([id_of(path, row[place]) for row in rows[1:]], np.uint64)
         if not np.isfinite(numbers).all() or len(numbers) == 0 or (self.sigma is not None and (self.sigma <= 0).any()):
             raise Fault(f"{path}: expected finite numbers, with sigma above 0")
 
@@ -124,8 +140,7 @@ class StressStrain:
     quantity, sigma = "stress", None
 
     def __init__(self, path):
-        with open(path, newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
+        rows = rows_of(path)
         if not rows or [name.strip() for name in rows[0]] != self.HEADER:
             raise Fault(f"{path}: expected the header {','.join(self.HEADER)}; found {','.join(rows[0]) if rows else 'nothing'}")
         try:
@@ -250,9 +265,9 @@ class Model:
         self.program = options.bin / ("shearbus-study" if self.of_metal else "shearbus-replay" if options.history else "shearbus-hydro")
         self.scene_path, self.done = options.scene, {}
         try:
-            self.text = options.scene.read_text(encoding="utf-8")
-            tomllib.loads(self.text)
-        except (OSError, tomllib.TOMLDecodeError) as cause:
+            self.text = read_text(options.scene)
+            read_toml(self.text)
+        except (OSError, ValueError) as cause:
             raise Fault(f"{options.scene}: {cause}") from None
         if not self.program.exists():
             raise Fault(f"{self.program} is missing: build the programs, or name their directory with --bin")
@@ -405,11 +420,10 @@ def table(found, directions):
 def label_of(curve, node):
     if isinstance(curve, StressStrain):
         return "fitted, {:g} 1/s from {:g} K".format(*curve.conditions[node])
-    return "fitted" if curve.node_id is None else f"fitted, node {node:g}"
+    return "fitted" if curve.node_id is None else f"fitted, node {node}"
 
 
 def draw(path, curves, run):
-    sys.path.insert(0, str(ROOT / "client/report"))
     import style
     made, axes = style.figure(2, len(curves), (4.7 * len(curves) + 0.6, 5.0), squeeze=False, sharex="col", height_ratios=(3, 1))
     for (upper, lower), curve in zip(axes.T, curves):
@@ -449,13 +463,13 @@ def write_sensitivities(path, model):
 
 
 def main():
-    parser = argparse.ArgumentParser(prog="shearbus-study fit", description=__doc__, formatter_class=Help)
+    parser = Parser(prog="shearbus-study fit", description=__doc__)
     parser.add_argument("scene", type=pathlib.Path)
     parser.add_argument("--curve", type=pathlib.Path, action="append", default=[], metavar="CSV", help="a measured curve; repeatable")
     parser.add_argument("--stress-strain", type=pathlib.Path, action="append", default=[], metavar="CSV", help="measured curves of stress against strain; repeatable")
     parser.add_argument("--parameter", action="append", required=True, metavar="KEY=LOW:HIGH", help="a key of the scene and its range; repeatable")
     parser.add_argument("--history", type=pathlib.Path, help="a recorded history, which shearbus-replay sends; without one shearbus-hydro runs SCENE")
-    parser.add_argument("--starts", type=int, default=3, help="searches from so many points, of which the best counts (default 3)")
+    parser.add_argument("--starts", type=positive_count, default=3, help="searches from so many points, of which the best counts (default 3)")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/fit"))
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin", help="directory of the programs")
     options = parser.parse_args()
@@ -471,7 +485,7 @@ def main():
                 write_sensitivities(options.out / "sensitivities.h5", model)
                 print(f"{len(model.done)} sets of parameters by {model.replays} run{'s' * (model.replays != 1)} of {model.program.name}")
                 return
-            x, jacobian, residuals, quality = fit(model, curves, max(1, options.starts))
+            x, jacobian, residuals, quality = fit(model, curves, options.starts)
             found, directions = judged(parameters, x, jacobian, quality["freedom"])
             (options.out / "fitted.toml").write_text(model.scene(x), encoding="utf-8")
             report = {"scene": str(options.scene), "curves": [str(path) for path in options.curve + options.stress_strain], "runs": len(model.done), "replays": model.replays, **quality,
@@ -482,7 +496,8 @@ def main():
         print(f"residuals: {np.sqrt(np.mean(residuals**2)):.3g} {'of the stress' if options.stress_strain else 'sigma' if quality['sigma_known'] else '(SI)'} rms of {quality['values']} values; "
               f"{len(model.done)} runs\nwritten: {options.out}/fit.json, fitted.toml, fit.png")
     except (Fault, OSError) as fault:
-        sys.exit(f"shearbus-study fit: {fault}")
+        complain("shearbus-study fit", fault)
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ differences fall the order is theirs, between 0.5 and 2; otherwise it is 1. The 
 the extrapolated answer. The two other errors are those of the middle mesh: "dt" the change with half the
 Courant number, "layer" the change with twice the cells of the layer (or, with heat modes, a tenth of their
 error). first_zone_m is scaled with the zones. Writes mesh.json and mesh.png to --out."""
-import argparse
 import json
 import math
 import pathlib
@@ -18,9 +17,12 @@ import re
 import subprocess
 import sys
 import tempfile
+from argparse import SUPPRESS
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/report"))
+from terminal import Parser, complain, positive_numbers  # noqa: E402
+
 ANSWERS = (("displacement_1mm", "metal over +-1 mm", "mm", 1e3), ("displacement_0.5mm", "over +-0.5 mm", "mm", 1e3), ("slip", "slip", "mm", 1e3),
            ("impulse", "friction impulse", "Pa s", 1.0), ("free_surface", "free surface, highest", "m/s", 1.0))
 
@@ -93,9 +95,9 @@ def extrapolated(values):
 
 def study(options):
     text = options.scene.read_text()
-    zones = sorted((float(zone) for zone in options.meshes.split(",")), reverse=True)
+    zones = sorted(options.meshes, reverse=True)
     if len(zones) < 2 or any(not 1.99 < a / b < 2.01 for a, b in zip(zones, zones[1:])):
-        raise Fault(f"--meshes {options.meshes}: expected at least two widths of zones that halve, as 0.5e-3,0.25e-3")
+        raise Fault(f"--meshes {','.join(map(str, zones))}: expected at least two widths of zones that halve, as 0.5e-3,0.25e-3")
     runs = []
     for zone in zones:
         runs.append(run(options.hydro, on_mesh(text, zone), options.law, options.out / f"{zone * 1e3:g}mm"))
@@ -147,17 +149,12 @@ def draw(found, out):
     print(f"\nwritten: {out / 'mesh.png'}, {out / 'mesh.json'}")
 
 
-class Help(argparse.RawDescriptionHelpFormatter):
-    def add_usage(self, usage, actions, groups, prefix=None):
-        super().add_usage(usage, actions, groups, "Usage: ")
-
-
 def main():
-    parser = argparse.ArgumentParser(prog="shearbus-study mesh", description=__doc__, formatter_class=Help)
+    parser = Parser(prog="shearbus-study mesh", description=__doc__)
     parser.add_argument("scene", type=pathlib.Path, nargs="?", default=ROOT / "hydro_stub/problems/cone_al_steel.toml")
-    parser.add_argument("--meshes", default="0.5e-3,0.25e-3,0.125e-3", help="widths of zones that halve, m")
+    parser.add_argument("--meshes", type=positive_numbers, default="0.5e-3,0.25e-3,0.125e-3", help="widths of zones that halve, m")
     parser.add_argument("--law", default="subgrid", help="interface law of the runs")
-    parser.add_argument("--bin", type=pathlib.Path, required=True, help=argparse.SUPPRESS)
+    parser.add_argument("--bin", type=pathlib.Path, required=True, help=SUPPRESS)
     parser.add_argument("--out", type=pathlib.Path, help="keeps the runs, the table and the picture")
     options = parser.parse_args()
     options.hydro = options.bin / "shearbus-hydro"
@@ -167,7 +164,7 @@ def main():
         try:
             found = study(options)
         except (Fault, OSError) as fault:
-            print(f"shearbus-study: mesh: {fault}", file=sys.stderr)
+            complain("shearbus-study: mesh", fault)
             return 1
         table(found)
         if keep:

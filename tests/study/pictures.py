@@ -1,21 +1,20 @@
 """Common parts of the studies' pictures: the command line, the look (client/report/style.py) and the footer."""
-import argparse
-import json
 import pathlib
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/report"))
 import style  # noqa: E402
+from terminal import Parser, read_json  # noqa: E402
 
 
 def arguments(description):
     """Returns the study from its JSON file, and the path of its picture: next to that file unless --out names
     another."""
-    parser = argparse.ArgumentParser(description=description)
+    parser = Parser(description=description)
     parser.add_argument("study", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path)
     options = parser.parse_args()
-    return json.loads(options.study.read_text()), options.out or options.study.with_suffix(".png")
+    return read_json(options.study), options.out or options.study.with_suffix(".png")
 
 
 def save(figure, out, study):

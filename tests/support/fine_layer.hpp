@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <map>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -23,8 +24,16 @@ class FineLayer {
     double temperature[physics::kLanes];
     std::fill_n(temperature, physics::kLanes, model_.options().initial_temperature);
     model_.initialise(state_.data(), temperature);
-    const int cuts = options.strategy == physics::Strategy::kForceDriven ? kCuts : 0;
-    for (int k = 0; k <= cuts; ++k) operators_.push_back(model_.operators(std::ldexp(substep, -k)));
+    set_substep(substep);
+  }
+
+  // The length of the substeps from now on.
+  void set_substep(double substep) {
+    const int cuts = model_.options().strategy == physics::Strategy::kForceDriven ? kCuts : 0;
+    auto& made = by_length_[substep];
+    if (made.empty())
+      for (int k = 0; k <= cuts; ++k) made.push_back(model_.operators(std::ldexp(substep, -k)));
+    operators_ = made;
   }
 
   double conducted_share() const {
@@ -56,6 +65,7 @@ class FineLayer {
   physics::Model model_;
   std::vector<double> state_, next_;
   std::vector<std::shared_ptr<const physics::StepOperators>> operators_;
+  std::map<double, std::vector<std::shared_ptr<const physics::StepOperators>>> by_length_;
 };
 
 }  // namespace shearbus::test

@@ -34,7 +34,8 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
   if (has_profile || !HeatKernel(options.soft, options.grid).far_face_unfelt(options.modes->longest_time)) {
     const double left = heat_left_through_held_faces(rig, lane, a.dt);
     const double before = rig.stored_heat_of(rig.trial, 0.0, lane), after = rig.stored_heat(0.0, lane);
-    if (std::isfinite(left)) require_heat_balance(before, after, a.heat - left, figures);
+    if (std::isfinite(left))
+      require_heat_balance(before, after, a.heat - left, figures, conducts_by_temperature(options) ? 1e-4 : 0.0);
   }
   require_heat_of_work(options, rig.conducted_share(), a);
 }

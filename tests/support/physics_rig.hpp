@@ -64,7 +64,7 @@ class Rig {
         committed(model.layout().doubles),
         trial(model.layout().doubles),
         heat_grid_(make_heat_grid(model)) {
-    if (options.sleep) basis_.emplace(heat_grid_, options.soft, options.hard);
+    if (nodes_sleep(options)) basis_.emplace(heat_grid_, options.soft, options.hard);
     double temperature[kLanes];
     for (double& T : temperature) T = options.initial_temperature;
     start(temperature);
@@ -155,6 +155,18 @@ class Rig {
     double sum = 0.0;
     for (std::size_t i = 0; i < T.size(); ++i) {
       sum += heat_grid_.capacity(static_cast<int>(i), model.options().soft, model.options().hard) * (T[i] - reference);
+    }
+    // What c(T) adds to the heat: c a/2 (T - 300 K)^2 of each body.
+    for (std::size_t i = 0; conducts_by_temperature(model.options()) && i < T.size(); ++i) {
+      const auto more = [&](const Material& m, double weight) {
+        const auto of = [](double x) { return (x - 300.0) * (x - 300.0); };
+        const double slope = std::isfinite(m.specific_heat_slope) ? m.specific_heat_slope : 0.0;
+        return m.conductivity / m.diffusivity * weight * 0.5 * slope * (of(T[i]) - of(reference));
+      };
+      const auto interface = static_cast<std::size_t>(heat_grid_.interface);
+      if (i >= interface) sum += more(model.options().soft, heat_grid_.weight[i]);
+      if (i <= interface)
+        sum += more(model.options().hard, i < interface ? heat_grid_.weight[i] : heat_grid_.hard_weight);
     }
     if (!model.options().melt_film) return sum;
     return sum + model.options().soft.density * model.options().melt_film->latent_heat * film_thickness_of(tile, lane);

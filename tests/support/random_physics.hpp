@@ -111,7 +111,7 @@ inline double strain_scale(const Material& m) {
 inline constexpr double kDigits = 16.0 * std::numeric_limits<double>::epsilon();
 
 // Relative error of the searches for the strain of each vertex, with which a flow that depends on its rate is summed
-// (solver/flow/searched_flow.cpp). The balance of a step is closed to another of the same size.
+// (solver/flow/layer_flow.cpp). The balance of a step is closed to another of the same size.
 inline constexpr double kSearchedDigits = 1e-14;
 
 // Returns the uncertainty of a layer's flow, the integral of the plastic strain increment [m]: the change of the flow
@@ -133,9 +133,11 @@ inline double flow_grain(const Rig& rig, const std::vector<double>& ep_old, doub
       T[i * kLanes + lane] = profile[i] * scale + shift;
       ep[i * kLanes + lane] = ep_old[i];
     }
-    FlowLoad load;
-    set_load(soft, P, std::abs(stress) * (1.0 + sign * searched), 0.0, lane, load);
-    return flow_of_lane({&soft, &grid, no_response.data(), T.data(), ep.data(), 0, dt}, load, lane, nullptr);
+    std::vector<double> rows(LayerFlow::size_of_rows(grid)), ep_new(T.size());
+    LayerFlow sums({&soft, &grid, no_response.data(), T.data(), ep.data(), dt}, rows.data());
+    sums.load(lane, soft, P, std::abs(stress) * (1.0 + sign * searched), 0.0);
+    sums.sum(1u << lane, ep_new.data());
+    return sums.slip[lane];
   };
   return flow(1.0) - flow(-1.0);
 }
@@ -242,7 +244,8 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   if (strategy == Strategy::kForceDriven && !properties_of(options.interface.friction_law).depends_on_slip() &&
       goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3))
     draw_softening(draw, options);
-  if (goes_with(Property::kSecondOrder, options) && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
+  if (!only_open_is_second_order(options) && goes_with(Property::kSecondOrder, options) && draw.chance(0.8))
+    options.time_integrator = TimeIntegrator::kSdirk2;
   if (goes_with(Property::kModes, options) && draw.chance(0.5)) {
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }

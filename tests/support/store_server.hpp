@@ -36,7 +36,9 @@ struct Counter final : Recovery {
   }
   void clear() override { seen.clear(); }
   Snapshot snapshot() const {
-    SessionImage session{.scene = "-", .node_ids = seen};
+    SessionImage session;
+    session.scene = "-";
+    session.node_ids = seen;
     for (std::uint32_t row = 0; row < seen.size(); ++row) session.committed.rows.push_back(row);
     return {.server_version = "test", .sessions = {session}};
   }

@@ -8,7 +8,7 @@ import re
 import sys
 import tempfile
 
-LIST = "server/physics/material/flow_laws.hpp"
+LIST = "server/physics/material/flow_law_list.hpp"
 FRICTION_LIST = "server/physics/interface/friction_laws.hpp"
 SCHEMA = "proto/shearbus/v1/scene.proto"
 CONSTANTS = "server/physics/material/material.cpp"

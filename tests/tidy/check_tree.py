@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Checks the tree against its design: which room may include which (the table in server/ARCHITECTURE.md), the contents of the top level,
-that every source is built, that references to pages and their headings resolve, and that no file names a machine. With --self-test each
-rule must fail on a tree made for it.
+that every source is built, that references to pages and their headings resolve, that Python programs read numbers by the one reader, and
+that no file names a machine. With --self-test each rule must fail on a tree made for it.
 
 A reference to a page of the tree is `PAGE.md` or `PAGE.md, "Heading"`; in a page it may be a link, [text](PAGE.md#heading)."""
 import argparse
@@ -31,6 +31,7 @@ LIBRARIES = {  # library of the table -> pattern of its headers
 }
 STANDARD = re.compile(r"[a-z0-9_]+(\.h)?|experimental/simd|(sys|netinet|arpa|linux)/[a-z0-9_]+\.h")
 MACHINE = re.compile(r"/(?:home|root|wor[k]|far[m]|Users)/|[.]pyen[v]|\bTOD[O]\b|\bFIXM[E]\b")
+NUMBER = re.compile(r"\btype=(?:int|float)\b")
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 # References are searched in comments and texts of these files, except in the corpora of fuzzing.
 REFERRING = {".md", ".cpp", ".hpp", ".h", ".py", ".proto", ".cmake", ".txt", ".toml"}
@@ -94,6 +95,15 @@ def machine_faults(root):
                 for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
                     if MACHINE.search(line):
                         yield f"{path.relative_to(root)}:{number}: names a machine or leaves a loose end: {line.strip()[:80]}"
+
+
+def number_faults(root):
+    """Options of Python programs whose numbers argparse reads by int or float: those take nan, inf, 1_0 and " 1"."""
+    for path in sorted(root.rglob("*.py")):
+        if not path.relative_to(root).parts[0].startswith("build"):
+            for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+                if NUMBER.search(line):
+                    yield f"{path.relative_to(root)}:{number}: reads a number by argparse; use the readers of client/report/terminal.py"
 
 
 def headings(page):
@@ -175,6 +185,7 @@ def faults(root, compile_commands):
     yield from include_faults(root, table((root / "server/ARCHITECTURE.md").read_text()))
     yield from top_level_faults(root)
     yield from machine_faults(root)
+    yield from number_faults(root)
     yield from reference_faults(root)
     yield from unbuilt_faults(root, compile_commands)
 
@@ -200,10 +211,11 @@ def self_test():
             "// METHODS.md.\n")
         (root / "server/physics/layer/page.md").write_text(
             "[sound](../../MODEL.md#heat-of-q), [file](../../GONE.txt), [heading](../../MODEL.md#no-heading), section 4b\n")
+        (root / "tests/program.py").write_text('parser.add_argument("--steps", ' + 'type=' + 'int)\n')
         built = [{"file": str(root / f)} for f in ("server/physics/layer/heat.cpp", "server/service/handle.cpp")]
         found = "\n".join(faults(root, built))
         expected = ["may not include zmq.hpp", "service may not include server/physics/layer/grid.hpp", "extra: the top level",
-                    "CMakeLists.txt:1: names a machine", "stray.cpp: belongs to no room", "stray.cpp: no target builds it",
+                    "CMakeLists.txt:1: names a machine", "program.py:1: reads a number by argparse", "stray.cpp: belongs to no room", "stray.cpp: no target builds it",
                     'layer.hpp:2: MODEL.md has no heading "no heading"', "layer.hpp:3: refers to a section by number",
                     "layer.hpp:4: names a page that does not exist: METHODS.md", "page.md:1: link to a file that does not exist",
                     "page.md:1: link to a heading that does not exist", "page.md:1: refers to a section by number"]

@@ -43,10 +43,49 @@ Mesh crooked(Symmetry symmetry, int nx, int ny, double part, Random& random) {
   return mesh;
 }
 
-std::vector<lagrange::Gradient> gradients(const Mesh& mesh, const lagrange::Geometry& geometry,
-                                          const std::vector<Vec2>& velocity) {
-  std::vector<lagrange::Gradient> all;
-  for (int z = 0; z < mesh.num_zones(); ++z) all.push_back(velocity_gradient(mesh, geometry, velocity, z));
+lagrange::Gradients gradients(const Mesh& mesh, const lagrange::Geometry& geometry, const std::vector<Vec2>& velocity) {
+  lagrange::Gradients all(mesh.num_zones());
+  find_gradients(mesh, geometry, velocity, all);
+  return all;
+}
+
+// Viscosity (of zones with density and sound speed 1) and hourglass control of all zones.
+class Forces {
+ public:
+  Forces(const Mesh& mesh, const lagrange::Geometry& geometry) : mesh_(mesh), geometry_(geometry) {}
+
+  lagrange::CornerVectors viscous(const lagrange::Gradients& gradient, const std::vector<double>& plastic_rate) const {
+    lagrange::CornerVectors force(mesh_.num_zones());
+    std::vector<double> rate(mesh_.num_zones());
+    lagrange::RunNodes position;
+    for (const lagrange::Run& run : mesh_.runs()) {
+      mesh_.load(mesh_.places(), run, position);
+      set_viscosity(mesh_, {}, 0.6, run, position, {geometry_, gradient, one_, one_, plastic_rate}, force, rate);
+    }
+    return force;
+  }
+  lagrange::CornerVectors hourglass(const std::vector<Vec2>& velocity) const {
+    lagrange::CornerVectors force(mesh_.num_zones());
+    lagrange::RunNodes position, moving;
+    for (const lagrange::Run& run : mesh_.runs()) {
+      mesh_.load(mesh_.places(), run, position);
+      mesh_.load(velocity, run, moving);
+      add_hourglass(0.25, run, position, moving, geometry_, one_, one_, force);
+    }
+    return force;
+  }
+
+ private:
+  const Mesh& mesh_;
+  const lagrange::Geometry& geometry_;
+  std::vector<double> one_ = std::vector<double>(mesh_.num_zones(), 1.0);
+};
+
+std::vector<Vec2> all_corners(const Mesh& mesh, const lagrange::CornerVectors& of) {
+  std::vector<Vec2> all;
+  for (int z = 0; z < mesh.num_zones(); ++z) {
+    for (int k = 0; k < 4; ++k) all.push_back(of.at(z, k));
+  }
   return all;
 }
 
@@ -62,8 +101,9 @@ TEST(Hydro2dGeometry, LinearVelocitiesHaveTheirOwnGradient) {
     const double a = 3.0, b = axisymmetric ? 0.0 : -2.0, c = axisymmetric ? 0.0 : 5.0, d = -7.0;
     std::vector<Vec2> velocity;
     for (const Vec2 x : mesh.places()) velocity.push_back({a * x.x + b * x.y, c * x.x + d * x.y + 1.0});
+    const lagrange::Gradients all = gradients(mesh, geometry, velocity);
     for (int z = 0; z < mesh.num_zones(); ++z) {
-      const lagrange::Gradient g = velocity_gradient(mesh, geometry, velocity, z);
+      const lagrange::Gradient g = all[z];
       EXPECT_NEAR(g.xx, a, 1e-12);
       EXPECT_NEAR(g.xy, b, 1e-12);
       EXPECT_NEAR(g.yx, c, 1e-12);
@@ -88,7 +128,7 @@ TEST(Hydro2dGeometry, WeightsAreTheSlopesOfTheVolume) {
           std::vector<double> more(mesh.num_zones()), less(mesh.num_zones());
           measure_volumes(mesh, ahead, more);
           measure_volumes(mesh, back, less);
-          const Vec2 weight = geometry.gradient_weight[4 * z + k] + Vec2{geometry.hoop_weight[4 * z + k], 0.0};
+          const Vec2 weight = geometry.weights.at(z, k) + Vec2{geometry.hoop[k][z], 0.0};
           EXPECT_NEAR((more[z] - less[z]) / 2e-5, dot(weight, step) / 1e-5, 1e-8);
         }
       }
@@ -126,16 +166,13 @@ TEST(Hydro2dViscosity, LinearVelocitiesCostNothing) {
     std::vector<Vec2> velocity;
     for (const Vec2 x : mesh.places())
       velocity.push_back({-0.5 * x.x - (axisymmetric ? 0.0 : 2.0 * x.y), 2.0 * x.x - 0.5 * x.y});
-    std::vector<Vec2> force(4 * mesh.num_zones());
-    std::vector<double> viscous(mesh.num_zones());
-    const std::vector<double> one(mesh.num_zones(), 1.0), none(mesh.num_zones(), 0.0);
     lagrange::Geometry geometry(mesh.num_zones());
     measure(mesh, mesh.places(), geometry);
-    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, none, 0,
-                  mesh.num_zones(), force, viscous);
-    for (const Vec2 f : force) EXPECT_NEAR(norm(f), 0.0, 1e-12);
-    add_hourglass(mesh, 0.25, geometry, mesh.places(), velocity, one, one, force);
-    for (const Vec2 f : force) EXPECT_NEAR(norm(f), 0.0, 1e-12);
+    const Forces forces(mesh, geometry);
+    const std::vector<double> none(mesh.num_zones(), 0.0);
+    const lagrange::CornerVectors shock = forces.viscous(gradients(mesh, geometry, velocity), none);
+    for (const Vec2 f : all_corners(mesh, shock)) EXPECT_NEAR(norm(f), 0.0, 1e-12);
+    for (const Vec2 f : all_corners(mesh, forces.hourglass(velocity))) EXPECT_NEAR(norm(f), 0.0, 1e-12);
   }
 }
 
@@ -147,19 +184,16 @@ TEST(Hydro2dViscosity, ForcesOfAZoneCancelAndOnlyHeat) {
     for (Vec2& v : velocity) v = {random(-1.0, 1.0), random(-1.0, 1.0)};
     lagrange::Geometry geometry(mesh.num_zones());
     measure(mesh, mesh.places(), geometry);
-    std::vector<Vec2> shock(4 * mesh.num_zones()), hourglass(4 * mesh.num_zones());
-    std::vector<double> viscous(mesh.num_zones());
-    const std::vector<double> one(mesh.num_zones(), 1.0), none(mesh.num_zones(), 0.0);
-    add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), gradients(mesh, geometry, velocity), one, one, none, 0,
-                  mesh.num_zones(), shock, viscous);
-    add_hourglass(mesh, 0.25, geometry, mesh.places(), velocity, one, one, hourglass);
-    for (const auto& force : {shock, hourglass}) {
+    const Forces forces(mesh, geometry);
+    const std::vector<double> none(mesh.num_zones(), 0.0);
+    for (const lagrange::CornerVectors& force :
+         {forces.viscous(gradients(mesh, geometry, velocity), none), forces.hourglass(velocity)}) {
       for (int z = 0; z < mesh.num_zones(); ++z) {
         Vec2 sum;
         double heat = 0.0;
         for (int k = 0; k < 4; ++k) {
-          sum += force[4 * z + k];
-          heat -= dot(force[4 * z + k], velocity[mesh.zone_nodes(z)[k]]);
+          sum += force.at(z, k);
+          heat -= dot(force.at(z, k), velocity[mesh.zone_nodes(z)[k]]);
         }
         EXPECT_NEAR(norm(sum), 0.0, 1e-13 * mesh.num_nodes());
         EXPECT_GE(heat, -1e-13);
@@ -181,15 +215,13 @@ double most_force(bool shear, double plastic_share) {
     velocity.push_back(shear ? Vec2{-x.y * x.y * x.y, 0.0} : Vec2{0.0, -x.y * x.y * x.y});
   lagrange::Geometry geometry(mesh.num_zones());
   measure(mesh, mesh.places(), geometry);
-  const std::vector<lagrange::Gradient> d = gradients(mesh, geometry, velocity);
-  std::vector<double> plastic, viscous(mesh.num_zones());
-  for (const lagrange::Gradient& g : d)  // of pure shear the equivalent rate is |xy| / sqrt(3), of compression 2/3 |yy|
-    plastic.push_back(plastic_share * (shear ? std::abs(g.xy) / std::numbers::sqrt3 : 2.0 / 3.0 * std::abs(g.yy)));
-  std::vector<Vec2> force(4 * mesh.num_zones());
-  const std::vector<double> one(mesh.num_zones(), 1.0);
-  add_viscosity(mesh, {}, 0.6, geometry, mesh.places(), d, one, one, plastic, 0, mesh.num_zones(), force, viscous);
+  const lagrange::Gradients d = gradients(mesh, geometry, velocity);
+  std::vector<double> plastic;  // of pure shear the equivalent rate is |xy| / sqrt(3), of compression 2/3 |yy|
+  for (int z = 0; z < mesh.num_zones(); ++z)
+    plastic.push_back(plastic_share *
+                      (shear ? std::abs(d.xy[z]) / std::numbers::sqrt3 : 2.0 / 3.0 * std::abs(d.yy[z])));
   double most = 0.0;
-  for (const Vec2 f : force) most = std::max(most, norm(f));
+  for (const Vec2 f : all_corners(mesh, Forces(mesh, geometry).viscous(d, plastic))) most = std::max(most, norm(f));
   return most;
 }
 

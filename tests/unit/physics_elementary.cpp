@@ -72,10 +72,10 @@ TEST(PhysicsElementary, LogarithmOf1PlusKeepsSmallNumbers) {
   double worst = 0.0;
   for (int i = 0; i < 200000; ++i) {
     const double x = std::pow(10.0, i % 2 == 0 ? exponent(random) : exponent(random) / 20.0);
-    worst = std::max(worst, ulps(logarithm_of_1_plus(x), std::log1p(static_cast<long double>(x))));
+    worst = std::max(worst, ulps(log_of_1_plus(x), std::log1p(static_cast<long double>(x))));
   }
   EXPECT_LT(worst, 4.0);
-  EXPECT_EQ(logarithm_of_1_plus(0.0), 0.0);
+  EXPECT_EQ(log_of_1_plus(0.0), 0.0);
 }
 
 }  // namespace

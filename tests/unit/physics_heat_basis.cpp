@@ -33,7 +33,7 @@ TEST(PhysicsHeatBasis, ModesAreTheStepsOfTheOperator) {
     for (int i = 0; i < n; ++i)
       there_and_back = std::max(there_and_back, std::abs(back[i * kLanes] - rows[i * kLanes]));
     EXPECT_LT(there_and_back, 1e-9);
-    const std::vector<double> decay = basis.decay(3e-9);
+    const std::vector<double> decay = basis.decay(3e-9, false);
     for (int m = 0; m < 50; ++m) {
       double T0[kLanes];
       interface_later(basis, decay.data(), live, modes.data(), T0);

@@ -1,14 +1,15 @@
 // Johnson and Cook's flow law: the printed formula, the inversion of the formula in the layer, and the constants that a
 // scene must give.
-#include "server/physics/material/johnson_cook.hpp"
+#include "server/physics/material/flow_laws.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 
-#include "server/physics/solver/flow/searched_flow.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
@@ -89,20 +90,18 @@ struct OneVertex {
   }
   // Sets `dep` to the plastic strain increment of each lane under the stress `a` [Pa].
   void flow(const double (&a)[kLanes], double flux, double pressure, double dt, double (&dep)[kLanes]) {
-    const FlowProblem problem{&soft, &grid, response, T_ad, strain, 2, dt};
-    FlowLoad load;
-    for (int l = 0; l < kLanes; ++l) set_load(soft, pressure, a[l], flux, l, load);
-    std::vector<double> rows(searched_rows(grid)), strain_new(2 * kLanes);
-    start_search(rows.data(), sum);
-    sum_flow(problem, load, strain_new.data(), sum);
-    for (int l = 0; l < kLanes; ++l) dep[l] = sum.slip[l] / (grid.weight[0] + grid.weight[1]);
+    std::vector<double> rows(LayerFlow::size_of_rows(grid)), strain_new(2 * kLanes);
+    sum.emplace(FlowProblem{&soft, &grid, response, T_ad, strain, dt}, rows.data());
+    for (int l = 0; l < kLanes; ++l) sum->load(l, soft, pressure, a[l], a[l] > 0.0 ? flux / a[l] : 0.0);
+    sum->sum(kAllLanes, strain_new.data());
+    for (int l = 0; l < kLanes; ++l) dep[l] = sum->slip[l] / (grid.weight[0] + grid.weight[1]);
   }
   Material soft;
   Grid grid{GridOptions{1.0, 1, 1.0, FarBoundary::kInsulated}};
   double response[2];
   alignas(64) double T_ad[2 * kLanes] = {};
   alignas(64) double strain[2 * kLanes] = {};
-  SearchedFlow sum{};
+  std::optional<LayerFlow> sum;
 };
 
 TEST(PhysicsJohnsonCook, TheFlowPutBackGivesTheStress) {
@@ -125,7 +124,7 @@ TEST(PhysicsJohnsonCook, TheFlowPutBackGivesTheStress) {
       a[l] = flow_stress(m, vertex.strain[l], 0.0, vertex.T_ad[l]) / kSqrt3 * draw.log_uniform(0.8, 2.0);
     }
     vertex.flow(a, 0.0, 0.0, dt, dep);
-    const SearchedFlow sum = vertex.sum;
+    const LayerFlow sum = *vertex.sum;
     for (int l = 0; l < kLanes; ++l) {
       const double ep = vertex.strain[l], T = vertex.T_ad[l];
       if (dep[l] == 0.0) {
@@ -174,7 +173,7 @@ TEST(PhysicsJohnsonCook, HeatingEntersTheSlope) {
   };
   const double slope = (slip(a0 * (1 + 1e-6)) - slip(a0 * (1 - 1e-6))) / 2e-6;
   slip(a0);
-  EXPECT_NEAR(vertex.sum.slope[3] / slope, 1.0, 1e-6);
+  EXPECT_NEAR(vertex.sum->slope[3] / slope, 1.0, 1e-6);
 }
 
 TEST(PhysicsJohnsonCook, AMoltenVertexFlowsUnderAnyLoadAndNoneUnderNone) {
@@ -183,9 +182,9 @@ TEST(PhysicsJohnsonCook, AMoltenVertexFlowsUnderAnyLoadAndNoneUnderNone) {
   double a[kLanes] = {}, dep[kLanes];
   a[1] = 1e-3;
   vertex.flow(a, 0.0, 0.0, 1e-9, dep);
-  EXPECT_EQ(vertex.sum.slip[0], 0.0);
-  EXPECT_GT(vertex.sum.slip[1], 1e3);
-  EXPECT_TRUE(std::isfinite(vertex.sum.slope[1]));
+  EXPECT_EQ(vertex.sum->slip[0], 0.0);
+  EXPECT_GT(vertex.sum->slip[1], 1e3);
+  EXPECT_TRUE(std::isfinite(vertex.sum->slope[1]));
 }
 
 TEST(PhysicsJohnsonCook, ConstantsOfAnotherLawAreRefusedAndItsOwnAreNeeded) {

@@ -1,13 +1,12 @@
 // Preston, Tonks and Wallace's flow law: the printed formula and its limits, monotony, and the inversion of the formula
 // in the layer.
-#include "server/physics/material/preston_tonks_wallace.hpp"
+#include "server/physics/material/flow_laws.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "server/physics/reference/parts.hpp"
@@ -29,6 +28,12 @@ Material metal_of(const Material& law) {
 
 Material copper_like() {
   return metal_of(preston_tonks_wallace_constants());
+}
+
+// The flow of a vertex of strain `ep` under the shear stress a, which has heated it by `rise` to T.
+VertexFlow flow_under(const Material& m, double dt, double a, double P, double T, double ep, double rise = 0.0) {
+  const PrestonTonksWallace law(m, dt, {a, 1.0 + m.pressure_coefficient * P, m.melting_temperature});
+  return law.flow({.T = T, .rise = rise, .ep = ep, .wanted = true, .rest_is_known = false});
 }
 
 double attempt_rate(const Material& m, double T) {
@@ -218,7 +223,7 @@ TEST(PhysicsPrestonTonksWallace, NoSlopeIsSteeperThanItsBound) {
   }
 }
 
-// The kernel `flow` finds the strain increment for a stress. The flow stress at this increment must be the same stress.
+// The flow finds the strain increment for a stress. The flow stress at this increment must be the same stress.
 TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
   Draw draw(35);
   int flowed = 0, overdriven = 0, crept = 0;
@@ -231,12 +236,8 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
     const double share = draw.chance(0.3) ? draw.uniform(0.9, 1.1) : draw.log_uniform(0.5, 100.0);
     const double Y = slow ? flow_stress(m, 1e-3 * dt * draw.uniform(0.0, 1.0), P, T) : Y_rest * share;
     const double a = Y / kSqrt3;
-    const PrestonTonksWallace law(m, dt);
-    const double load = law.load_of(a), bracket = law.bracket_at(m, P);
-    const double excess[] = {load - law.strength_at_rest(bracket, kMelting, T, ep)};
-    const LoadedVertices<1> vertex{&load, &bracket, &kMelting, {T}, {0.0}};
-    double dep = -1.0, slope = -1.0;
-    law.flow(vertex, excess, &ep, [&](int, double flows, double by_a) { dep = flows, slope = by_a; });
+    const VertexFlow flow = flow_under(m, dt, a, P, T, ep);
+    const double dep = flow.dep, slope = flow.by_load;
     ASSERT_TRUE(std::isfinite(dep) && std::isfinite(slope) && dep >= 0.0 && slope >= 0.0) << dep << " " << slope;
     if (kSqrt3 * a <= Y_rest * (1 - 1e-13)) {
       ASSERT_EQ(dep, 0.0);
@@ -267,16 +268,11 @@ TEST(PhysicsPrestonTonksWallace, HeatingEntersTheSlope) {
   for (int i = 0; i < 1000; ++i) {
     const Material m = metal_of(random_preston_tonks_wallace(draw));
     const double dt = 1e-9, T_ad = draw.uniform(100.0, 1000.0), rise = draw.uniform(0.0, 300.0);
-    const double ep = draw.log_uniform(1e-3, 1.0), bracket = 1.0;
-    const PrestonTonksWallace law(m, dt);
+    const double ep = draw.log_uniform(1e-3, 1.0);
     const double a = flow_stress(m, ep, 0.0, T_ad + rise) / kSqrt3 * draw.uniform(1.1, 5.0);
     const auto flow = [&](double share) {
-      const double load = law.load_of(a * share), T = T_ad + rise * share;
-      const double excess[] = {load - law.strength_at_rest(bracket, kMelting, T, ep)};
-      const LoadedVertices<1> vertex{&load, &bracket, &kMelting, {T}, {rise * share}};
-      std::pair<double, double> result;
-      law.flow(vertex, excess, &ep, [&](int, double flows, double by_a) { result = {flows, by_a}; });
-      return result;
+      const VertexFlow found = flow_under(m, dt, a * share, 0.0, T_ad + rise * share, ep, rise * share);
+      return std::pair(found.dep, found.by_load);
     };
     const auto [dep, slope] = flow(1.0);
     ASSERT_GT(dep, 0.0);
@@ -287,53 +283,16 @@ TEST(PhysicsPrestonTonksWallace, HeatingEntersTheSlope) {
   }
 }
 
-// The answer of a lane does not depend on the other lanes of its tile.
-TEST(PhysicsPrestonTonksWallace, ALaneHasTheBitsItHasAlone) {
-  Draw draw(37);
-  const Material m = copper_like();
-  const double dt = 1e-9;
-  const PrestonTonksWallace law(m, dt);
-  for (int i = 0; i < 500; ++i) {
-    alignas(64) double load[kLanes], bracket[kLanes], T_melt[kLanes], ep[kLanes], excess[kLanes];
-    LoadedVertices<kLanes> together{load, bracket, T_melt, {}, {}};
-    for (int l = 0; l < kLanes; ++l) {
-      together.T[l] = draw.uniform(1.0, 1400.0);
-      together.rise[l] = draw.uniform(0.0, 10.0);
-      T_melt[l] = kMelting;
-      bracket[l] = draw.uniform(1.0, 1.5);
-      ep[l] = draw.log_uniform(1e-6, 10.0);
-      load[l] = draw.chance(0.1) ? kNoLoad : draw.log_uniform(1e-5, 1.0);
-      excess[l] = load[l] - law.strength_at_rest(bracket[l], T_melt[l], together.T[l], ep[l]);
-    }
-    double dep[kLanes], slope[kLanes];
-    law.flow(together, excess, ep, [&](int l, double flows, double by_a) { dep[l] = flows, slope[l] = by_a; });
-    for (int l = 0; l < kLanes; ++l) {
-      const LoadedVertices<1> alone{load + l, bracket + l, T_melt + l, {together.T[l]}, {together.rise[l]}};
-      const double its_excess[] = {excess[l]};
-      law.flow(alone, its_excess, ep + l, [&](int, double flows, double by_a) {
-        EXPECT_EQ(std::bit_cast<std::uint64_t>(flows), std::bit_cast<std::uint64_t>(dep[l])) << flows << " " << dep[l];
-        EXPECT_EQ(std::bit_cast<std::uint64_t>(by_a), std::bit_cast<std::uint64_t>(slope[l]))
-            << by_a << " " << slope[l];
-      });
-    }
-  }
-}
-
 TEST(PhysicsPrestonTonksWallace, AMoltenVertexFlowsUnderAnyLoadAndNoneUnderNone) {
   const Material m = copper_like();
-  const PrestonTonksWallace law(m, 1e-9);
-  const double bracket = 1.0, ep = 0.1;
-  EXPECT_EQ(law.strength_at_rest(bracket, kMelting, kMelting, ep), 0.0);
-  for (double load : {1e-300, 1e-3, 1e10, kNoLoad}) {
-    const double excess[] = {load};
-    const LoadedVertices<1> vertex{&load, &bracket, &kMelting, {kMelting + 1.0}, {0.0}};
-    law.flow(vertex, excess, &ep, [&](int, double flows, double slope) {
-      EXPECT_EQ(flows > 1e50, load > 0.0);
-      EXPECT_TRUE(std::isfinite(flows) && std::isfinite(slope));
-      if (load == kNoLoad) {
-        EXPECT_EQ(flows, 0.0);
-      }
-    });
+  EXPECT_EQ(softening(m, 0.0, kMelting).g, 0.0);
+  for (double a : {1e-290, 1e6, 1e20, 0.0}) {
+    const VertexFlow flow = flow_under(m, 1e-9, a, 0.0, kMelting + 1.0, 0.1);
+    EXPECT_EQ(flow.dep > 1e50, a > 0.0);
+    EXPECT_TRUE(std::isfinite(flow.dep) && std::isfinite(flow.by_load));
+    if (a == 0.0) {
+      EXPECT_EQ(flow.dep, 0.0);
+    }
   }
 }
 

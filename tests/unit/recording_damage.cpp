@@ -14,9 +14,8 @@
 #include "proto/wire/status.hpp"
 #include "tests/support/scratch.hpp"
 
-// After damaged metadata HDF5 leaks the objects that it had half opened, and may print "infinite loop closing library"
-// at exit. Both faults are in HDF5 and harmless. The suppression hides no fault of ours: a handle that our code forgets
-// to close is no leak to this checker.
+// After damaged metadata HDF5 leaks the objects that it had half opened: a harmless fault of HDF5. The suppression hides
+// no fault of ours: a handle that our code forgets to close is no leak to this checker.
 // NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 extern "C" const char* __lsan_default_suppressions() {
   return "leak:libhdf5\n";

@@ -491,12 +491,9 @@ TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:8:1: interface.plastic_layer"));
   EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:8:1: [junctions]"));
   // A scene with several faults: all are reported together, each with its line, in the order of the text.
-  const std::string several =
-      refusal_of(force + "plastic_layer = true\n[layer]\ninertia = true\ntime_integrator = 'sdirk2'\n");
+  const std::string several = refusal_of(force + "plastic_layer = true\n[layer]\ninertia = true\nheat = 'modes'\n");
   EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.inertia = true does not go with strategy"));
-  EXPECT_THAT(
-      several,
-      HasSubstr("\nscene.toml:11:1: layer.time_integrator = \"sdirk2\" does not go with interface.plastic_layer"));
+  EXPECT_THAT(several, HasSubstr("\nscene.toml:11:1: layer.heat = \"modes\" does not go with interface.plastic_layer"));
   EXPECT_LT(several.find(":10:1:"), several.find(":11:1:"));
 }
 

@@ -108,5 +108,19 @@ TEST(Printable, AFaultIsPrintableWhateverItQuotes) {
   EXPECT_EQ(std::string(fault.what()).find('\x1b'), std::string::npos);
 }
 
+TEST(Printable, AFaultIsOneLineButForTheFaultsOfAScene) {
+  const auto text_of = [](Code code) {
+    return Error({.code = code, .text = "a\nb", .remedy = "c\nd", .field = "e\nf"});
+  };
+  for (const Code code : {Code::kInvalidValue, Code::kUnknownMark, Code::kInternal, Code::kUnreachable}) {
+    EXPECT_EQ(text_of(code).status().text, "a\\nb");
+    EXPECT_EQ(std::string(text_of(code).what()).find('\n'), std::string::npos);
+  }
+  const Error scene = text_of(Code::kInvalidScene);
+  EXPECT_EQ(scene.status().text, "a\nb");
+  EXPECT_EQ(scene.status().remedy, "c\\nd");
+  EXPECT_EQ(scene.status().field, "e\\nf");
+}
+
 }  // namespace
 }  // namespace shearbus::wire

@@ -25,7 +25,9 @@
 #include <utility>
 #include <vector>
 
+#ifndef SHEARBUS_H  // shearbus_stub.h stands for it in a program without the library
 #include "shearbus/shearbus.h"
+#endif
 
 namespace shearbus {
 inline namespace v1 {
@@ -34,10 +36,9 @@ inline namespace v1 {
 // and nodes(): the column or key and the nodes at fault.
 class Error : public std::runtime_error {
  public:
-  explicit Error(const shearbus_status& status)
-      : std::runtime_error(std::string(shearbus_code_name(status.code)) + ": " + status.text +
-                           (status.remedy[0] == '\0' ? "" : std::string(" (") + status.remedy + ")")),
-        status_(std::make_shared<const shearbus_status>(status)) {}
+  // whole: the text, of which that of the status may be the beginning.
+  explicit Error(const shearbus_status& status, const std::string& whole = {})
+      : Error(std::make_shared<const Fault>(Fault{status, text_of(status, whole)})) {}
 
   // Makes the Error of a fault that a C++ header finds before it calls the C interface.
   static Error of(int code, const std::string& field, const std::string& text) {
@@ -49,22 +50,35 @@ class Error : public std::runtime_error {
     return Error(status);
   }
 
-  const shearbus_status& status() const noexcept { return *status_; }
-  int code() const noexcept { return status_->code; }
-  std::string text() const { return status_->text; }
-  std::string remedy() const { return status_->remedy; }
-  std::string field() const { return status_->field; }
-  std::vector<std::uint64_t> nodes() const { return {status_->nodes, status_->nodes + status_->n_nodes}; }
+  const shearbus_status& status() const noexcept { return fault_->status; }
+  int code() const noexcept { return status().code; }
+  std::string text() const { return fault_->text; }
+  std::string remedy() const { return status().remedy; }
+  std::string field() const { return status().field; }
+  std::vector<std::uint64_t> nodes() const { return {status().nodes, status().nodes + status().n_nodes}; }
 
  private:
-  std::shared_ptr<const shearbus_status> status_;  // shared, since copying an exception must not throw
+  struct Fault {
+    shearbus_status status;
+    std::string text;
+  };
+  explicit Error(std::shared_ptr<const Fault> fault)
+      : std::runtime_error(std::string(shearbus_code_name(fault->status.code)) + ": " + fault->text +
+                           (fault->status.remedy[0] == '\0' ? "" : std::string(" (") + fault->status.remedy + ")")),
+        fault_(std::move(fault)) {}
+  static std::string text_of(const shearbus_status& status, const std::string& whole) {
+    const std::string text = status.text;
+    const std::size_t begin = text.size() < 3 ? 0 : text.size() - 3;  // of the "..." of a text that was cut
+    return text.substr(begin) == "..." && whole.compare(0, begin, text, 0, begin) == 0 ? whole : text;
+  }
+  std::shared_ptr<const Fault> fault_;  // shared, since copying an exception must not throw
 };
 
 // Calls function(arguments..., &status), and throws the fault that it reports as an Error.
 template <typename Function, typename... Arguments>
 void call(Function function, Arguments... arguments) {
   shearbus_status status = SHEARBUS_STATUS_INIT;
-  if (function(arguments..., &status) != SHEARBUS_OK) throw Error(status);
+  if (function(arguments..., &status) != SHEARBUS_OK) throw Error(status, shearbus_fault_text());
 }
 
 struct Options {
@@ -73,7 +87,8 @@ struct Options {
   std::string endpoint;
   std::string scene_file;  // path of a TOML file; set either scene_file or scene_text
   std::string scene_text;
-  std::string domain;  // node ids are unique among the sessions of a domain; empty: within this session only
+  std::string scene_name;  // name of scene_text in messages; empty: "scene_text"
+  std::string domain;      // node ids are unique among the sessions of a domain; empty: within this session only
   std::string name = "C++ host";
   std::string server_key_file;
   std::string secret_key_file;
@@ -84,8 +99,50 @@ struct Options {
   std::string state_dir;                             // embedded: directory of a durable server's states
   std::uint32_t threads = 0;                         // embedded: number of threads that solve layers; 0: one
   int check_closure = SHEARBUS_CHECK_WARN;
-  std::uint64_t idle_limit_s = 0;  // the server closes the session after this time without a request; 0: never
+  std::uint64_t idle_limit_s = 0;     // the server closes the session after this time without a request; 0: never
+  std::function<bool()> interrupted;  // asked while a call waits; true: the call ends as if its deadline had passed
+  bool ignore_environment = false;    // the environment variables of shearbus.h replace nothing
 };
+
+namespace detail {
+
+struct Callbacks {  // of Options, at an address that stays
+  std::function<void(const std::string&)> log;
+  std::function<bool()> interrupted;
+};
+
+// The options as a struct of the C interface, which points into both arguments.
+inline shearbus_options as_c(const Options& options, Callbacks& callbacks) {
+  const auto text_or_null = [](const std::string& text) { return text.empty() ? nullptr : text.c_str(); };
+  shearbus_options given = SHEARBUS_OPTIONS_INIT;
+  given.endpoint = text_or_null(options.endpoint);
+  given.scene_file = text_or_null(options.scene_file);
+  given.scene_text = text_or_null(options.scene_text);
+  given.domain = text_or_null(options.domain);
+  given.name = text_or_null(options.name);
+  given.server_key_file = text_or_null(options.server_key_file);
+  given.secret_key_file = text_or_null(options.secret_key_file);
+  given.connect_deadline_s = options.connect_deadline_s;
+  given.reply_deadline_s = options.reply_deadline_s;
+  given.retry_after_s = options.retry_after_s;
+  given.state_dir = text_or_null(options.state_dir);
+  given.threads = options.threads;
+  given.check_closure = options.check_closure;
+  given.idle_limit_s = options.idle_limit_s;
+  given.scene_name = text_or_null(options.scene_name);
+  given.ignore_environment = options.ignore_environment ? 1 : 0;
+  if (callbacks.log) {
+    given.log = [](void* user, const char* line) { static_cast<Callbacks*>(user)->log(line); };
+    given.log_user = &callbacks;
+  }
+  if (callbacks.interrupted) {
+    given.interrupted = [](void* user) { return static_cast<Callbacks*>(user)->interrupted() ? 1 : 0; };
+    given.interrupted_user = &callbacks;
+  }
+  return given;
+}
+
+}  // namespace detail
 
 // The columns of one step. A Step keeps pointers to arrays of the host, which must stay where they are. in() and out()
 // take containers with data() and size() and one value per row; in_strided() and out_strided() take values that lie
@@ -239,7 +296,7 @@ struct Profiles {
 class Session {
  public:
   Session(const Options& options, const Ids& node_ids, const std::vector<double>& initial_temperature_k = {})
-      : log_(make_log(options)) {
+      : callbacks_(callbacks_of(options)) {
     if (!initial_temperature_k.empty() && initial_temperature_k.size() != node_ids.size())
       throw std::invalid_argument("initial_temperature_k: give one value per node, or none");
     open(
@@ -252,13 +309,13 @@ class Session {
   // Returns the session that the function opening(&handle, &c_options, &status) opens by a call of the C interface.
   template <typename Opening>
   static Session open_by(const Options& options, const Opening& opening) {
-    Session session(make_log(options));
+    Session session(callbacks_of(options));
     session.open(opening, options);
     return session;
   }
   // A session of nodes of several material pairs, or with parameters of their own.
   static Session open_nodes(const Options& options, const Nodes& nodes) {
-    Session session(make_log(options));
+    Session session(callbacks_of(options));
     nodes.as_c([&](const shearbus_nodes* of) {
       session.open([&](shearbus_session** handle, const shearbus_options* given,
                        shearbus_status* status) { return shearbus_open_nodes(handle, given, of, status); },
@@ -273,7 +330,7 @@ class Session {
   }
   // For a host that knows its nodes: throws where those of the session are others, or have other pairs or parameters.
   static Session resume(const Options& options, const std::string& ticket, const Nodes& nodes) {
-    Session session(make_log(options));
+    Session session(callbacks_of(options));
     nodes.as_c([&](const shearbus_nodes* of) {
       session.open(
           [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
@@ -283,9 +340,13 @@ class Session {
     });
     return session;
   }
-  Session(Session&& other) noexcept : log_(std::move(other.log_)), handle_(std::exchange(other.handle_, nullptr)) {}
+  Session(Session&& other) noexcept
+      : callbacks_(std::move(other.callbacks_)),
+        law_(std::move(other.law_)),
+        handle_(std::exchange(other.handle_, nullptr)) {}
   Session& operator=(Session&& other) noexcept {
-    std::swap(log_, other.log_);
+    std::swap(callbacks_, other.callbacks_);
+    std::swap(law_, other.law_);
     std::swap(handle_, other.handle_);
     return *this;
   }
@@ -302,6 +363,28 @@ class Session {
     shearbus_result result = SHEARBUS_RESULT_INIT;
     call(shearbus_finish, handle_, &result);
     return result;
+  }
+  // The host's own law, for steps while the server is gone, where the user allows it (shearbus_set_fallback): it fills the
+  // outputs of the request. If it throws, it has no answer, and the step fails.
+  using Law = std::function<void(const shearbus_request& request)>;
+  void set_fallback(Law law) {
+    auto kept = std::make_unique<Law>(std::move(law));
+    const bool none = !*kept;
+    const shearbus_fallback_fn function = [](void* user, const shearbus_request* request) noexcept {
+      try {
+        (*static_cast<Law*>(user))(*request);
+        return 0;
+      } catch (...) {
+        return 1;
+      }
+    };
+    call(shearbus_set_fallback, handle_, none ? nullptr : function, static_cast<void*>(kept.get()));
+    law_ = std::move(kept);
+  }
+  shearbus_fallbacks fallbacks() const {
+    shearbus_fallbacks totals = SHEARBUS_FALLBACKS_INIT;
+    call(shearbus_count_fallbacks, static_cast<const shearbus_session*>(handle_), &totals);
+    return totals;
   }
   void commit() { call(shearbus_commit, handle_); }
   void rollback() { call(shearbus_rollback, handle_); }
@@ -358,6 +441,14 @@ class Session {
     return text;
   }
   void close() { call(shearbus_close, &handle_); }
+  // close() with the totals of the session. After a fault the call can be made again.
+  shearbus_totals end() {
+    shearbus_totals totals = SHEARBUS_TOTALS_INIT;
+    call(shearbus_end, handle_, &totals);
+    return totals;
+  }
+  // Changes Options::reply_deadline_s for all later calls.
+  void set_reply_deadline(double reply_deadline_s) { call(shearbus_set_reply_deadline, handle_, reply_deadline_s); }
 
   Ids node_ids() const {
     const std::uint64_t* ids = shearbus_node_ids(handle_);
@@ -365,6 +456,7 @@ class Session {
   }
   std::string effective_scene() const { return shearbus_effective_scene(handle_); }
   std::string warnings() const { return shearbus_warnings(handle_); }
+  std::string text(int which) const { return shearbus_text(handle_, which); }  // such as SHEARBUS_SERVER_VERSION
   shearbus_info info() const {
     shearbus_info info = SHEARBUS_INFO_INIT;
     call(shearbus_inspect, static_cast<const shearbus_session*>(handle_), &info);
@@ -378,39 +470,21 @@ class Session {
   shearbus_session* c_handle() const noexcept { return handle_; }
 
  private:
-  using Log = std::function<void(const std::string&)>;
+  using Callbacks = detail::Callbacks;
 
-  explicit Session(std::unique_ptr<Log> log) : log_(std::move(log)) {}
-  static std::unique_ptr<Log> make_log(const Options& options) {
-    return options.log ? std::make_unique<Log>(options.log) : nullptr;
+  explicit Session(std::unique_ptr<Callbacks> callbacks) : callbacks_(std::move(callbacks)) {}
+  static std::unique_ptr<Callbacks> callbacks_of(const Options& options) {
+    return std::make_unique<Callbacks>(Callbacks{options.log, options.interrupted});
   }
-  static const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
 
   template <typename Opening>
   void open(const Opening& opening, const Options& options) {
-    shearbus_options given = SHEARBUS_OPTIONS_INIT;
-    given.endpoint = text_or_null(options.endpoint);
-    given.scene_file = text_or_null(options.scene_file);
-    given.scene_text = text_or_null(options.scene_text);
-    given.domain = text_or_null(options.domain);
-    given.name = text_or_null(options.name);
-    given.server_key_file = text_or_null(options.server_key_file);
-    given.secret_key_file = text_or_null(options.secret_key_file);
-    given.connect_deadline_s = options.connect_deadline_s;
-    given.reply_deadline_s = options.reply_deadline_s;
-    given.retry_after_s = options.retry_after_s;
-    given.state_dir = text_or_null(options.state_dir);
-    given.threads = options.threads;
-    given.check_closure = options.check_closure;
-    given.idle_limit_s = options.idle_limit_s;
-    if (log_) {
-      given.log = [](void* log, const char* line) { (*static_cast<Log*>(log))(line); };
-      given.log_user = log_.get();
-    }
+    const shearbus_options given = detail::as_c(options, *callbacks_);
     shearbus_status status = SHEARBUS_STATUS_INIT;
     if (opening(&handle_, &given, &status) == SHEARBUS_OK) return;
+    const Error fault(status, shearbus_fault_text());
     shearbus_leave(&handle_);
-    throw Error(status);
+    throw fault;
   }
   shearbus_result run(const Step& step, int mode) {
     const shearbus_request request = step.request(mode);
@@ -419,8 +493,43 @@ class Session {
     return result;
   }
 
-  std::unique_ptr<Log> log_;  // outlives the handle, and keeps its address when the session moves
+  std::unique_ptr<Callbacks> callbacks_;  // outlives the handle, and keeps its address when the session moves
+  std::unique_ptr<Law> law_;
   shearbus_session* handle_ = nullptr;
+};
+
+// A connection to a server without a session, for what shearbus.h says of operators.
+class Operator {
+ public:
+  explicit Operator(const Options& options)
+      : callbacks_(std::make_unique<detail::Callbacks>(detail::Callbacks{options.log, options.interrupted})) {
+    const shearbus_options given = detail::as_c(options, *callbacks_);
+    call(shearbus_connect, &handle_, &given);
+  }
+  Operator(Operator&& other) noexcept
+      : callbacks_(std::move(other.callbacks_)), handle_(std::exchange(other.handle_, nullptr)) {}
+  Operator& operator=(Operator&& other) noexcept {
+    std::swap(callbacks_, other.callbacks_);
+    std::swap(handle_, other.handle_);
+    return *this;
+  }
+  ~Operator() { shearbus_disconnect(&handle_); }
+
+  // Sends a question, as of SHEARBUS_ASK_STATUS, and returns its answer as JSON.
+  std::string ask(const shearbus_question& question) {
+    const char* answer = nullptr;
+    call(shearbus_ask, handle_, &question, &answer);
+    return answer;
+  }
+  std::string ask(int what) {
+    shearbus_question question = SHEARBUS_QUESTION_INIT;
+    question.what = what;
+    return ask(question);
+  }
+
+ private:
+  std::unique_ptr<detail::Callbacks> callbacks_;  // outlives the handle
+  shearbus_operator* handle_ = nullptr;
 };
 
 }  // namespace v1

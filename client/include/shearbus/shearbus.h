@@ -34,6 +34,7 @@
  *   SHEARBUS_ENDPOINT         replaces shearbus_options.endpoint
  *   SHEARBUS_SECRET_KEY_FILE  replaces shearbus_options.secret_key_file
  *   SHEARBUS_SCENE            file that replaces the scene of shearbus_options
+ *   SHEARBUS_FALLBACK         allows the host's own law while the server is gone (shearbus_set_fallback), after this time [s]
  *   SHEARBUS_RECORD           directory, or new file, that gets an event log of the session, for shearbus-replay
  *   SHEARBUS_LOG              file to which the library appends its log lines; "stderr" for standard error */
 #ifndef SHEARBUS_H
@@ -57,51 +58,79 @@ typedef struct shearbus_session shearbus_session;
 /* ---- codes ---- */
 
 /* The hundreds are classes: 1xx the message, 2xx the session, 3xx the content, 4xx the server, 5xx the client.
- * Except for 0 and for 510 and above, the numbers are those of shearbus.v1.Code (proto/WIRE.md). */
+ * Except for 0 and for 500 and above, the numbers are those of shearbus.v1.Code. proto/WIRE.md says what to do. */
+/* clang-format off */
+/* from the schema, by print_contract.py: codes */
 enum {
   SHEARBUS_OK = 0,
+  /* wrong number of frames: an empty delimiter (REQ socket), or a payload frame that the header does not declare or
+   * lacks */
   SHEARBUS_BAD_FRAMING = 100,
-  SHEARBUS_MALFORMED = 101,
-  SHEARBUS_VERSION = 102,
+  SHEARBUS_MALFORMED = 101, /* the header does not parse or breaks "The header" (WIRE.md) */
+  SHEARBUS_VERSION = 102, /* no common protocol version; the text names both */
+  /* larger than the welcome allows, or a quota of the user is used up; the text names limit, demand and option */
   SHEARBUS_LIMIT = 103,
+  /* the payload is not what its header says: damage, or a buffer that changed while it was sent */
   SHEARBUS_CHECKSUM = 104,
-  SHEARBUS_SHAPE = 105,       /* columns missing, surplus or of the wrong length */
-  SHEARBUS_UNSUPPORTED = 106, /* the session or the server does not have this column, verb or option */
+  SHEARBUS_SHAPE = 105, /* columns missing, surplus, overlapping or of the wrong length */
+  SHEARBUS_UNSUPPORTED = 106, /* a request, column or option that this server or this session does not have */
+  /* never opened here, or closed: by its client, by an operator, after idle_limit_s, or with a server without
+   * durability */
   SHEARBUS_UNKNOWN_SESSION = 200,
+  /* an old request, as from a second process that uses the session; last_sequence is the present */
   SHEARBUS_STALE_SEQUENCE = 201,
-  SHEARBUS_SEQUENCE_GAP = 202,
-  SHEARBUS_SEQUENCE_REUSED = 203, /* after an unknown outcome another call was made, and the lost request had run */
-  SHEARBUS_EPOCH = 204,           /* the server was restarted with older states */
+  SHEARBUS_SEQUENCE_GAP = 202, /* requests are missing before this one */
+  /* this number was used by a request with other bytes: after an unknown outcome another call was made, and the lost
+   * one had run */
+  SHEARBUS_SEQUENCE_REUSED = 203,
+  SHEARBUS_EPOCH = 204, /* the server was restarted */
+  /* no trial stands: it was committed, rolled back, or dropped by a step in mode advance */
   SHEARBUS_NOTHING_TO_COMMIT = 205,
-  SHEARBUS_RESUME_REFUSED = 206,
-  SHEARBUS_SUPERSEDED = 207, /* another client has resumed the session since */
-  SHEARBUS_UNKNOWN_MARK = 208,
-  SHEARBUS_TRIAL_STANDS = 209,
+  SHEARBUS_RESUME_REFUSED = 206, /* not the token of the opening, or the opening had none */
+  SHEARBUS_SUPERSEDED = 207, /* another client has resumed the session */
+  SHEARBUS_UNKNOWN_MARK = 208, /* no mark of this name, or no longer: a session keeps the newest two */
+  SHEARBUS_TRIAL_STANDS = 209, /* the set of nodes cannot change while a trial waits */
+  /* no offer of this number waits in the domain: accepted, withdrawn by a rollback, or not made yet */
   SHEARBUS_UNKNOWN_TRANSFER = 210,
+  /* the session is another's, only an operator may ask this, or the key was taken off the server's list since it
+   * connected */
   SHEARBUS_NOT_PERMITTED = 220,
+  /* a key unknown, missing, out of bounds, or in conflict with another; the text gives file, line and column */
   SHEARBUS_INVALID_SCENE = 300,
-  SHEARBUS_INVALID_VALUE = 301, /* a number or an argument is out of bounds */
-  SHEARBUS_UNKNOWN_NODE = 302,
-  SHEARBUS_DUPLICATE_NODE = 303,
+  /* not finite, or outside what makes sense: often a wrong unit, or memory that was never set */
+  SHEARBUS_INVALID_VALUE = 301,
+  SHEARBUS_UNKNOWN_NODE = 302, /* a node that the session does not have */
+  SHEARBUS_DUPLICATE_NODE = 303, /* given twice in a request, or in the session already */
+  /* of another session of the domain, which the text names, or on its way between two; after a crash often of the run
+   * before */
   SHEARBUS_NODE_OWNED = 304,
-  SHEARBUS_OTHER_SCENE = 305,
-  SHEARBUS_STEP_FAILED = 306, /* with all_or_nothing: a node has no answer */
-  SHEARBUS_SHUTTING_DOWN = 400,
-  SHEARBUS_INTERNAL = 401,
-  SHEARBUS_NO_SPACE = 402,
-  SHEARBUS_DRAINING = 403,
+  SHEARBUS_OTHER_SCENE = 305, /* offered from a session of another scene */
+  /* nodes without an answer, policy ALL_OR_NOTHING: no root, or more work than work_budget */
+  SHEARBUS_STEP_FAILED = 306,
+  SHEARBUS_SHUTTING_DOWN = 400, /* the server ends */
+  SHEARBUS_INTERNAL = 401, /* the server's fault; nothing was changed */
+  SHEARBUS_NO_SPACE = 402, /* the server's disk is full */
+  SHEARBUS_DRAINING = 403, /* an operator has asked the server to admit no session */
+  /* the checkpoint that an operator asked for could not be written; the ones before and the journal hold everything */
   SHEARBUS_CHECKPOINT_FAILED = 404,
-  SHEARBUS_RECOVERING = 405,
-  SHEARBUS_UNREACHABLE = 500,      /* no connection before the deadline; the request was not sent */
-  SHEARBUS_UNKNOWN_OUTCOME = 501,  /* no answer before the deadline */
-  SHEARBUS_UNEXPECTED_REPLY = 502, /* the peer is no shearbus server of this version */
-  SHEARBUS_AUTH = 503,             /* the server does not admit this client */
-  SHEARBUS_NOT_CLOSED = 504,       /* the host's velocity jump is not the one that its last step answered */
-  SHEARBUS_NO_MEMORY = 510,
-  SHEARBUS_LIBRARY_FAULT = 511, /* any other fault of this library; its text names it */
-  SHEARBUS_IN_USE = 512,        /* another thread is inside a call on this session; nothing was done */
-  SHEARBUS_OTHER_PROCESS = 513  /* the session belongs to the process of which this one is a fork; nothing was done */
+  SHEARBUS_RECOVERING = 405, /* the server was restarted and replays its journal; the text says how far it is */
+  SHEARBUS_UNREACHABLE = 500, /* no connection to the endpoint before the deadline; nothing was sent */
+  SHEARBUS_UNKNOWN_OUTCOME = 501, /* no reply before the deadline: the request may or may not have run */
+  /* the reply does not answer the request: the peer is no shearbus server, or of another version */
+  SHEARBUS_UNEXPECTED_REPLY = 502,
+  SHEARBUS_AUTH = 503, /* the server does not admit this client, or has another key than expected */
+  SHEARBUS_NOT_CLOSED = 504, /* the host's jump is not the one that its last step answered (check_closure = error) */
+  SHEARBUS_NO_MEMORY = 510, /* the process of the host has no memory; the request may have run */
+  SHEARBUS_LIBRARY_FAULT = 511, /* any other fault inside the library, which the text names */
+  SHEARBUS_IN_USE = 512, /* another thread is inside a call on the session; nothing was done */
+  SHEARBUS_OTHER_PROCESS = 513, /* the session belongs to the process of which this one is a fork; nothing was done */
+  SHEARBUS_NO_LIBRARY = 514 /* the program was built with shearbus_stub.h in place of the library */
 };
+/* print_contract.py: end */
+/* clang-format on */
+
+/* The text of this thread's last fault, whole; shearbus_status has its beginning. "" before the first. */
+SHEARBUS_API const char* shearbus_fault_text(void);
 
 /* The name of a code, such as "INVALID_VALUE". Never NULL. */
 SHEARBUS_API const char* shearbus_code_name(int code);
@@ -114,7 +143,8 @@ typedef struct shearbus_status {
   uint64_t nodes[SHEARBUS_NODES_NAMED]; /* nodes at fault */
   char field[64];                       /* column or key of the scene at fault */
   char remedy[512];
-  char text[2048]; /* what was expected and found; a longer text ends in "..." */
+  char text
+      [2048]; /* what was expected and found; of a longer text, see shearbus_fault_text(), the beginning and "..." */
 } shearbus_status;
 #define SHEARBUS_STATUS_INIT                        \
   {                                                 \
@@ -125,24 +155,101 @@ typedef struct shearbus_status {
 
 /* ---- columns ---- */
 
-/* Columns of a step: SHEARBUS_VELOCITY_JUMP and the like. All are double, except for the regime (0 open, 1 stick, 2
- * Coulomb, 3 Tresca, 4 melting) and the outcome (0, or a sum of the bits SHEARBUS_OUTCOME_), which are uint8_t. */
-#include "shearbus/columns.h"
+/* Columns of steps and profiles. All are double, except for the regime and the outcome, which are uint8_t. A tangential
+ * column has a second component in a scene with tangential_components = 2. */
+/* clang-format off */
+/* from columns.inc, by print_contract.py: columns */
+enum {
+  /* [V] = V_soft - V_hard, tangential. Velocity-driven: of the step. Force-driven: at the middle of the last step,
+   * n-1/2  [m/s]; tangential */
+  SHEARBUS_VELOCITY_JUMP = 10,
+  SHEARBUS_PRESSURE = 11, /* P, compression positive; P <= 0: no contact  [Pa] */
+  SHEARBUS_STRESS_SOFT = 12, /* shear stress in the soft body, half a zone away from the interface  [Pa]; tangential */
+  SHEARBUS_STRESS_HARD = 13, /* shear stress in the hard body, half a zone away from the interface  [Pa]; tangential */
+  SHEARBUS_MASS_SOFT = 14, /* mass per area of the soft half zone that moves with the interface  [kg/m2] */
+  SHEARBUS_MASS_HARD = 15, /* mass per area of the hard half zone that moves with the interface  [kg/m2] */
+  SHEARBUS_SOFT_SHEAR_RATE = 16, /* shear rate of the soft zone  [1/s] */
+  SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17, /* equivalent plastic strain rate of the soft zone, not negative  [1/s] */
+  SHEARBUS_STICK_STRESS = 18, /* stick form: traction that would make the new jump zero  [Pa]; tangential */
+  /* stick form: Z = 1 / (dt (1/m_soft + 1/m_hard)), stress per reduction of the jump  [Pa s/m] */
+  SHEARBUS_IMPEDANCE = 19,
+  /* s = sigma_xz at the interface; positive when [V] > 0: the interface pulls the soft body back  [Pa]; tangential */
+  SHEARBUS_SHEAR_STRESS = 30,
+  SHEARBUS_SLIDING_VELOCITY = 31, /* [v], slip at the interface; s [v] >= 0  [m/s]; tangential */
+  SHEARBUS_INTERFACE_TEMPERATURE = 32, /* T0, at z = 0  [K] */
+  SHEARBUS_VELOCITY_JUMP_NEW = 33, /* [V] at n+1/2  [m/s]; tangential */
+  SHEARBUS_REGIME = 34, /* uint8_t: what held the stress in the step: a value of Regime */
+  SHEARBUS_OUTCOME = 35, /* uint8_t: 0, or a sum of bits of Outcome */
+  SHEARBUS_FRICTION_HEAT = 36, /* heat that entered the layer in this step  [J/m2] */
+  SHEARBUS_MEAN_SHEAR_STRESS = 37, /* impulse of s over the step, divided by dt_s  [Pa]; tangential */
+  SHEARBUS_STRESS_PER_JUMP = 38, /* derivative of s by [V] of the request; 0: none is known  [Pa s/m] */
+  SHEARBUS_STRESS_PER_PRESSURE = 39, /* derivative of s by P; 0: none is known  [1] */
+  SHEARBUS_INTERFACE_WORK = 40, /* work of the interface stress  [J/m2] */
+  SHEARBUS_HEAT_TO_SOFT = 41, /* heat given to the soft body  [J/m2] */
+  SHEARBUS_HEAT_TO_HARD = 42, /* heat given to the hard body  [J/m2] */
+  SHEARBUS_PLASTIC_WORK = 43, /* plastic work in the layer  [J/m2] */
+  SHEARBUS_STORED_HEAT_SOFT = 44, /* growth of the heat stored in the soft body  [J/m2] */
+  SHEARBUS_STORED_HEAT_HARD = 45, /* growth of the heat stored in the hard body, where it conducts  [J/m2] */
+  SHEARBUS_ELASTIC_ENERGY = 46, /* growth of the layer's elastic energy h s^2 / (2 G0); velocity-driven  [J/m2] */
+  SHEARBUS_HEAT_RESIDUAL = 47, /* heat released less heat stored where it is resolved: rounding  [J/m2] */
+  SHEARBUS_ENERGY_RESIDUAL = 48, /* work less heat, cold plastic work and elastic energy  [J/m2] */
+  /* time after the step in which T0 reaches T_melt at the mean rate of the step; infinity: it does not rise  [s] */
+  SHEARBUS_TIME_TO_MELTING = 49,
+  /* z of the vertex: 0 at the interface, above 0 in the soft body, below 0 in a conducting hard body  [m] */
+  SHEARBUS_POSITION = 50,
+  SHEARBUS_WIDTH = 51, /* length across the interface that the vertex stands for  [m] */
+  SHEARBUS_LAYER_TEMPERATURE = 52, /* T at the vertex  [K] */
+  /* equivalent plastic strain at the vertex; scenes whose layer flows; NaN outside of the layer  [1] */
+  SHEARBUS_LAYER_PLASTIC_STRAIN = 53,
+  /* Y(ep, P, T) at the vertex without the effect of the rate; scenes whose layer flows; NaN outside of the layer  [Pa]
+   * */
+  SHEARBUS_LAYER_FLOW_STRESS = 54,
+  /* s at the vertex: uniform in a layer without inertia; NaN outside of the layer  [Pa]; tangential */
+  SHEARBUS_LAYER_SHEAR_STRESS = 55,
+  /* largest error of this step: of T0, relative to what it had to melting at the start; velocity-driven also of heat
+   * and impulse; scenes with a tolerance  [1] */
+  SHEARBUS_ERROR_ESTIMATE = 60,
+  /* jump of the request less the jump answered before; NaN: none was; sessions that check closure  [m/s]; tangential */
+  SHEARBUS_CLOSURE = 61,
+  SHEARBUS_FILM_THICKNESS = 62, /* thickness of the melt at the end of the step; scenes with [melt_film]  [m] */
+  /* impulse of the stress at z = h over the step, divided by dt_s; scenes with inertia  [Pa] */
+  SHEARBUS_MEAN_FAR_STRESS = 63,
+  /* heat that friction has given to the soft body since the node began; scenes with friction_energy = true  [J/m2] */
+  SHEARBUS_FRICTION_ENERGY_SOFT = 70,
+  /* heat that friction has given to the hard body since the node began; scenes with friction_energy = true  [J/m2] */
+  SHEARBUS_FRICTION_ENERGY_HARD = 71
+};
+/* print_contract.py: end */
+/* clang-format on */
 
+/* Values of the column SHEARBUS_REGIME, and bits of SHEARBUS_OUTCOME, which is 0 or a sum of them. */
+/* clang-format off */
+/* from the schema, by print_contract.py: regimes and outcomes */
+enum {
+  SHEARBUS_REGIME_OPEN = 0, /* no contact: P <= 0 */
+  SHEARBUS_REGIME_STICK = 1, /* no slip; the layer is elastic */
+  SHEARBUS_REGIME_COULOMB = 2, /* slip at the friction limit mu P */
+  SHEARBUS_REGIME_TRESCA = 3, /* slip, or flow of the layer, at the yield stress */
+  /* as TRESCA, with the interface temperature T0 at or above 0.99 T_melt; or a melt film carries the stress */
+  SHEARBUS_REGIME_MELTING = 4
+};
 enum {
   SHEARBUS_OUTCOME_SUBSTEPPED = 1,
-  SHEARBUS_OUTCOME_MULTIPLE_ROOTS = 2,
-  SHEARBUS_OUTCOME_OUTSIDE_DOMAIN = 4,
-  SHEARBUS_OUTCOME_SUDDEN = 8,       /* stress or slip changed so much that shorter steps may give another jump */
-  SHEARBUS_OUTCOME_OVER_BUDGET = 16, /* with FAILED: the step needed more work than the scene's work_budget */
-  SHEARBUS_OUTCOME_ASLEEP = 32,
-  SHEARBUS_OUTCOME_FIRST_ORDER = 64,
-  SHEARBUS_OUTCOME_FAILED = 128 /* the node has no answer and keeps its state */
+  SHEARBUS_OUTCOME_MULTIPLE_ROOTS = 2, /* several answers satisfied the step; the node continued its previous regime */
+  SHEARBUS_OUTCOME_OUTSIDE_DOMAIN = 4, /* the layer does not carry the slip that the host imposes */
+  SHEARBUS_OUTCOME_SUDDEN = 8, /* stress or slip changed so much that shorter steps may give another jump */
+  SHEARBUS_OUTCOME_OVER_BUDGET = 16, /* with OUTCOME_FAILED: the step needed more work than work_budget of the scene */
+  SHEARBUS_OUTCOME_ASLEEP = 32, /* the node was at rest and not solved (layer.sleep); this is no warning */
+  SHEARBUS_OUTCOME_FIRST_ORDER = 64, /* a second-order step left its domain: solved by backward Euler instead */
+  SHEARBUS_OUTCOME_FAILED = 128, /* the node has no answer and keeps its old state */
+  SHEARBUS_OUTCOME_FALLBACK = 160 /* FAILED with ASLEEP: the host's own law answered (shearbus_set_fallback) */
 };
+/* print_contract.py: end */
+/* clang-format on */
 
 /* Where a column lies in the caller's memory: one value per node, `stride_bytes` apart (0: without gaps), so that an
- * array of structs needs no copy. A stride below the size of a value is SHEARBUS_INVALID_VALUE: it is in bytes. component: 0, or 1 for the second column of a tangential quantity in a scene with
- * tangential_components = 2. */
+ * array of structs needs no copy. A stride below the size of a value is SHEARBUS_INVALID_VALUE: it is in bytes.
+ * component: 0, or 1 for the second component of a tangential column. */
 typedef struct shearbus_input {
   uint32_t field;
   uint32_t component;
@@ -208,9 +315,12 @@ typedef struct shearbus_options {
   uint64_t idle_limit_s; /* the server closes the session after this time without a request; 0: never */
   shearbus_interrupted_fn interrupted; /* NULL: a call ends with its answer or its deadline */
   void* interrupted_user;
+  const char* scene_name; /* name of scene_text in messages, such as that of its file; NULL: "scene_text" */
+  int ignore_environment; /* 1: the environment variables above replace nothing, as in a program whose command line
+                             decides */
 } shearbus_options;
 #define SHEARBUS_OPTIONS_INIT \
-  { sizeof(shearbus_options), 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0 }
+  { sizeof(shearbus_options), 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 
 /* Opens a session with n nodes; *session is NULL before the call. initial_temperature_k: one value per node, or NULL
  * for the scene's value. After a fault *session is NULL again, with two exceptions: after SHEARBUS_UNKNOWN_OUTCOME
@@ -334,6 +444,33 @@ typedef struct shearbus_result {
 SHEARBUS_API int shearbus_step(shearbus_session* session, const shearbus_request* request, shearbus_result* result,
                                shearbus_status* status);
 
+/* The host's own law, for steps while the server is gone. The function fills the outputs of the request from its inputs
+ * and returns 0, or another value if it has no answer; it must not call this library, and runs in the default
+ * floating-point environment. The library calls it from shearbus_step() with SHEARBUS_ADVANCE, and only if the user allows
+ * it by the environment variable SHEARBUS_FALLBACK: the time in seconds that a step gives the server. After that time the
+ * law answers this step and, until the server is back, the following ones; the library looks for the server again after
+ * the same time. It is never silent: each such row has the outcome SHEARBUS_OUTCOME_FALLBACK and is one of
+ * flagged_nodes, the log (or standard error) has a line when the server is gone, when it is back and at the end of the
+ * session, and shearbus_count_fallbacks() has the totals. The layers keep their states meanwhile; a step that the server
+ * may have got is completed there when it is back, before anything else. Without the variable, for a trial, and after
+ * other faults than UNREACHABLE, UNKNOWN_OUTCOME and SHUTTING_DOWN the step fails as it does without a law. NULL takes
+ * the law away. */
+typedef int (*shearbus_fallback_fn)(void* user, const shearbus_request* request);
+SHEARBUS_API int shearbus_set_fallback(shearbus_session* session, shearbus_fallback_fn law, void* user,
+                                       shearbus_status* status);
+typedef struct shearbus_fallbacks {
+  size_t size;
+  uint64_t steps; /* number of steps that the host's own law answered */
+  uint64_t node_steps;
+  double time_s;     /* sum of their dt_s */
+  uint64_t absences; /* number of times that the server was found gone */
+  int allowed;       /* 1: the user has set SHEARBUS_FALLBACK */
+} shearbus_fallbacks;
+#define SHEARBUS_FALLBACKS_INIT \
+  { sizeof(shearbus_fallbacks), 0, 0, 0.0, 0, 0 }
+SHEARBUS_API int shearbus_count_fallbacks(const shearbus_session* session, shearbus_fallbacks* fallbacks,
+                                          shearbus_status* status);
+
 /* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two
  * the caller makes no other call on the session but close and leave. shearbus_start() copies the inputs; the memory
  * of the outputs must last until shearbus_finish(). If shearbus_finish() fails, shearbus_step() with the same values
@@ -436,6 +573,46 @@ enum {
   SHEARBUS_OUTPUT_ON_REQUEST = 3
 };
 SHEARBUS_API size_t shearbus_columns(const shearbus_session* session, int use, size_t capacity, uint32_t* fields);
+
+/* ---- operators ---- */
+
+/* A connection to a server without a session: for any user what the server tells of itself, for an operator (an
+ * operator's key, or the user who runs the server) also what it does for all users. The options are those of an opening;
+ * a server that recovers its sessions is not waited for (SHEARBUS_RECOVERING). */
+typedef struct shearbus_operator shearbus_operator;
+SHEARBUS_API int shearbus_connect(shearbus_operator** at, const shearbus_options* options, shearbus_status* status);
+SHEARBUS_API void shearbus_disconnect(shearbus_operator** at); /* *at is NULL afterwards */
+
+enum {
+  SHEARBUS_ASK_WELCOME = 0,    /* server_version, capabilities, durability, access, limits */
+  SHEARBUS_ASK_STATUS = 1,     /* ServerStatus: what the server holds and has done */
+  SHEARBUS_ASK_SESSIONS = 2,   /* sessions: a SessionInfo for each open session */
+  SHEARBUS_ASK_TOP = 3,        /* the nodes of `session` that rank highest by `top`: 1 hottest, 2 fastest, 3 molten */
+  SHEARBUS_ASK_CLOSE = 4,      /* ends `session`, unless it has gone on since `last_sequence`: its states are lost */
+  SHEARBUS_ASK_CHECKPOINT = 5, /* writes a checkpoint now */
+  SHEARBUS_ASK_DRAIN = 6       /* no new sessions; `exit`: the server ends with the last one, or after `within_s` */
+};
+typedef struct shearbus_question {
+  size_t size;
+  int what;            /* SHEARBUS_ASK_... */
+  const char* session; /* session_id: 32 hexadecimal digits */
+  int top;
+  uint32_t count; /* of top nodes */
+  uint64_t last_sequence;
+  int exit;
+  uint64_t within_s; /* 0: no such time */
+} shearbus_question;
+#define SHEARBUS_QUESTION_INIT \
+  { sizeof(shearbus_question), 0, 0, 0, 0, 0, 0, 0 }
+/* Sends a question and gives its answer as JSON, an object with the fields of the answer's message in
+ * shearbus/v1/control.proto, and columns by their names on the wire. It is valid until the next question. */
+SHEARBUS_API int shearbus_ask(shearbus_operator* of, const shearbus_question* question, const char** answer,
+                              shearbus_status* status);
+
+#define SHEARBUS_KEY_BYTES 41
+/* Makes a new pair of CURVE keys, texts of 40 characters. */
+SHEARBUS_API int shearbus_make_keys(char public_key[SHEARBUS_KEY_BYTES], char secret_key[SHEARBUS_KEY_BYTES],
+                                    shearbus_status* status);
 
 /* Version of the library, such as "0.1.0". */
 SHEARBUS_API const char* shearbus_version(void);

@@ -30,6 +30,7 @@ Size, Double, Text, Address = ctypes.c_size_t, ctypes.c_double, ctypes.c_char_p,
 Number, Word, Whole = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_int
 Log = ctypes.CFUNCTYPE(None, Address, Text)
 Interrupted = ctypes.CFUNCTYPE(Whole, Address)
+Fallback = ctypes.CFUNCTYPE(Whole, Address, Address)
 
 
 class _Struct(ctypes.Structure):
@@ -53,7 +54,7 @@ Options = _struct("shearbus_options", [
     (Size, "size"), (Text, "endpoint scene_file scene_text domain name server_key_file secret_key_file"),
     (Double, "connect_deadline_s reply_deadline_s retry_after_s"), (Log, "log"), (Address, "log_user"), (Text, "state_dir"),
     (Word, "threads"), (Whole, "check_closure"), (Number, "idle_limit_s"), (Interrupted, "interrupted"),
-    (Address, "interrupted_user")])
+    (Address, "interrupted_user"), (Text, "scene_name"), (Whole, "ignore_environment")])
 Nodes = _struct("shearbus_nodes", [
     (Size, "size n"), (Address, "node_ids initial_temperature_k"), (Size, "n_pairs"), (ctypes.POINTER(Text), "pairs"),
     (Address, "pair"), (Size, "n_parameters"), (ctypes.POINTER(Text), "parameters"), (ctypes.POINTER(Address), "values")])
@@ -67,15 +68,17 @@ Result = _struct("shearbus_result", [
 Info = _struct("shearbus_info", [
     (Size, "size"), (Whole, "strategy"), (Word, "tangential_components"), (Number, "bytes_per_node last_sequence"),
     (Whole, "outlives_server"), (Number, "state_version max_rows_per_message max_marks")])
+Fallbacks = _struct("shearbus_fallbacks", [(Size, "size"), (Number, "steps node_steps"), (Double, "time_s"), (Number, "absences"),
+                                           (Whole, "allowed")])
 Totals = _struct("shearbus_totals", [(Size, "size"), (Number, "requests node_steps solver_ns asleep_node_steps")])
 
 FUNCTIONS = {  # name -> (type of the result, types of the arguments)
-    "version": (Text, []), "node_count": (Size, [Address]), "node_ids": (Address, [Address]),
+    "version": (Text, []), "fault_text": (Text, []), "node_count": (Size, [Address]), "node_ids": (Address, [Address]),
     "effective_scene": (Text, [Address]), "warnings": (Text, [Address]), "text": (Text, [Address, Whole]),
     "columns": (Size, [Address, Whole, Size, Address]), "offers": (Size, [Address, Size, Address]), "leave": (None, [Address]),
     **{name: (Whole, [Address] * count) for name, count in {
         "open_nodes": 4, "resume_nodes": 5, "end": 3, "ticket": 3, "resumed_nodes": 3, "step": 4, "commit": 2, "rollback": 2,
-        "mark": 3, "rollback_to": 3, "register_nodes": 3, "inspect": 3, "accept": 3}.items()},
+        "mark": 3, "rollback_to": 3, "register_nodes": 3, "inspect": 3, "accept": 3, "count_fallbacks": 3, "set_fallback": 4}.items()},
     "set_reply_deadline": (Whole, [Address, Double, Address]), "retire": (Whole, [Address, Size, Address, Address]),
     "offer": (Whole, [Address, Size, Address, Address, Address]),
     "profiles": (Whole, [Address, Size, Address, Address, Address, Size, Address, Address])}
@@ -218,5 +221,8 @@ def in_python(text):
 
 def fault_of(status):
     """Returns the exception of a status."""
-    words = [in_python(getattr(status, name).decode(errors="replace")) for name in ("text", "remedy", "field")]
+    text, whole = status.text, library().shearbus_fault_text()
+    if text.endswith(b"...") and whole.startswith(text[:-3]):  # of a long one the status has the beginning
+        text = whole
+    words = [in_python(word.decode(errors="replace")) for word in (text, status.remedy, status.field)]
     return error(status.code, *words, status.nodes[:status.n_nodes])

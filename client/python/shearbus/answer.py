@@ -5,6 +5,7 @@ import struct
 
 import numpy
 
+from ._contract import Outcome, Regime
 from ._values import frozen
 from .columns import BY_NAME, BY_NUMBER, PROFILE
 from .errors import Error
@@ -13,19 +14,6 @@ __all__ = ["Answer", "Outcome", "Profiles", "Regime", "Trial"]
 
 RESULT = struct.Struct("@N6QdQdi")  # shearbus_result
 SHOWN = 5  # rows of a representation
-
-
-class Regime:
-    """Values of the column `regime`: what held the stress in the step."""
-
-    OPEN, STICK, COULOMB, TRESCA, MELTING = range(5)
-
-
-class Outcome:
-    """Bits of the column `outcome`; 0 is success without qualification."""
-
-    SUBSTEPPED, MULTIPLE_ROOTS, OUTSIDE_DOMAIN, SUDDEN = 1, 2, 4, 8
-    OVER_BUDGET, ASLEEP, FIRST_ORDER, FAILED = 16, 32, 64, 128
 
 
 class Answer:

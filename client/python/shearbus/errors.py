@@ -1,60 +1,10 @@
 """The errors of the package: one exception class for each class of status codes (proto/WIRE.md, "Status")."""
-import enum
+from ._contract import Code
+from ._terminal import printable, printable_lines
 
 __all__ = ["AuthError", "ClosureError", "ClosureWarning", "Code", "ContentError", "Error", "LibraryError", "MessageError",
            "SceneWarning", "ServerError", "SessionError", "UnexpectedReply", "UnknownOutcome", "Unreachable", "WrongType",
            "WrongValue"]
-
-
-class Code(enum.IntEnum):
-    """Status codes of the protocol. The codes from 500 on exist on the client's side only."""
-
-    OK = 1
-    BAD_FRAMING = 100
-    MALFORMED = 101
-    VERSION = 102
-    LIMIT = 103
-    CHECKSUM = 104
-    SHAPE = 105
-    UNSUPPORTED = 106
-    UNKNOWN_SESSION = 200
-    STALE_SEQUENCE = 201
-    SEQUENCE_GAP = 202
-    SEQUENCE_REUSED = 203
-    EPOCH = 204
-    NOTHING_TO_COMMIT = 205
-    RESUME_REFUSED = 206
-    SUPERSEDED = 207
-    UNKNOWN_MARK = 208
-    TRIAL_STANDS = 209
-    UNKNOWN_TRANSFER = 210
-    NOT_PERMITTED = 220
-    INVALID_SCENE = 300
-    INVALID_VALUE = 301
-    UNKNOWN_NODE = 302
-    DUPLICATE_NODE = 303
-    NODE_OWNED = 304
-    OTHER_SCENE = 305
-    STEP_FAILED = 306
-    SHUTTING_DOWN = 400
-    INTERNAL = 401
-    NO_SPACE = 402
-    DRAINING = 403
-    CHECKPOINT_FAILED = 404
-    RECOVERING = 405
-    UNREACHABLE = 500
-    UNKNOWN_OUTCOME = 501
-    UNEXPECTED_REPLY = 502
-    AUTH = 503
-    NOT_CLOSED = 504
-    NO_MEMORY = 510
-    LIBRARY_FAULT = 511
-    IN_USE = 512
-    OTHER_PROCESS = 513
-
-
-# A text may quote what strangers wrote: no command of it reaches a terminal or a log. The ends of lines stay.
-COMMANDS = {code: f"\\x{code:02x}" for code in (*range(10), *range(11, 32), *range(127, 160))}
 
 
 class Error(Exception):
@@ -65,7 +15,8 @@ class Error(Exception):
 
     def __init__(self, code, text, remedy="", field="", nodes=()):
         self.code = Code(code) if code in Code._value2member_map_ else code
-        text, remedy, field = (part.translate(COMMANDS) for part in (text, remedy, field))
+        text = (printable_lines if code == Code.INVALID_SCENE else printable)(text)  # the faults of a scene are several
+        remedy, field = printable(remedy), printable(field)
         self.text, self.remedy, self.field = text, remedy, field
         self.nodes = list(nodes)
         name = self.code.name if isinstance(self.code, Code) else str(code)

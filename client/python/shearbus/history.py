@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy
 
+from ._contract import Regime
 from .answer import html_table, shown, unit_of
 from .columns import BY_NAME, BY_NUMBER
 
 __all__ = ["History"]
 
 MASSES = ("mass_soft", "mass_hard")
-REGIMES = {"OPEN": 0, "STICK": 1, "COULOMB": 2, "TRESCA": 3, "MELTING": 4}
+REGIMES = {name: number for name, number in vars(Regime).items() if name.isupper()}
 
 
 @contextlib.contextmanager

@@ -12,6 +12,8 @@ import weakref
 import numpy
 
 from . import _library, _values
+from ._contract import STRATEGY
+from ._fallback import callback
 from ._plan import Plan
 from ._values import count, frozen, given_nodes, node_ids, number
 from .answer import Answer, Profiles, Trial, html_table
@@ -29,7 +31,6 @@ OPTIONS = {"nodes": None, "want": None, "absent_nodes": "keep", "time": 0.0, "st
            "all_or_nothing": False}  # of a step
 PLAIN = list(OPTIONS.values())  # those of a step that names none
 CHECKS = {"warn": 0, "off": 1, "error": 2}
-STRATEGY = {1: "velocity_driven", 2: "force_driven"}
 SCENE_NAME, PAIR_NAMES, PARAMETER_KEYS, MARK_NAMES, SERVER_VERSION, CAPABILITIES, DURABILITY, ACCESS = range(8)  # shearbus_text()
 TICKET_BYTES, TRANSFER_BYTES = 80, 16
 TICKET = re.compile("[0-9a-f]{32}:[0-9a-f]{32}")
@@ -412,6 +413,23 @@ class Session:
                            *(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
                              for name, default in OPTIONS.items() if trial or name != "commit_previous"),
                            inspect.Parameter("values", inspect.Parameter.VAR_KEYWORD)]) for trial in (False, True))
+
+    def set_fallback(self, law):
+        """Gives the host's own law, for steps (not trials) while the server is gone, if the user allows it by the environment
+        variable SHEARBUS_FALLBACK, the time in s that a step gives the server. law(inputs, outputs) fills the arrays of the
+        outputs, {name: array}; "2" behind a name stands for the second component. Rows of such a step have the outcome Outcome.FALLBACK
+        and are flagged, and `fallbacks` counts them. None takes the law away."""
+        function = None if law is None else callback(law, self._host.raised)
+        self._call("set_fallback", ctypes.cast(function, ctypes.c_void_p) if law else None, None)
+        self._law = function  # lives as long as the library may call it
+
+    @property
+    def fallbacks(self):
+        """What the host's own law answered: steps, node_steps, time (s), absences of the server, allowed by the user."""
+        counts = _library.Fallbacks()
+        self._call("count_fallbacks", ctypes.byref(counts))
+        return types.SimpleNamespace(steps=counts.steps, node_steps=counts.node_steps, time=counts.time_s, absences=counts.absences,
+                                     allowed=bool(counts.allowed))
 
     def commit(self):
         """Keeps the result of the trial. Returns the state version."""

@@ -190,6 +190,8 @@ void HeatOperator::factorise(const HeatGrid& grid, const Material& soft, const M
 SpreadHeat::SpreadHeat(const HeatGrid& grid, double dt, int layer_vertices, const Material& soft,
                        const Material& hard) {
   for (int i = 0; i < layer_vertices; ++i) gain.push_back(dt / grid.capacity(grid.interface + i, soft, hard));
+  // Heat at a held vertex leaves the body at once.
+  if (grid.soft_end_is_held && grid.interface + layer_vertices == grid.num_vertices()) gain.back() = 0.0;
 }
 
 void respond(const HeatOperator& heat, const SpreadHeat& spread, const double* shape, double* response) {

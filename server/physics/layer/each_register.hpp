@@ -1,11 +1,5 @@
-// Compiles the kernels of the header SHEARBUS_KERNELS for each register width (registers.hpp), and those that need no
-// registers for one lane, in the namespace `one`.
-#include <cmath>
-#include <cstdint>
-
-#include "server/physics/layer/lanes.hpp"
+// Compiles the kernels of the header SHEARBUS_KERNELS for each register width (registers.hpp).
 #include "server/physics/layer/registers.hpp"
-#include "server/physics/material/elementary.hpp"
 
 #ifndef SHEARBUS_KERNELS
 #error "define SHEARBUS_KERNELS as the name of the header of the kernels"
@@ -17,7 +11,7 @@
 #endif
 #define SHEARBUS_WIDTH 1
 namespace shearbus::physics::one {
-#include "server/physics/layer/register.hpp"
+#include "server/physics/layer/row.hpp"
 #include SHEARBUS_KERNELS
 }  // namespace shearbus::physics::one
 #undef SHEARBUS_WIDTH
@@ -28,6 +22,7 @@ namespace shearbus::physics::one {
 #define SHEARBUS_WIDTH 2
 namespace shearbus::physics::two {
 #include "server/physics/layer/register.hpp"
+#include "server/physics/layer/row.hpp"
 #include SHEARBUS_KERNELS
 }  // namespace shearbus::physics::two
 #undef SHEARBUS_WIDTH
@@ -38,6 +33,7 @@ namespace shearbus::physics::two {
 #define SHEARBUS_WIDTH 4
 namespace shearbus::physics::four {
 #include "server/physics/layer/register.hpp"
+#include "server/physics/layer/row.hpp"
 #include SHEARBUS_KERNELS
 }  // namespace shearbus::physics::four
 #undef SHEARBUS_WIDTH

@@ -16,16 +16,27 @@ struct HeatBasis {
   HeatBasis(const HeatGrid& grid, const Material& soft, const Material& hard);
 
   int num_modes() const { return static_cast<int>(rate.size()); }
-  // Factor of each mode in a backward Euler step of dt: 1 / (1 + rate dt).
-  std::vector<double> decay(double dt) const;
+  // Factor of each mode in a step of dt: that of backward Euler, 1 / (1 + rate dt), or the exact one, exp(-rate dt).
+  std::vector<double> decay(double dt, bool exact) const;
 
   // The temperature of vertex i is the sum over modes k of amplitude_k shape_ki; the largest |shape_ki| of a mode is 1.
-  std::vector<double> rate;          // decay rates  [1/s], ascending; the first is 0: the mean temperature is conserved
+  // Decay rates, ascending  [1/s]. The first is 0: the mean temperature is conserved, or a held end keeps its own. If
+  // both ends are held the second is 0, too.
+  std::vector<double> rate;
   std::vector<double> shape;         // value of each mode at each vertex, [mode][vertex]
   std::vector<double> projection;    // [mode][vertex]: amplitude_k = sum over vertices of projection_ki T_i
   std::vector<double> at_interface;  // shape of each mode at z = 0
   std::vector<double> soft_heat;     // heat in the soft body per amplitude of each mode  [J/(m2 K)]
-  double heat = 0.0;                 // heat per amplitude of the first mode; other modes have no net heat  [J/(m2 K)]
+  std::vector<double> hard_heat;     // the same of the hard body
+  bool holds_ends;                   // an end keeps its temperature, so that modes lose net heat
+  // Heat per amplitude of the first mode; without held ends the other modes have no net heat  [J/(m2 K)].
+  double heat = 0.0;
+
+ private:
+  void add_mode(const HeatGrid& grid, const Material& soft, const Material& hard, double decay_rate,
+                const std::vector<double>& u, const std::vector<double>& of_profile);
+  void add_steady_modes(const HeatGrid& grid, const Material& soft, const Material& hard,
+                        const std::vector<double>& steady);
 };
 
 // Replaces the temperatures of one lane by amplitudes of the modes, [row][lane]. Returns the number of leading modes

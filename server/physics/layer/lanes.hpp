@@ -10,6 +10,7 @@
 namespace shearbus::physics {
 
 inline constexpr int kLanes = 8;
+inline constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;  // the set of all lanes
 
 // A set of lanes: bit i stands for lane i. A loop visits the lanes in ascending order.
 class LaneSet {

@@ -97,7 +97,8 @@ Lines spectrum(const HeatKernel& kernel, const Rule& samples, bool even, double 
     return lines;
   }
   const double spacing = std::sqrt(kernel.diffusivity) * kPi / kernel.thickness;
-  for (double m = std::max(1.0, std::ceil(from / spacing)); m * spacing < to; m += 1.0) {
+  const double lowest = kernel.lowest_line();
+  for (double m = lowest + std::max(0.0, std::ceil(from / spacing - lowest)); m * spacing < to; m += 1.0) {
     lines.mu.push_back(m * spacing);
     lines.weight.push_back(2.0 * kernel.diffusivity / (kernel.conductivity * kernel.thickness));
   }
@@ -123,6 +124,7 @@ double largest_error(const HeatKernel& kernel, const Lines& lines, double shorte
 HeatKernel::HeatKernel(const Material& soft, const GridOptions& layer)
     : thickness(layer.far_boundary == FarBoundary::kHalfSpace ? std::numeric_limits<double>::infinity()
                                                               : layer.thickness),
+      held(layer.far_boundary == FarBoundary::kIsothermal),
       conductivity(soft.conductivity),
       diffusivity(soft.diffusivity),
       half_space(std::sqrt(soft.diffusivity / kPi) / soft.conductivity) {}
@@ -134,20 +136,22 @@ bool HeatKernel::far_face_unfelt(double t) const {
 // The kernel of a slab is the sum over its spectrum, K = alpha / (k h) (1 + 2 sum exp(-rate_m t)), where
 // rate_m = alpha (m pi / h)^2. Few terms are needed: short times, which would need many, are left to the formula of the
 // half-space (far_face_unfelt()). The sums of 1/rate_m and 1/rate_m^2 over all m are h^2/(6 alpha) and h^4/(90
-// alpha^2).
+// alpha^2). With a held far face m is half-integer, the term 1 is missing, and these sums are h^2/(2 alpha) and
+// h^4/(6 alpha^2).
 double HeatKernel::at(double t) const {
   if (far_face_unfelt(t)) return half_space / std::sqrt(t);
   const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
-  double sum = 1.0;
-  for (double m = 1.0; m * m * first * t < kSpent; m += 1.0) sum += 2.0 * exponential(-m * m * first * t);
+  double sum = held ? 0.0 : 1.0;
+  for (double m = lowest_line(); m * m * first * t < kSpent; m += 1.0) sum += 2.0 * exponential(-m * m * first * t);
   return diffusivity / (conductivity * thickness) * sum;
 }
 
 double HeatKernel::integral(double t) const {
   if (far_face_unfelt(t)) return 2.0 * half_space * std::sqrt(t);
   const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
-  double sum = t + thickness * thickness / (3.0 * diffusivity);
-  for (double m = 1.0; m * m * first * t < kSpent; m += 1.0) {
+  const double square = thickness * thickness / diffusivity;
+  double sum = held ? square : t + thickness * thickness / (3.0 * diffusivity);
+  for (double m = lowest_line(); m * m * first * t < kSpent; m += 1.0) {
     const double rate = m * m * first;
     sum -= 2.0 * exponential(-rate * t) / rate;
   }
@@ -158,8 +162,8 @@ double HeatKernel::moment(double t) const {
   if (far_face_unfelt(t)) return 2.0 / 3.0 * half_space * t * std::sqrt(t);
   const double first = diffusivity * (kPi / thickness) * (kPi / thickness);
   const double square = thickness * thickness / diffusivity;
-  double sum = 0.5 * t * t + square * square / 45.0;
-  for (double m = 1.0; m * m * first * t < kSpent; m += 1.0) {
+  double sum = held ? square * square / 3.0 : 0.5 * t * t + square * square / 45.0;
+  for (double m = lowest_line(); m * m * first * t < kSpent; m += 1.0) {
     const double rate = m * m * first;
     sum -= 2.0 * (1.0 + rate * t) * exponential(-rate * t) / (rate * rate);
   }
@@ -183,7 +187,7 @@ HeatModes::HeatModes(const HeatKernel& of, const ModesOptions& options) : kernel
   Lines best;
   for (int n = 2; n <= kLongestRule; ++n) {
     best = {};
-    if (!even) best = {{0.0}, {kernel.diffusivity / (kernel.conductivity * kernel.thickness)}};
+    if (!even && !kernel.held) best = {{0.0}, {kernel.diffusivity / (kernel.conductivity * kernel.thickness)}};
     for (std::size_t i = 0; i < spectra.size(); ++i) add_reduced(spectra[i], i == 0 ? (n + 2) / 2 : n, i == 0, best);
     error = largest_error(kernel, best, shortest, options.longest_time);
     if (error <= options.accuracy) break;

@@ -20,16 +20,19 @@ struct ModesOptions {
 };
 
 // The heat kernel K(t) of the soft body: the rise of T0 at the time t after a heat pulse of 1 J/m2 at z = 0. For a
-// half-space K = sqrt(alpha) / (k sqrt(pi t)); the kernel of an insulated slab has additional terms, its image sources.
+// half-space K = sqrt(alpha) / (k sqrt(pi t)); the kernel of a slab has additional terms, its image sources, which have
+// alternating signs if its far face keeps its temperature.
 struct HeatKernel {
   HeatKernel(const Material& soft, const GridOptions& layer);
 
   double at(double t) const;
-  double integral(double t) const;       // integral of K from 0 to t: exact rise B0 of T0 by a unit flux  [K m2/W]
-  double moment(double t) const;         // first moment of K, the integral of s K(s) from 0 to t  [K m2 s/W]
+  double integral(double t) const;  // integral of K from 0 to t: exact rise B0 of T0 by a unit flux  [K m2/W]
+  double moment(double t) const;    // first moment of K, the integral of s K(s) from 0 to t  [K m2 s/W]
+  double lowest_line() const { return held ? 0.5 : 1.0; }  // of the lines m with rates alpha (m pi / h)^2 of a slab
   bool far_face_unfelt(double t) const;  // whether the image sources of a slab are below rounding until t
 
   double thickness;     // thickness of the slab; infinity: half-space  [m]
+  bool held;            // the far face of the slab keeps its temperature
   double conductivity;  // conductivity k  [W/(m K)]
   double diffusivity;   // diffusivity alpha  [m2/s]
   double half_space;    // factor of the half-space kernel, K(t) sqrt(t) = sqrt(alpha / pi) / k  [K m2/(W s^(1/2))]
@@ -46,7 +49,7 @@ struct HeatModes {
   HeatModes(const HeatKernel& kernel, const ModesOptions& options);
 
   HeatKernel kernel;
-  std::vector<double> rate;    // decay rate of each mode, ascending; rate 0: mean temperature of a slab  [1/s]
+  std::vector<double> rate;    // decay rate of each mode, ascending; rate 0: mean of an insulated slab  [1/s]
   std::vector<double> weight;  // weight of each mode  [K m2/J]
   double error;                // measured largest relative error of K
 

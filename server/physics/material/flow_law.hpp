@@ -1,20 +1,22 @@
 // The flow law of a material, as the rest of the model needs it. A law is one file with one class, registered by one
-// line in flow_laws.hpp (server/ARCHITECTURE.md, "Adding a law"). The flow stress of a law is
+// line in flow_law_list.hpp (server/ARCHITECTURE.md, "Adding a law"). The flow stress of a law is
 //
 //   Y(ep, dep/dt, P, T) = H(ep, dep/dt, P, T) g(P, T)
 //
 // where H is the hardened strength and g the softening, which is 0 at T_melt and above; the yield strength of the
 // interface is multiplied by g too. The solvers need three things of Y: Y never falls with ep and dep/dt, Y never rises
-// with T, and Y is 0 from T_melt on. Then every balance of the layer has one root and a bracket. The kernels of a
-// separable law, whose H does not depend on P and T, work on logarithms; a law whose rate and temperature are coupled
-// has an inverse of its own. The concepts of this file list the members of a law, one requirement with its comment per
-// line; the compiler names the members that a new law lacks.
+// with T, and Y is 0 from T_melt on. Then every balance of the layer has one root and a bracket.
+//
+// The text of a law is written in registers (layer/register.hpp). It is compiled for one double, for points of a layer,
+// and for each register width, for the sums over a tile, so it has no include guard. The concepts of this file list the
+// members of a law, one requirement with its comment per line; the compiler names the members that a new law lacks.
 #pragma once
 
 #include <concepts>
 #include <string_view>
 #include <type_traits>
 
+#include "server/physics/layer/registers.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::physics {
@@ -22,40 +24,15 @@ namespace shearbus::physics {
 inline constexpr double kSqrt3 = 1.7320508075688772;
 inline constexpr double kMeltingFactor = 0.001;  // the factor in exp(-0.001 T/(T_melt - T)), DLP (15)
 
-// The softening g(P, T) and its derivative dg/dT.
-struct Softening {
-  double g = 0.0;
-  double slope = 0.0;
-};
-
-// The part of a vertex's excess (SeparableFlowKernel) that is due to the softening g, and its derivative by T.
-struct SofteningExcess {
-  double value;
-  double rate;
-};
-
-// N vertices, one per lane, and the stress on each: the input of the kernel of a law that is not separable.
-template <int N>
-struct LoadedVertices {
-  const double* load;          // stress on each vertex, as load_of(a) gives it
-  const double* bracket;       // part of the softening g that depends on P, bracket_at(m, P), of each lane
-  const double* T_melt;        // melting temperature at P           [K]
-  alignas(64) double T[N];     // temperature after the step         [K]
-  alignas(64) double rise[N];  // temperature rise by the friction heat of the stress a, a dT/da  [K]
-};
-
 // A contradiction between constants of a law that are valid one by one. An empty field means no contradiction.
 struct LawFault {
   std::string_view field;  // key of the constant to blame
   std::string_view text;
 };
 
-inline constexpr double kMolten = 1e300;  // softening excess where g = 0: the vertex flows under any load but kNoLoad
-// Result of load_of() without stress: no vertex yields, not even a molten one.
-inline constexpr double kNoLoad = -1e305;
-// Largest excess (SeparableFlowKernel) that a kernel uses; a larger excess is cut to this value, so that the strain is
-// finite. No host has a strain of that size.
-inline constexpr double kMaxExcess = 300.0;
+inline namespace point {
+#include "server/physics/material/flow_at_vertex.hpp"
+}  // namespace point
 
 // The properties of a flow law. Options of a model are allowed or refused by these properties, never by the name of a
 // law. No property has a default: a law that does not declare all of them does not compile.
@@ -66,7 +43,7 @@ struct FlowLawProperties {
   bool vanishes_at_melting;  // the softening g is 0 at T_melt and above
   bool has_pressure_term;    // the softening g contains gP P, so that Material::pressure_term has an effect
   bool has_ceiling;          // the law has a constant that can limit the strength H (Y_max)
-  bool has_wave_return;      // the solver of layers with inertia can return a stress to this law's flow stress
+  bool has_wave_return;      // H g is of the form that layers with inertia solve in registers; others in simple code
 };
 
 // The constexpr members that every flow law declares.
@@ -92,10 +69,10 @@ constexpr FlowLawProperties properties_of_law() {
           .has_wave_return = Law::kHasWaveReturn};
 }
 
-// The functions of a flow law at one point of a layer.
+// The functions of a flow law at points of a layer; each Register holds one point per lane.
 template <class Law>
-concept FlowLawFunctions = requires(const Material& m, double ep, double dep, double rate, double dt, double P,
-                                    double T) {
+concept FlowLawFunctions = requires(const Material& m, Register ep, Register dep, Register rate, double dt, Register P,
+                                    Register T) {
   { Law::kName } -> std::convertible_to<std::string_view>;                  // name of the law in scenes
   { Law::kEquation } -> std::convertible_to<std::string_view>;              // source of the law, for OPTIONS.md
   { Law::kAdds } -> std::convertible_to<std::string_view>;                  // effects it describes, for OPTIONS.md
@@ -103,48 +80,32 @@ concept FlowLawFunctions = requires(const Material& m, double ep, double dep, do
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the Material members that it uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks the constants of the law together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT
-  { Law::steepest_softening(m, P, T, T) } -> std::same_as<double>;  // upper bound of |dg/dT| between two temperatures
-  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<double>;     // strength H; separable laws ignore P and T
-  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<double>;  // hardening slope dH/d(dep) at ep + dep
-  { Law::ceiling(m) } -> std::same_as<double>;                             // the largest H; infinity: none
-  { Law::hardens(m) } -> std::same_as<bool>;                               // false: H is a constant
+  { Law::steepest_softening(m, P, T, T) } -> std::same_as<Register>;  // upper bound of |dg/dT| between two temperatures
+  { Law::hardened(m, ep, rate, P, T) } -> std::same_as<Register>;     // strength H; separable laws ignore P and T
+  { Law::hardening_slope(m, ep, dep, dt, P, T) } -> std::same_as<Register>;  // hardening slope dH/d(dep) at ep + dep
+  { Law::ceiling(m) } -> std::same_as<double>;                               // the largest H; infinity: none
+  { Law::hardens(m) } -> std::same_as<bool>;                                 // false: H is a constant
 };
 
-// The kernel that every law has for the loops over lanes in solver/flow/layer_flow. An object of the law holds its
-// constants for one step length.
+// The flow of a law whose strain increment is an explicit function of the stress. An object holds the constants of the
+// law for one step length, and a load.
 template <class Law>
-concept FlowKernel = std::constructible_from<Law, const Material&, double> &&
-    requires(const Law law, const Material& m, double a, double P) {
-  { law.load_of(a) } -> std::same_as<double>;         // a stress magnitude in the form that the kernel needs
-  { Law::unit_of_load(m) } -> std::same_as<double>;   // stress unit of load_of()  [Pa]
-  { Law::bracket_at(m, P) } -> std::same_as<double>;  // part of the softening g that depends on P
+concept ExplicitFlow = std::constructible_from<Law, const Material&, double, const VertexLoad&> &&
+    requires(const Law law, const Material& m, Register T, Register rise) {
+  { law.expand(T, rise) } -> std::same_as<Expansion>;       // the flow of a vertex at T, of which the heat made `rise`
+  { Law::exponent(m) } -> std::same_as<double>;             // exponent of the stress in the strain increment
+  { Law::cold_without_strain(m) } -> std::same_as<double>;  // Expansion::cold less ep
 };
 
-// The kernel of a separable law. A vertex flows if excess = load_of(a) + softening_excess - log_strength is positive.
-// Its strain increment dep then solves H(ep + dep, dep/dt) g = sqrt(3) a, and flow() calls take(lane, dep, slope) with
-// slope = a d(dep)/da. Heating by the stress a enters this slope through growth = a d(softening_excess)/da.
-// flow() gets the excess, the growth and the old strain ep of each lane.
+// The flow of a law whose strain increment is searched for at each vertex.
 template <class Law>
-concept SeparableFlowKernel = FlowKernel<Law> &&
-    requires(const Law law, double bracket, double T_melt, double T, double ep, const double (&packet)[1],
-             const double* strain, void (*take)(int lane, double dep, double slope)) {
-  { law.log_strength(ep) } -> std::same_as<double>;  // ln(H) at rate 0, scaled as load_of()
-  { law.softening_excess(bracket, T_melt, T) } -> std::same_as<SofteningExcess>;  // part of the excess due to g
-  law.flow(packet, packet, strain, take);                                         // arguments: excess, growth, ep
-};
-
-// The kernel of a law that couples rate and temperature. A vertex flows where load_of(a) > strength_at_rest.
-template <class Law>
-concept CoupledFlowKernel = FlowKernel<Law> &&
-    requires(const Law law, double bracket, double T_melt, double T, double ep, const LoadedVertices<1>& vertices,
-             const double (&packet)[1], const double* strain, void (*take)(int lane, double dep, double slope)) {
-  { law.strength_at_rest(bracket, T_melt, T, ep) } -> std::same_as<double>;  // Y(ep, 0, P, T) in the units of load_of
-  law.flow(vertices, packet, strain, take);                                  // arguments: loads, excess, ep
+concept SearchedFlow = std::constructible_from<Law, const Material&, double, const VertexLoad&> &&
+    requires(const Law law, const LoadedVertex& vertex) {
+  { law.flow(vertex) } -> std::same_as<VertexFlow>;
 };
 
 template <class Law>
 concept FlowLawClass = DeclaresFlowLawProperties<Law> && Law::kVanishesAtMelting &&  // no stress if molten
-    FlowLawFunctions<Law> &&
-    ((Law::kSeparable && SeparableFlowKernel<Law>) || (!Law::kSeparable && CoupledFlowKernel<Law>));
+    FlowLawFunctions<Law> &&(ExplicitFlow<Law> || SearchedFlow<Law>);
 
 }  // namespace shearbus::physics

@@ -1,23 +1,36 @@
-// The list of flow laws. The place of a law in the list, counted from 0, is its FlowLaw value. Its number in the enum
-// FlowLaw of a scene is larger by 1.
+// The flow laws (flow_law_list.hpp) at points of a layer.
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
 
+#include "server/physics/material/elementary.hpp"
 #include "server/physics/material/flow_law.hpp"
-#include "server/physics/material/johnson_cook.hpp"
 #include "server/physics/material/law_list.hpp"
-#include "server/physics/material/preston_tonks_wallace.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
 
 namespace shearbus::physics {
 
-template <FlowLawClass... Laws>
+template <class... Laws>
 using FlowLawList = LawList<FlowLaw, Laws...>;
 
-using FlowLaws = FlowLawList<SteinbergCochranGuinan,  // one line per law
-                             JohnsonCook,             //
-                             PrestonTonksWallace>;
+#if defined(__clang__)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wbitwise-instead-of-logical"  // the masks of one lane are of type bool
+#endif
+inline namespace point {
+#include "server/physics/material/flow_law_list.hpp"
+}  // namespace point
+#if defined(__clang__)
+#pragma clang diagnostic pop
+#endif
+
+template <class... Laws>
+constexpr bool are_flow_laws(FlowLawList<Laws...>) {
+  return (FlowLawClass<Laws> && ...);
+}
+static_assert(are_flow_laws(FlowLaws{}));
 
 // Whether the constant of Material belongs to this law.
 inline bool has_constant(FlowLaw law, double Material::*constant) {
@@ -25,6 +38,11 @@ inline bool has_constant(FlowLaw law, double Material::*constant) {
     const auto& constants = decltype(own)::type::kConstants;
     return std::find(constants.begin(), constants.end(), constant) != constants.end();
   });
+}
+
+// Whether the strain increment of a vertex is an explicit function of the stress.
+inline bool has_explicit_flow(FlowLaw law) {
+  return FlowLaws::with(law, [](auto own) { return ExplicitFlow<typename decltype(own)::type>; });
 }
 
 inline FlowLawProperties properties_of(FlowLaw law) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "server/physics/material/compression.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/text.hpp"
 
@@ -49,6 +50,8 @@ constexpr std::array kFields = {
     MaterialField{"simon_temperature_k", &Material::simon_temperature, false, false},
     MaterialField{"simon_pressure_pa", &Material::simon_pressure, false, false},
     MaterialField{"simon_exponent", &Material::simon_exponent, false, false},
+    MaterialField{"thermal_conductivity_slope_per_k", &Material::conductivity_slope, false, true, true},
+    MaterialField{"specific_heat_slope_per_k", &Material::specific_heat_slope, false, true, true},
 };
 
 bool is_strength(double Material::*constant) {
@@ -106,7 +109,7 @@ std::string all_names() {
 // The fault of a constant's value; empty: none.
 std::string value_fault(const MaterialField& field, double value) {
   if (!std::isfinite(value)) return text_of("expected a finite number, found ", value);
-  if (field.may_be_zero ? value >= 0.0 : value > 0.0) return {};
+  if (field.may_be_negative || (field.may_be_zero ? value >= 0.0 : value > 0.0)) return {};
   return text_of("expected a number ", field.may_be_zero ? "not below 0" : "above 0", ", found ", value);
 }
 
@@ -216,32 +219,24 @@ void choose_melting_curve(Material& material, MeltingCurve curve) {
 }
 
 double compression_at(const Material& m, double pressure) {
-  if (!(pressure > 0.0)) return 1.0;
-  // Solves the Hugoniot P (1 - s x)^2 = rho0 c0^2 x for x = 1 - 1/eta: the root below 1/s, written without a
-  // difference, so that nothing cancels.
-  const double stiffness = m.density * m.sound_speed * m.sound_speed;
-  const double slope = m.hugoniot_slope * pressure;
-  const double x = 2.0 * pressure / (stiffness + 2.0 * slope + std::sqrt(stiffness * (stiffness + 4.0 * slope)));
-  return 1.0 / (1.0 - x);
+  return pressure > 0.0 ? compression::eta_at(m, pressure) : 1.0;
 }
 
 Material at_pressure(const Material& m, double pressure) {
   Material now = m;
   if (!m.varies_with_compression()) return now;
   if (m.melting_curve == MeltingCurve::kSimon) {
-    now.melting_temperature =
-        m.simon_temperature * power(1.0 + std::max(0.0, pressure) / m.simon_pressure, 1.0 / m.simon_exponent);
+    now.melting_temperature = compression::simon_temperature(m, pressure);
     now.melting_curve = MeltingCurve::kConstant;
   }
   if (!now.varies_with_compression()) return now;
   const double eta = compression_at(m, pressure);
   if (m.melting_curve == MeltingCurve::kLindemann) {
-    now.melting_temperature *= exponential(2.0 * m.volume_correction * (1.0 - 1.0 / eta)) *
-                               power(eta, 2.0 * (m.grueneisen - m.volume_correction - 1.0 / 3.0));
+    now.melting_temperature = compression::lindemann_temperature(m, eta);
     now.melting_curve = MeltingCurve::kConstant;
   }
   if (m.pressure_term == PressureTerm::kCompressed) {
-    now.pressure_coefficient *= power(eta, -1.0 / 3.0);
+    now.pressure_coefficient = compression::compressed_pressure_coefficient(m, eta);
     now.pressure_term = PressureTerm::kLinear;
   }
   return now;

@@ -32,6 +32,9 @@ struct Material {
   double conductivity = 0.0;             // k     [W/(m K)]
   double specific_heat = 0.0;            // c     [J/(kg K)]
   double diffusivity = 0.0;  // alpha [m2/s]; rho c in the heat equation is k/alpha, never density * specific_heat
+  // k(T) = k (1 + a (T - 300 K)) and c(T) likewise; not given: constant  [1/K]
+  double conductivity_slope = kNotGiven;
+  double specific_heat_slope = kNotGiven;
 
   // Constants that only Johnson and Cook's law uses (johnson_cook.hpp).
   double hardening_modulus = kNotGiven;      // B, in the strength A + B ep^n  [Pa]
@@ -72,8 +75,22 @@ struct Material {
   MeltingCurve melting_curve = MeltingCurve::kConstant;
   PressureTerm pressure_term = PressureTerm::kLinear;
 
+  // Share of k or c that is left at a temperature, at least kLeastHeatShare.
+  static constexpr double kLeastHeatShare = 0.05;
+  double conductivity_share(double T) const { return share_at(conductivity_slope, T); }
+  double heat_share(double T) const { return share_at(specific_heat_slope, T); }
+  bool conducts_by_temperature() const { return varies(conductivity_slope) || varies(specific_heat_slope); }
+
   bool varies_with_compression() const {
     return melting_curve != MeltingCurve::kConstant || pressure_term != PressureTerm::kLinear;
+  }
+
+ private:
+  static constexpr double kHeatReference = 300.0;  // temperature at which k and c are those of the table  [K]
+  static bool varies(double slope) { return slope == slope && slope != 0.0; }
+  static double share_at(double slope, double T) {
+    const double share = varies(slope) ? 1.0 + slope * (T - kHeatReference) : 1.0;
+    return share > kLeastHeatShare ? share : kLeastHeatShare;
   }
 };
 
@@ -87,6 +104,7 @@ struct MaterialField {
   double Material::*value;
   bool required;     // true: a material must have this constant if its law uses it
   bool may_be_zero;  // false: the constant must be above 0
+  bool may_be_negative = false;
 };
 std::span<const MaterialField> material_fields();
 

@@ -18,24 +18,9 @@
 //      printed law has one stress for many rates; the factor keeps rate and strain functions of the stress.
 //
 // fault_of() accepts only constants with tau_s = tau_y = s0 r^beta for r >= 1: nothing hardens there and the inverse
-// has a closed form. For r < 1 the kernel solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for ln r, between the slowest
-// rate and 1, by inverse Hermite interpolation, or by Newton's method where a branch of tau_s or tau_y ends, or by
-// bisection where a step leaves the bracket. tau rises with ln r (tests/unit), so the root is unique. tau is computed
-// from tau_y up, tau = tau_y + (d/p) ln(1 + (exp(x) - 1) (1 - exp(-...))), which cancels nothing. The loops over lanes
-// have no branches, so that the compiler vectorises them.
-#pragma once
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <limits>
-#include <string_view>
-
-#include "server/physics/material/elementary.hpp"
-#include "server/physics/material/flow_law.hpp"
-#include "server/physics/material/material.hpp"
-
-namespace shearbus::physics {
+// has a closed form. For r < 1 the flow solves tau(ep + dep, r) = sqrt(3) a / (2 G0 g) for y = ln r, between the slowest
+// rate and 1. tau rises with ln r (tests/unit), so the root is unique. tau is computed from tau_y up, tau = tau_y +
+// (d/p) ln(1 + (exp(x) - 1) (1 - exp(-...))), which cancels nothing.
 
 class PrestonTonksWallace {
  public:
@@ -59,8 +44,6 @@ class PrestonTonksWallace {
   static constexpr bool kHasCeiling = false;
   static constexpr bool kHasWaveReturn = false;
 
-  static constexpr double kSlowestRate = 1e-3;  // slowest rate  [1/s]; slower flow has the strength of this rate
-
   // Checks that the flow stress Y rises with strain and rate, falls with temperature, and follows the power law of
   // shocks, tau = s0 r^beta, for r >= 1.
   static LawFault fault_of(const Material& m) {
@@ -82,153 +65,110 @@ class PrestonTonksWallace {
     return {};
   }
 
-  static Softening softening(const Material& m, double pressure, double T) {
-    const double stiffening = bracket_at(m, pressure);
-    const double to_melting = m.melting_temperature - T;
-    if (!(stiffening > 0.0) || !(to_melting > 0.0)) return {};
-    const double exponent = kMeltingFactor * T / to_melting;
-    if (!(exponent < kExponentialRange)) return {};
-    const double melting = exponential(-exponent);
-    const double melting_rate = kMeltingFactor * m.melting_temperature / (to_melting * to_melting);
-    const double per_kelvin = m.modulus_temperature / m.melting_temperature;
-    const double modulus = 1.0 - per_kelvin * T;
-    return {stiffening * modulus * melting, -stiffening * melting * (per_kelvin + modulus * melting_rate)};
+  static Softening softening(const Material& m, Register pressure, Register T) {
+    const Melting melting = melting_of(m.modulus_temperature, load_at(m, pressure), T);
+    const Register g = only(melting.solid, melting.g);
+    return {g, g * melting.log_slope};
   }
 
   // The factor exp(-0.001 T/(T_melt - T)) is steepest at T = 0.9995 T_melt or, if the interval lacks this T, at the end
   // of the interval nearest to it.
-  static double steepest_softening(const Material& m, double pressure, double coldest, double hottest) {
+  static Register steepest_softening(const Material& m, Register pressure, Register coldest, Register hottest) {
     const double c = kMeltingFactor * m.melting_temperature;
-    const double nearest = std::max(0.0, m.melting_temperature - hottest);
-    const double farthest = m.melting_temperature - coldest;
-    const double stiffening = bracket_at(m, pressure);
-    if (farthest <= 0.0 || stiffening <= 0.0) return 0.0;
-    const double x = std::clamp(0.5 * c, nearest, farthest);
-    const double melting = exponential(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
+    const Register nearest = larger(m.melting_temperature - hottest, all(0.0));
+    const Register farthest = m.melting_temperature - coldest;
+    const Register stiffening = load_at(m, pressure).pressed;
+    const Mask solid = (farthest > 0.0) & (stiffening > 0.0);
+    const Register x = where(solid, smaller(larger(nearest, all(0.5 * c)), farthest), all(1.0));
+    const Register melting = exp_of(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
     const double per_kelvin = m.modulus_temperature / m.melting_temperature;
-    return stiffening * (per_kelvin + (1.0 - per_kelvin * coldest) * melting * c / (x * x));
+    return only(solid, stiffening * (per_kelvin + (1.0 - per_kelvin * coldest) * melting * c / (x * x)));
   }
 
-  static double hardened(const Material& m, double ep, double rate, double pressure, double T) {
-    return unit_of_load(m) * at(m, ep, rate, pressure, T).stress;
+  static Register hardened(const Material& m, Register ep, Register rate, Register pressure, Register T) {
+    return 2.0 * m.shear_modulus * tau_at(m, ep, rate, pressure, T).stress;
   }
-  static double hardening_slope(const Material& m, double ep, double dep, double dt, double pressure, double T) {
-    const double rate = dep / dt;
-    const Reduced tau = at(m, ep + dep, rate, pressure, T);
-    const double by_rate = rate > kSlowestRate ? tau.by_log_rate / dep : 0.0;
-    return unit_of_load(m) * (tau.by_strain + by_rate);
+  static Register hardening_slope(const Material& m, Register ep, Register dep, double dt, Register pressure,
+                                  Register T) {
+    const Register rate = dep / dt;
+    const Tau tau = tau_at(m, ep + dep, rate, pressure, T);
+    return 2.0 * m.shear_modulus * (tau.by_strain + only(rate > kSlowestRate, tau.by_log_rate / dep));
   }
   static double ceiling(const Material&) { return std::numeric_limits<double>::infinity(); }
   static bool hardens(const Material&) { return true; }
 
-  static constexpr double kRateSensitivity = 1e-9;  // tau is multiplied by 1 + this * min(ln r, 0)
-
-  // The constants of the law for one step length, in the form that its kernels need.
-  struct Constants {
-    double inverse_unit, theta, p, inverse_p, s0, log_s0, s_range, y0, y_range, kappa, y1, y2, beta, inverse_beta,
-        alpha;
-    double log_attempts_in_step, slowest_strain, log_slowest;
-  };
-  static Constants constants_of(const Material& m, double dt) {
-    const double p = std::max(m.work_hardening_curvature, kLeastCurvature), rate = attempts(m);
-    return {.inverse_unit = 1.0 / unit_of_load(m),
-            .theta = m.work_hardening_rate,
-            .p = p,
-            .inverse_p = 1.0 / p,
-            .s0 = m.saturation_cold,
-            .log_s0 = logarithm(m.saturation_cold),
-            .s_range = m.saturation_cold - m.saturation_hot,
-            .y0 = m.yield_cold,
-            .y_range = m.yield_cold - m.yield_hot,
-            .kappa = m.activation,
-            .y1 = m.medium_rate_yield,
-            .y2 = m.medium_rate_exponent,
-            .beta = m.overdriven_exponent,
-            .inverse_beta = 1.0 / m.overdriven_exponent,
-            .alpha = m.modulus_temperature,
-            .log_attempts_in_step = logarithm(rate * dt),
-            .slowest_strain = kSlowestRate * dt,
-            .log_slowest = logarithm(kSlowestRate / rate)};
-  }
-  PrestonTonksWallace(const Material& m, double dt) : c_(constants_of(m, dt)) {}
-
-  double load_of(double a) const { return kSqrt3 * a * c_.inverse_unit; }
-  static double unit_of_load(const Material& m) { return 2.0 * m.shear_modulus; }
-  static double bracket_at(const Material& m, double pressure) { return 1.0 + m.pressure_coefficient * pressure; }
-
-  double strength_at_rest(double bracket, double T_melt, double T, double ep) const {
-    const Vertex vertex = vertex_at(bracket, T_melt, T);
-    return vertex.g * reduced(vertex.log_slowest, ep, vertex.T_hat).stress;
+  [[gnu::always_inline]] PrestonTonksWallace(const Material& m, double dt, const VertexLoad& load)
+      : load_(load),
+        theta_(m.work_hardening_rate),
+        p_(m.work_hardening_curvature > kLeastCurvature ? m.work_hardening_curvature : kLeastCurvature),
+        inverse_p_(1.0 / p_),
+        s0_(m.saturation_cold),
+        s_range_(m.saturation_cold - m.saturation_hot),
+        y0_(m.yield_cold),
+        y_range_(m.yield_cold - m.yield_hot),
+        kappa_(m.activation),
+        y1_(m.medium_rate_yield),
+        y2_(m.medium_rate_exponent),
+        beta_(m.overdriven_exponent),
+        alpha_(m.modulus_temperature),
+        log_attempts_in_step_(logarithm(attempts(m) * dt)),
+        slowest_strain_(kSlowestRate * dt),
+        log_slowest_(logarithm(kSlowestRate / attempts(m))) {
+    const Register carried = (kSqrt3 / (2.0 * m.shear_modulus)) * load.stress;
+    carried_ = where(carried > kLeastStress, carried, all(kNoStress));
   }
 
-  template <int N, class Take>
-  [[gnu::always_inline]] void flow(const LoadedVertices<N>& loaded, const double (&excess)[N], const double* ep,
-                                   const Take& take) const {
-    Roots<N> roots;
-    for (int l = 0; l < N; ++l) {
-      const Vertex vertex = vertex_at(loaded.bracket[l], loaded.T_melt[l], loaded.T[l]);
-      const double inverse_g = 1.0 / (vertex.g > 0.0 ? vertex.g : 1.0);
-      const double carried = loaded.load[l] * inverse_g + (vertex.g > 0.0 ? 0.0 : kMostTarget);
-      const double least = carried > kLeastTarget ? carried : kLeastTarget;
-      roots.target[l] = least < kMostTarget ? least : kMostTarget;
-      roots.above_rest[l] = excess[l] * inverse_g;
-      roots.T_hat[l] = vertex.T_hat;
-      roots.log_scale[l] = vertex.log_scale;
-      roots.lo[l] = vertex.log_slowest;
-      roots.hi[l] = 0.0;
+  // A vertex flows if the stress tau that it must carry, `target`, is above its strength at rest: tau at the slowest
+  // rate. That is only computed where no guess of the root is at hand, or the search from the guess goes below the
+  // slowest rate.
+  [[gnu::always_inline]] VertexFlow flow(const LoadedVertex& at) const {
+    const Vertex vertex = vertex_at(at.T);
+    const Mask overdriven = vertex.target >= s0_;
+    Search root;
+    root.lo = vertex.log_slowest;
+    root.hi = all(0.0);
+    root.crept = root.by_log_rate = root.by_strain = root.by_T_hat = all(0.0);
+    root.creeps = root.suspect = Mask{};
+    root.yields = at.wanted & (overdriven | at.has_guess);
+    root.y = where(overdriven, all(0.0), larger(smaller(at.guess, all(-kLeastBelow)), root.lo));
+    if (anywhere(overdriven)) {
+      const Register fast = log_of(vertex.target / s0_) / beta_;
+      root.y = where(overdriven, fast, root.y);
+      root.by_log_rate = only(overdriven, beta_ * vertex.target);
     }
-    double any_near_rest = 0.0;
-    for (int l = 0; l < N; ++l) {
-      const double target = roots.target[l], above_rest = roots.above_rest[l];
-      const double rest = target - above_rest;
-      const double share = above_rest / (c_.s0 > rest ? c_.s0 - rest : 1.0);
-      const double glides = roots.lo[l] * (1.0 - share);
-      const double overdriven = (logarithm(target) - c_.log_s0) * c_.inverse_beta;
-      const double yields = excess[l] > 0.0 ? 1.0 : 0.0;
-      const double moves = target < c_.s0 ? yields : 0.0;
-      roots.y[l] = target < c_.s0 ? glides : overdriven;
-      roots.by_log_rate[l] = c_.beta * target;  // d tau/d ln(r) at r >= 1, where no search is needed
-      roots.by_strain[l] = roots.by_T_hat[l] = roots.crept[l] = 0.0;
-      roots.moves[l] = moves;
-      roots.creeps[l] = above_rest <= c_.theta * c_.slowest_strain + kNearRest * target ? moves : 0.0;
-      any_near_rest += roots.creeps[l];
+    root.guessed = root.moves = at.wanted & at.has_guess & without(overdriven);
+    Mask unknown = at.wanted & without(root.yields);
+    while (true) {
+      if (anywhere(unknown)) start_from_rest(vertex, at.ep, unknown, root);
+      search(vertex, at.ep, root);
+      if (!anywhere(root.suspect)) break;
+      unknown = root.suspect;
+      root.guessed &= without(unknown);
+      root.suspect = Mask{};
     }
-    if (any_near_rest > 0.0) creep(ep, roots);
-    search(ep, roots);
-    for (int l = 0; l < N; ++l) {
-      const Slopes vertex = slopes_at(loaded.bracket[l], loaded.T_melt[l], loaded.T[l]);
-      const double log_strain = roots.y[l] + roots.log_scale[l];
-      const double searched = exponential(log_strain < kMostLogStrain ? log_strain : kMostLogStrain);
-      const double dep = roots.creeps[l] > 0.0 ? roots.crept[l] : searched;
-      const double rise = loaded.rise[l];
-      // The differential of tau = sqrt(3) a/(2 G0 g) is tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) +
-      // by_strain ddep + by_T_hat dT^, with dT = rise dlna and `scale` the dep at r = 1.
-      const double by_dep = roots.by_log_rate[l] + roots.by_strain[l] * dep;
-      const double pull = roots.target[l] * (1.0 - vertex.log_g * rise) +
-                          roots.by_log_rate[l] * (0.5 * vertex.log_modulus * rise) -
-                          roots.by_T_hat[l] * (rise * vertex.inverse_T_melt);
-      const double least = kLeastSlope * roots.target[l];
-      const double slope = dep * (pull / (by_dep > least ? by_dep : least));
-      const bool yields = excess[l] > 0.0;
-      take(l, yields ? dep : 0.0, yields ? slope : 0.0);
-    }
+    return answer(vertex, at, root);
   }
 
  private:
   static constexpr double kPi = 3.141592653589793;
   static constexpr double kAvogadro = 6.02214076e23;  // Avogadro constant  [1/mol]
+  static constexpr double kSlowestRate = 1e-3;        // slowest rate  [1/s]; slower flow has the strength of this rate
+  static constexpr double kRateSensitivity = 1e-9;    // tau is multiplied by 1 + this * min(ln r, 0)
   static constexpr double kLeastAttempts = 1.0;       // attempt rates gamma xi up to this one are refused  [1/s]
   // Largest alpha accepted. In hotter metal xi is smaller, so r is larger, which alone would raise the flow stress Y.
   // Up to this alpha Y falls with T nevertheless.
   static constexpr double kMostSoftening = 0.6;
-  static constexpr double kMostCurvature = 100.0;   // largest p accepted, so that exp(p) is a moderate number
-  static constexpr double kLeastCurvature = 1e-12;  // used for p = 0 (Voce's law): avoids 0/0, same tau
-  static constexpr double kLeastTarget = 1e-300;    // a smaller target of tau is raised to this: ln is finite
-  static constexpr double kMostTarget = 1e100;      // a larger target of tau is lowered to this value
-  static constexpr double kMostLogStrain = 230.0;   // largest ln(dep), far above the strains of any host
-  static constexpr double kLeastSlope = 1e-30;  // least d tau/d ln(dep), relative to tau, so that one can divide by it
-  static constexpr double kNearRest = 1e-12;  // rounding error of tau, relative to the target, in the test for creep()
-  static constexpr double kArrived = 1e-8;    // a Newton step of ln r shorter than this ends the search
+  static constexpr double kMostCurvature = 100.0;    // largest p accepted, so that exp(p) is a moderate number
+  static constexpr double kLeastCurvature = 1e-12;   // used for p = 0 (Voce's law): avoids 0/0, same tau
+  static constexpr double kLeastStress = 0x1p-1022;  // smallest stress that is a load, over 2 G0
+  static constexpr double kNoStress = -1e305;        // replaces smaller stresses: not even a molten vertex flows
+  static constexpr double kLeastTarget = 1e-300, kMostTarget = 1e100;  // range of the tau that a vertex must carry
+  static constexpr double kMostLogStrain = 230.0;  // largest ln(dep), far above the strains of any host
+  static constexpr double kLeastBelow = 1e-12;     // a guess is at least this far below ln r = 0
+  static constexpr double kLeastSlope = 1e-30;     // least d tau / d ln(dep), relative to tau
+  static constexpr double kNearRest = 1e-12;       // rounding of tau, relative to the target, in the test for creep()
+  static constexpr double kMostGone = 1.0 - 0x1p-53;
+  static constexpr double kArrived = 1e-8;  // a Newton step of ln r shorter than this ends the search
   // A step of ln r by interpolation through two points has an error of about the square of (length of the step) *
   // (distance of the two points). The search ends if this product is at most kArrivedByTwo: the error is then below
   // rounding.
@@ -238,46 +178,41 @@ class PrestonTonksWallace {
   static constexpr double kSmooth = 3e-4;
   // Interpolation corrects Newton's step only if the correction is at most this multiple of the square of the step.
   static constexpr double kMostBend = 4.0;
-  static constexpr double kRounding = 1e-15;  // rounding error of tau, relative to the target
+  static constexpr double kRounding = 3e-15;  // rounding error of tau, relative to the target
   // After kNewtonIterations every second iteration bisects the bracket; usually 2 to 5 iterations are enough.
-  static constexpr int kNewtonIterations = 12;
-  static constexpr int kMostIterations = 150;
+  static constexpr int kNewtonIterations = 12, kMostIterations = 150;
+  static constexpr double kNoBranch = -100.0;  // near a switch of a max() or min(); no code of branches
 
   // tau = Y / (2 G), with the flow stress Y before the melting factor, and its derivatives by ln r, ep and T^.
-  struct Reduced {
-    double stress, by_log_rate, by_strain, by_T_hat;
-    double branch;  // code for the arguments that max() and min() select in tau_s and tau_y; NaN near a switch
+  struct Tau {
+    Register stress, by_log_rate, by_strain, by_T_hat;
+    Register branch;  // code for the arguments that max() and min() select in tau_s and tau_y; kNoBranch near a switch
   };
-
-  // Properties of a vertex that depend on its temperature, but not on its load and strain.
+  // The saturation stress tau_s and the yield stress tau_y, their derivatives by ln r and T^, and the hardening between.
+  struct Branches {
+    Register tau_s, tau_y, s_rate, y_rate, s_T, y_T, branch;
+    Register hardens;  // largest possible hardening: the smaller of tau_s - tau_y and d
+    Register d;        // scale of the hardening in Voce's law, s0 - tau_y
+    Register share;    // hardens / d; 1 if nothing hardens
+    Mask do_harden;
+  };
+  struct Melting {
+    Register modulus, T_hat;  // G / G0, T / T_melt
+    Register g, log_slope;    // softening g and dln(g)/dT, where `solid`; else some number and 0
+    Register log_modulus_slope;
+    Mask solid;
+  };
+  // A vertex at its temperature.
   struct Vertex {
-    double g;            // softening g = (G/G0) m, where m is the melting factor; 0 where molten
-    double T_hat;        // relative temperature T/T_melt
-    double log_scale;    // ln of the strain increment dep of the step at r = 1
-    double log_slowest;  // ln r at the slowest rate, 1e-3 1/s
+    Melting melting;
+    Register target;                  // stress tau to carry: sqrt(3) a / (2 G0 g)
+    Register log_scale, log_slowest;  // ln(dep) at r = 1, ln r at the slowest rate
   };
-  struct Slopes {
-    double inverse_T_melt;  // 1 / T_melt  [1/K]
-    double log_g;           // logarithmic slope dln(g)/dT      [1/K]
-    double log_modulus;     // logarithmic slope dln(G)/dT      [1/K]
-  };
-
-  // The search for ln r at N vertices, and its results.
-  template <int N>
-  struct Roots {
-    alignas(64) double target[N];      // value that tau must reach: sqrt(3) a / (2 G0 g)
-    alignas(64) double above_rest[N];  // target less tau at the slowest rate and the strain before the step
-    alignas(64) double T_hat[N];
-    alignas(64) double log_scale[N];
-    alignas(64) double lo[N];  // the root ln r lies between lo and hi
-    alignas(64) double hi[N];
-    alignas(64) double y[N];            // ln r, the unknown of the search
-    alignas(64) double by_log_rate[N];  // derivative of the flow stress tau by ln r at the root
-    alignas(64) double by_strain[N];
-    alignas(64) double by_T_hat[N];
-    alignas(64) double crept[N];   // strain increment dep of a vertex on which the rate has no effect
-    alignas(64) double creeps[N];  // 1 where dep is `crept`; until creep() has decided, 1 where it may be
-    alignas(64) double moves[N];   // 1 where the search goes on, else 0
+  struct Search {
+    Register y, lo, hi, crept;                  // ln r and its bracket; dep where the rate has no effect
+    Register by_log_rate, by_strain, by_T_hat;  // derivatives of tau at the root
+    Mask moves, yields, creeps;
+    Mask guessed, suspect;  // started from a guess; the search from it went below the slowest rate
   };
 
   // The attempt rate gamma xi at the modulus G0   [1/s]
@@ -285,202 +220,201 @@ class PrestonTonksWallace {
     const double per_length = 4.0 * kPi * m.density * kAvogadro / (3.0 * m.molar_mass);
     return m.attempt_rate * 0.5 * power(per_length, 1.0 / 3.0) * std::sqrt(m.shear_modulus / m.density);
   }
-
-  static Reduced at(const Material& m, double ep, double rate, double pressure, double T) {
-    const PrestonTonksWallace law(m, 1.0);
-    const double stiffening = std::max(bracket_at(m, pressure), std::numeric_limits<double>::min());
-    const double T_hat = std::clamp(T / m.melting_temperature, 0.0, 1.0);
-    const double scale = attempts(m) * std::sqrt(stiffening * (1.0 - m.modulus_temperature * T_hat));
-    return law.reduced(logarithm(std::max(rate, kSlowestRate) / scale), ep, T_hat);
+  static VertexLoad load_at(const Material& m, Register pressure) {
+    return {all(0.0), 1.0 + m.pressure_coefficient * pressure, all(m.melting_temperature)};
+  }
+  static Tau tau_at(const Material& m, Register ep, Register rate, Register pressure, Register T) {
+    const PrestonTonksWallace law(m, 1.0, load_at(m, pressure));
+    const Vertex vertex = law.vertex_at(T);
+    return law.tau(log_of(larger(rate, all(kSlowestRate))) - vertex.log_scale, ep, vertex.melting.T_hat);
   }
 
-  [[gnu::always_inline]] Vertex vertex_at(double bracket, double T_melt, double T) const {
-    const double to_melting = T_melt - T;
-    const double share = T / T_melt;
-    const double T_hat = share < 1.0 ? share : 1.0;
-    const double some_bracket = bracket > 0.0 ? bracket : 1.0;
-    const double modulus = some_bracket * (1.0 - c_.alpha * T_hat);
-    const double exponent = kMeltingFactor * T / (to_melting > 0.0 ? to_melting : T_melt);
-    const double melting = modulus * exponential(-exponent);
-    const double solid = to_melting > (kMeltingFactor / kExponentialRange) * T ? melting : 0.0;
-    const double half_log = 0.5 * logarithm(modulus);
-    return {bracket > 0.0 ? solid : 0.0, T_hat, c_.log_attempts_in_step + half_log, c_.log_slowest - half_log};
+  [[gnu::always_inline]] static Melting melting_of(double alpha, const VertexLoad& load, Register T) {
+    const Mask pressed = load.pressed > 0.0;
+    const Register to_melting = load.T_melt - T;
+    Melting at;
+    at.T_hat = smaller(T / load.T_melt, all(1.0));
+    at.modulus = where(pressed, load.pressed, all(1.0)) * (1.0 - alpha * at.T_hat);
+    at.solid = pressed & (to_melting > (kMeltingFactor / kExponentialRange) * T);
+    const Register inverse_x = 1.0 / where(at.solid, to_melting, load.T_melt);
+    at.g = at.modulus * exp_of(-(kMeltingFactor * T * inverse_x));
+    at.log_modulus_slope = only(at.solid, -alpha / (load.T_melt - alpha * T));
+    at.log_slope = only(at.solid, at.log_modulus_slope - kMeltingFactor * load.T_melt * inverse_x * inverse_x);
+    return at;
   }
-  [[gnu::always_inline]] Slopes slopes_at(double bracket, double T_melt, double T) const {
-    const double to_melting = bracket > 0.0 ? T_melt - T : 0.0;
-    const bool solid = to_melting > 0.0;
-    const double inverse_x = 1.0 / (solid ? to_melting : T_melt);
-    const double log_modulus = solid ? -c_.alpha / (T_melt - c_.alpha * T) : 0.0;
-    return {1.0 / T_melt, solid ? log_modulus - kMeltingFactor * T_melt * inverse_x * inverse_x : 0.0, log_modulus};
+  [[gnu::always_inline]] Vertex vertex_at(Register T) const {
+    Vertex v;
+    v.melting = melting_of(alpha_, load_, T);
+    const Mask solid = v.melting.solid;
+    const Register carried = carried_ / where(solid, v.melting.g, all(1.0)) + where(solid, all(0.0), all(kMostTarget));
+    v.target = smaller(larger(carried, all(kLeastTarget)), all(kMostTarget));
+    const Register half_log = 0.5 * log_of(v.melting.modulus);
+    v.log_scale = log_attempts_in_step_ + half_log;
+    v.log_slowest = log_slowest_ - half_log;
+    return v;
   }
 
-  // The saturation stress tau_s and the yield stress tau_y at y = ln r, their derivatives by y and T^, and the
-  // hardening between them.
-  struct Branches {
-    double tau_s, tau_y;
-    double s_rate, y_rate;
-    double s_T, y_T;
-    double branch;   // code for the arguments that max() and min() select in tau_s and tau_y, as in Reduced
-    double hardens;  // largest possible hardening: the smaller of tau_s - tau_y and d
-    double d;        // scale of the hardening in Voce's law, s0 - tau_y
-    double share;    // hardens / d; 1 if nothing hardens
-  };
-  [[gnu::always_inline]] Branches branches(double y, double T_hat) const {
-    const double slower = y < 0.0 ? -y : 0.0;  // logarithm of 1/r; 0 if r > 1
-    const double activated = c_.kappa * T_hat;
+  // The sign of the difference of two arguments of a max() or min(), or kNoBranch where a change of ln r by 3 kSmooth
+  // may change it. `rates`: sum of the derivatives of both arguments by ln r.
+  [[gnu::always_inline]] static Register branch_of(Register difference, Register rates) {
+    const Register reach = 3.0 * kSmooth * rates;
+    return where(difference < -reach, all(-1.0), where(difference > reach, all(1.0), all(kNoBranch)));
+  }
+  [[gnu::always_inline]] Branches branches(Register y, Register T_hat) const {
+    const Register slower = larger(-y, all(0.0));  // logarithm of 1/r; 0 if r > 1
+    const Register activated = kappa_ * T_hat;
     const ErrorFunction erf = error_function(activated * slower);
-    const double over = c_.s0 * exponential(c_.beta * y);
-    const double medium = c_.y1 * exponential(c_.y2 * y);
-    const double glide_s = c_.s0 - c_.s_range * erf.value;
-    const double glide_y = c_.y0 - c_.y_range * erf.value;
-    const double over_rate = c_.beta * over, medium_rate = c_.y2 * medium;
-    const double fast_y = over < medium ? over : medium;
-    const double fast_rate = over < medium ? over_rate : medium_rate;
-    const double tau_s = over > glide_s ? over : glide_s;
-    const double some_y = fast_y > glide_y ? fast_y : glide_y;
-    const double tau_y = some_y < tau_s ? some_y : tau_s;
-    const double erf_rate = y < 0.0 ? activated * erf.slope : 0.0;
-    const double erf_T = -c_.kappa * slower * erf.slope;
-    const double s_glides = c_.s_range * erf_rate, y_glides = c_.y_range * erf_rate;
-    const double room = c_.s0 - tau_y;
-    const double rise = tau_s - tau_y;
-    const double hardens = rise < room ? rise : room;
-    const double d = hardens > 0.0 ? room : 1.0;
-    const double share = hardens > 0.0 ? hardens / d : 1.0;
-    return {tau_s,
-            tau_y,
-            over > glide_s ? over_rate : s_glides,
-            fast_y > glide_y ? fast_rate : y_glides,
-            over > glide_s ? 0.0 : c_.s_range * erf_T,
-            fast_y > glide_y ? 0.0 : c_.y_range * erf_T,
-            branch_of(over - glide_s, over_rate + s_glides) + 3.0 * branch_of(fast_y - glide_y, fast_rate + y_glides) +
-                9.0 * branch_of(over - medium, over_rate + medium_rate),
-            hardens,
-            d,
-            share};
-  }
-  // The sign of the difference of two arguments of a max() or min(); NaN where it may change if ln r changes by
-  // 3 kSmooth. `rates`: sum of the derivatives of both arguments by ln r.
-  [[gnu::always_inline]] static double branch_of(double difference, double rates) {
-    const double reach = 3.0 * kSmooth * rates;
-    const double larger = difference > reach ? 1.0 : std::numeric_limits<double>::quiet_NaN();
-    return difference < -reach ? -1.0 : larger;
+    const Register over = s0_ * exp_of(beta_ * y), medium = y1_ * exp_of(y2_ * y);
+    const Register glide_s = s0_ - s_range_ * erf.value, glide_y = y0_ - y_range_ * erf.value;
+    const Register over_rate = beta_ * over, medium_rate = y2_ * medium;
+    const Mask is_over = over < medium;
+    const Register fast_y = where(is_over, over, medium), fast_rate = where(is_over, over_rate, medium_rate);
+    const Mask s_is_over = over > glide_s, y_is_fast = fast_y > glide_y;
+    const Register erf_rate = only(y < 0.0, activated * erf.slope);
+    const Register erf_T = -kappa_ * slower * erf.slope;
+    const Register s_glides = s_range_ * erf_rate, y_glides = y_range_ * erf_rate;
+    Branches b;
+    b.tau_s = where(s_is_over, over, glide_s);
+    b.tau_y = smaller(where(y_is_fast, fast_y, glide_y), b.tau_s);
+    b.s_rate = where(s_is_over, over_rate, s_glides);
+    b.y_rate = where(y_is_fast, fast_rate, y_glides);
+    b.s_T = where(s_is_over, all(0.0), s_range_ * erf_T);
+    b.y_T = where(y_is_fast, all(0.0), y_range_ * erf_T);
+    b.branch = branch_of(over - glide_s, over_rate + s_glides) +
+               3.0 * branch_of(fast_y - glide_y, fast_rate + y_glides) +
+               9.0 * branch_of(over - medium, over_rate + medium_rate);
+    const Register room = s0_ - b.tau_y;
+    b.hardens = smaller(b.tau_s - b.tau_y, room);
+    b.do_harden = b.hardens > 0.0;
+    b.d = where(b.do_harden, room, all(1.0));
+    b.share = where(b.do_harden, b.hardens / b.d, all(1.0));
+    return b;
   }
 
   // The flow stress tau at y = ln r, and its derivatives.
-  [[gnu::always_inline]] Reduced reduced(double y, double ep, double T_hat) const {
-    const double slower = y < 0.0 ? -y : 0.0;
-    const Branches at = branches(y, T_hat);
-    const bool hardens = at.hardens > 0.0;
-    const double grown = exponential_minus_1(c_.p * at.share);
-    const double strained = c_.p * c_.theta / (at.d * grown) * ep;
-    const double gone = -exponential_minus_1(-strained);
-    const double left = 1.0 - gone;
-    const double sum = grown * gone;
-    const double log_sum = logarithm_of_1_plus(sum);
-    const double inverse_sum = 1.0 / (1.0 + sum);
-    const double some_bend = gone - strained * left;
-    const double bend = (1.0 + grown) * (some_bend > 0.0 ? some_bend : 0.0);
-    const double by_s = hardens ? bend * inverse_sum : 1.0;
-    const double less = grown * strained * left * c_.inverse_p - (1.0 - at.share) * bend;
-    const double by_y = hardens ? 1.0 - log_sum * c_.inverse_p + less * inverse_sum : 0.0;
-    const double stress = hardens ? at.tau_y + at.d * (log_sum * c_.inverse_p) : at.tau_s;
-    const double by_rate = by_s * at.s_rate + by_y * at.y_rate;
-    const double sensitive = 1.0 - kRateSensitivity * slower;
-    return {stress * sensitive,
-            (by_rate > 0.0 ? by_rate : 0.0) * sensitive + (y < 0.0 ? kRateSensitivity * stress : 0.0),
-            hardens ? c_.theta * left * inverse_sum * sensitive : 0.0, (by_s * at.s_T + by_y * at.y_T) * sensitive,
-            at.branch};
+  [[gnu::always_inline]] Tau tau(Register y, Register ep, Register T_hat) const {
+    const Branches b = branches(y, T_hat);
+    const Register slower = larger(-y, all(0.0));
+    const Register grown = exp_minus_1_of(p_ * b.share);
+    const Register strained = p_ * theta_ / (b.d * grown) * ep;
+    const Register gone = -exp_minus_1_of(-strained);
+    const Register left = 1.0 - gone;
+    const Register sum = grown * gone;
+    const Register hardened = log_of_1_plus(sum) * inverse_p_;
+    const Register inverse_sum = 1.0 / (1.0 + sum);
+    const Register bend = (1.0 + grown) * larger(gone - strained * left, all(0.0));
+    const Register by_s = where(b.do_harden, bend * inverse_sum, all(1.0));
+    const Register less = grown * strained * left * inverse_p_ - (1.0 - b.share) * bend;
+    const Register by_y = only(b.do_harden, 1.0 - hardened + less * inverse_sum);
+    const Register stress = where(b.do_harden, b.tau_y + b.d * hardened, b.tau_s);
+    const Register by_rate = larger(by_s * b.s_rate + by_y * b.y_rate, all(0.0));
+    const Register sensitive = 1.0 - kRateSensitivity * slower;
+    return {stress * sensitive, by_rate * sensitive + only(y < 0.0, kRateSensitivity * stress),
+            only(b.do_harden, theta_ * left * inverse_sum * sensitive), (by_s * b.s_T + by_y * b.y_T) * sensitive,
+            b.branch};
   }
 
-  // Finds dep of the vertices that flow more slowly than kSlowestRate, that is, whose tau reaches the target within one
+  // Which of the lanes `unknown` flow, and the starts of their searches.
+  [[gnu::always_inline]] void start_from_rest(const Vertex& v, Register ep, Mask unknown, Search& root) const {
+    const Register rest = tau(v.log_slowest, ep, v.melting.T_hat).stress;
+    const Register above_rest = v.target - rest;
+    const Mask yields = unknown & (above_rest > 0.0);
+    const Mask room = rest < s0_;
+    const Register share = above_rest / where(room, s0_ - rest, all(1.0));
+    root.yields = (root.yields & without(unknown)) | yields;
+    root.lo = where(unknown, v.log_slowest, root.lo);
+    root.hi = where(unknown, all(0.0), root.hi);
+    root.y = where(yields, v.log_slowest * (1.0 - share), root.y);
+    root.moves |= yields;
+    const Mask near_rest = yields & (above_rest <= theta_ * slowest_strain_ + kNearRest * v.target);
+    if (anywhere(near_rest)) creep(v, ep, near_rest, root);
+  }
+
+  // dep of the vertices that flow more slowly than the slowest rate, that is, whose tau reaches the target within one
   // step at this rate. Their tau does not depend on the rate, so dep follows from the inverse of Voce's hardening.
-  template <int N>
-  [[gnu::always_inline]] void creep(const double* ep, Roots<N>& roots) const {
-    for (int l = 0; l < N; ++l) {
-      const double y = roots.lo[l], target = roots.target[l];
-      const Reduced slow = reduced(y, ep[l] + c_.slowest_strain, roots.T_hat[l]);
-      const Branches at = branches(y, roots.T_hat[l]);
-      const double grown = exponential_minus_1(c_.p * at.share);
-      const double wanted = target / (1.0 + kRateSensitivity * y) - at.tau_y;
-      const double some_gone = exponential_minus_1(c_.p * (wanted / at.d)) / grown;
-      const double gone = some_gone < kMostGone ? some_gone : kMostGone;
-      const double risen = gone > 0.0 ? gone : 0.0;
-      const double strain = logarithm_of_1_plus(risen / (1.0 - risen)) * (at.d * grown / (c_.p * c_.theta));
-      const double flows = strain > ep[l] ? strain - ep[l] : 0.0;
-      const double more = at.hardens > 0.0 ? flows : 0.0;
-      const double creeps = slow.stress >= target ? roots.creeps[l] : 0.0;
-      roots.crept[l] = more < c_.slowest_strain ? more : c_.slowest_strain;
-      roots.y[l] = creeps > 0.0 ? y : roots.y[l];
-      roots.by_log_rate[l] = creeps > 0.0 ? 0.0 : roots.by_log_rate[l];
-      roots.by_strain[l] = creeps > 0.0 ? slow.by_strain : roots.by_strain[l];
-      roots.by_T_hat[l] = creeps > 0.0 ? slow.by_T_hat : roots.by_T_hat[l];
-      roots.moves[l] = creeps > 0.0 ? 0.0 : roots.moves[l];
-      roots.creeps[l] = creeps;
-    }
+  [[gnu::always_inline]] void creep(const Vertex& v, Register ep, Mask near_rest, Search& root) const {
+    const Register y = v.log_slowest, T_hat = v.melting.T_hat;
+    const Tau slow = tau(y, ep + slowest_strain_, T_hat);
+    const Branches b = branches(y, T_hat);
+    const Register grown = exp_minus_1_of(p_ * b.share);
+    const Register wanted = v.target / (1.0 + kRateSensitivity * y) - b.tau_y;
+    const Register some_gone = exp_minus_1_of(p_ * (wanted / b.d)) / grown;
+    const Register gone = larger(smaller(some_gone, all(kMostGone)), all(0.0));
+    const Register strain = log_of_1_plus(gone / (1.0 - gone)) * (b.d * grown / (p_ * theta_));
+    const Register flows = only(b.do_harden, larger(strain - ep, all(0.0)));
+    const Mask creeps = near_rest & (slow.stress >= v.target);
+    root.crept = smaller(flows, all(slowest_strain_));
+    root.y = where(creeps, y, root.y);
+    root.by_log_rate = where(creeps, all(0.0), root.by_log_rate);
+    root.by_strain = where(creeps, slow.by_strain, root.by_strain);
+    root.by_T_hat = where(creeps, slow.by_T_hat, root.by_T_hat);
+    root.moves &= without(creeps);
+    root.creeps |= creeps;
   }
-  static constexpr double kMostGone = 1.0 - 0x1p-53;
 
-  // Solves tau = target in ln r, lane by lane: a lane that has arrived keeps its root while its neighbours go on. The
-  // first step is Newton's. A later step adds the correction of inverse Hermite interpolation: the cubic of ln r over
-  // tau through the last two points and slopes, which is of order 2.7 if both points are on the same branches of tau.
-  template <int N>
-  [[gnu::always_inline]] void search(const double* ep, Roots<N>& roots) const {
-    alignas(64) double last_y[N], last_missing[N], last_inverse[N], last_branch[N];
-    for (int l = 0; l < N; ++l) {
-      last_y[l] = last_missing[l] = last_inverse[l] = 0.0;
-      last_branch[l] = std::numeric_limits<double>::quiet_NaN();
-    }
+  // Solves tau = target for y inside the bracket, lane by lane: a lane that has arrived keeps its root while others go
+  // on. The first step is Newton's. A later step adds the correction of inverse Hermite interpolation: the cubic of y
+  // over tau through the last two points and slopes, which is of order 2.7 if both points are on the same branches of
+  // tau. A step that leaves the bracket is replaced by bisection. A lane that started from a guess and goes below its
+  // bracket becomes a suspect.
+  [[gnu::always_inline]] void search(const Vertex& v, Register ep, Search& root) const {
+    Register last_y{}, last_missing{}, last_inverse{}, last_branch = all(2.0 * kNoBranch);
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {
-      double moving = 0.0;
-      for (int l = 0; l < N; ++l) moving += roots.moves[l];
-      if (moving == 0.0) break;
-      const double bisects = iteration >= kNewtonIterations && iteration % 2 == 0 ? 1.0 : 0.0;
-      for (int l = 0; l < N; ++l) {
-        const bool moves = roots.moves[l] > 0.0;
-        const double y = roots.y[l];
-        const double dep = exponential(y + roots.log_scale[l]);
-        const Reduced tau = reduced(y, ep[l] + dep, roots.T_hat[l]);
-        const double missing = tau.stress - roots.target[l];
-        const double lo = missing < 0.0 ? y : roots.lo[l];
-        const double hi = missing < 0.0 ? roots.hi[l] : y;
-        const double inverse = 1.0 / (tau.by_log_rate + tau.by_strain * dep);
-        const double newton = -missing * inverse;
-        const double apart = last_y[l] - y;
-        const double span = last_missing[l] - missing;
-        const double u = missing / (missing - last_missing[l]);
-        const double a = span * inverse, b = span * last_inverse[l];
-        const double bend = u * u * ((3.0 * apart - 2.0 * a - b) + u * ((a + b) - 2.0 * apart));
-        const double smooth = tau.branch == last_branch[l] ? 1.0 : 0.0;
-        const double mild = std::abs(bend) <= kMostBend * (newton * newton) ? smooth : 0.0;
-        const double step = mild > 0.0 ? newton + bend : newton;
-        const double tried = y + step;
-        const double below = tried < hi ? 1.0 - bisects : 0.0;
-        const double inside = tried > lo ? below : 0.0;
-        const double next = inside > 0.0 ? tried : 0.5 * (lo + hi);
-        const double size = std::abs(step);
-        const double longest = mild > 0.0 ? kArrivedByTwo / (std::abs(apart) + kArrivedByTwo / kSmooth) : kArrived;
-        const double met = std::abs(missing) <= kRounding * roots.target[l] ? 1.0 : 0.0;
-        const double close = size <= longest ? inside : met;
-        const double arrived = hi - lo <= -2.0 * kRounding * lo ? 1.0 : close;
-        const double goes_on = arrived + met > 0.0 ? 0.0 : 1.0;
-        const double stays = met > 0.0 ? y : next;
-        last_y[l] = y;
-        last_missing[l] = missing;
-        last_inverse[l] = inverse;
-        last_branch[l] = tau.branch;
-        roots.lo[l] = moves ? lo : roots.lo[l];
-        roots.hi[l] = moves ? hi : roots.hi[l];
-        roots.y[l] = moves ? stays : y;
-        roots.by_log_rate[l] = moves ? tau.by_log_rate : roots.by_log_rate[l];
-        roots.by_strain[l] = moves ? tau.by_strain : roots.by_strain[l];
-        roots.by_T_hat[l] = moves ? tau.by_T_hat : roots.by_T_hat[l];
-        roots.moves[l] = moves ? goes_on : 0.0;
-      }
+      if (!anywhere(root.moves)) break;
+      const bool bisects = iteration >= kNewtonIterations && iteration % 2 == 0;
+      const Mask moves = root.moves;
+      const Register y = root.y, dep = exp_of(y + v.log_scale);
+      const Tau now = tau(y, ep + dep, v.melting.T_hat);
+      const Register missing = now.stress - v.target;
+      const Mask below = missing < 0.0;
+      const Register lo = where(below, y, root.lo), hi = where(below, root.hi, y);
+      const Register inverse = 1.0 / (now.by_log_rate + now.by_strain * dep);
+      const Register newton = -missing * inverse;
+      const Register apart = last_y - y, span = last_missing - missing;
+      const Register u = missing / where(span == 0.0, all(1.0), -span);
+      const Register a = span * inverse, b = span * last_inverse;
+      const Register bend = u * u * ((3.0 * apart - 2.0 * a - b) + u * ((a + b) - 2.0 * apart));
+      const Mask smooth = (now.branch == last_branch) & (now.branch > kNoBranch / 2.0);
+      const Mask mild = smooth & (magnitude(bend) <= kMostBend * (newton * newton));
+      const Register step = where(mild, newton + bend, newton);
+      const Register tried = y + step;
+      Mask inside = (tried < hi) & (tried > lo);
+      if (bisects) inside = Mask{};
+      const Mask met = magnitude(missing) <= kRounding * v.target;
+      const Register longest = where(mild, kArrivedByTwo / (magnitude(apart) + kArrivedByTwo / kSmooth), all(kArrived));
+      const Mask arrived = (inside & (magnitude(step) <= longest)) | met | (hi - lo <= -2.0 * kRounding * lo);
+      const Register next = where(met, y, where(inside, tried, 0.5 * (lo + hi)));
+      const Mask left = moves & root.guessed & (tried <= v.log_slowest) & without(met);
+      last_y = y;
+      last_missing = missing;
+      last_inverse = inverse;
+      last_branch = now.branch;
+      root.lo = where(moves, lo, root.lo);
+      root.hi = where(moves, hi, root.hi);
+      root.y = where(moves, next, y);
+      root.by_log_rate = where(moves, now.by_log_rate, root.by_log_rate);
+      root.by_strain = where(moves, now.by_strain, root.by_strain);
+      root.by_T_hat = where(moves, now.by_T_hat, root.by_T_hat);
+      root.suspect |= left;
+      root.moves = moves & without(arrived) & without(left);
     }
   }
 
-  Constants c_;
-};
+  // The differential of tau = sqrt(3) a / (2 G0 g) is tau (dlna - dlng) = by_log_rate (dln(dep) - dln(scale)) +
+  // by_strain ddep + by_T_hat dT^, with dT = rise dlna and `scale` the dep at r = 1.
+  [[gnu::always_inline]] VertexFlow answer(const Vertex& v, const LoadedVertex& at, const Search& root) const {
+    const Register searched = exp_of(root.y + v.log_scale, kMostLogStrain);
+    const Register dep = where(root.creeps, root.crept, searched);
+    const Register by_dep = root.by_log_rate + root.by_strain * dep;
+    const Register pull = v.target * (1.0 - v.melting.log_slope * at.rise) +
+                          root.by_log_rate * (0.5 * v.melting.log_modulus_slope * at.rise) -
+                          root.by_T_hat * (at.rise / load_.T_melt);
+    const Register by_load = dep * (pull / larger(by_dep, kLeastSlope * v.target));
+    return {only(root.yields, dep), only(root.yields, by_load), root.y, all(0.0)};
+  }
 
-}  // namespace shearbus::physics
+  VertexLoad load_;
+  Register carried_;  // sqrt(3) a / (2 G0), or kNoStress
+  double theta_, p_, inverse_p_, s0_, s_range_, y0_, y_range_, kappa_, y1_, y2_, beta_, alpha_;
+  double log_attempts_in_step_, slowest_strain_, log_slowest_;
+};

@@ -3,20 +3,8 @@
 //   H(ep)   = min(Y_max, Y0 (1 + beta ep)^n)                                        DLP (14), (40)
 //   g(P, T) = (1 + gP P - hT (T - 300)) exp(-0.001 T / (T_melt - T))                DLP (15), (41)
 //
-// g is 0 where the bracket is not positive and at T_melt and above. The excess (flow_law.hpp) is
-// log(sqrt(3) a / (Y0 g)) / n - log(1 + beta ep), so that DLP (48) is dep = (1/beta + ep) (exp(excess) - 1), in which
-// nothing cancels. The kernel leaves out Y_max: solvers cap the stress.
-#pragma once
-
-#include <algorithm>
-#include <array>
-#include <string_view>
-
-#include "server/physics/material/elementary.hpp"
-#include "server/physics/material/flow_law.hpp"
-#include "server/physics/material/material.hpp"
-
-namespace shearbus::physics {
+// g is 0 where the bracket is not positive and at T_melt and above. The flow is explicit, DLP (48):
+// dep = (sqrt(3) a / (Y0 g))^(1/n) / beta - (1/beta + ep). It leaves out Y_max: solvers cap the stress.
 
 class SteinbergCochranGuinan {
  public:
@@ -41,92 +29,105 @@ class SteinbergCochranGuinan {
 
   static LawFault fault_of(const Material&) { return {}; }
 
-  // Whether g is above 0. Costs less than g.
-  static bool carries_stress(const Material& m, double pressure, double T) {
-    const double bracket = 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (T - kReference);
-    const double to_melting = m.melting_temperature - T;
-    return bracket > 0.0 && to_melting > 0.0 && kMeltingFactor * T / to_melting < kExponentialRange;
+  // 1 + gP P + 300 hT, from which the bracket of g takes hT T.
+  static double bracket_at(const Material& m, double pressure) {
+    return 1.0 + m.pressure_coefficient * pressure + m.temperature_coefficient * kReference;
   }
-  static Softening softening(const Material& m, double pressure, double T) {
-    if (!carries_stress(m, pressure, T)) return {};
-    const double bracket = 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (T - kReference);
-    const double to_melting = m.melting_temperature - T;
-    const double melting = exponential(-kMeltingFactor * T / to_melting);
-    const double melting_rate = kMeltingFactor * m.melting_temperature / (to_melting * to_melting);
-    return {bracket * melting, -melting * (m.temperature_coefficient + bracket * melting_rate)};
+
+  // Whether g is above 0. Costs less than g.
+  static Mask carries_stress(const Material& m, Register pressure, Register T) {
+    const Register to_melting = m.melting_temperature - T;
+    return (bracket_of(m, pressure, T) > 0.0) & (kMeltingFactor * T < kExponentialRange * to_melting);
+  }
+  static Softening softening(const Material& m, Register pressure, Register T) {
+    const Mask solid = carries_stress(m, pressure, T);
+    if (!anywhere(solid)) return {};
+    const Register bracket = bracket_of(m, pressure, T);
+    const Register x = where(solid, m.melting_temperature - T, all(1.0));
+    const Register melting = exp_of(-kMeltingFactor * T / x);
+    const Register melting_rate = kMeltingFactor * m.melting_temperature / (x * x);
+    return {only(solid, bracket * melting),
+            only(solid, -melting * (m.temperature_coefficient + bracket * melting_rate))};
   }
 
   // With x = T_melt - T and c = 0.001 T_melt the steep part of dg/dT goes as exp(-c/x)/x^2, largest at x = c/2.
-  static double steepest_softening(const Material& m, double pressure, double coldest, double hottest) {
+  static Register steepest_softening(const Material& m, Register pressure, Register coldest, Register hottest) {
     const double c = kMeltingFactor * m.melting_temperature;
-    const double nearest = std::max(0.0, m.melting_temperature - hottest);
-    const double farthest = m.melting_temperature - coldest;
-    if (farthest <= 0.0) return 0.0;
-    const double x = std::clamp(0.5 * c, nearest, farthest);
-    const double melting = exponential(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
-    const double bracket = 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (coldest - kReference);
-    if (bracket <= 0.0) return 0.0;
-    return m.temperature_coefficient + bracket * melting * c / (x * x);
+    const Register nearest = larger(m.melting_temperature - hottest, all(0.0));
+    const Register farthest = m.melting_temperature - coldest;
+    const Register bracket = bracket_of(m, pressure, coldest);
+    const Mask solid = (farthest > 0.0) & (bracket > 0.0);
+    const Register x = where(solid, smaller(larger(nearest, all(0.5 * c)), farthest), all(1.0));
+    const Register melting = exp_of(kMeltingFactor - c / x);  // melting factor exp(-0.001 T / x) at T = T_melt - x
+    return only(solid, m.temperature_coefficient + bracket * melting * c / (x * x));
   }
 
-  static double hardened(const Material& m, double ep, double /*rate*/, double /*pressure*/, double /*T*/) {
-    const double hardening = power(1.0 + m.hardening_coefficient * ep, m.hardening_exponent);
-    return std::min(m.yield_strength_max, m.yield_strength * hardening);
+  static Register hardened(const Material& m, Register ep, Register /*rate*/, Register /*pressure*/, Register /*T*/) {
+    const Register hardening = power_of(1.0 + m.hardening_coefficient * ep, all(m.hardening_exponent));
+    return smaller(m.yield_strength * hardening, all(m.yield_strength_max));
   }
-  static double hardening_slope(const Material& m, double ep, double dep, double /*dt*/, double /*pressure*/,
-                                double /*T*/) {
-    const double strength = hardened(m, ep + dep, 0.0, 0.0, 0.0);
-    if (strength >= m.yield_strength_max) return 0.0;
-    return strength * (m.hardening_exponent * m.hardening_coefficient / (1.0 + m.hardening_coefficient * (ep + dep)));
+  static Register hardening_slope(const Material& m, Register ep, Register dep, double /*dt*/, Register pressure,
+                                  Register T) {
+    const Register strength = hardened(m, ep + dep, all(0.0), pressure, T);
+    const Register stretched = 1.0 + m.hardening_coefficient * (ep + dep);
+    return only(strength < m.yield_strength_max,
+                strength * (m.hardening_exponent * m.hardening_coefficient / stretched));
   }
   static double ceiling(const Material& m) {
     return hardens(m) ? m.yield_strength_max : std::min(m.yield_strength, m.yield_strength_max);
   }
   static bool hardens(const Material& m) { return m.hardening_coefficient > 0.0; }
 
-  SteinbergCochranGuinan(const Material& m, double /*dt*/)
-      : yield_strength_(m.yield_strength),
-        exponent_(m.hardening_exponent),
+  [[gnu::always_inline]] SteinbergCochranGuinan(const Material& m, double /*dt*/, const VertexLoad& load)
+      : bracket_(load.pressed + m.temperature_coefficient * kReference),
+        T_melt_(load.T_melt),
         inverse_n_(1.0 / m.hardening_exponent),
-        beta_(m.hardening_coefficient),
-        inverse_beta_(1.0 / m.hardening_coefficient),
-        hT_(m.temperature_coefficient) {}
-
-  double load_of(double a) const { return logarithm(kSqrt3 * a / yield_strength_) / exponent_; }
-  static double unit_of_load(const Material& m) { return m.yield_strength; }
-  // Returns 1 + gP P + 300 hT. The bracket of the softening g is this value minus hT T.
-  static double bracket_at(const Material& m, double pressure) {
-    return 1.0 + m.pressure_coefficient * pressure + m.temperature_coefficient * kReference;
-  }
-  double log_strength(double ep) const { return logarithm(1.0 + beta_ * ep); }
-
-  SofteningExcess softening_excess(double bracket_at_0, double T_melt, double T) const {
-    const double to_melting = T_melt - T;
-    const double bracket = bracket_at_0 - hT_ * T;
-    const bool solid = to_melting > 0.0 && bracket > 0.0;
-    const double x = solid ? to_melting : 1.0;
-    const double b = solid ? bracket : 1.0;
-    const double inverse_xb = 1.0 / (x * b);
-    const double inverse_x = b * inverse_xb;
-    const double value = inverse_n_ * (kMeltingFactor * T * inverse_x - logarithm(b));
-    const double rate = inverse_n_ * (hT_ * x * inverse_xb + kMeltingFactor * T_melt * inverse_x * inverse_x);
-    return {solid ? value : kMolten, rate};
+        melting_(kLog2E * kMeltingFactor / m.hardening_exponent),
+        hT_(m.temperature_coefficient),
+        inverse_beta_(1.0 / m.hardening_coefficient) {
+    const Register ratio = (kSqrt3 / m.yield_strength) * load.stress;
+    const Mask loads = ratio > kLeastStress;
+    const Register log_ratio = inverse_n_ * log_of(where(loads, ratio, all(1.0)));
+    log_load_ = where(loads, kLog2E * (log_ratio + log_of(all(inverse_beta_))), all(kNoLoad));
   }
 
-  template <int N, class Take>
-  [[gnu::always_inline]] void flow(const double (&excess)[N], const double (&growth)[N], const double* ep,
-                                   const Take& take) const {
-    for (int l = 0; l < N; ++l) {
-      const double cut = excess[l] < kMaxExcess ? excess[l] : kMaxExcess;
-      const double hardened = inverse_beta_ + ep[l];
-      const double flows = hardened * exponential_minus_1(cut);
-      const bool yields = excess[l] > 0.0;
-      take(l, yields ? flows : 0.0, yields ? (hardened + flows) * (inverse_n_ + growth[l]) : 0.0);
-    }
+  static double exponent(const Material& m) { return 1.0 / m.hardening_exponent; }
+  static double cold_without_strain(const Material& m) { return 1.0 / m.hardening_coefficient; }  // cold is this + ep
+
+  // hot is (sqrt(3) a / (Y0 g))^(1/n) / beta at T; its logarithms are binary. At T + w rise its natural logarithm is a series in w: the ratio of consecutive
+  // powers is f for its term -log(bracket) / n, and v for its term 0.001 T / (T_melt - T) / n. A molten vertex is as
+  // hot as kMostLogHot permits.
+  [[gnu::always_inline]] Expansion expand(Register T, Register rise) const {
+    const Register x = larger(T_melt_ - T, all(kLeastToMelting)), b = larger(bracket_ - hT_ * T, all(kLeastBracket));
+    const SplitLogarithm log_b(b);
+    // One division yields 1 / x, 1 / b and the division of the logarithm.
+    const Register divisor = 2.0 + log_b.f;
+    const Register xb = x * b;
+    const Register inverse = 1.0 / (xb * divisor);
+    const Register inverse_xb = divisor * inverse;
+    const Register inverse_x = b * inverse_xb;
+    const Register log_hot =
+        (log_load_ + melting_ * T * inverse_x) - (kLog2E * inverse_n_) * log_b.value(log_b.f * (xb * inverse));
+    const Register hot = exp2_of(log_hot, kMostLogHot);
+    const Register f = hT_ * rise * x * inverse_xb, v = rise * inverse_x;
+    const Register f1 = inverse_n_ * f, v1 = (kLn2 * melting_) * T_melt_ * inverse_x * v;
+    const Register f2 = f1 * f, v2 = v1 * v;
+    const Register s1 = f1 + v1, s2 = 0.5 * f2 + v2, s3 = (1.0 / 3.0) * (f2 * f) + v2 * v;
+    const Register square = s1 * s1;
+    return {hot, s1, 0.5 * square + s2, s1 * ((1.0 / 6.0) * square + s2) + s3, s1 + v};
   }
 
  private:
-  double yield_strength_, exponent_, inverse_n_, beta_, inverse_beta_, hT_;
-};
+  static constexpr double kLeastStress = 0x1p-1022;  // smallest stress that is a load, over the yield strength
+  static constexpr double kNoLoad = -1e305;          // logarithm of a load that lets no vertex flow
+  static constexpr double kMostLogHot = 432.0;       // largest log2(hot); no host has a strain of that size
+  static constexpr double kLeastToMelting = 1e-10;   // smallest T_melt - T  [K]
+  static constexpr double kLeastBracket = 1e-60;
 
-}  // namespace shearbus::physics
+  static Register bracket_of(const Material& m, Register pressure, Register T) {
+    return 1.0 + m.pressure_coefficient * pressure - m.temperature_coefficient * (T - kReference);
+  }
+
+  Register bracket_, T_melt_, log_load_;
+  double inverse_n_, melting_, hT_, inverse_beta_;
+};

@@ -26,6 +26,25 @@ inline Softening softening(const Material& m, double pressure, double temperatur
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::softening(m, pressure, temperature); });
 }
 
+// Whether the softening g(P, T) is above 0; `m` is the material at the pressure.
+inline bool carries_stress(const Material& m, double pressure, double temperature) {
+  return FlowLaws::with(m.flow_law, [&](auto law) {
+    using Law = typename decltype(law)::type;
+    if constexpr (requires { Law::carries_stress(m, pressure, temperature); }) {
+      return Law::carries_stress(m, pressure, temperature);
+    } else {
+      return Law::softening(m, pressure, temperature).g > 0.0;
+    }
+  });
+}
+
+// Whether the melting factor exp(-0.001 T / (T_melt - T)) is not so small that a stress may be many powers of ten below
+// any guess of it.
+inline bool is_far_from_melting(const Material& m, double T) {
+  constexpr double kMostExponent = 10.0;
+  return kMeltingFactor * T <= kMostExponent * (m.melting_temperature - T);
+}
+
 // Calls f(LawType<Law>{}, m) with the material's law. For a law that is not separable m is the material at the
 // pressure.
 template <class F>

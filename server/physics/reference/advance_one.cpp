@@ -167,10 +167,78 @@ NodeOutputs velocity_driven_sdirk2(const ModelOptions& options, double dt, const
   return out;
 }
 
+NodeOutputs advance_undivided(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
+
+// A step of second order of an open contact whose slip is of first order: nothing heats, so that both stages conduct.
+bool conducted_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, const Profile& old,
+                      NodeState& state, NodeOutputs& out) {
+  const auto solid = [](const NodeState& s) {
+    return std::all_of(s.liquid_fraction.begin(), s.liquid_fraction.end(), [](double f) { return f == 0.0; });
+  };
+  if (options.modes || !solid(state)) return false;
+  NodeState early = state;
+  const Heat first = heat_of_step(options, kGamma * dt, early, old);
+  heat_up(early, first.T_ad, 0.0, first.B);
+  const Heat second = heat_of_second_stage(options, dt, 0.0, old, early);
+  if (!in_range(options, in.pressure, old, second.T_ad)) return false;
+  heat_up(state, second.T_ad, 0.0, second.B);
+  out.interface_temperature = state.temperature[0];
+  return true;
+}
+
+// k(T) and c(T) are taken between the temperatures at both ends of the step, which repetitions find.
+NodeOutputs advance_varying(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+  const NodeState before = state;
+  const std::vector<double> old = profile_of(before).rows;
+  std::vector<double> at = old;
+  NodeOutputs out;
+  std::vector<double> last = old;
+  for (int pass = 0; pass <= 8; ++pass) {
+    state = before;
+    state.coefficients_at = at;
+    out = advance_undivided(options, dt, inputs, state);
+    state.coefficients_at.clear();
+    const std::vector<double> now = profile_of(state).rows;
+    double moved = 0.0;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      at[i] = 0.5 * (old[i] + now[i]);
+      moved = std::max(moved, std::abs(now[i] - last[i]));
+    }
+    last = now;
+    if (pass > 0 && moved <= 1e-6) break;
+  }
+  return out;
+}
+
 }  // namespace
 
 NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
+  return conducts_by_temperature(options) ? advance_varying(options, dt, inputs, state)
+                                          : advance_undivided(options, dt, inputs, state);
+}
+
+namespace {
+
+NodeOutputs advance_undivided(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2 && !inputs.backward_euler;
+  if (sdirk2 && only_open_is_second_order(options)) {
+    ModelOptions simple = options;
+    simple.time_integrator = TimeIntegrator::kBackwardEuler;
+    const Profile old = profile_of(state);
+    const NodeState before = state;
+    NodeOutputs out = advance_undivided(simple, dt, inputs, state);
+    const bool open = out.regime == Regime::kOpen;
+    NodeState heated = state;
+    heated.liquid_fraction = before.liquid_fraction;
+    const bool melts = state.liquid_fraction != before.liquid_fraction;
+    if (open && !melts && conducted_sdirk2(options, dt, inputs, old, heated, out))
+      state = heated;
+    else
+      out.first_order = !options.modes && out.regime != Regime::kStick;
+    if (options.modes && open) out.first_order = false;
+    if (options.modes && !open) out.first_order = out.regime != Regime::kStick;
+    return out;
+  }
   if (options.inertia) return with_inertia(options, dt, inputs, state, sdirk2);
   if (options.strategy == Strategy::kVelocityDriven) {
     if (sdirk2) return velocity_driven_sdirk2(options, dt, inputs, state);
@@ -183,6 +251,8 @@ NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const N
   out.first_order = options.time_integrator == TimeIntegrator::kSdirk2 && out.regime != Regime::kStick;
   return out;
 }
+
+}  // namespace
 
 NodeOutputs advance_one(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   return options.tolerance ? advance_controlled(options, dt, inputs, state)

@@ -167,7 +167,7 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
   int attempts = 0;
 
   const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
-  bool both_orders = is_sheared(options) && second_order && !options.sleep;
+  bool both_orders = is_sheared(options) && second_order && !options.sleep && !conducts_by_temperature(options);
   ModelOptions simple = options;
   if (both_orders) simple.time_integrator = TimeIntegrator::kBackwardEuler;
   NodeState once = state;
@@ -269,6 +269,19 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
       sum.first_order = before.first_order || out.first_order;
       sum.answers = std::max(before.answers, out.answers);
       sum.error_estimate = before.error_estimate;
+    }
+    if (forced && !second_order) {
+      // The errors of backward Euler have one sign in every substep: the mean stress is extrapolated while slip goes on.
+      bool on = true;
+      for (const NodeOutputs& out : {whole, half[0], half[1]})
+        on = on && out.regime != Regime::kOpen && out.regime != Regime::kStick && out.answers == 1 &&
+             out.velocity_jump_new * in.velocity_jump > 0.0;
+      const double more = 0.5 * (half[0].shear_stress + half[1].shear_stress) - whole.shear_stress;
+      const double jump = then.velocity_jump - (1.0 / inputs.mass_soft + 1.0 / inputs.mass_hard) * length * dt * more;
+      if (on && jump * in.velocity_jump > 0.0) {
+        sum.shear_stress += length * more;
+        sum.velocity_jump_new = then.velocity_jump = jump;
+      }
     }
     sum.error_estimate += change;
     left = change > allowed ? std::max(left, change) : left - change;

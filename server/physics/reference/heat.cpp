@@ -21,7 +21,7 @@ double conducted_share(const ModelOptions& options) {
 }
 
 Profile profile_of(const NodeState& state) {
-  Profile profile{state.hard_temperature, state.hard_temperature.size()};
+  Profile profile{state.hard_temperature, state.hard_temperature.size(), state.coefficients_at};
   profile.rows.insert(profile.rows.end(), state.temperature.begin(), state.temperature.end());
   return profile;
 }
@@ -42,7 +42,7 @@ namespace {
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;
-  Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last}};
+  Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last, {}}};
   double T0 = old.rows[0];
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
     // The flux at a time s before the end of the step adds to the mode with the weight exp(-rate s). This flux is
@@ -69,11 +69,27 @@ Heat heat_of_modes(const ModelOptions& options, double dt, double early, double 
 Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
   const HeatGrid grid = heat_grid_of(options);
   const int n = grid.num_vertices();
+  // k(T)/k and c(T)/c as they are printed, at the given temperatures.
+  const auto linear = [&](double slope, double T) { return std::isfinite(slope) ? 1.0 + slope * (T - 300.0) : 1.0; };
+  const auto conducts = [&](const Material& m, int cell) {
+    const std::vector<double>& at = old.coefficients_at;
+    return at.empty() ? 1.0 : linear(m.conductivity_slope, 0.5 * (at[cell] + at[cell + 1]));
+  };
+  const auto holds = [&](int i) {
+    if (old.coefficients_at.empty()) return grid.capacity(i, options.soft, options.hard);
+    const double T = old.coefficients_at[i];
+    const double soft =
+        linear(options.soft.specific_heat_slope, T) * options.soft.conductivity / options.soft.diffusivity;
+    const double hard =
+        linear(options.hard.specific_heat_slope, T) * options.hard.conductivity / options.hard.diffusivity;
+    if (i == grid.interface) return soft * grid.weight[i] + hard * grid.hard_weight;
+    return (i < grid.interface ? hard : soft) * grid.weight[i];
+  };
   std::vector<Eigen::Triplet<double>> entries;
   Eigen::VectorXd rhs(n);
   for (int i = 0; i < n; ++i) {
     // Heat capacity divided by dt  [W/(m2 K)]
-    const double storage = grid.capacity(i, options.soft, options.hard) / dt;
+    const double storage = holds(i) / dt;
     double diagonal = storage;
     const bool held = i == n - 1                    ? options.grid.far_boundary == FarBoundary::kIsothermal
                       : i == 0 && options.hard_grid ? options.hard_grid->far_boundary == FarBoundary::kIsothermal
@@ -84,12 +100,14 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
       continue;
     }
     if (i > 0) {
-      const double k = (i <= grid.interface ? options.hard : options.soft).conductivity;
+      const Material& m = i <= grid.interface ? options.hard : options.soft;
+      const double k = m.conductivity * conducts(m, i - 1);
       entries.emplace_back(i, i - 1, -k / grid.width[i - 1]);
       diagonal += k / grid.width[i - 1];
     }
     if (i + 1 < n) {
-      const double k = (i < grid.interface ? options.hard : options.soft).conductivity;
+      const Material& m = i < grid.interface ? options.hard : options.soft;
+      const double k = m.conductivity * conducts(m, i);
       entries.emplace_back(i, i + 1, -k / grid.width[i]);
       diagonal += k / grid.width[i];
     }
@@ -101,12 +119,12 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
   matrix.setFromTriplets(entries.begin(), entries.end());
   Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
   const Eigen::VectorXd T = lu.solve(rhs);
-  return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface)};
+  return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface), old.coefficients_at};
 }
 
 Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like) {
   return conduct(options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
-                 {std::vector<double>(like.rows.size(), 0.0), like.interface});
+                 {std::vector<double>(like.rows.size(), 0.0), like.interface, like.coefficients_at});
 }
 
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old) {

@@ -20,6 +20,7 @@ double bisect(const std::function<double(double)>& f, double lo, double hi);
 struct Profile {
   std::vector<double> rows;
   std::size_t interface = 0;
+  std::vector<double> coefficients_at;  // temperatures of the rows at which k(T) and c(T) are taken; empty: constant
   double operator[](std::size_t vertex) const { return rows[interface + vertex]; }
 };
 

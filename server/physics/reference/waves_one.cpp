@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/parts.hpp"
 
@@ -24,7 +24,7 @@ struct Layer {
 };
 
 // Reduces the trial stress t, which the shear would cause without plastic flow, to the flow stress of a vertex: solves
-// s + sqrt(3) G0 dep = t with s = Y(ep + dep)/sqrt(3) by bisection in dep. The result holds s, dep and ds/dt.
+// s + sqrt(3) G0 dep = t with s = Y(ep + dep, dep/dt)/sqrt(3) by bisection in dep. The result holds s, dep and ds/dt.
 struct Kept {
   double stress, growth, slope;
 };
@@ -32,12 +32,19 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
   const Material& m = layer.options.soft;
   const double ep = layer.strain_old[vertex];
   const double stiffness = kSqrt3 * m.shear_modulus;
-  const auto yield = [&](double dep) { return flow_stress(m, ep + dep, layer.in.pressure, T) / kSqrt3; };
+  const auto yield = [&](double dep) {
+    return flow_stress(m, ep + dep, layer.in.pressure, T, dep / layer.dt) / kSqrt3;
+  };
   if (t <= yield(0.0)) return {t, 0.0, 1.0};
   double lo = 0.0;
   double hi = t / stiffness;
   for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
     (yield(mid) + stiffness * mid < t ? lo : hi) = mid;
+  }
+  if (!properties_of(m.flow_law).has_wave_return) {
+    const double more = 1e-6 * lo + 1e-12;
+    const double rate = std::max(0.0, (yield(lo + more) - yield(lo)) / more);
+    return {t - stiffness * lo, lo, rate / (rate + stiffness)};
   }
   // Derivative of Y/sqrt(3) with respect to dep at the dep found, by Steinberg's law; 0 at Y_max.
   const double hardened = 1.0 + m.hardening_coefficient * (ep + lo);
@@ -68,7 +75,8 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
       double lo = 0.0, hi = keeps.growth;
       for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
         const double carries =
-            flow_stress(layer.options.soft, layer.strain_old[0] + mid, layer.in.pressure, T[0]) / kSqrt3;
+            flow_stress(layer.options.soft, layer.strain_old[0] + mid, layer.in.pressure, T[0], mid / layer.dt) /
+            kSqrt3;
         (carries < layer.coulomb() ? lo : hi) = mid;
       }
       const double slips = (std::abs(t) - layer.coulomb() - stiffness * lo) / layer.per_velocity(0);

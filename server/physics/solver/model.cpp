@@ -62,7 +62,7 @@ Problem::Problem(const ModelOptions& model_options)
                                            *model_options.modes)
                 : std::nullopt),
       layout(model_options, heat_grid, modes ? &*modes : nullptr, grid.num_vertices()),
-      basis(model_options.sleep
+      basis(nodes_sleep(model_options)
                 ? std::optional<HeatBasis>(std::in_place, heat_grid, model_options.soft, model_options.hard)
                 : std::nullopt),
       steps_before_sleep(physics::steps_before_sleep(heat_grid.num_vertices())),
@@ -120,6 +120,11 @@ std::vector<std::string> Model::warnings() const {
         "and "
         "when that forms depends on cells and dt; compare several before trusting the stress after it");
   }
+  if (o.time_integrator == TimeIntegrator::kSdirk2 && only_open_is_second_order(o))
+    warnings.emplace_back(
+        "note: layer.time_integrator = \"sdirk2\" makes the steps of open contacts second order only: with these "
+        "options "
+        "slip and flow are constant over a step, which the outcome of a node reports as \"first order\"");
   if (o.tolerance) warnings.push_back("note: " + discretisation_of(o, impl_->modes ? impl_->modes->rate.size() : 0));
   constexpr double kCostlyStep = 3e5, kCostlyControlledStep = 3e7;  // about 3 ms and 0.3 s of a core
   if (const double work = hard_step_work(*impl_); work > (o.tolerance ? kCostlyControlledStep : kCostlyStep)) {
@@ -184,18 +189,20 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
   }
 }
 
+std::unique_ptr<StepOperators> make_operators(const Problem& problem, double dt, int times) {
+  const ModelOptions& options = problem.options;
+  const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;
+  const double step = std::ldexp(dt, -times);
+  const int halvings = options.strategy == Strategy::kForceDriven ? std::max(0, kMaxHalvings - times) : 0;
+  if (problem.modes) return std::make_unique<StepOperators>(*problem.modes, step, halvings, stages);
+  return std::make_unique<StepOperators>(problem.grid, problem.heat_grid, options.soft, options.hard, step, halvings,
+                                         options.taylor_quinney_factor.has_value(), stages,
+                                         problem.basis ? &*problem.basis : nullptr);
+}
+
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  // `times`: how often the tolerance has halved the step. A force-driven step with several answers may then be halved
-  // (force_driven/substeps.hpp) that many times less, so that the shortest substep does not depend on the tolerance.
   const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
-    const ModelOptions& options = problem->options;
-    const bool stages = options.time_integrator == TimeIntegrator::kSdirk2;
-    const double step = std::ldexp(dt, -times);
-    const int halvings = options.strategy == Strategy::kForceDriven ? std::max(0, kMaxHalvings - times) : 0;
-    if (problem->modes) return std::make_unique<StepOperators>(*problem->modes, step, halvings, stages);
-    return std::make_unique<StepOperators>(problem->grid, problem->heat_grid, options.soft, options.hard, step,
-                                           halvings, options.taylor_quinney_factor.has_value(), stages,
-                                           problem->basis ? &*problem->basis : nullptr);
+    return make_operators(*problem, dt, times);
   };
   std::unique_ptr<StepOperators> operators = make(0);
   if (impl_->options.tolerance) operators->allow_halving(most_times_halved(dt), make);

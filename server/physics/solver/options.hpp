@@ -78,6 +78,21 @@ struct ModelOptions {
   std::optional<double> taylor_quinney_factor;
 };
 
+// Whether k or c of a conducting body follows the temperature.
+inline bool conducts_by_temperature(const ModelOptions& options) {
+  return options.soft.conducts_by_temperature() || options.hard.conducts_by_temperature();
+}
+
+// Whether nodes of the model may sleep. With heat modes no node does: its step at rest costs as little as that of a
+// sleeping node. Nor does one with k(T) or c(T): its heat has no modes.
+inline bool nodes_sleep(const ModelOptions& options) {
+  return options.sleep && !options.modes && !conducts_by_temperature(options);
+}
+
+// Whether only open contacts take steps of second order with the integrator of these options: a part takes the slip or
+// the flow of a step as constant, so that a step with slip or flow is one of backward Euler (METHODS.md).
+bool only_open_is_second_order(const ModelOptions& options);
+
 // Whether a friction law acts at the interface.
 inline bool has_friction(const ModelOptions& options) {
   return options.strategy == Strategy::kForceDriven || options.friction_coefficient.has_value();

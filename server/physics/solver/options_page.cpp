@@ -40,10 +40,18 @@ std::string table_of_laws() {
   return text;
 }
 
-// The name of a part of the model on the options page. A part that is an option has the name of its setting, as a scene
-// writes it. A part that is a property of laws is named "a <law with this property>".
-std::string name_of(const Part& part) {
-  return part.law_with.empty() ? text_of('`', setting_of(part, {}), '`') : text_of("a ", part.law_with);
+// The name of a part on the options page: a setting is code.
+std::string shown(const Part& part) {
+  const std::string name = name_of(part, {});
+  return name == setting_of(part, {}) ? '`' + name + '`' : name;
+}
+
+template <class Members>
+std::string listed(const Members& members, std::string_view between) {
+  std::string all;
+  for (const Part& part : parts())
+    if (members.has(part.property)) all += text_of(all.empty() ? "" : between, shown(part));
+  return all;
 }
 
 }  // namespace
@@ -53,7 +61,7 @@ std::string options_page() {
   page += "## Options\n\n| key | equation | adds | cost | when |\n|---|---|---|---|---|\n";
   for (const Part& part : parts())
     if (!part.adds.empty())
-      page += text_of("| ", name_of(part), " | ", part.equation, " | ", part.adds, " | ", part.cost, " | ", part.when,
+      page += text_of("| ", shown(part), " | ", part.equation, " | ", part.adds, " | ", part.cost, " | ", part.when,
                       " |\n");
 
   page += "\n## Friction laws: `interface.friction_law`\n\n" + row("law", "equation", "adds", "when") +
@@ -68,8 +76,23 @@ std::string options_page() {
       "table decides about is refused as well.\n\n"
       "| | does not go with | because |\n|---|---|---|\n";
   for (const Exclusion& e : exclusions())
-    page +=
-        "| " + name_of(part_of(e.first)) + " | " + name_of(part_of(e.second)) + " | " + std::string(e.reason) + " |\n";
+    page += text_of("| ", listed(e.first, ", "), " | ", listed(e.second, ", "), " | ", e.reason, " |\n");
+
+  page +=
+      "\n## What is an option of what\n\n"
+      "These are no exclusions but the structure of a scene. A part is refused without what it is an option of.\n\n"
+      "| | is an option of |\n|---|---|\n";
+  for (const Part& part : parts()) {
+    Properties needed;
+    for (const Part& other : parts())  // a plastic layer is itself the layer that flows
+      if (part.needs.has(other.property) &&
+          (other.property != Property::kFlowingLayer || part.property != Property::kPlasticLayer))
+        needed.add(other.property);
+    if (part.set != nullptr && !needed.empty())
+      page += text_of("| ", shown(part), " | ", listed(needed, " and "), " |\n");
+  }
+  page += "\nA model has one of each line, or at most one:\n\n";
+  for (const Properties& choice : choices()) page += text_of("- ", listed(choice, ", "), "\n");
 
   page += "\n## Laws and their properties\n\n| law | properties that exclude options |\n|---|---|\n";
   const auto properties = [&](std::string_view law, const ModelOptions& options, std::string_view key) {

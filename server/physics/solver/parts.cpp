@@ -49,7 +49,7 @@ constexpr MeltFilmOptions kTypicalMelt{.latent_heat = 4e5, .viscosity = 1e-3, .a
 // Sets of properties, each used by several entries of kParts.
 constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
-constexpr Properties kFlow{kFirstOrderFlow, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm};
+constexpr Properties kFlow{kFirstOrderFlow, kFlowWithPressureTerm};
 constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
 // Strategies, drives, limits and contact options. With each, a step finds one stress at given temperatures; parts
 // that change only the strength in this search (flow laws, pressure, melting), or that treat a step as a whole (sleep,
@@ -63,6 +63,7 @@ constexpr std::array kParts = {
          .key = "strategy",
          .value = "\"velocity_driven\"",
          .is_on = [](const ModelOptions& o) { return o.strategy == Strategy::kVelocityDriven; },
+         .needs = {kFlowingLayer},
          .equation = "DLP (48), (56)",
          .adds = "the layer's plastic flow finds the stress",
          .when = "the host imposes the velocity jump",
@@ -84,6 +85,7 @@ constexpr std::array kParts = {
              },
          .set = [](ModelOptions& o, bool on) { o.drive = on ? Drive::kInterfaceSlip : Drive::kLayerShear; },
          .goes_with = {kVelocityDriven},
+         .needs = {kVelocityDriven},
          .equation = "DLP (64)",
          .adds = "the jump is slip at z = 0, and the host's own shear drives the layer",
          .when = "the host resolves the shear of the soft body",
@@ -97,6 +99,7 @@ constexpr std::array kParts = {
              },
          .set = [](ModelOptions& o, bool on) { o.friction_coefficient = on ? std::optional(0.02) : std::nullopt; },
          .goes_with = {kVelocityDriven, kInterfaceSlip},
+         .needs = {kVelocityDriven},
          .equation = "DLP (5), (65)",
          .adds = "friction limits the stress, and the rest of the jump is slip at z = 0: in short for `[interface]`, "
                  "which takes any friction law",
@@ -123,6 +126,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.taylor_quinney_factor.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.taylor_quinney_factor = on ? std::optional(0.9) : std::nullopt; },
          .goes_with = {kVelocityDriven, kForceDriven, kCoulombLimit, kConductingHardBody},
+         .needs = {kFlowingLayer},
          .equation = "source sqrt(3) s dep/dt",
          .adds = "plastic work heats the layer where it flows; force-driven: interface.taylor_quinney_factor",
          .when = "the band of flow may leave the interface",
@@ -143,6 +147,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.plastic_layer; },
          .set = [](ModelOptions& o, bool on) { o.plastic_layer = on; },
          .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating},
+         .needs = {kForceDriven, kFlowingLayer},
          .equation = "DLP (48), (64)",
          .adds = "a force-driven layer flows and hardens in addition to the slip",
          .when = "an interface stronger than the layer",
@@ -171,16 +176,11 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return properties_of(o.soft.flow_law).first_order_in_time; },
          .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia},
          .law_with = "flow law whose stress follows the mean rate of a step"},
-    Part{.property = kFlowWithoutWaveReturn,
+    Part{.property = kFlowWithPressureTerm,
          .key = "soft.flow_law",
-         .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_wave_return; },
-         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kFirstOrderFlow},
-         .law_with = "flow law without a return of waves"},
-    Part{.property = kFlowWithoutPressureTerm,
-         .key = "soft.flow_law",
-         .is_on = [](const ModelOptions& o) { return !properties_of(o.soft.flow_law).has_pressure_term; },
-         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia, kFirstOrderFlow, kFlowWithoutWaveReturn},
-         .law_with = "flow law without a pressure term"},
+         .is_on = [](const ModelOptions& o) { return properties_of(o.soft.flow_law).has_pressure_term; },
+         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia, kFirstOrderFlow},
+         .law_with = "flow law with a pressure term"},
     Part{.property = kMeltingCurve,
          .key = "soft.melting_curve",
          .value = "\"lindemann\"",
@@ -198,8 +198,8 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.soft.pressure_term != PressureTerm::kLinear; },
          .set = [](ModelOptions& o,
                    bool on) { o.soft.pressure_term = on ? PressureTerm::kCompressed : PressureTerm::kLinear; },
-         .goes_with = kStepOfALayer |
-                      Properties{kPlasticHeating, kInertia, kFirstOrderFlow, kFlowWithoutWaveReturn, kMeltingCurve},
+         .goes_with = kStepOfALayer | kFlow | Properties{kPlasticHeating, kInertia, kMeltingCurve},
+         .needs = {kFlowWithPressureTerm},
          .equation = "Steinberg, Cochran, Guinan 1980",
          .adds = "the gain of strength with pressure follows the compression",
          .when = "above some 5 GPa: with the melting curve it changes the pinned stress at 11 GPa by 57 %",
@@ -210,9 +210,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.time_integrator == TimeIntegrator::kSdirk2; },
          .set = [](ModelOptions& o,
                    bool on) { o.time_integrator = on ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler; },
-         .goes_with =
-             kEitherStrategy | kEitherHardBody | kUnderPressure |
-             Properties{kInterfaceSlip, kCoulombLimit, kInertia, kFlowWithoutWaveReturn, kFlowWithoutPressureTerm},
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kPlasticHeating, kInertia},
          .equation = "Alexander 1977",
          .adds = "second order in time, two stages a step",
          .when = "few, long steps; tolerances below 1e-2",
@@ -233,7 +231,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.sleep; },
          .set = [](ModelOptions& o, bool on) { o.sleep = on; },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kPlasticHeating},
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kPlasticHeating, kSecondOrder, kModes},
          .equation = "METHODS.md",
          .adds = "nodes at rest, open or stuck, are not solved; the answers differ by rounding only",
          .when = "contacts that stick for long, velocity-driven or with a plastic layer",
@@ -249,7 +247,7 @@ constexpr std::array kParts = {
                o.time_integrator = TimeIntegrator::kBackwardEuler;
                o.modes.reset();
              },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kSecondOrder, kModes},
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kSecondOrder, kModes, kSleep},
          .equation = "METHODS.md",
          .adds = "the model chooses cells, grading and methods, cuts each node's step until its error is below the "
                  "tolerance, and reports the estimate",
@@ -279,9 +277,8 @@ constexpr std::array kParts = {
     Part{.property = kFrictionWithState,
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return has_friction(o) && !states_of(o.interface.friction_law).empty(); },
-         // A state follows the slip: what a law that depends on slip excludes, its row says (inertia, second order).
          .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kTolerance, kTwoComponents,
+                      Properties{kPlasticHeating, kSecondOrder, kModes, kTolerance, kTwoComponents,
                                  kTemperatureDependentFriction},
          .law_with = "friction law with a state of its own"},
     Part{.property = kIsothermalEnd,
@@ -297,9 +294,9 @@ constexpr std::array kParts = {
                o.grid.far_boundary = on ? FarBoundary::kIsothermal : FarBoundary::kInsulated;
                if (o.hard_grid) o.hard_grid->far_boundary = o.grid.far_boundary;
              },
-         .goes_with =
-             kStepOfALayer | kFlow | kUnderPressure |
-             Properties{kInertia, kSecondOrder, kTwoComponents, kTemperatureDependentFriction, kFrictionWithState},
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
+                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents,
+                                 kTemperatureDependentFriction, kFrictionWithState},
          .equation = "T(h) = T_start",
          .adds = "the far face of a body keeps the temperature of the start, so that a sliding layer becomes steady",
          .when = "thin layers between baths, as in molecular dynamics",
@@ -326,12 +323,48 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.melt_film.has_value(); },
          .set = [](ModelOptions& o,
                    bool on) { o.melt_film = on ? std::optional<MeltFilmOptions>(kTypicalMelt) : std::nullopt; },
-         .goes_with = kUnderPressure | Properties{kForceDriven, kConductingHardBody, kTwoComponents, kFrictionWithState,
-                                                  kIsothermalEnd, kSimonMelting},
+         .goes_with = kFlow | kUnderPressure |
+                      Properties{kForceDriven, kConductingHardBody, kSecondOrder, kSleep, kTwoComponents,
+                                 kIsothermalEnd, kSimonMelting},
          .equation = "latent heat; s = [v] / integral(dz/eta)",
          .adds = "the soft body melts at the interface, and the melt carries the stress",
          .when = "fast slip that goes on after the interface has reached its melting temperature",
          .cost = "force-driven x 9.39"},
+    Part{.property = kFlowWithoutBracket,
+         .key = "soft.flow_law",
+         .is_on =
+             [](const ModelOptions& o) { return !has_constant(o.soft.flow_law, &Material::temperature_coefficient); },
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
+                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents,
+                                 kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd, kSimonMelting},
+         .law_with = "flow law without the linear softening of DLP (15)"},
+    Part{.property = kFlowingLayer,
+         .key = "strategy",
+         .is_on = [](const ModelOptions& o) { return o.strategy == Strategy::kVelocityDriven || o.plastic_layer; },
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
+                      Properties{kPlasticHeating, kInertia, kSecondOrder, kSleep, kTolerance, kTwoComponents,
+                                 kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd, kSimonMelting,
+                                 kFlowWithoutBracket}},
+    Part{.property = kVaryingHeat,
+         .key = "soft.thermal_conductivity_slope_per_k",
+         .value = "-2e-4",
+         .is_on = [](const ModelOptions& o) { return conducts_by_temperature(o); },
+         .set =
+             [](ModelOptions& o, bool on) {
+               for (Material* body : {&o.soft, &o.hard}) {
+                 body->conductivity_slope = on ? -2e-4 : kNotGiven;
+                 body->specific_heat_slope = on ? 5e-4 : kNotGiven;
+               }
+             },
+         .goes_with = kEitherStrategy | kFlow | kUnderPressure |
+                      Properties{kInterfaceSlip, kCoulombLimit, kConductingHardBody, kPlasticHeating, kInertia,
+                                 kPlasticLayer, kJunctions, kSlipDependentFriction, kSecondOrder, kSleep, kTolerance,
+                                 kTwoComponents, kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd,
+                                 kSimonMelting, kFlowWithoutBracket, kFlowingLayer},
+         .equation = "k (1 + a (T - 300 K)), c likewise",
+         .adds = "conductivity and heat capacity follow the temperature",
+         .when = "metals that warm by hundreds of kelvins, of which both are known",
+         .cost = "velocity-driven x 23, force-driven x 118"},
 };
 static_assert(kParts.size() == kProperties);
 static_assert([] {
@@ -340,96 +373,56 @@ static_assert([] {
   return true;
 }());
 
+// Of each of the first kWholeChoices rows a model has exactly one part, of the others at most one.
+constexpr std::array kChoices = {Properties{kVelocityDriven, kForceDriven},
+                                 Properties{kConductingHardBody, kFixedHeatShare},
+                                 Properties{kMeltingCurve, kSimonMelting}};
+constexpr std::size_t kWholeChoices = 2;
+
 constexpr std::array kExclusions = {
-    Exclusion{kVelocityDriven, kForceDriven, "a model has one strategy"},
-    Exclusion{kConductingHardBody, kFixedHeatShare, "the hard body conducts or takes a fixed share"},
-    Exclusion{kInterfaceSlip, kForceDriven, "the drive is an option of strategy velocity_driven"},
-    Exclusion{kCoulombLimit, kForceDriven, "the interface law of force_driven is in [interface]"},
-    // Plastic-work heating needs a model that computes the layer's plastic flow, and two bodies that conduct.
-    Exclusion{kPlasticHeating, kInterfaceSlip,
-              "with that drive all the work of the jump is friction at z = 0, and heat in the layer would count it "
-              "twice"},
-    Exclusion{kPlasticHeating, kFixedHeatShare,
-              "the fixed share of the hard body is that of heat released at z = 0, not inside the layer: give the "
-              "table [hard_layer]"},
-    // Inertia: the velocity jump must shear the layer, and no other part may need one stress for the whole layer.
-    Exclusion{kInertia, kForceDriven,
+    Exclusion{{kPlasticHeating, kInertia},
+              {kInterfaceSlip},
+              "with that drive the jump is slip at z = 0: it crosses no layer, and all its work is friction there"},
+    Exclusion{
+        {kTwoComponents}, {kInterfaceSlip}, "the shear rate that drives the layer with that drive has no direction"},
+    Exclusion{
+        {kPlasticHeating, kVaryingHeat, kMeltFilm},
+        {kFixedHeatShare},
+        "the fixed share of the hard body is that of heat released at z = 0 into two half-spaces of constant k and "
+        "c, in which it stays: give the table [hard_layer]"},
+    Exclusion{{kInertia},
+              {kForceDriven},
               "the masses that exchange momentum in force_driven (DLP 61) are those of whole zones, the layer's among "
               "them, which would then count twice"},
-    Exclusion{kInertia, kInterfaceSlip, "with that drive the jump is slip at z = 0 and crosses no layer"},
-    Exclusion{kInertia, kPlasticHeating,
-              "that factor shares out the work of one stress, and with inertia the stress varies across the layer"},
-    Exclusion{kInertia, kFlowWithoutWaveReturn,
-              "the return of the waves to the yield stress is solved for steinberg_cochran_guinan only"},
-    Exclusion{kJunctions, kInertia, "the waves in the layer meet a contact of one friction stress a step"},
-    Exclusion{kSlipDependentFriction, kInertia, "the waves in the layer meet a contact of one friction stress a step"},
-    Exclusion{kTemperatureDependentFriction, kInertia,
+    Exclusion{{kInertia},
+              {kPlasticHeating, kTwoComponents},
+              "they take one stress for the whole layer, its work or its direction, and with inertia the stress varies "
+              "across the layer"},
+    Exclusion{{kSleep, kTolerance},
+              {kInertia},
+              "a node at rest and an error are judged at z = 0, where waves that cross the layer are not seen"},
+    Exclusion{{kTolerance},
+              {kPlasticHeating, kMeltFilm},
+              "where the flow gathers in a band, and how nanometres of film melt, depends on cells and steps, and no "
+              "estimate can tell"},
+    Exclusion{{kModes}, {kFlowingLayer}, "a layer flows by the temperature inside it, which modes do not keep"},
+    Exclusion{{kModes}, {kConductingHardBody}, "modes follow one body: leave out [hard_layer], or keep the profile"},
+    Exclusion{{kMeltFilm},
+              {kFlowingLayer},
+              "the flow stress of a layer vanishes before the interface melts, so that the layer takes the slip of the "
+              "film"},
+    Exclusion{{kMeltFilm}, {kVaryingHeat}, "k(T) and c(T) are those of the solid, and tell nothing of the melt"},
+    Exclusion{{kMeltFilm},
+              {kTemperatureDependentFriction, kFlowWithoutBracket},
+              "its strength vanishes at melting, so that the interface would not melt"},
+    Exclusion{
+        {kMeltFilm},
+        {kJunctions, kSlipDependentFriction, kFrictionWithState},
+        "the film carries the stress on the whole area, by the slip of a liquid, of which dry friction tells nothing"},
+    Exclusion{{kJunctions, kSlipDependentFriction, kTemperatureDependentFriction, kFrictionWithState},
+              {kInertia},
               "the waves in the layer meet a contact of one friction stress a step"},
-    Exclusion{kPlasticLayer, kVelocityDriven,
-              "it is an option of strategy force_driven; a velocity-driven layer always flows"},
-    Exclusion{kCompressedPressureTerm, kFlowWithoutPressureTerm,
-              "it changes a pressure term that the law does not have"},
-    // Second order in time excludes parts that use a quantity of the step before, or the slip, rate or balance of a
-    // whole step.
-    Exclusion{kSecondOrder, kPlasticHeating,
-              "where the work becomes heat is taken from the step before, which is first order"},
-    Exclusion{kSecondOrder, kPlasticLayer, "its slip and flow share one balance per step"},
-    Exclusion{kSecondOrder, kJunctions, "their strain grows with the slip of the whole step"},
-    Exclusion{kSecondOrder, kSlipDependentFriction, "its friction is found for the mean slip of a step"},
-    Exclusion{kSecondOrder, kFirstOrderFlow, "its stress follows the rate of a step, to first order"},
-    // Heat modes give only the interface temperature, for one conducting body; they hold no temperature profile.
-    Exclusion{kModes, kVelocityDriven,
-              "modes keep no temperature inside the layer, and a velocity-driven layer flows by it"},
-    Exclusion{kModes, kPlasticLayer, "modes keep no temperature inside the layer, and a plastic layer flows by it"},
-    Exclusion{kModes, kPlasticHeating, "modes keep no temperature inside the layer, where plastic work becomes heat"},
-    Exclusion{kModes, kConductingHardBody, "modes follow one body: leave out [hard_layer], or keep the profile"},
-    Exclusion{kSleep, kInertia, "waves cross the layer of a contact that rests"},
-    Exclusion{kSleep, kSecondOrder, "a sleeping node takes the steps of time_integrator = \"backward_euler\" in modes"},
-    Exclusion{kSleep, kModes, "it has nothing to save: a step without flux in modes costs as little"},
-    Exclusion{kFrictionWithState, kSleep, "the state of a contact at rest goes on: it heals"},
-    Exclusion{kTolerance, kPlasticHeating,
-              "where the flow gathers in a band depends on cells and steps, and no estimate can tell"},
-    Exclusion{kTolerance, kInertia,
-              "the error is estimated from the interface temperature, and waves cross the layer unseen there"},
-    Exclusion{kTolerance, kSleep,
-              "sleep counts whole steps at rest, and a tolerance cuts the step of each node into pieces of its own"},
-    Exclusion{kTwoComponents, kInterfaceSlip, "the shear rate that drives the layer with that drive has no direction"},
-    Exclusion{kTwoComponents, kInertia,
-              "the stress of a step has one direction, and that of waves turns across the layer"},
-    Exclusion{kIsothermalEnd, kPlasticHeating,
-              "work that heats the far vertex would leave it at once, and the friction heat would count it"},
-    Exclusion{kIsothermalEnd, kModes, "the sum of exponentials is that of an insulated slab or of a half-space"},
-    Exclusion{kIsothermalEnd, kSleep, "the modes of a sleeping node keep their heat, and a held face lets it out"},
-    Exclusion{kIsothermalEnd, kTolerance,
-              "the grid and the error estimate are those of bodies that keep their heat or lose it to infinity"},
-    Exclusion{kSimonMelting, kMeltingCurve, "a body has one melting curve"},
-    // A melt film needs the profile of a body that can melt, the heat of each body on its own, and a contact that is
-    // solid up to melting.
-    Exclusion{kMeltFilm, kVelocityDriven,
-              "the stress of a velocity-driven layer is that of its flow, which carries nothing at melting"},
-    Exclusion{kMeltFilm, kFixedHeatShare,
-              "the fixed share of the hard body is that of heat conducted into two half-spaces, and the latent heat "
-              "stays in one of them: give the table [hard_layer]"},
-    Exclusion{kMeltFilm, kPlasticLayer,
-              "the flow stress of the layer vanishes before the interface melts, so that the layer takes the slip of "
-              "the film"},
-    Exclusion{kMeltFilm, kPlasticHeating, "next to a film no layer flows whose work could become heat"},
-    Exclusion{kMeltFilm, kJunctions, "a film carries the stress on the whole area, junctions on a fraction of it"},
-    Exclusion{kMeltFilm, kSlipDependentFriction,
-              "the slip is that of the liquid, of which a law of dry friction knows nothing"},
-    Exclusion{kMeltFilm, kTemperatureDependentFriction,
-              "that friction vanishes at melting, so that the interface would not melt"},
-    Exclusion{kMeltFilm, kFirstOrderFlow,
-              "the strength of the solid contact up to melting is that of steinberg_cochran_guinan"},
-    Exclusion{kMeltFilm, kFlowWithoutWaveReturn,
-              "the strength of the solid contact up to melting is that of steinberg_cochran_guinan"},
-    Exclusion{kMeltFilm, kFlowWithoutPressureTerm,
-              "the strength of the solid contact up to melting is that of steinberg_cochran_guinan"},
-    Exclusion{kMeltFilm, kSecondOrder, "a front that moves is followed to first order"},
-    Exclusion{kMeltFilm, kModes, "modes keep no temperature inside the body, where the front is"},
-    Exclusion{kMeltFilm, kSleep, "the modes of a sleeping node are those of a body that neither melts nor freezes"},
-    Exclusion{kMeltFilm, kTolerance,
-              "the error is estimated from the interface temperature, which does not change while the interface melts"},
+    Exclusion{{kFrictionWithState}, {kSleep}, "the state of a contact at rest goes on: it heals"},
 };
 
 // A check of one option alone: returns a refusal, or nothing if the value of the option is allowed.
@@ -497,22 +490,56 @@ constexpr std::array<Limit, 8> kLimits = {
     },
 };
 
+constexpr const Part& part_of_table(Property property) {
+  return kParts[static_cast<std::size_t>(property)];
+}
+
 constexpr const Exclusion* exclusion_of(Property a, Property b, std::span<const Exclusion> exclusions) {
   for (const Exclusion& e : exclusions)
-    if ((e.first == a && e.second == b) || (e.first == b && e.second == a)) return &e;
+    if ((e.first.has(a) && e.second.has(b)) || (e.first.has(b) && e.second.has(a))) return &e;
   return nullptr;
 }
 
-// Whether each strategy excludes at least one of the two properties, so that no allowed model has both.
+constexpr bool alternatives(Property a, Property b) {
+  for (const Properties& choice : kChoices)
+    if (a != b && choice.has(a) && choice.has(b)) return true;
+  return false;
+}
+
+// Calls `with` for each property that is surely on where `of` is, `of` among them, until a call returns true.
+template <class With>
+constexpr bool any_needed(Property of, const With& with) {
+  if (with(of)) return true;
+  for (int p = 0; p < kProperties; ++p) {
+    const auto needed = static_cast<Property>(p);
+    if (static_cast<int>(of) < kProperties && part_of_table(of).needs.has(needed) && with(needed)) return true;
+  }
+  return false;
+}
+
+// Whether the tables rule out a model with both properties: they or what they need are alternatives or exclude each
+// other, or of a choice that every model has to make each part is ruled out by one of them.
 constexpr bool never_meet(Property a, Property b, std::span<const Exclusion> exclusions) {
-  for (const Property strategy : {kVelocityDriven, kForceDriven})
-    if (exclusion_of(a, strategy, exclusions) == nullptr && exclusion_of(b, strategy, exclusions) == nullptr)
-      return false;
-  return true;
+  const auto apart = [&](Property of_a, Property of_b) {
+    return any_needed(of_a, [&](Property x) {
+      return any_needed(of_b,
+                        [&](Property y) { return alternatives(x, y) || exclusion_of(x, y, exclusions) != nullptr; });
+    });
+  };
+  if (apart(a, b)) return true;
+  for (std::size_t c = 0; c < kWholeChoices; ++c) {
+    bool ruled_out = true;
+    for (int p = 0; p < kProperties; ++p) {
+      const auto part = static_cast<Property>(p);
+      if (kChoices[c].has(part) && !apart(a, part) && !apart(b, part)) ruled_out = false;
+    }
+    if (ruled_out) return true;
+  }
+  return false;
 }
 
 // Whether the tables say for every two parts if a model may have both: either the later part lists the earlier one in
-// `goes_with`, or the pair is excluded (but not both), or no allowed model can have both.
+// `goes_with`, or the pair is excluded (but not both), or no allowed model can have both (and then no row may say so).
 constexpr bool every_pair_is_decided(std::span<const Part> rows, std::span<const Exclusion> exclusions) {
   for (std::size_t j = 0; j < rows.size(); ++j) {
     for (std::size_t i = 0; i < j; ++i) {
@@ -559,12 +586,23 @@ std::string unique_key(const Part& part) {
 }
 std::string_view key_of(const Part& part, const ModelOptions& options) {
   const bool forced = options.strategy == Strategy::kForceDriven;
+  const auto given = [](double slope) { return std::isfinite(slope) && slope != 0.0; };
+  if (part.property == kVaryingHeat && conducts_by_temperature(options)) {
+    const bool of_soft = options.soft.conducts_by_temperature();
+    const bool conducts = given((of_soft ? options.soft : options.hard).conductivity_slope);
+    if (of_soft) return conducts ? part.key : "soft.specific_heat_slope_per_k";
+    return conducts ? "hard.thermal_conductivity_slope_per_k" : "hard.specific_heat_slope_per_k";
+  }
   return part.property == kPlasticHeating && forced ? "interface.taylor_quinney_factor" : part.key;
 }
 std::string setting_of(const Part& part, const ModelOptions& options) {
   std::string key(key_of(part, options));
   if (part.property == kFixedHeatShare) return "no table [" + key + "]";
-  if (part.property == kCoulombLimit || part.property == kPlasticHeating || part.property == kTolerance) return key;
+  if (part.property == kFlowingLayer)
+    return setting_of(part_of(options.plastic_layer ? kPlasticLayer : kVelocityDriven), options);
+  if (part.property == kCoulombLimit || part.property == kPlasticHeating || part.property == kTolerance ||
+      part.property == kVaryingHeat)
+    return key;
   if (!part.value.empty()) return key + " = " + std::string(part.value);
   if (key == "interface.friction_law")
     return key + " = \"" + std::string(FrictionLaws::name_of(options.interface.friction_law)) + "\"";
@@ -572,8 +610,16 @@ std::string setting_of(const Part& part, const ModelOptions& options) {
   return "[" + key + "]";
 }
 
+std::string name_of(const Part& part, const ModelOptions& options) {
+  if (part.property == kFlowingLayer) return "a layer that flows";
+  return part.law_with.empty() ? setting_of(part, options) : text_of("a ", part.law_with);
+}
+
 std::span<const Exclusion> exclusions() {
   return kExclusions;
+}
+std::span<const Properties> choices() {
+  return kChoices;
 }
 
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions) {
@@ -601,11 +647,20 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
     for (std::size_t i = 0; i < j; ++i) {
       const Part &earlier = *on[i], &later = *on[j];
       if (const Exclusion* e = exclusion_of(earlier.property, later.property, exclusions)) {
-        e->first == later.property ? refuse(later, earlier, e->reason) : refuse(earlier, later, e->reason);
+        e->first.has(later.property) ? refuse(later, earlier, e->reason) : refuse(earlier, later, e->reason);
       } else if (!go_together(earlier, later, exclusions) &&
                  !never_meet(earlier.property, later.property, exclusions)) {
         refuse(later, earlier, "nothing is known of the two together");
       }
+    }
+  }
+  for (const Part* part : on) {
+    if (part->property == kPlasticHeating) continue;  // kLimits says it with the reason
+    for (const Part& needed : parts) {
+      if (!part->needs.has(needed.property) || needed.is_on(options)) continue;
+      found.push_back({std::string(key_of(*part, options)),
+                       text_of(setting_of(*part, options), " is an option of ", name_of(needed, options)),
+                       text_of("Leave it out, or take ", name_of(needed, options), ".")});
     }
   }
   for (const Limit limit : kLimits)
@@ -618,6 +673,14 @@ Properties properties_of(const ModelOptions& options) {
   for (const Part& part : kParts)
     if (part.is_on(options)) on.add(part.property);
   return on;
+}
+
+bool only_open_is_second_order(const ModelOptions& options) {
+  const bool rate_flows = options.strategy == Strategy::kVelocityDriven && !options.inertia &&
+                          properties_of(options.soft.flow_law).first_order_in_time;
+  const auto& law = options.interface.friction_law;
+  return options.plastic_layer || options.junctions || options.melt_film || options.taylor_quinney_factor ||
+         rate_flows || (has_friction(options) && (properties_of(law).depends_on_slip() || !states_of(law).empty()));
 }
 
 bool goes_with(Property property, const ModelOptions& options) {

@@ -2,7 +2,8 @@
 // an option of the model or a kind of law, and has one row and one Property. Every pair of rows in parts.cpp must be
 // decided, or that file does not compile: the later row lists the earlier one as compatible, so that the two may be on
 // together; or the pair is excluded with a reason; or the two never meet, because each strategy excludes one of them.
-// Model's constructor, the service, the options page and the tests read the same rows.
+// What is an option of what is no exclusion: a part names what it needs, and kChoices of parts.cpp lists the parts of
+// which a model has one. Model's constructor, the service, the options page and the tests read the same rows.
 #pragma once
 
 #include <cstdint>
@@ -32,8 +33,7 @@ enum class Property : std::uint8_t {
   kJunctions,
   kSlipDependentFriction,
   kFirstOrderFlow,
-  kFlowWithoutWaveReturn,
-  kFlowWithoutPressureTerm,
+  kFlowWithPressureTerm,
   kMeltingCurve,
   kCompressedPressureTerm,
   kSecondOrder,
@@ -46,8 +46,11 @@ enum class Property : std::uint8_t {
   kIsothermalEnd,
   kSimonMelting,
   kMeltFilm,
+  kFlowWithoutBracket,
+  kFlowingLayer,
+  kVaryingHeat,
 };
-inline constexpr int kProperties = 26;
+inline constexpr int kProperties = 28;
 
 class Properties {
  public:
@@ -60,6 +63,7 @@ class Properties {
     return other;
   }
   constexpr bool has(Property p) const { return (bits_ & bit(p)) != 0; }
+  constexpr bool empty() const { return bits_ == 0; }
   constexpr void add(Property p) { bits_ |= bit(p); }
 
  private:
@@ -78,6 +82,7 @@ struct Part {
   // as a strategy: every model has one.
   void (*set)(ModelOptions&, bool on) = nullptr;
   Properties goes_with{};       // those of the earlier properties that may be on together with this one
+  Properties needs{};           // what this property is an option of: parts that must be on where it is
   std::string_view law_with{};  // name of a law with this property, for example "friction law that depends on slip"
   // Texts of OPTIONS.md: the equation, what the property adds, when to use it; empty if that page omits the property.
   std::string_view equation{};
@@ -98,13 +103,20 @@ std::string_view key_of(const Part& part, const ModelOptions& options);
 // "johnson_cook"`.
 std::string setting_of(const Part& part, const ModelOptions& options);
 
-// Two properties that exclude each other. A refusal names the key of `first`.
+// What a page calls a part: its setting, "a <law with this property>" or "a layer that flows".
+std::string name_of(const Part& part, const ModelOptions& options);
+
+// Properties that exclude each other for one reason: each of `first` each of `second`. A refusal names the key of the
+// one of `first`.
 struct Exclusion {
-  Property first;
-  Property second;
+  Properties first;
+  Properties second;
   std::string_view reason;
 };
 std::span<const Exclusion> exclusions();
+
+// Parts of which a model has one, or at most one.
+std::span<const Properties> choices();
 
 // One reason why a model with the options of a scene cannot be made.
 struct Refusal {

@@ -4,12 +4,14 @@
 #include <limits>
 
 #include "server/physics/solver/around/sleep.hpp"
+#include "server/physics/solver/around/varying_heat.hpp"
 #include "server/physics/solver/divided_tile.hpp"
 #include "server/physics/solver/force_driven/flowing_step.hpp"
 #include "server/physics/solver/force_driven/stages.hpp"
 #include "server/physics/solver/force_driven/step.hpp"
 #include "server/physics/solver/melting/film_step.hpp"
 #include "server/physics/solver/scratch.hpp"
+#include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/velocity_driven/at_rest.hpp"
 #include "server/physics/solver/velocity_driven/balance.hpp"
 #include "server/physics/solver/velocity_driven/inertia.hpp"
@@ -19,7 +21,8 @@ namespace shearbus::physics {
 namespace {
 
 AdvanceTile solver_of(const ModelOptions& options) {
-  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
+  const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2;
+  const bool second_order = sdirk2 && !only_open_is_second_order(options);
   if (options.strategy == Strategy::kVelocityDriven) {
     if (options.inertia) return second_order ? advance_with_inertia_sdirk2 : advance_with_inertia;
     return second_order ? advance_velocity_driven_sdirk2 : advance_velocity_driven;
@@ -30,6 +33,7 @@ AdvanceTile solver_of(const ModelOptions& options) {
 }
 
 RestRules rest_of(const ModelOptions& options) {
+  if (options.melt_film) return {melting_step_at_rest, nullptr};
   if (options.strategy == Strategy::kVelocityDriven) return {velocity_driven_step_at_rest, velocity_driven_may_rest};
   return {force_driven_step_at_rest, nullptr};
 }
@@ -60,12 +64,50 @@ void keep_lost(const Problem& problem, const TileInputs& inputs, const double* c
   }
 }
 
+// A step of an integrator of second order whose slip or flow is of first order: the solver's step, in which open
+// contacts conduct to second order. A step that neither is open nor sticks has the outcome kFirstOrder.
+void advance_open_to_second_order(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                  const double* committed, double* trial, TileOutputs& outputs) {
+  solver_of(problem.options)(problem, operators, inputs, committed, trial, outputs);
+  const TileLayout& layout = problem.layout;
+  TileInputs open = inputs;
+  open.active = 0;
+  for (const int l : lanes_of(inputs.active)) {
+    if (outputs.regime[l] != Regime::kOpen && outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
+    const bool melts =
+        problem.options.melt_film && (outputs.film_thickness[l] > 0.0 || film_thickness(problem, committed, l) > 0.0);
+    if (outputs.regime[l] == Regime::kOpen && !melts) open.active |= 1u << l;
+  }
+  if (open.active == 0 || problem.modes) return;  // modes conduct without an error in time
+  const double none[kLanes] = {};
+  const std::size_t first = layout.first_temperature();
+  double* rows = scratch_tile(Scratch::kStages, layout.doubles);
+  conduct(operators.stage(), problem.heat_rows, committed + first, rows);
+  sdirk2::begin_second_stage(operators.stage(), problem.heat_rows, committed + first, none, rows);
+  const std::uint32_t out = sdirk2::lanes_out_of_range(problem, open, committed + first, rows);
+  for (const int l : lanes_of(open.active)) {
+    if (contains(out, l)) {
+      outputs.outcome[l] |= kFirstOrder;
+      continue;
+    }
+    copy_lane(rows, trial + first, static_cast<std::size_t>(problem.heat_rows) * kLanes, l);
+    outputs.interface_temperature[l] = trial[layout.temperature + static_cast<std::size_t>(l)];
+  }
+}
+
+AdvanceTile whole_solver_of(const ModelOptions& options) {
+  const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2;
+  return sdirk2 && only_open_is_second_order(options) ? advance_open_to_second_order : solver_of(options);
+}
+
 // Links 3 and 4 of the chain in pipeline.hpp: sleep, which steps the sleeping lanes by their modes, and the solver for
 // all other lanes.
 void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs) {
-  const AdvanceTile solve = solver_of(problem.options);
-  if (problem.basis) {
+  const AdvanceTile solve = whole_solver_of(problem.options);
+  if (conducts_by_temperature(problem.options)) {
+    advance_varying(problem, operators.dt(), solve, inputs, committed, trial, outputs);
+  } else if (problem.basis) {
     advance_with_sleep(problem, operators, {solve, rest_of(problem.options)}, inputs, committed, trial, outputs);
   } else {
     solve(problem, operators, inputs, committed, trial, outputs);
@@ -83,8 +125,8 @@ void advance_first_order(const Problem& problem, const StepOperators& operators,
 AdvanceTile first_order_of(const Problem& problem) {
   const ModelOptions& options = problem.options;
   const bool sheared = options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
-  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2;
-  return sheared && second_order && !problem.basis ? advance_first_order : nullptr;
+  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2 && !only_open_is_second_order(options);
+  return sheared && second_order && !problem.basis && !conducts_by_temperature(options) ? advance_first_order : nullptr;
 }
 
 // The stress that a force-driven step answers is its mean already: the momentum balance (61) takes it as constant over
@@ -156,9 +198,9 @@ double interface_temperature(const Problem& problem, const double* tile, int lan
 }
 
 StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered) {
-  if (problem.basis) return stored_heat_with_sleep(problem, committed, trial, entered);
   const std::size_t first = problem.layout.first_temperature();
-  StoredHeat stored = stored_in_rows(problem, committed + first, trial + first, entered);
+  StoredHeat stored = problem.basis ? stored_heat_with_sleep(problem, committed, trial, entered)
+                                    : stored_in_rows(problem, committed + first, trial + first, entered);
   if (problem.options.melt_film) add_latent_heat(problem, committed, trial, stored.soft);
   return stored;
 }

@@ -84,11 +84,13 @@ class TileLayout : public StateList {
   // Fraction of the metal at each vertex of the soft body that is liquid (MODEL.md, "Melt film").
   std::size_t liquid_fraction = add("liquid_fraction", "1", options_->melt_film ? num_vertices : 0);
   // Two values: the number of steps at rest, and the number of modes that have not decayed (0: the node is awake).
-  std::size_t resting = add("resting", "1", options_->sleep ? 2 : 0);
-  // For a sleeping node whose layer can flow: the temperature of the hottest vertex, and the plastic strain of the
-  // least strained vertex.
-  std::size_t hottest_at_rest = add("hottest_at_rest_k", "K", num_strain_vertices > 0 && options_->sleep);
-  std::size_t least_strain_at_rest = add("least_strain_at_rest", "1", num_strain_vertices > 0 && options_->sleep);
+  std::size_t resting = add("resting", "1", nodes_sleep(*options_) ? 2 : 0);
+  // For a sleeping node whose layer can flow or melt: the temperature of the hottest vertex; for one whose layer can
+  // flow also the plastic strain of the least strained vertex.
+  std::size_t hottest_at_rest =
+      add("hottest_at_rest_k", "K", nodes_sleep(*options_) && (num_strain_vertices > 0 || options_->melt_film));
+  std::size_t least_strain_at_rest =
+      add("least_strain_at_rest", "1", nodes_sleep(*options_) && num_strain_vertices > 0);
 
   // Offset of the first of the states hard_temperature, heat_modes and temperature (some of which may be absent).
   std::size_t first_temperature() const { return temperature - (num_hard_vertices + num_heat_modes) * kLanes; }

@@ -27,12 +27,10 @@ class StepOperators {
                 int halvings, bool spread, bool stages, const HeatBasis* basis)
       : dt_(dt), bodies_({&grid, &soft, &hard}), heat_(std::in_place, grid, soft, hard, dt) {
     if (stages) stage_.emplace(grid, soft, hard, sdirk2::kDiagonal * dt);
-    if (basis != nullptr) decay_ = basis->decay(dt);
+    // The stages of SDIRK2 are no product of factors of one sign; a sleeping node takes the exact factors in their place.
+    if (basis != nullptr) decay_ = basis->decay(dt, stages);
     for (int k = 1; k <= halvings; ++k) shorter_.emplace_back(grid, dt *= 0.5);
-    num_heated_ = num_heated_vertices(layer, heat_->layer_response());
-    if (!spread) return;
-    spread_.emplace(grid, dt_, layer.num_vertices(), soft, hard);
-    num_heated_ = layer.num_vertices();
+    if (spread) spread_.emplace(grid, dt_, layer.num_vertices(), soft, hard);
   }
 
   // Operators of a model with modes instead of a profile. The modes belong to the model and must outlive this object.
@@ -76,7 +74,6 @@ class StepOperators {
   // Factor by which a step multiplies each mode of a sleeping node.
   const double* decay() const { return decay_.data(); }
   const SpreadHeat& spread() const { return *spread_; }
-  int num_heated() const { return num_heated_; }  // number of vertices, from z = 0, that the heat of one step reaches
 
   // SDIRK2: with a profile both stages use the operator of gamma dt; with modes the operator of the second stage covers
   // the whole step.
@@ -117,7 +114,12 @@ class StepOperators {
   std::optional<SpreadHeat> spread_;
   std::optional<HeatOperator> stage_;
   std::optional<ModeStages> mode_stages_;
-  int num_heated_ = 0;
 };
+
+struct Problem;
+// Operators of a step of dt / 2^times. `times`: how often the tolerance has halved the step. A force-driven step with
+// several answers may then be halved (force_driven/substeps.hpp) that many times less, so that the shortest substep does
+// not depend on the tolerance.
+std::unique_ptr<StepOperators> make_operators(const Problem& problem, double dt, int times);
 
 }  // namespace shearbus::physics

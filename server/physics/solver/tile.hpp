@@ -8,19 +8,19 @@
 #include "server/physics/layer/lanes.hpp"
 
 namespace shearbus::physics {
-
+// From shearbus/v1/downscale.proto, which explains them, by print_contract.py: regimes and outcomes
 enum class Regime : std::uint8_t { kOpen = 0, kStick = 1, kCoulomb = 2, kTresca = 3, kMelting = 4 };
 
 // Bits of a lane's outcome; 0 is a plain success.
 inline constexpr std::uint8_t kSubstepped = 1;
 inline constexpr std::uint8_t kMultipleRoots = 2;
 inline constexpr std::uint8_t kOutsideDomain = 4;
-inline constexpr std::uint8_t kSudden = 8;       // shorter steps may give another answer: changes_suddenly()
-inline constexpr std::uint8_t kOverBudget = 16;  // with kFailed: the step needed more work than its budget
-inline constexpr std::uint8_t kAsleep = 32;      // the node was at rest and was not solved
-inline constexpr std::uint8_t kFirstOrder = 64;  // backward Euler, because the second-order step did not apply
+inline constexpr std::uint8_t kSudden = 8;
+inline constexpr std::uint8_t kOverBudget = 16;
+inline constexpr std::uint8_t kAsleep = 32;
+inline constexpr std::uint8_t kFirstOrder = 64;
 inline constexpr std::uint8_t kFailed = 128;
-
+// print_contract.py: end
 // The inputs of the host for one step of one tile. Lanes that are not active may hold any finite number: it affects no
 // answer. Members `second_` are second tangential components: they are read only if a model has two.
 struct TileInputs {

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <string>
 
+#include "proto/program/program.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/text.hpp"
 #include "tests/study/map/output.hpp"
@@ -78,7 +79,7 @@ void run(const CommandOptions& options) {
   const Map map = sweep(scene, axes, options.times_s, options.dt_s);
   for (const std::string& warning : map.warnings) fmt::print(stderr, "shearbus-study: {}\n", wire::labelled(warning));
   write(map, map.scene_name, server::provenance("shearbus-study", map.scene_name, options.arguments), options.out);
-  fmt::print("{}{}: nodes.csv, map.json\n", summary(map), options.out.string());
+  fmt::print("{}{}: nodes.csv, map.json\n", summary(map), program::shown(options.out));
 }
 
 }  // namespace shearbus::map

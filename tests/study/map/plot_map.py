@@ -5,9 +5,7 @@ model is outside its domain, and the velocity above which the interface has melt
 
     plot_map.py DIR [--out DIR]
 """
-import argparse
 import csv
-import json
 import pathlib
 import sys
 
@@ -18,6 +16,7 @@ from matplotlib.ticker import FuncFormatter
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "client/report"))
 import style  # noqa: E402
+from terminal import Parser, complain, read_json  # noqa: E402
 
 LINES = [  # key in map.json, meaning, style
     ("sticking_below_m_per_s", "sticks below", {"color": style.INK, "linestyle": "-"}),
@@ -33,7 +32,7 @@ PANELS = [  # column of nodes.csv, title, colour map, scale, logarithmic
 
 class Map:
     def __init__(self, directory):
-        self.json = json.loads((directory / "map.json").read_text())
+        self.json = read_json(directory / "map.json")
         self.provenance = {"program": "shearbus-study map", "version": self.json.get("version", self.json.get("server_version", ""))}
         self.pressure = np.array(self.json["pressure_pa"]) * 1e-9
         self.velocity = np.array(self.json["velocity_jump_m_per_s"])
@@ -113,7 +112,7 @@ def draw_limits(the_map):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("directory", type=pathlib.Path, help="what shearbus-study map wrote")
     parser.add_argument("--out", type=pathlib.Path, help="where the pictures go (default: the same directory)")
     options = parser.parse_args()
@@ -121,7 +120,7 @@ def main():
     try:
         the_map = Map(options.directory)
     except (OSError, ValueError, KeyError) as fault:
-        print(f"plot_map.py: {fault}", file=sys.stderr)
+        complain("plot_map.py", fault)
         return 1
     out.mkdir(parents=True, exist_ok=True)
     for name, draw in (("limits.png", draw_limits), ("fields.png", draw_fields)):

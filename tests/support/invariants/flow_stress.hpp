@@ -36,6 +36,8 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     // the strain follows from the stress by hardening alone; the rounding error of the stress then adds to that of
     // `dep`. A strain that grows by less than its last digit in the last of several substeps may do so at any rate up
     // to that.
+    // All of it may have grown in the second of two stages.
+    const double of_stage = options.inertia && of_two_stages(options, a) ? 1.0 / 0.29289321881345254 : 1.0;
     const double dep = a.parts() * (ep - ep_old);
     const double T = profile[static_cast<std::size_t>(i)];
     const bool rated = properties_of(soft.flow_law).depends_on_rate;
@@ -45,7 +47,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     const auto limit = [&](double temperature, double increment) {
       return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
     };
-    const double most = limit(T * (1 - kDigits) - grain, dep + noise + (a.parts() - 1) * (4e-16 * ep));
+    const double most = limit(T * (1 - kDigits) - grain, of_stage * (dep + noise + (a.parts() - 1) * (4e-16 * ep)));
     // A molten vertex among waves may keep what is no stress.
     const double nothing = options.inertia ? 1e-40 : 0.0;  // [Pa]
     require(carried <= most * (1 + 1e-10) + nothing,

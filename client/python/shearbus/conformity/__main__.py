@@ -18,19 +18,19 @@ Two more, played where they are named, need a pressure that changes with time (c
 import argparse
 import sys
 
+from .._terminal import Parser, positive_number
 from . import DEFAULT, SCENARIOS, await_host, command_client, judge
 from .mock_server import Problem
 
 
 def main(words):
-    parser = argparse.ArgumentParser(prog="shearbus-ctl rehearse", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter, usage=argparse.SUPPRESS)
+    parser = Parser(prog="shearbus-ctl rehearse", description=__doc__, usage=argparse.SUPPRESS)
     parser.add_argument("endpoint", nargs="?", help="tcp://host:port or ipc://path, for a host started by hand")
     parser.add_argument("--problem", choices=Problem.NAMES, default=Problem.NAMES[0])
     parser.add_argument("--server", help="endpoint of a real server, against which the host is run at the end")
     parser.add_argument("--scenario", action="append", choices=list(SCENARIOS), help="only this one, repeatable")
-    parser.add_argument("--timeout", type=float, default=120.0, help="of one run of the host, in s (120)")
-    parser.add_argument("--delay", type=float, default=8.0,
+    parser.add_argument("--timeout", type=positive_number, default=120.0, help="of one run of the host, in s (120)")
+    parser.add_argument("--delay", type=positive_number, default=8.0,
                         help="of a delayed reply, in s (8): longer than the client waits before it repeats a request")
     at = words.index("--") if "--" in words else len(words)
     options, command = parser.parse_args(words[:at]), words[at + 1:]

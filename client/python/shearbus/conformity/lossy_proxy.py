@@ -6,10 +6,12 @@ lossy_proxy.py --bind ENDPOINT --server ENDPOINT [--plan NUMBER:FAULT,...] [--de
 
 FAULT is lose_request, lose_reply, double_request, double_reply or delay_reply (by --delay seconds); NUMBER counts the
 requests that the client sends for the first time, hello being 0."""
-import argparse
+import re
 import time
 
 import zmq
+
+from .._terminal import Parser, positive_number
 
 FAULTS = ("lose_request", "lose_reply", "double_request", "double_reply", "delay_reply")
 PLAN = {
@@ -84,15 +86,16 @@ class LossyProxy:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("--bind", required=True)
     parser.add_argument("--server", required=True)
     parser.add_argument("--plan", help="such as 2:lose_reply,5:lose_request")
-    parser.add_argument("--delay", type=float, default=8.0)
+    parser.add_argument("--delay", type=positive_number, default=8.0)
     options = parser.parse_args()
     chosen = None
     if options.plan:
-        chosen = {int(number): fault for number, fault in (item.split(":") for item in options.plan.split(","))}
-        if not set(chosen.values()) <= set(FAULTS):
-            parser.error(f"expected faults of {', '.join(FAULTS)}")
+        found = [re.fullmatch(rf"([0-9]{{1,9}}):({'|'.join(FAULTS)})", item) for item in options.plan.split(",")]
+        if None in found:
+            parser.error(f"--plan: expected NUMBER:FAULT with the faults {', '.join(FAULTS)}, and commas between two of them")
+        chosen = {int(item[1]): item[2] for item in found}
     LossyProxy(chosen, options.delay).serve(options.bind, options.server, lambda: False)

@@ -7,7 +7,6 @@ mock_server.py --bind ENDPOINT [--problem two_half_spaces | finite_plate | stick
 It serves until a session is closed, then prints every check that failed and the line "N of M". A node slides under the
 friction --friction-pa, or sticks where less is enough. Needs pyzmq and libxxhash (or the package xxhash); of the
 protocol it knows what a step needs: hello, open_session, downscale, commit, rollback, resume_session, close_session."""
-import argparse
 import ctypes
 import math
 import os
@@ -16,6 +15,8 @@ import sys
 import time
 
 import zmq
+
+from .._terminal import Parser, real_number, whole_number
 
 MAGIC = 0x31425353
 OK, BAD_FRAMING, MALFORMED, VERSION, CHECKSUM, SHAPE, UNSUPPORTED = 1, 100, 101, 102, 104, 105, 106
@@ -673,11 +674,11 @@ class MockServer:
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("--bind", required=True)
     parser.add_argument("--problem", choices=Problem.NAMES, default=Problem.NAMES[0])
-    parser.add_argument("--friction-pa", type=float, default=Problem.friction)
-    parser.add_argument("--restart-after", type=int)
+    parser.add_argument("--friction-pa", type=real_number, default=Problem.friction)
+    parser.add_argument("--restart-after", type=whole_number)
     options = parser.parse_args()
     Problem.friction = options.friction_pa
     server = MockServer(options.problem, options.restart_after)

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/parts.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -15,6 +16,8 @@ namespace {
 // Each cell of a graded grid is at most 1 + kGrowth sqrt(tolerance) times as wide as the cell before it: the error of
 // conduction and that of the flow that gathers at z = 0 are of second order in (ratio of widths - 1), measured.
 constexpr double kGrowth = 20.0;
+// The same with a face that is held, which a slab feels seven times as much: the flux to it is exact, its way is not.
+constexpr double kGrowthToHeldFace = 10.0;
 constexpr double kMostGrowth = 1.0;  // largest (ratio of the widths of neighbouring cells) - 1
 // Cells behind the layer go on with its ratio, which leaves no error there that a tolerance of 1e-6 would show.
 constexpr double kLeastExtensionGrading = 1.001;
@@ -30,8 +33,8 @@ constexpr double kLongestTime = 1e-3;  // longest time that the modes represent 
 // Makes cells that grow by a ratio g away from z = 0, from a first cell of (g - 1) delta, where delta is the diffusion
 // length of a short time. The cells then resolve all diffusion lengths above delta alike: the width of each cell is
 // (g - 1) times the distance of its near face from z = -delta.
-GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance) {
-  const double growth = 1.0 + std::min(kGrowth * std::sqrt(tolerance), kMostGrowth);
+GridOptions graded_for(GridOptions grid, double diffusivity, bool held, double tolerance) {
+  const double growth = 1.0 + std::min((held ? kGrowthToHeldFace : kGrowth) * std::sqrt(tolerance), kMostGrowth);
   const double part = std::min(1.0, tolerance / kShortTimeTolerance);
   const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
   // 1 + thickness / delta. This ratio is g to the power of the number of cells.
@@ -46,9 +49,12 @@ GridOptions graded_for(GridOptions grid, double diffusivity, double tolerance) {
 
 ModelOptions discretised(ModelOptions options, double tolerance) {
   options.tolerance = tolerance;
-  options.time_integrator =
-      goes_with(Property::kSecondOrder, options) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
-  options.grid = graded_for(options.grid, options.soft.diffusivity, tolerance);
+  const bool second_order = goes_with(Property::kSecondOrder, options) && !only_open_is_second_order(options) &&
+                            !properties_of(options.soft.flow_law).first_order_in_time;
+  options.time_integrator = second_order ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
+  const bool held = options.grid.far_boundary == FarBoundary::kIsothermal ||
+                    (options.hard_grid && options.hard_grid->far_boundary == FarBoundary::kIsothermal);
+  options.grid = graded_for(options.grid, options.soft.diffusivity, held, tolerance);
   if (options.hard_grid) {
     options.hard_grid->cells = options.grid.cells;
     options.hard_grid->grading = options.grid.grading;

@@ -128,7 +128,7 @@ bool slips_under_constant_limit(const ModelOptions& options) {
 bool can_linearise(const ModelOptions& options) {
   return !options.tolerance && options.time_integrator == TimeIntegrator::kBackwardEuler &&
          options.tangential_components == 1 && !options.inertia && !options.plastic_layer && !options.melt_film &&
-         !options.taylor_quinney_factor && options.drive == Drive::kLayerShear &&
+         !options.taylor_quinney_factor && !conducts_by_temperature(options) && options.drive == Drive::kLayerShear &&
          (options.strategy == Strategy::kForceDriven || slips_under_constant_limit(options));
 }
 

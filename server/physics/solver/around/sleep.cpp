@@ -25,16 +25,18 @@ int living(const TileLayout& layout, const double* tile, int lane) {
 // the layer's strength. This bound holds as long as the lane sleeps: without a source diffusion only levels the
 // temperature, and without flow the strain is constant.
 struct WeakestVertex {
-  double temperature;  // temperature of the hottest vertex         [K]
-  double strain;       // plastic strain of the least strained vertex
+  double temperature;   // temperature of the hottest vertex         [K]
+  double strain = 0.0;  // plastic strain of the least strained vertex of a layer that can flow
 };
 
 WeakestVertex weakest_vertex(const Problem& problem, const double* tile, int lane) {
   const TileLayout& layout = problem.layout;
   const double* T = tile + layout.first_temperature() + lane;
-  const double* strain = tile + layout.plastic_strain + lane;
-  double hottest = T[0], least = strain[0];
+  double hottest = T[0];
   for (std::ptrdiff_t i = 1; i < problem.heat_grid.num_vertices(); ++i) hottest = std::max(hottest, T[i * kLanes]);
+  if (layout.plastic_strain == TileLayout::kAbsent) return {hottest};
+  const double* strain = tile + layout.plastic_strain + lane;
+  double least = strain[0];
   for (std::ptrdiff_t i = 1; i < problem.grid.num_vertices(); ++i) least = std::min(least, strain[i * kLanes]);
   return {hottest, least};
 }
@@ -46,16 +48,25 @@ bool surely_rigid(const Material& soft, double pressure, double stress, const We
   return kSqrt3 * stress <= kStrengthMargin * strength;
 }
 
+// Whether certainly nothing melts or flows in a step at rest.
+bool surely_at_rest(const Problem& problem, const Material& soft, double pressure, Regime regime, double stress,
+                    const WeakestVertex& weakest) {
+  if (problem.options.melt_film) return weakest.temperature + kTemperatureMargin < soft.melting_temperature;
+  return regime == Regime::kOpen || surely_rigid(soft, pressure, std::abs(stress), weakest);
+}
+
 // The step of a sleeping lane; empty where heat or flow wakes the lane.
 std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperators& operators, const RestRules& rest,
                                         const TileInputs& inputs, const double* committed, const Material& soft,
                                         double T0, int lane) {
   const TileLayout& layout = problem.layout;
   const std::optional<RestingStep> found = rest.step(problem, operators, inputs, committed, soft, T0, lane);
-  if (found && found->step.regime != Regime::kOpen && layout.hottest_at_rest != TileLayout::kAbsent) {
+  if (found && layout.hottest_at_rest != TileLayout::kAbsent) {
+    const bool can_flow = layout.least_strain_at_rest != TileLayout::kAbsent;
     const WeakestVertex weakest{committed[layout.hottest_at_rest + lane],
-                                committed[layout.least_strain_at_rest + lane]};
-    if (!surely_rigid(soft, inputs.pressure[lane], std::abs(found->step.stress), weakest)) return std::nullopt;
+                                can_flow ? committed[layout.least_strain_at_rest + lane] : 0.0};
+    if (!surely_at_rest(problem, soft, inputs.pressure[lane], found->step.regime, found->step.stress, weakest))
+      return std::nullopt;
   }
   return found;
 }
@@ -96,6 +107,7 @@ void write_sleeping_lane(const Problem& problem, const TileInputs& inputs, const
   outputs.friction_heat[lane] = 0.0;
   outputs.regime[lane] = step.regime;
   outputs.outcome[lane] = kAsleep | resting.outcome;
+  if (problem.options.melt_film) outputs.film_thickness[lane] = 0.0;
   if (inputs.wants_mean_stress) {  // the stress of a layer at rest changes linearly in time
     const double before = stress_before(layout, inputs, committed, lane);
     outputs.mean_shear_stress[lane] = step.regime == Regime::kOpen ? 0.0 : 0.5 * (before + step.stress);
@@ -113,15 +125,17 @@ void count_rest(const Problem& problem, const RestRules& rest, const TileInputs&
   bool sleeps = steps >= problem.steps_before_sleep;
   if (sleeps && layout.hottest_at_rest != TileLayout::kAbsent) {
     weakest = weakest_vertex(problem, trial, lane);
-    sleeps = outputs.regime[lane] == Regime::kOpen ||
-             surely_rigid(soft, inputs.pressure[lane], std::abs(outputs.shear_stress[lane]), weakest);
+    sleeps = surely_at_rest(problem, soft, inputs.pressure[lane], outputs.regime[lane], outputs.shear_stress[lane],
+                            weakest) &&
+             (!problem.options.melt_film || outputs.film_thickness[lane] == 0.0);
   }
   trial[layout.resting + lane] = sleeps || steps < problem.steps_before_sleep ? steps : 0.0;
   trial[layout.resting + kLanes + lane] =
       sleeps ? to_modes(*problem.basis, lane, trial + layout.first_temperature()) : 0.0;
   if (layout.hottest_at_rest == TileLayout::kAbsent) return;
   trial[layout.hottest_at_rest + lane] = sleeps ? weakest.temperature : 0.0;
-  trial[layout.least_strain_at_rest + lane] = sleeps ? weakest.strain : 0.0;
+  if (layout.least_strain_at_rest != TileLayout::kAbsent)
+    trial[layout.least_strain_at_rest + lane] = sleeps ? weakest.strain : 0.0;
 }
 
 // Heat in the two bodies of one lane, relative to bodies at a uniform reference temperature.
@@ -135,6 +149,14 @@ Held held_heat(const Problem& problem, const double* tile, int lane, double refe
   if (asleep(problem.layout, tile, lane)) {
     // Every mode but the first holds no net heat in both bodies together.
     const HeatBasis& basis = *problem.basis;
+    if (basis.holds_ends) {
+      for (std::size_t k = 0; k < basis.rate.size(); ++k) {
+        const double amplitude = rows[static_cast<std::ptrdiff_t>(k) * kLanes] - (k == 0 ? reference : 0.0);
+        held.soft += basis.soft_heat[k] * amplitude;
+        if (problem.options.hard_grid) held.hard += basis.hard_heat[k] * amplitude;
+      }
+      return held;
+    }
     if (!problem.options.hard_grid) return {basis.heat * (rows[0] - reference), 0.0};
     held.soft = basis.soft_heat[0] * (rows[0] - reference);
     for (std::ptrdiff_t k = 1; k < basis.num_modes(); ++k)
@@ -194,7 +216,8 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
   for (int l = 0; l < kLanes; ++l) {
     if (!slept[l] && !sleeps[l]) continue;
     stored.soft[l] = stored.hard[l] = 0.0;
-    if (slept[l] && sleeps[l] && !problem.options.hard_grid) continue;  // while asleep the only body keeps its heat
+    const bool keeps = !problem.options.hard_grid && !problem.basis->holds_ends;
+    if (slept[l] && sleeps[l] && keeps) continue;  // while asleep the only body keeps its heat
     // Heat is measured from the mean temperature of the sleeping state, so that the differences cancel little.
     const double reference = (slept[l] ? committed : trial)[first + static_cast<std::size_t>(l)];
     const Held before = held_heat(problem, committed, l, reference);

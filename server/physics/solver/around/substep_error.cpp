@@ -221,6 +221,22 @@ double SubstepErrors::mean_stress(const Substep& substep, const SubstepAnswer& p
   return goes_on(substep, piece, halves) ? mean + (mean - piece.mean) / 3.0 : mean;
 }
 
+double SubstepErrors::impulse_left(const Substep& substep, const SubstepAnswer& piece,
+                                   const SubstepAnswer (&halves)[2]) const {
+  if (problem_.options.time_integrator != TimeIntegrator::kBackwardEuler) return 0.0;
+  const auto slips_on = [&](const SubstepAnswer& answer) {
+    return answer.regime != Regime::kOpen && answer.regime != Regime::kStick &&
+           answer.jump_new * substep.velocity_jump > 0.0 && answer.outcome == 0;
+  };
+  if (!slips_on(piece) || !slips_on(halves[0]) || !slips_on(halves[1])) return 0.0;
+  const double left = 0.5 * (halves[0].stress + halves[1].stress) - piece.stress;
+  return jump_after(substep, halves[1].jump_new, left) * substep.velocity_jump > 0.0 ? left : 0.0;
+}
+
+double SubstepErrors::jump_after(const Substep& substep, double jump_new, double impulse) const {
+  return jump_new - forcing_of(inputs_, substep.lane).mobility * substep.length * dt_ * impulse;
+}
+
 // The error of the jump after a force-driven substep as a change of T0: a jump that is off stays off, and heats on.
 double SubstepErrors::jump_as_temperature(const Substep& substep, const SubstepAnswer& piece,
                                           const SubstepAnswer (&halves)[2]) const {

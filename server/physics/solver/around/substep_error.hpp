@@ -52,6 +52,12 @@ class SubstepErrors {
   // extrapolated from that of one piece and of the halves, whose straight paths cut off the bend of the stress.
   double mean_stress(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
 
+  // What is left of the mean stress of two halves of a force-driven substep of backward Euler, whose errors have one sign
+  // in every substep and add up: their distance from one piece, as long as the interface goes on slipping in one
+  // direction; else 0  [Pa]. jump_after(): the jump after the substep with that mean stress.
+  double impulse_left(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
+  double jump_after(const Substep& substep, double jump_new, double impulse) const;
+
  private:
   struct Errors {
     double T0 = 0.0;    // [K]

@@ -127,7 +127,9 @@ void ControlledStep::begin() {
   for (const int l : lanes_of(open_)) {
     lanes_[l].left = kStepShare * *problem_.options.tolerance;
     if (inputs_.stress_before) accepted_[stress + static_cast<std::size_t>(l)] = inputs_.stress_before[l];
-    if (first_order_ != nullptr) {
+    if ((piece.outcome[l] & kAsleep) != 0) {
+      accept_piece(l, piece, 0.0);
+    } else if (first_order_ != nullptr) {
       take_first_order(l, piece);
     } else {
       lanes_[l].coarse = answer_of(piece, l);
@@ -220,6 +222,8 @@ void ControlledStep::accept_piece(int l, const TileOutputs& piece, double error)
   const double length = std::ldexp(1.0, -lanes_[l].level);
   copy_lane(half_, accepted_, problem_.layout.doubles, l);
   add(answer_of(piece, l), length, forced_, lanes_[l].sum);
+  lanes_[l].awake |= (piece.outcome[l] & kAsleep) == 0;
+  if (forced_) now_.velocity_jump[l] = piece.velocity_jump_new[l];
   if (inputs_.wants_mean_stress) lanes_[l].mean_stress += length * piece.mean_shear_stress[l];
   move_on(l, error);
 }
@@ -237,6 +241,11 @@ std::uint32_t ControlledStep::solve(int level, std::uint32_t together) {
     for (const int l : lanes_of(now_.active)) {
       Progress& lane = lanes_[l];
       lane.coarse = answer_of(piece, l);
+      if ((lane.coarse.outcome & kAsleep) != 0) {  // a step at rest has no error
+        together &= ~(1u << l);
+        accept_piece(l, piece, 0.0);
+        continue;
+      }
       if (!lane.first_order_known || (lane.coarse.outcome & kFailed) != 0) continue;
       lane.first_order_known = false;
       const double error = errors_.of_piece(substep_of(l), lane.coarse, lane.first_order);
@@ -272,9 +281,14 @@ void ControlledStep::accept_or_refine(int l) {
     return;
   }
   copy_lane(fine_, accepted_, problem_.layout.doubles, l);
-  if (forced_) now_.velocity_jump[l] = halves[1].jump_new;
   const double half = std::ldexp(0.5, -lane.level);
   for (const SubstepAnswer& answer : halves) add(answer, half, forced_, lane.sum);
+  if (forced_) {
+    const double more = errors_.impulse_left(substep, lane.coarse, halves);
+    lane.sum.stress += 2.0 * half * more;
+    lane.sum.jump_new = now_.velocity_jump[l] = errors_.jump_after(substep, halves[1].jump_new, more);
+  }
+  lane.awake = true;
   if (inputs_.wants_mean_stress && !forced_)
     lane.mean_stress += 2.0 * half * errors_.mean_stress(substep, lane.coarse, halves);
   move_on(l, error);
@@ -314,7 +328,7 @@ void ControlledStep::finish(int l) {
   outputs_.velocity_jump_new[l] = sum.jump_new;
   outputs_.friction_heat[l] = sum.heat;
   outputs_.regime[l] = sum.regime;
-  outputs_.outcome[l] = sum.outcome;
+  outputs_.outcome[l] = lanes_[l].awake ? sum.outcome & static_cast<std::uint8_t>(~kAsleep) : sum.outcome;
   if (forced_) return;
   outputs_.outcome[l] &= static_cast<std::uint8_t>(~kOutsideDomain);
   outputs_.outcome[l] |= outside_domain(sum.slip, inputs_.velocity_jump[l]);

@@ -42,6 +42,7 @@ class ControlledStep {
     SubstepAnswer first_order;  // the same by backward Euler, if first_order_known
     bool coarse_known = false, first_order_known = false;
     bool refined = false;  // the next substep was shortened because of its error
+    bool awake = false;    // some accepted substep was solved
     int attempts = 0;
     double left = 0.0;         // remaining error budget of T0, relative to T_melt less the initial temperature
     double mean_stress = 0.0;  // sum of mean stress times fraction of the step, of the accepted substeps  [Pa]

@@ -1,11 +1,14 @@
 #include "server/physics/solver/flow/layer_flow.hpp"
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
 #include "server/physics/material/flow_laws.hpp"
-#include "server/physics/solver/flow/vertex_flow.hpp"
+
+#define SHEARBUS_KERNELS "server/physics/solver/flow/layer_flow_kernel.hpp"
+#include "server/physics/layer/each_register.hpp"
 
 namespace shearbus::physics {
 
@@ -28,40 +31,115 @@ bool is_balanced(double a, double left, double compliance, double slip, const Fl
   return std::abs(flow - left) <= open;
 }
 
-int num_heated_vertices(const Grid& grid, const double* response) {
-  // A vertex with a response below this fraction of the response at z = 0 warms by less than the last digit of T.
-  constexpr double kLost = 1e-17;
-  int n = grid.num_vertices();
-  while (n > 1 && response[n - 1] < kLost * response[0]) --n;
-  return n;
-}
-
-void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load) {
-  FlowLaws::with(soft.flow_law, [&](auto law) {
-    using Law = typename decltype(law)::type;
-    const bool loads = kSqrt3 * a / Law::unit_of_load(soft) >= std::numeric_limits<double>::min();
-    load.load[lane] = loads ? Law(soft, 1.0).load_of(a) : kNoLoad;
-    load.bracket[lane] = Law::bracket_at(soft, pressure);
+LayerFlow::LayerFlow(const FlowProblem& layers, double* rows)
+    : problem(layers), rows_of_vertices(rows), is_explicit(has_explicit_flow(layers.soft->flow_law)) {
+  FlowLaws::with(problem.soft->flow_law, [&](auto own) {
+    using Law = typename decltype(own)::type;
+    if constexpr (ExplicitFlow<Law>) exponent = Law::exponent(*problem.soft);
   });
-  load.flux[lane] = flux;
-  load.T_melt[lane] = soft.melting_temperature;
+  searched.summed = false;
+  std::fill_n(searched.stress, kLanes, 0.0);
+  std::fill_n(expanded.base, kLanes, 0.0);
+  std::fill_n(expanded.base_heating, kLanes, 0.0);
+  for (int l = 0; l < kLanes; ++l) {
+    forget(l);
+    load(l, *problem.soft, 0.0, 0.0, 0.0);
+  }
 }
 
-double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new) {
-  return FlowLaws::with(problem.soft->flow_law, [&](auto own) {
-    const typename decltype(own)::type law(*problem.soft, problem.dt);
-    double slip = 0.0;
-    for (std::ptrdiff_t i = 0; i < problem.grid->num_vertices(); ++i) {
-      const std::ptrdiff_t at = i * kLanes + lane;
-      const double response = problem.spread_response != nullptr ? problem.spread_response[at] : problem.response[i];
-      const double rise = load.flux[lane] * response;
-      const double old = problem.strain[at];
-      const double dep = flow_of_vertex(law, load, lane, problem.T_ad[at] + rise, rise, old).dep;
-      slip += problem.grid->weight[static_cast<std::size_t>(i)] * dep;
-      if (strain_new != nullptr) strain_new[at] = old + dep;
+void LayerFlow::load(int lane, const Material& at_pressure, double pressure, double a, double heat_per_stress) {
+  pressed[lane] = 1.0 + at_pressure.pressure_coefficient * pressure;
+  T_melt[lane] = at_pressure.melting_temperature;
+  load(lane, a, heat_per_stress);
+}
+
+void LayerFlow::forget(int lane) {
+  bounds_are_known = false;
+  expanded.origin[lane] = -1.0;
+  expanded.origin_flux[lane] = expanded.steepest[lane] = 0.0;
+  searched.last_flux[lane] = -1.0;
+}
+
+void LayerFlow::sum(std::uint32_t lanes, double* strain_new) {
+  const bool alone = std::has_single_bit(lanes);
+  const int first = alone ? std::countr_zero(lanes) : 0, end = alone ? first + 1 : kLanes;
+  if (is_explicit && !bounds_are_known) {
+    if (alone) {
+      one::find_bounds(*this, first, end);
+    } else {
+      SHEARBUS_CALL(find_bounds, *this, first, end);
     }
-    return slip;
-  });
+    bounds_are_known = true;
+  }
+  if (alone) {
+    one::sum_flow(*this, first, end, strain_new);
+  } else {
+    SHEARBUS_CALL(sum_flow, *this, first, end, strain_new);
+  }
+  searched.summed = true;
+}
+
+NearbyFlow LayerFlow::nearby(int l) {
+  if (is_explicit) {
+    const ExpandedLoads& at = expanded;
+    NearbyFlow flow{.base = at.base[l],
+                    .base_flux = at.base_heating[l] * at.base[l],
+                    .exponent = exponent,
+                    .moment = {at.moment[0][l], at.moment[1][l], at.moment[2][l], at.moment[3][l]},
+                    .accuracy = accuracy(l)};
+    const double w = at.w[l];
+    const double* m = flow.moment;
+    flow.constant = slip[l] - at.y[l] * (m[0] + w * (m[1] + w * (m[2] + w * m[3])));
+    return flow;
+  }
+  constexpr double kNear = 0.1, kMostCurvature = 1e4;  // of ln(a) between the two sums; of the curvature
+  const double a = stress[l];
+  double& last = searched.stress[l];
+  double& last_log_slip = searched.log_slip[l];
+  if (!(slip[l] > 0.0) || !(a > 0.0)) {
+    last = 0.0;
+    return {.accuracy = accuracy(l)};
+  }
+  // A power of the stress with a curvature through the last two sums.
+  NearbyFlow flow{.base = a, .exponent = slope[l] / slip[l], .moment = {slip[l]}, .accuracy = accuracy(l)};
+  const double log_slip = logarithm(slip[l]);
+  if (last > 0.0 && last != a) {
+    const double v = logarithm(last / a);
+    const double curvature = (last_log_slip - log_slip - flow.exponent * v) / (v * v);
+    if (std::abs(v) <= kNear && std::abs(curvature) <= kMostCurvature) flow.curvature = curvature;
+  }
+  last = a;
+  last_log_slip = log_slip;
+  return flow;
+}
+
+namespace {
+
+// The stress that meets the balance of a lane with the flow nearby, by Newton's method.
+double root_nearby(const NearbyFlow& nearby, double a, double compliance, double a_trial) {
+  constexpr int kMostSteps = 20;
+  constexpr double kMet = 1e-13;
+  constexpr double kFarAbove = 100.0;  // flow that relieves more than this multiple of a_trial is too far from the root
+  if (!(nearby.base > 0.0) || compliance * nearby.moment[0] > kFarAbove * a_trial) return -1.0;
+  for (int step = 0; step < kMostSteps; ++step) {
+    const NearbyFlow::Slip slip = nearby.at(a, 0.0);
+    const double change = -(a + compliance * slip.value - a_trial) / (1.0 + compliance * slip.by_stress);
+    a += change;
+    if (!(a > 0.0)) return -1.0;
+    if (std::abs(change) <= kMet * a) break;
+  }
+  return a;
+}
+
+}  // namespace
+
+void LayerFlow::find_roots(std::uint32_t lanes, double compliance, const double (&a_trial)[kLanes],
+                           double (&root)[kLanes]) {
+  if (is_explicit) {
+    SHEARBUS_CALL(find_roots, *this, compliance, a_trial, root);
+  } else {
+    for (const int l : lanes_of(lanes)) root[l] = root_nearby(nearby(l), stress[l], compliance, a_trial[l]);
+  }
 }
 
 }  // namespace shearbus::physics

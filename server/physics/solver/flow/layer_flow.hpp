@@ -1,23 +1,15 @@
-// Plastic flow of the layers of a tile under given stresses (MODEL.md, "Plastic strain"): DLP (42-48).
+// Plastic flow of the layers of a tile under given stresses (MODEL.md, "Plastic strain"): DLP (42-48), and METHODS.md,
+// "Velocity-driven root".
 #pragma once
+
+#include <cstddef>
+#include <cstdint>
 
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/tile.hpp"
 
 namespace shearbus::physics {
-
-// A layer yields at each vertex at which the flow law computes a positive excess (material/flow_law.hpp). Only the
-// first `num_heated` vertices feel the heat of a step.
-
-// The load of each lane under a stress of magnitude a.
-struct FlowLoad {
-  alignas(64) double load[kLanes];  // stress a in the form of the flow law, load_of(a); kNoLoad: no stress
-  alignas(64) double flux[kLanes];  // heat flux q; the temperatures are T_ad + q B, or T_ad + q B_phi     [W/m2]
-  // Part of the softening g that depends on the pressure, bracket_at() of the flow law.
-  alignas(64) double bracket[kLanes];
-  alignas(64) double T_melt[kLanes];  // melting temperature at the lane's pressure         [K]
-};
 
 // The layers of a tile at the start of a step. Arrays are [vertex][lane].
 struct FlowProblem {
@@ -26,7 +18,6 @@ struct FlowProblem {
   const double* response;  // response B of the temperature to a unit heat flux at z = 0; one value per vertex  [K m2/W]
   const double* T_ad;      // temperature after the step without friction heat  [K]
   const double* strain;    // plastic strain before the step
-  int num_heated;          // number of vertices, from z = 0, that the heat of the step reaches
   double dt;               // length of the step  [s]
   // Response B_phi to heat released in the layer; if not null, it replaces B.
   const double* spread_response = nullptr;
@@ -63,15 +54,93 @@ struct NearbyFlow {
 // must be: far above the root, in a vertex that a few more digits would melt, any residual would pass.
 bool is_balanced(double a, double left, double compliance, double slip, const FlowAccuracy& accuracy);
 
-// Number of vertices, from z = 0, that the heat of one step reaches: it changes all other temperatures by less than
-// rounding.
-int num_heated_vertices(const Grid& grid, const double* response);
+// Bounds of what lies farther out in the layer, for blocks of vertices. Where even the hottest of the vertices from a
+// block on would not yield with the least strain of them, none does, and an expansion ends.
+struct FlowBounds {
+  static constexpr int kBlocks = 16;
+  std::ptrdiff_t rows;                         // number of vertices of each block but the last
+  alignas(64) double T_ad[kBlocks][kLanes];    // the highest temperature T_ad of the vertices from the block on  [K]
+  alignas(64) double strain[kBlocks][kLanes];  // their least plastic strain
+  alignas(64) double spread[kBlocks][kLanes];  // their largest response B_phi, if heat is released in the layer
+};
 
-// Loads a lane with the stress magnitude a and the heat flux q; `soft` is the material at the pressure P.
-void set_load(const Material& soft, double pressure, double a, double flux, int lane, FlowLoad& load);
+// The flow of laws whose strain increment is explicit. One sum over the layer gives the flow under a stress and, as a
+// series, the flow under stresses nearby. Under the stress a = base (1 + u) and a flux of 1 + w times that at the base
+// it is, if the same vertices yield,
+//   (1 + u)^exponent (moment[0] + moment[1] w + moment[2] w^2 + moment[3] w^3) + a constant
+struct ExpandedLoads {
+  alignas(64) double base[kLanes];                        // stress about which the flow is expanded  [Pa]
+  alignas(64) double base_heating[kLanes];                // `heating` about which the flow is expanded  [m/s]
+  alignas(64) double moment[NearbyFlow::kTerms][kLanes];  // [m]
+  alignas(64) double u[kLanes], y[kLanes];                // a / base - 1 and (1 + u)^exponent
+  alignas(64) double w[kLanes];            // q / (flux at the base) - 1; u if `heating` is that of the base
+  alignas(64) double steepest[kLanes];     // how fast the fastest of the vertices' expansions grows with w
+  alignas(64) double origin[kLanes];       // stress about which `limit` is known  [Pa]
+  alignas(64) double origin_flux[kLanes];  // heat flux about which `limit` is known  [W/m2]
+  alignas(64) double limit[kLanes];        // number of vertices from z = 0 to the last block with one that can yield
+  FlowBounds bounds;
+};
 
-// Returns the integral of the strain increment dep over the layer of one lane. Writes the new
-// strain to `strain_new` unless that is null; `strain_new` may be the array of the old strain.
-double flow_of_lane(const FlowProblem& problem, const FlowLoad& load, int lane, double* strain_new);
+// The flow of laws whose strain increment is searched for. The search of a vertex starts from the root of its last sum,
+// moved along its slope, or from those of its neighbours towards z = 0.
+struct SearchedLoads {
+  alignas(64) double last_stress[kLanes];               // stress of the last sum  [Pa]
+  alignas(64) double last_flux[kLanes];                 // heat flux of the last sum  [W/m2]
+  alignas(64) double stress[kLanes], log_slip[kLanes];  // stress [Pa] and logarithm of the slip of nearby()
+  bool summed;                                          // false: no sum has been made
+};
+
+// Sums of the flow over the layers of a tile in one step. The answer of a lane depends on the loads of that lane since
+// the start of the sums alone.
+class LayerFlow {
+ public:
+  static constexpr int kTerms = 4;  // numbers kept of each vertex: an expansion; or root, dep, its slope, rest
+
+  static std::size_t size_of_rows(const Grid& grid) {
+    return static_cast<std::size_t>(grid.num_vertices()) * kTerms * kLanes;
+  }
+
+  // `rows`: an array of the size size_of_rows(), of which nothing is read at first.
+  LayerFlow(const FlowProblem& layers, double* rows);
+
+  // Loads a lane with the stress magnitude a, which heats by the flux `heat_per_stress` a. `at_pressure`: the material
+  // at the pressure P.
+  void load(int lane, const Material& at_pressure, double pressure, double a, double heat_per_stress);
+  void load(int lane, double a, double heat_per_stress) { stress[lane] = a, heating[lane] = heat_per_stress; }
+  // Forgets what the sums of a lane have shown, whose spread_response has changed.
+  void forget(int lane);
+
+  // Sums the flow of a lane, if `lanes` is this lane, or else of all lanes, under their loads, and writes the new plastic
+  // strain of all their vertices. The lanes of the first sum are those of all others.
+  void sum(std::uint32_t lanes, double* strain_new);
+
+  FlowAccuracy accuracy(int lane) const {
+    constexpr double kExplicitDigits = 2e-15, kSearchedDigits = 1e-14;
+    if (is_explicit) return {expanded.moment[0][lane], slope[lane], kExplicitDigits};
+    return {slip[lane], slope[lane], kSearchedDigits};
+  }
+  // What the last sums tell of the flow of a lane under loads nearby.
+  NearbyFlow nearby(int lane);
+  // The stress of each lane of `lanes` at which the balance a + compliance slip = a_trial is met by the flow nearby, with
+  // the flux per stress of the load; -1 where that is not known well enough to tell.
+  void find_roots(std::uint32_t lanes, double compliance, const double (&a_trial)[kLanes], double (&root)[kLanes]);
+
+  // The results of the last sum.
+  alignas(64) double slip[kLanes] = {};   // integral of the strain increment dep over the layer  [m]
+  alignas(64) double slope[kLanes] = {};  // derivative of `slip` by ln(a) at the same flux per stress  [m]
+
+  // For the kernels (layer_flow_kernel.hpp).
+  FlowProblem problem;
+  double* rows_of_vertices;                 // what is kept of the vertices, [vertex][term][lane]
+  alignas(64) double stress[kLanes] = {};   // magnitude of the stress a  [Pa]
+  alignas(64) double heating[kLanes] = {};  // heat flux per stress, q / a  [m/s]
+  alignas(64) double pressed[kLanes] = {};  // 1 + gP P
+  alignas(64) double T_melt[kLanes] = {};   // melting temperature at the lane's pressure  [K]
+  double exponent = 0.0;                    // of the stress in an explicit flow
+  bool is_explicit;
+  bool bounds_are_known = false;
+  ExpandedLoads expanded;
+  SearchedLoads searched;
+};
 
 }  // namespace shearbus::physics

@@ -1,42 +1,25 @@
-// The kernels of searched_flow.hpp; each_register.hpp includes this file once per register width.
-#if SHEARBUS_WIDTH > 1
-#include "server/physics/solver/flow/elementary_kernel.hpp"
+// The sums of laws whose strain increment is searched for at each vertex; layer_flow_kernel.hpp includes this file.
 
-// A vertex in each lane, before its search.
-struct LoadedVertex {
-  Register T, rise;  // temperature after the step, and the part of it that is due to the flux  [K]
-  Register ep;       // plastic strain before the step
-  Register guess;    // of the root, where has_guess is set
-  Mask has_guess;
-  Mask wanted;    // the flow of the lane is needed
-  Register rest;  // strength at rest that the last sum kept
-};
-
-// The flow of a vertex. The root is the logarithm of dep, or of the rate of the law.
-struct VertexFlow {
-  Register dep, by_load;  // strain increment, and its derivative by ln(a)
-  Register root;
-  Register rest;  // strength at rest to keep
-};
-
-#include "server/physics/solver/flow/johnson_cook_kernel.hpp"
-#include "server/physics/solver/flow/preston_tonks_wallace_kernel.hpp"
-
-inline constexpr double kMostMove = 3.0;  // largest change of a root along its slope
+inline constexpr double kFarthestMove = 1.0;  // largest change of ln(a) along which a root is moved
+inline constexpr double kMostMove = 3.0;      // largest change of a root along its slope
 
 // Sums the lanes of one register.
 template <class Law, bool kSpread>
-[[gnu::always_inline]] inline void sum_register(const FlowProblem& problem, const FlowLoad& at, int lane,
-                                                double* strain_new, SearchedFlow& flow) {
-  const Law law(*problem.soft, problem.dt, at, lane);
-  const Register flux = load(at.flux + lane);
+requires(!kIsExplicit<Law>)
+    [[gnu::always_inline]] inline void sum_register(LayerFlow& flow, int lane, double* strain_new) {
+  const FlowProblem& problem = flow.problem;
+  SearchedLoads& last = flow.searched;
+  const Register stress = load(flow.stress + lane), flux = load(flow.heating + lane) * stress;
+  const Law law(*problem.soft, problem.dt, {stress, load(flow.pressed + lane), load(flow.T_melt + lane)});
   // A lane under the load of the last sum keeps its flow: its bits must not depend on how often others are summed.
-  Register moved{};
+  Register moved{};  // relative change of the stress
   Mask stays{};
-  if (flow.summed) {
-    const Register last_load = load(flow.last_load + lane);
-    moved = law.moved_from(last_load);
-    stays = (load(at.load + lane) == last_load) & (flux == load(flow.last_flux + lane));
+  if (last.summed) {
+    const Register before = load(last.last_stress + lane);
+    const Mask loaded = before > 0.0;
+    const Register change = (stress - before) / where(loaded, before, all(1.0));
+    moved = only(loaded, smaller(larger(change, all(-kFarthestMove)), all(kFarthestMove)));
+    stays = (stress == before) & (flux == load(last.last_flux + lane));
     if (everywhere(stays)) return;
   }
   Register slip{}, slope{};
@@ -45,19 +28,17 @@ template <class Law, bool kSpread>
   const std::ptrdiff_t n = problem.grid->num_vertices();
   for (std::ptrdiff_t i = 0; i < n; ++i) {
     const std::ptrdiff_t row = i * kLanes + lane;
-    const bool is_heated = i < problem.num_heated;
-    double* kept = flow.rows + i * SearchedFlow::kTerms * kLanes + lane;
-    LoadedVertex vertex;
-    vertex.rise =
-        is_heated ? flux * (kSpread ? load(problem.spread_response + row) : all(problem.response[i])) : all(0.0);
-    vertex.T = load(problem.T_ad + row) + vertex.rise;
-    vertex.ep = load(problem.strain + row);
-    vertex.guess = where(has_nearer, near + (near - nearer), near);
-    vertex.has_guess = has_near;
-    vertex.wanted = without(stays);
-    vertex.rest = Register{};
+    double* kept = flow.rows_of_vertices + i * LayerFlow::kTerms * kLanes + lane;
+    const Register rise = flux * (kSpread ? load(problem.spread_response + row) : all(problem.response[i]));
+    LoadedVertex vertex{.T = load(problem.T_ad + row) + rise,
+                        .rise = rise,
+                        .ep = load(problem.strain + row),
+                        .guess = where(has_nearer, near + (near - nearer), near),
+                        .has_guess = has_near,
+                        .wanted = without(stays),
+                        .rest_is_known = last.summed};
     Register last_dep{}, last_by_load{};
-    if (flow.summed) {
+    if (last.summed) {
       last_dep = load(kept + kLanes);
       last_by_load = load(kept + std::ptrdiff_t{2} * kLanes);
       vertex.rest = load(kept + std::ptrdiff_t{3} * kLanes);
@@ -66,8 +47,8 @@ template <class Law, bool kSpread>
       vertex.guess = where(flowed, load(kept) + smaller(larger(along, all(-kMostMove)), all(kMostMove)), vertex.guess);
       vertex.has_guess |= flowed;
     }
-    VertexFlow found = law.flow(vertex, flow.summed);
-    if (flow.summed) {
+    VertexFlow found = law.flow(vertex);
+    if (last.summed) {
       found.dep = where(stays, last_dep, found.dep);
       found.by_load = where(stays, last_by_load, found.by_load);
       found.root = where(stays, load(kept), found.root);
@@ -88,26 +69,6 @@ template <class Law, bool kSpread>
   }
   store(slip, flow.slip + lane);
   store(slope, flow.slope + lane);
+  store(stress, last.last_stress + lane);
+  store(flux, last.last_flux + lane);
 }
-
-template <class Law>
-[[gnu::always_inline]] inline void sum_registers(const FlowProblem& problem, const FlowLoad& at, double* strain_new,
-                                                 SearchedFlow& flow) {
-  for (int lane = 0; lane < kLanes; lane += kWidth) {
-    if (problem.spread_response == nullptr) {
-      sum_register<Law, false>(problem, at, lane, strain_new, flow);
-    } else {
-      sum_register<Law, true>(problem, at, lane, strain_new, flow);
-    }
-  }
-}
-
-inline void sum_johnson_cook(const FlowProblem& problem, const FlowLoad& at, double* strain_new, SearchedFlow& flow) {
-  sum_registers<JohnsonCookSearch>(problem, at, strain_new, flow);
-}
-inline void sum_preston_tonks_wallace(const FlowProblem& problem, const FlowLoad& at, double* strain_new,
-                                      SearchedFlow& flow) {
-  sum_registers<PrestonTonksWallaceSearch>(problem, at, strain_new, flow);
-}
-
-#endif

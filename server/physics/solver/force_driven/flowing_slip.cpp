@@ -16,9 +16,11 @@ constexpr double kSurely = 1e-9;       // a stress this far above the flow stres
 constexpr double kClosed = 1e-12;      // largest accepted residual of the flux, relative to it
 constexpr double kLeastGuess = 1e-12;  // smallest useful first stress, relative to the upper end of its interval
 constexpr int kMostGuesses = 6;        // largest number of stresses tried below the root before the upper end
-constexpr int kNearbySteps = 6;        // most steps of Newton's method with the flow nearby
-constexpr double kNearbyMet = 1e-13;   // a relative step below this one ends them
-constexpr double kBeyond = 1e-10;      // relative margin added to an upper bound of the stress, against rounding
+constexpr int kNearbySteps = 6;        // most steps of a search with the flow nearby
+constexpr double kMostBend = 0.5;      // limit of Halley's correction of Newton's step
+constexpr double kNearbyFlowMet = 3e-5;  // a step that changes the flow by less ends a search of third order
+constexpr double kNearbyMet = 1e-8;      // a relative step below this one ends them: the error is about its square
+constexpr double kBeyond = 1e-10;        // relative margin added to an upper bound of the stress, against rounding
 
 }  // namespace
 
@@ -36,15 +38,28 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under
   //    the stress of this answer. An interface that was stuck begins to slip only if it cannot stick while the layer
   //    flows.
-  rigid_ = rigid_slip(start.limit, trial_, start.heat_partition, B0, T_ad, std::abs(start.before.stress),
-                      start.before.sticks);
+  surely_flows_ = flows_beside_any_rigid_answer();
+  if (surely_flows_) {
+    begin_stick();
+    return;
+  }
   //    At stress 0 the interface is molten and cannot stick.
-  const bool rigid_comes_first = rigid_.sticks || !start.before.sticks || rigid_.stress == 0.0;
+  const bool rigid_comes_first = rigid().sticks || !start.before.sticks || rigid_.stress == 0.0;
   if (rigid_comes_first && !rigid_layer_flows()) {
     ask_rigid(Phase::kRigid);
   } else {
     begin_stick();
   }
+}
+
+// The answer of the step if the layer does not flow; computed when first asked for.
+const LaneStep& FlowingSlip::rigid() {
+  if (!rigid_is_known_) {
+    rigid_ = rigid_slip(start_.limit, trial_, start_.heat_partition, start_.layer.response(0), start_.layer.T(0, 0.0),
+                        std::abs(start_.before.stress), start_.before.sticks);
+    rigid_is_known_ = true;
+  }
+  return rigid_;
 }
 
 void FlowingSlip::ask(Phase phase, const LayerLoad& load) {
@@ -53,7 +68,7 @@ void FlowingSlip::ask(Phase phase, const LayerLoad& load) {
 }
 
 void FlowingSlip::ask_rigid(Phase phase) {
-  ask(phase, {std::abs(rigid_.stress), rigid_.flux, 0.0});
+  ask(phase, {std::abs(rigid().stress), rigid_.flux, 0.0});
 }
 
 void FlowingSlip::ask_slip(Phase phase, double v) {
@@ -128,14 +143,31 @@ bool FlowingSlip::layer_holds(double v) const {
   return layer_at(load) < load.stress;
 }
 
-bool FlowingSlip::rigid_holds(double slip) const {
-  return !(slip > 0.0) && std::abs(rigid_.stress) <= layer_at({0.0, rigid_.flux, 0.0}) * (1.0 + kAtCeiling);
+bool FlowingSlip::rigid_holds(double slip) {
+  return !(slip > 0.0) && std::abs(rigid().stress) <= layer_at({0.0, rigid_.flux, 0.0}) * (1.0 + kAtCeiling);
+}
+
+// Whether the layer flows at z = 0 whatever the answer for a rigid layer is: under the stress that sticks, and where it
+// is softest, because its yield stress is below the limit of the interface at all temperatures. The softening of both is
+// the same, and friction is a constant.
+bool FlowingSlip::flows_beside_any_rigid_answer() const {
+  constexpr double kClearly = 1.01;  // far above rounding, and above the error of an answer near melting
+  const StressLimit& limit = start_.limit;
+  const bool is_constant = limit.varying == nullptr && limit.junctions.options == nullptr;
+  if (!start_.hardens || !is_constant || !properties_of(limit.soft->flow_law).separable) return false;
+  const double T_ad = start_.layer.T(0, 0.0);
+  const double strength =
+      kClearly * hardened_strength(*limit.soft, start_.first_strain, 0.0, limit.pressure, T_ad) / kSqrt3;
+  if (!(limit.tresca > strength)) return false;
+  const double g = softening(*limit.soft, limit.pressure, T_ad).g;
+  return g > 0.0 && std::min(trial_.stress_stick, limit.coulomb) > strength * g;
 }
 
 // Whether the layer flows at z = 0 under the stress of the answer for a rigid layer, which needs no sum to be seen.
 // Otherwise it may flow all the same.
-bool FlowingSlip::rigid_layer_flows() const {
-  const double T0 = start_.layer.T(0, rigid_.flux);
+bool FlowingSlip::rigid_layer_flows() {
+  if (surely_flows_) return true;
+  const double T0 = start_.layer.T(0, rigid().flux);
   const double yield = flow_stress(*start_.limit.soft, start_.first_strain, start_.limit.pressure, T0) / kSqrt3;
   return start_.hardens && std::abs(rigid_.stress) > yield * (1.0 + kSurely);
 }
@@ -148,7 +180,7 @@ bool FlowingSlip::stick_is_met(double slip, const NearbyFlow& nearby) const {
          is_balanced(load_.stress, trial_.stress_stick - load_.stress, compliance_, slip, nearby.accuracy);
 }
 
-// The stress that meets the stuck balance with the flow nearby, by Newton's method; -1 where that is not known.
+// The stress that meets the stuck balance with the flow nearby, by Halley's method; -1 where that is not known.
 double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
   if (!(nearby.base > 0.0)) return -1.0;
   double a = load_.stress;
@@ -157,17 +189,21 @@ double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
     const double stops = stopping_.slip(a) > 0.0 ? stopping_.c - 2.0 * stopping_.b * a : 0.0;
     double heat_slope = start_.heat_partition * stops;
     if (heats_by_work()) heat_slope += slipping_.c - 2.0 * slipping_.b * a - stops;
-    const double open = a + compliance_ * flow.value - trial_.stress_stick;
-    const double next = a - open / (1.0 + compliance_ * (flow.by_stress + flow.by_flux * heat_slope));
-    if (!(next > 0.0)) return -1.0;
-    const double change = std::abs(next - a);
-    a = next;
-    if (change <= kNearbyMet * a) break;
+    const double flow_slope = compliance_ * (flow.by_stress + flow.by_flux * heat_slope);
+    const double newton = (a + compliance_ * flow.value - trial_.stress_stick) / (1.0 + flow_slope);
+    // Halley's correction for a flow that follows a power of the stress.
+    const double moving = compliance_ * (flow.value - nearby.constant);
+    const double power = moving > 0.0 ? flow_slope * a / moving : 1.0;
+    const double bend = 0.5 * newton * flow_slope * (power - 1.0) / (a * (1.0 + flow_slope));
+    const double change = newton / (1.0 - std::clamp(bend, -kMostBend, kMostBend));
+    if (!(change < a)) return -1.0;
+    a -= change;
+    if (power * std::abs(change) <= kNearbyFlowMet * a) break;
   }
   return a;
 }
 
-// The slip velocity that meets the balance of an interface that slips, likewise.
+// The slip velocity that meets the balance of an interface that slips, by Newton's method; -1 likewise.
 double FlowingSlip::nearby_slip(const NearbyFlow& nearby) const {
   if (!(nearby.base > 0.0)) return -1.0;
   const double B0 = start_.heat_partition * start_.layer.response(0), B0_work = start_.layer.work_response(0);
@@ -294,10 +330,12 @@ double FlowingSlip::ceiling_of_stick(double high) const {
 void FlowingSlip::begin_stick() {
   stick_was_searched_ = true;
   const Material& soft = *start_.limit.soft;
-  const double most_ad = layer_at({});
+  const double P = start_.limit.pressure, T_ad = start_.layer.T(0, 0.0);
+  const int hottest_ad = hottest({});
+  const double g_hottest = softening(soft, P, T(hottest_ad, {})).g;
   double high = trial_.stress_stick;
   high_is_ceiling_ = false;
-  if (most_ad <= 0.0) {
+  if (g_hottest <= 0.0) {
     high = 0.0;
     high_is_ceiling_ = true;
   } else if (std::isfinite(start_.ceiling)) {
@@ -305,25 +343,33 @@ void FlowingSlip::begin_stick() {
     high_is_ceiling_ = most < high;
     high = std::min(high, most);
   }
-  if (most_ad > 0.0 && start_.hardens) {
-    const double T_ad = start_.layer.T(0, 0.0);
-    const double g = softening(soft, start_.limit.pressure, T_ad).g;
-    const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
-    const double beyond = hardened_strength(soft, most_strain, (most_strain - start_.first_strain) / start_.dt,
-                                            start_.limit.pressure, T_ad) *
-                          g / kSqrt3 * (1.0 + kBeyond);
-    if (beyond < high) {
-      high = beyond;
-      high_is_ceiling_ = false;
-    }
-  }
+  const double guess = trial_.direction * start_.before.stress;
+  const auto starts_inside = [&] { return guess > kLeastGuess * high && guess < high; };
   low_ = 0.0;
   low_value_ = -trial_.stress_stick;
   high_ = high;
   guesses_ = 0;
-  const double guess = trial_.direction * start_.before.stress;
-  const bool starts_inside = start_.knows_nearby && guess > kLeastGuess * high && guess < high;
-  ask_stick(starts_inside ? Phase::kStickGuess : Phase::kStickEnd, starts_inside ? guess : high);
+  // An explicit flow is solved from a good guess without the third bound, unless melting is near or the guess is too low.
+  first_vertex_bounds_ = g_hottest > 0.0 && start_.hardens;
+  if (!starts_inside() || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, T_ad))
+    bound_stick_by_first_vertex();
+  const bool inside = guess > kLeastGuess * high_ && guess < high_;
+  ask_stick(inside ? Phase::kStickGuess : Phase::kStickEnd, inside ? guess : high_);
+}
+
+// The third bound, where it is not applied yet.
+void FlowingSlip::bound_stick_by_first_vertex() {
+  if (!first_vertex_bounds_) return;
+  first_vertex_bounds_ = false;
+  const Material& soft = *start_.limit.soft;
+  const double P = start_.limit.pressure, T_ad = start_.layer.T(0, 0.0);
+  const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
+  const double rate = (most_strain - start_.first_strain) / start_.dt;
+  const double beyond =
+      hardened_strength(soft, most_strain, rate, P, T_ad) * softening(soft, P, T_ad).g / kSqrt3 * (1.0 + kBeyond);
+  if (beyond >= high_) return;
+  high_ = beyond;
+  high_is_ceiling_ = false;
 }
 
 // The stuck balance under a guess of the stress: the flow nearby tells the next guess, and the upper end of the interval
@@ -338,6 +384,7 @@ void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
   }
   low_ = a;
   low_value_ = balance;
+  bound_stick_by_first_vertex();
   if (next > a && next < high_ && ++guesses_ < kMostGuesses) return ask_stick(Phase::kStickGuess, next);
   ask_stick(Phase::kStickEnd, high_);
 }
@@ -355,14 +402,14 @@ void FlowingSlip::end_stick(double a) {
   const double carried = below_yield ? limit.friction(T0).stress : limit.at(T0).stress;
   // An interface that would stick next to a rigid layer sticks next to one that takes a part of the slip, unless its
   // limit follows the slip or the work of the layer heats it.
-  const bool surely = rigid_.sticks && !heats_by_work() && !start_.limit.depends_on_slip();
-  if (surely || carried >= a) {
+  const auto surely = [&] { return !heats_by_work() && !start_.limit.depends_on_slip() && rigid().sticks; };
+  if (carried >= a || surely()) {
     kind_ = Kind::kStick;
-    if (!rigid_.sticks && start_.before.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kOtherAnswer);
+    if (start_.before.sticks && !rigid_layer_flows() && !rigid().sticks) return ask_rigid(Phase::kOtherAnswer);
     return ask(Phase::kDone, solid(stick_load(a)));
   }
   at_ceiling_ = false;
-  if (start_.before.sticks && !rigid_.sticks && !rigid_layer_flows()) return ask_rigid(Phase::kRigid);
+  if (start_.before.sticks && !rigid_layer_flows() && !rigid().sticks) return ask_rigid(Phase::kRigid);
   begin_slip();
 }
 
@@ -371,7 +418,7 @@ void FlowingSlip::end_stick(double a) {
 //    under less stress than that, more is left; at that of the answer for a rigid layer less is left. The root lies
 //    between them.
 void FlowingSlip::begin_slip() {
-  const bool bounded = !rigid_.sticks && std::abs(rigid_.stress) <= a_stick_;
+  const bool bounded = !rigid().sticks && std::abs(rigid_.stress) <= a_stick_;
   high_ = bounded ? std::abs(rigid_.slip) : std::max(0.0, slipping_.c);
   low_ = stopping_.slip(a_stick_);
   if (high_ <= low_) low_ = 0.0;
@@ -412,8 +459,8 @@ void FlowingSlip::end_slip(double v) {
   load_ = solid(load_);
 }
 
-FlowingSlip::Answer FlowingSlip::answer(double slip) const {
-  if (kind_ == Kind::kRigid) return {rigid_, 0.0, 0.0, 0};
+FlowingSlip::Answer FlowingSlip::answer(double slip) {
+  if (kind_ == Kind::kRigid) return {rigid(), 0.0, 0.0, 0};
   const double d = trial_.direction, a = load_.stress;
   const int at = hottest(load_);
   if (kind_ == Kind::kStick) {
@@ -430,7 +477,7 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) const {
   const double left = slipping_.c - slipping_.b * a - slip_;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
   const Regime regime = slip_regime(start_.limit, T(0, load_), slip_);
-  return {{d * a, d * slip_, trial_.jump_new(a), load_.flux, regime, false, rigid_.unique, rigid_.several},
+  return {{d * a, d * slip_, trial_.jump_new(a), load_.flux, regime, false, rigid().unique, rigid_.several},
           load_.work,
           surplus,
           at};

@@ -15,7 +15,6 @@ namespace shearbus::physics {
 struct FlowingStart {
   StressLimit limit;    // stress limit s_lim(T0, [v]) of the interface
   double ceiling;       // stress that the fully hardened layer carries where g = 1; infinity: no ceiling  [Pa]
-  bool knows_nearby;    // update() is told the flow under loads nearby
   bool hardens;         // false: the strength of the layer does not grow, and it flows only at its ceiling
   double first_weight;  // length along z that belongs to the vertex at z = 0  [m]
   double first_strain;  // plastic strain at z = 0 before the step
@@ -40,7 +39,6 @@ struct LayerLoad {
 
 class FlowingSlip {
  public:
-  FlowingSlip() = default;
   explicit FlowingSlip(const FlowingStart& start);
 
   bool done() const { return phase_ == Phase::kDone; }
@@ -56,7 +54,7 @@ class FlowingSlip {
     double surplus;  // plastic slip beyond that of DLP (48), at the hottest vertex of a layer at its ceiling  [m]
     int hottest;     // index of the hottest vertex
   };
-  Answer answer(double slip) const;  // `slip`: plastic slip across the layer, integral(dep), under the load found  [m]
+  Answer answer(double slip);  // `slip`: plastic slip across the layer, integral(dep), under the load found  [m]
 
  private:
   enum class Phase { kDone, kRigid, kOtherAnswer, kStickGuess, kStickEnd, kStick, kSlipLow, kSlipHigh, kSlip };
@@ -67,12 +65,15 @@ class FlowingSlip {
   void ask_stick(Phase phase, double a) { ask(phase, stick_load(a)); }
   void ask_slip(Phase phase, double v);
   void begin_stick();
+  void bound_stick_by_first_vertex();
   void guess_stick(double slip, const NearbyFlow& nearby);
   void end_stick(double a);
   void begin_slip();
   void end_slip(double v);
-  bool rigid_holds(double slip) const;
-  bool rigid_layer_flows() const;
+  const LaneStep& rigid();
+  bool rigid_holds(double slip);
+  bool rigid_layer_flows();
+  bool flows_beside_any_rigid_answer() const;
   bool heats_by_work() const { return start_.layer.B_work != nullptr; }
   double T(int vertex, const LayerLoad& load) const { return start_.layer.T(vertex, load.flux, load.work); }
   int hottest(const LayerLoad& load) const { return start_.layer.hottest(load.flux, load.work); }
@@ -97,7 +98,7 @@ class FlowingSlip {
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
   FrictionHeating stopping_{};  // friction heating, if the interface sticks at the end of the step
   FrictionHeating slipping_{};  // friction heating, if the interface slips at the end of the step
-  LaneStep rigid_{};            // the answer of the step if the layer does not flow
+  LaneStep rigid_{};            // the answer of the step if the layer does not flow, where rigid_is_known_
   // fall of the sticking stress per plastic slip across the layer, integral(dep): sqrt(3) / (dt per_stress)  [Pa/m]
   double compliance_ = 0.0;
   RootSearch search_;
@@ -109,9 +110,12 @@ class FlowingSlip {
   double a_stick_ = 0.0;  // stress at which the interface sticks while the layer flows  [Pa]
   // Search interval of the stress that sticks, or of the slip velocity; the balance at its lower end.
   double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
-  bool high_is_ceiling_ = false;  // the layer is at its ceiling at the upper end of the interval
-  bool at_ceiling_ = false;       // the stress of the answer is the ceiling of the layer
-  int guesses_ = 0;               // number of stresses tried before the upper end of the interval
+  bool high_is_ceiling_ = false;      // the layer is at its ceiling at the upper end of the interval
+  bool at_ceiling_ = false;           // the stress of the answer is the ceiling of the layer
+  int guesses_ = 0;                   // number of stresses tried before the upper end of the interval
+  bool first_vertex_bounds_ = false;  // the stress of the stick may be bounded by what the first vertex takes
+  bool rigid_is_known_ = false;
+  bool surely_flows_ = false;  // flows_beside_any_rigid_answer()
   bool stick_was_searched_ = false;
   bool several_ = false;  // another answer satisfies the equations of the step too
 };

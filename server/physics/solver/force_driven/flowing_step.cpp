@@ -1,14 +1,13 @@
 #include "server/physics/solver/force_driven/flowing_step.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <optional>
 
 #include "server/physics/solver/contact.hpp"
-#include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/flow/plastic_heat.hpp"
-#include "server/physics/solver/flow/searched_flow.hpp"
 #include "server/physics/solver/force_driven/flowing_slip.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
@@ -26,7 +25,7 @@ class WorkHeat {
   // `shape`: phi of the step before, in the committed tile.
   WorkHeat(const Problem& problem, const StepOperators& operators, const double* shape)
       : size_(static_cast<std::size_t>(problem.grid.num_vertices()) * kLanes),
-        rows_(scratch_tile(Scratch::kWorkHeat, 5 * size_)),
+        rows_(scratch_tile(Scratch::kWorkHeat, 4 * size_)),
         spread_(operators.spread()),
         dt_(operators.dt()) {
     respond(operators.heat(), spread_, shape, response());
@@ -36,7 +35,6 @@ class WorkHeat {
   double* response() const { return rows_ + size_; }     // B_phi of the whole step
   double* shorter() const { return rows_ + 2 * size_; }  // B_phi of a substep of one lane
   double* scaled_shape() const { return rows_ + 3 * size_; }
-  double* strain_before() const { return rows_ + 4 * size_; }  // plastic strain before a substep of one lane
   const SpreadHeat& spread() const { return spread_; }
 
   // Finds shorter() for the next substep of a lane with the operator `heat` and the shape of the substep before.
@@ -62,9 +60,57 @@ class WorkHeat {
   double dt_;
 };
 
+// The searches of lanes, which run side by side because their flow is summed in one pass.
+struct Searches {
+  const TileInputs& inputs;
+  const LaneMaterials& soft_at;
+  const WorkHeat* work_heat;  // null: plastic work heats nothing
+  const double* B_work;       // B_phi of the step; null without `work_heat`
+  FlowingSlip* lanes[kLanes] = {};
+  double slip[kLanes] = {};  // plastic slip across the layer, integral(dep), under the loads found  [m]
+  int sums[kLanes] = {};     // number of sums of the flow over the layer that each lane has needed
+
+  // Runs the searches of the lanes `active`. On return `strain_new` holds the new strain under the loads found. Each sum
+  // writes the strain, so that a search that ends under the load of its last sum needs no other.
+  void run(const FlowProblem& layers, std::uint32_t active, double* strain_new) {
+    LayerFlow flow(layers, scratch_tile(Scratch::kFlow, LayerFlow::size_of_rows(*layers.grid)));
+    for (const int l : lanes_of(active)) {
+      const LayerLoad& load = lanes[l]->load();
+      flow.load(l, soft_at(l), inputs.pressure[l], load.stress, load.heat_per_stress());
+      combine(layers.response, l);
+    }
+    for (bool moved = true; moved;) {
+      flow.sum(active, strain_new);
+      if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+      moved = false;
+      for (const int l : lanes_of(active)) {
+        FlowingSlip& lane = *lanes[l];
+        if (lane.done()) continue;
+        ++sums[l];
+        const LayerLoad before = lane.load();
+        lane.update(flow.slip[l], flow.nearby(l));
+        const LayerLoad& load = lane.load();
+        flow.load(l, load.stress, load.heat_per_stress());
+        const bool heats_elsewhere = load.flux != before.flux || load.work != before.work;
+        moved = moved || !lane.done() || load.stress != before.stress || heats_elsewhere;
+        if (work_heat == nullptr || !heats_elsewhere) continue;
+        combine(layers.response, l);
+        flow.forget(l);
+      }
+    }
+    for (const int l : lanes_of(active)) slip[l] = flow.slip[l];
+  }
+
+ private:
+  void combine(const double* B, int l) const {
+    if (work_heat != nullptr) work_heat->combine(lanes[l]->load(), B, B_work, l);
+  }
+};
+
 // One lane of a tile in a step or its substeps.
 struct FlowingLane {
   const Problem& problem;
+  const LaneMaterials& soft_at;
   const Material& soft;
   const TileInputs& inputs;
   const WorkHeat* work_heat;  // null: plastic work heats nothing
@@ -77,15 +123,13 @@ struct FlowingLane {
 
   double pressure() const { return inputs.pressure[lane]; }
 
-  // The start of a step with the operator `heat`. `strain_old`: plastic strain before the step. `knows_nearby`: the
-  // search is told the flow under loads nearby.
-  FlowingStart start(const HeatOperator& heat, const double* strain_old, const LaneStep& before, const double* B_work,
-                     bool knows_nearby) const {
+  // The start of a step with the operator `heat`. `strain_old`: plastic strain before the step.
+  FlowingStart start(const HeatOperator& heat, const double* strain_old, const LaneStep& before,
+                     const double* B_work) const {
     FlowingStart start{};
     start.limit = contact_limit(problem, soft, pressure(), heat.dt, contact, inputs.effort);
     start.ceiling = strength_ceiling(soft) / kSqrt3;
     start.hardens = hardens(soft);
-    start.knows_nearby = knows_nearby;
     start.first_weight = problem.grid.weight[0];
     start.first_strain = strain_old[lane];
     start.layer = {T + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1,
@@ -121,133 +165,28 @@ struct FlowingLane {
       slip_contact(open, heat.dt, T[lane]);
       return open;
     }
-    const double* B = heat.layer_response();
     double* B_work = work_heat != nullptr ? work_heat->shorter() : nullptr;
     if (work_heat != nullptr) work_heat->begin_substep(heat, lane, shape);
-    const FlowingStart start_of_step = start(heat, strain, before, B_work, false);
-    FlowProblem flow{&soft, &problem.grid, B, T, strain, 0, heat.dt};
-    if (work_heat != nullptr) flow.spread_response = work_heat->combined();
-    const auto slip_under = [&](const FlowingSlip& step, double* strain_new) {
-      if (!start_of_step.hardens) return 0.0;
-      FlowLoad load;
-      set_load(soft, pressure(), step.load().stress, step.load().heat(), lane, load);
-      if (work_heat != nullptr) work_heat->combine(step.load(), B, B_work, lane);
-      if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
-      add_work(inputs, lane, flow_work(soft.flow_law) * problem.grid.num_vertices());
-      return flow_of_lane(flow, load, lane, strain_new);
-    };
+    const std::size_t strains = problem.layout.num_strain_vertices * kLanes;
+    double* strain_old = scratch_tile(Scratch::kStrain, strains);
+    copy_lane(strain, strain_old, strains, lane);
+    const FlowingStart start_of_step = start(heat, strain_old, before, B_work);
     FlowingSlip step(start_of_step);
-    while (!step.done()) step.update(slip_under(step, nullptr));
-    if (work_heat != nullptr)
-      copy_lane(strain, work_heat->strain_before(), problem.layout.num_strain_vertices * kLanes, lane);
-    FlowingSlip::Answer answer = step.answer(slip_under(step, strain));
-    finish(answer, work_heat != nullptr ? work_heat->strain_before() : strain, heat.dt,
-           start_of_step.layer.T(0, answer.step.flux, answer.work));
+    Searches search{inputs, soft_at, work_heat, B_work};
+    search.lanes[lane] = &step;
+    if (start_of_step.hardens) {
+      search.run({&soft, &problem.grid, heat.layer_response(), T, strain_old, heat.dt,
+                  work_heat != nullptr ? work_heat->combined() : nullptr},
+                 1u << lane, strain);
+      add_work(inputs, lane, flow_work(soft.flow_law) * search.sums[lane] * problem.grid.num_vertices());
+    }
+    while (!step.done()) step.update(0.0);
+    FlowingSlip::Answer answer = step.answer(search.slip[lane]);
+    finish(answer, strain_old, heat.dt, start_of_step.layer.T(0, answer.step.flux, answer.work));
     if (work_heat != nullptr) add_spread_lane(heat, work_heat->spread(), lane, answer.work, B_work, T_all);
     return answer.step;
   }
 };
-
-// The searches of the lanes of a tile, and the inputs of their sums.
-struct Searches {
-  const TileInputs* inputs;
-  const LaneMaterials* soft_at;
-  const WorkHeat* work_heat;  // null: plastic work heats nothing
-  FlowingSlip lanes[kLanes];
-  int sums[kLanes] = {};  // number of sums of the flow over the layer that each lane has needed
-
-  void count_sum() const {
-    if (inputs->effort != nullptr) ++inputs->effort->layer_sums;
-  }
-  double pressure(int l) const { return contains(inputs->active, l) ? std::max(0.0, inputs->pressure[l]) : 0.0; }
-};
-
-// The sums of a step for a law with an expanded flow. An expansion is one at a fixed distribution of the heat: where
-// plastic work heats, each load has a distribution of its own, and each sum expands anew.
-class ExpandedSums {
- public:
-  ExpandedSums(const FlowProblem& problem, const Searches& searches) : problem_(problem), fixed_(!searches.work_heat) {
-    for (int l = 0; l < kLanes; ++l) {
-      const LayerLoad& load = searches.lanes[l].load();
-      set_load((*searches.soft_at)(l), searches.pressure(l), load.stress, load.heat_per_stress(), l, load_);
-    }
-    start_flow(problem, scratch_tile(Scratch::kFlow, rows_of(*problem.grid)), flow);
-  }
-  void sum(double* strain_new) {
-    if (!fixed_) {
-      std::copy_n(load_.stress, kLanes, load_.base);
-      std::copy_n(load_.heating, kLanes, load_.base_heating);
-      start_flow(problem_, flow.rows, flow);
-    }
-    sum_flow(problem_, load_, strain_new, flow);
-  }
-  NearbyFlow nearby(const FlowingSlip&, int l) { return nearby_flow(flow, load_, l); }
-  void set(const Searches& searches, int l) {
-    load_.stress[l] = searches.lanes[l].load().stress;
-    load_.heating[l] = searches.lanes[l].load().heat_per_stress();
-  }
-
-  ExpandedFlow flow;
-
- private:
-  const FlowProblem& problem_;
-  bool fixed_;
-  StressLoad load_;
-};
-
-// The same for a law whose flow is searched for at each vertex.
-class SearchedSums {
- public:
-  SearchedSums(const FlowProblem& problem, const Searches& searches) : problem_(problem) {
-    start_search(scratch_tile(Scratch::kFlow, searched_rows(*problem.grid)), flow);
-    for (int l = 0; l < kLanes; ++l) set(searches, l);
-  }
-  void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
-  NearbyFlow nearby(const FlowingSlip& lane, int l) { return nearby_flow(flow, lane.load().stress, l); }
-  void set(const Searches& searches, int l) {
-    const LayerLoad& load = searches.lanes[l].load();
-    set_load((*searches.soft_at)(l), searches.pressure(l), load.stress, load.heat(), l, load_);
-    // The same heat may be released elsewhere: the flow of the last sum is then not that of this load.
-    if (load.work != work_[l]) flow.last_flux[l] = -1.0;
-    work_[l] = load.work;
-  }
-
-  SearchedFlow flow;
-
- private:
-  const FlowProblem& problem_;
-  FlowLoad load_;
-  double work_[kLanes] = {};
-};
-
-// Runs the searches of all lanes together. On return `slip` and `strain_new` hold the flow and the new strain under the
-// loads found. Each sum writes the strain, so that a search that ends under the load of its last sum needs no other.
-template <class Sums>
-void search(const FlowProblem& flow, Searches& searches, double* strain_new, double (&slip)[kLanes]) {
-  const auto combine = [&](int l) {
-    if (searches.work_heat != nullptr)
-      searches.work_heat->combine(searches.lanes[l].load(), flow.response, searches.work_heat->response(), l);
-  };
-  for (int l = 0; l < kLanes; ++l) combine(l);
-  Sums sums(flow, searches);
-  for (bool moved = true; moved;) {
-    sums.sum(strain_new);
-    searches.count_sum();
-    moved = false;
-    for (int l = 0; l < kLanes; ++l) {
-      FlowingSlip& lane = searches.lanes[l];
-      if (lane.done()) continue;
-      ++searches.sums[l];
-      const LayerLoad load = lane.load();
-      lane.update(sums.flow.slip[l], sums.nearby(lane, l));
-      moved = moved || !lane.done() || lane.load().stress != load.stress || lane.load().flux != load.flux ||
-              lane.load().work != load.work;
-      sums.set(searches, l);
-      combine(l);
-    }
-  }
-  std::copy_n(sums.flow.slip, kLanes, slip);
-}
 
 }  // namespace
 
@@ -255,7 +194,6 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
                                   const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const Material& soft = problem.options.soft;
-  bool may_flow = false;
   const int n = problem.heat_grid.num_vertices();
   const std::size_t strains = layout.num_strain_vertices * kLanes;
   const HeatOperator& heat = operators.heat();
@@ -282,38 +220,31 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   LaneStep before[kLanes];
   const LaneMaterials soft_at(soft, inputs);
   const auto lane_at = [&](int l) {
-    return FlowingLane{
-        problem, soft_at(l), inputs, work, T, strain_new, shape_new, l, contact_before(problem, committed, l), 0.0};
+    return FlowingLane{problem, soft_at,    soft_at(l), inputs, work,
+                       T,       strain_new, shape_new,  l,      contact_before(problem, committed, l),
+                       0.0};
   };
-  Searches searches{&inputs, &soft_at, work, {}};
-  for (int l = 0; l < kLanes; ++l) {
+  const double* B_work = work != nullptr ? work->response() : nullptr;
+  std::optional<FlowingSlip> lanes[kLanes];
+  Searches searches{inputs, soft_at, work, B_work};
+  std::uint32_t closed = 0;
+  for (const int l : lanes_of(inputs.active)) {
     before[l] = InterfaceStep::before(layout, inputs, committed, l);
-    if (searches.pressure(l) > 0.0) {
-      may_flow = hardens(soft);
-      searches.lanes[l] =
-          FlowingSlip(lane_at(l).start(heat, strain, before[l], work != nullptr ? work->response() : nullptr, true));
-    }
+    if (!(inputs.pressure[l] > 0.0)) continue;
+    closed |= 1u << l;
+    searches.lanes[l] = &lanes[l].emplace(lane_at(l).start(heat, strain, before[l], B_work));
   }
 
   // 3. Find stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
-  double slip[kLanes] = {};
-  const FlowProblem flow{&soft,
-                         &problem.grid,
-                         heat.layer_response(),
-                         T,
-                         strain,
-                         operators.num_heated(),
-                         heat.dt,
-                         work != nullptr ? work->combined() : nullptr};
-  if (may_flow && has_expanded_flow(soft)) {
-    search<ExpandedSums>(flow, searches, strain_new, slip);
-  } else if (may_flow) {
-    search<SearchedSums>(flow, searches, strain_new, slip);
-  } else {
-    for (FlowingSlip& lane : searches.lanes) {
-      while (!lane.done()) lane.update(0.0);
-    }
-    std::copy_n(strain, strains, strain_new);
+  const bool flows = closed != 0 && hardens(soft);
+  if (!flows || std::has_single_bit(closed)) std::copy_n(strain, strains, strain_new);
+  if (flows) {
+    const double* spread_response = work != nullptr ? work->combined() : nullptr;
+    searches.run({&soft, &problem.grid, heat.layer_response(), T, strain, heat.dt, spread_response}, closed,
+                 strain_new);
+  }
+  for (const int l : lanes_of(closed)) {
+    while (!lanes[l]->done()) lanes[l]->update(0.0);
   }
 
   // 4. Answers, lane by lane. A step that may have several answers is divided into shorter substeps until each has a
@@ -326,7 +257,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     FlowingLane lane = at_start;
     LaneStep whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
     if (inputs.pressure[l] > 0.0) {
-      FlowingSlip::Answer answer = searches.lanes[l].answer(slip[l]);
+      FlowingSlip::Answer answer = lanes[l]->answer(searches.slip[l]);
       power[l] = answer.work;
       const Heated layer{T + l, heat.layer_response(), 1, 1, work != nullptr ? work->response() + l : nullptr};
       lane.finish(answer, strain, heat.dt, layer.T(0, answer.step.flux, answer.work));
@@ -345,7 +276,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
         [&](const HeatOperator& shorter, const LaneStep& last) { return lane.substep(shorter, last, T_all); });
     result.heat += lane.heat_of_work;
     // Next to a layer that does not flow the step is that of InterfaceStep.
-    if (operators.max_halvings() > 0 && whole.unique && slip[l] == 0.0 &&
+    if (operators.max_halvings() > 0 && whole.unique && searches.slip[l] == 0.0 &&
         InterfaceStep(problem, inputs, committed, soft_at(l), l)
             .changes_suddenly(before[l], whole, heat.dt, *heat.layer_response(), T[l]))
       result.outcome |= kSudden;

@@ -14,8 +14,6 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;
-
 // Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes. `remarks`: whether a
 // step that changes suddenly says so.
 std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool remarks, const double* committed,

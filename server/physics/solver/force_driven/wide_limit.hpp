@@ -1,10 +1,6 @@
 // The limit of the interface in registers, for the kernels of wide_slip_kernel.hpp, which includes this file once per
 // register width.
 
-[[gnu::always_inline]] inline Register larger(Register a, Register b) {
-  return a < b ? b : a;
-}
-
 // The limit and the heating of the lanes of one register, with the names of StressLimit and FrictionHeating. kPlain: the
 // limit has no junctions, and its friction does not depend on temperature. `if constexpr` then spares the search the
 // questions, a tenth of its instructions.

@@ -18,8 +18,6 @@ namespace shearbus::physics {
 
 namespace {
 
-constexpr std::uint32_t kAllLanes = (1u << kLanes) - 1;
-
 bool has_wide_softening(FlowLaw flow_law) {
   return FlowLaws::with(flow_law, [](auto law) { return kHasWideSoftening<typename decltype(law)::type>; });
 }

@@ -8,7 +8,7 @@
 #include <variant>
 
 #include "server/physics/interface/friction_form.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 

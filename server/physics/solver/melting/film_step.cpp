@@ -97,6 +97,26 @@ double film_thickness(const Problem& problem, const double* tile, int lane) {
   return thickness;
 }
 
+std::optional<RestingStep> melting_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                const TileInputs& inputs, const double* committed, const Material& soft,
+                                                double T0, int lane) {
+  const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
+  const Forcing forcing = forcing_of(inputs, lane);
+  const double dt = operators.dt();
+  if (inputs.pressure[lane] <= 0.0) return RestingStep{open_step(forcing, dt, before.jump_new), 0};
+  const TrialSlip trial_slip(forcing, dt, before.jump_new, before.stress);
+  const FilmSlip slip(
+      {problem.interface.friction_coefficient, problem.interface.yield_strength / kSqrt3, soft, inputs.pressure[lane]},
+      trial_slip, problem.heat_partition);
+  Carried answer{};
+  const bool solid = slip_of_solid(slip, T0, *operators.heat().layer_response(), before.sticks, answer);
+  if (!solid || !answer.sticks || answer.flux != 0.0) return std::nullopt;
+  const double stress = trial_slip.direction * answer.stress;
+  return RestingStep{
+      {stress, trial_slip.direction * slip.slip(answer.stress), 0.0, 0.0, Regime::kStick, true, true, answer.several},
+      answer.several ? kMultipleRoots : std::uint8_t{0}};
+}
+
 void advance_force_driven_melting(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                   const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;

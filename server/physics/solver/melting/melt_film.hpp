@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "server/physics/material/elementary.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
 #include "server/physics/solver/options.hpp"
 
 namespace shearbus::physics {

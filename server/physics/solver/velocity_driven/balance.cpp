@@ -6,11 +6,9 @@
 #include <limits>
 #include <optional>
 
-#include "server/physics/solver/flow/expanded_flow.hpp"
 #include "server/physics/solver/flow/heated.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/flow/plastic_heat.hpp"
-#include "server/physics/solver/flow/searched_flow.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -62,8 +60,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   const int hottest_ad = heated.hottest(0.0);
   const double T_hottest = heated.T(hottest_ad, 0.0);
   state.hottest = hottest_ad;
-  const bool expands = has_expanded_flow(soft);
-  if (expands ? !carries_stress(soft, pressure, T_hottest) : softening(soft, pressure, T_hottest).g <= 0.0) {
+  if (!carries_stress(soft, pressure, T_hottest)) {
     state.hi = 0.0;
     state.bound = Bound::kCeiling;
   } else if (std::isfinite(strongest)) {
@@ -83,7 +80,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
     state.bound = Bound::kContact;
   }
   // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
-  // flow by more than the whole slip; above the second a vertex would be molten. An expanded flow is solved from a good
+  // flow by more than the whole slip; above the second a vertex would be molten. An explicit flow is solved from a good
   // guess without the first, unless melting is near.
   const auto inside = [&](double a) { return a > kLeastGuess * state.hi && a < state.hi; };
   const double last = state.direction * s_start, extrapolated = state.direction * (s_start + rate * dt);
@@ -91,7 +88,7 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
   const bool guessed = inside(guess());
   if (state.hi > 0.0 && hardens(soft)) {
     double beyond = std::numeric_limits<double>::infinity();
-    if (!guessed || !expands || !searches_unbounded(soft, T_hottest)) {
+    if (!guessed || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, T_hottest)) {
       const double most_strain =
           h * state.a_trial / (kSqrt3 * soft.shear_modulus) / problem.grid.weight[static_cast<std::size_t>(hottest_ad)];
       const double all_at_hottest = hardened_strength(soft, strain[std::ptrdiff_t{hottest_ad} * kLanes] + most_strain,
@@ -160,114 +157,43 @@ void go_on_with(Lane& lane, double next, double flow, int iteration) {
   }
 }
 
-// The sums of a step for a law with an expanded flow.
-class ExpandedSums {
- public:
-  ExpandedSums(const FlowProblem& problem, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
-               const Lane (&lanes)[kLanes])
-      : problem_(problem), compliance_(compliance) {
-    for (int l = 0; l < kLanes; ++l) {
-      const double pressure = contains(inputs.active, l) ? inputs.pressure[l] : 0.0;
-      set_load(soft_at(l), pressure, lanes[l].a, lanes[l].heating, l, load_);
-      a_trial_[l] = lanes[l].a_trial;
-    }
-    start_flow(problem, scratch_tile(Scratch::kFlow, rows_of(*problem.grid)), flow);
-  }
-  void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
-  // Finds the stresses that meet the balances by the expansion, root().
-  void find_roots() { roots_of(flow, load_, compliance_, a_trial_, root_); }
-  double root(const Lane&, int l) const { return root_[l]; }
-  void set(const Lane& lane, int l) { load_.stress[l] = lane.a; }
-
-  ExpandedFlow flow;
-
- private:
-  const FlowProblem& problem_;
-  double compliance_;
-  StressLoad load_;
-  alignas(64) double a_trial_[kLanes], root_[kLanes];
-};
-
-// The same for a law whose flow is searched for at each vertex.
-class SearchedSums {
- public:
-  SearchedSums(const FlowProblem& problem, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
-               const Lane (&lanes)[kLanes])
-      : problem_(problem), soft_at_(soft_at), inputs_(inputs), compliance_(compliance) {
-    for (int l = 0; l < kLanes; ++l) set(lanes[l], l);
-    start_search(scratch_tile(Scratch::kFlow, searched_rows(*problem.grid)), flow);
-  }
-  void sum(double* strain_new) { sum_flow(problem_, load_, strain_new, flow); }
-  void find_roots() {}
-  // The stress that meets the balance with the flow nearby, by Newton's method.
-  double root(const Lane& lane, int l) {
-    constexpr int kMostSteps = 20;
-    constexpr double kMet = 1e-13;
-    const NearbyFlow nearby = nearby_flow(flow, lane.a, l);
-    if (!(nearby.base > 0.0) || compliance_ * nearby.moment[0] > kFarAbove * lane.a_trial) return -1.0;
-    double a = lane.a;
-    for (int step = 0; step < kMostSteps; ++step) {
-      const NearbyFlow::Slip slip = nearby.at(a, 0.0);
-      const double change = -(a + compliance_ * slip.value - lane.a_trial) / (1.0 + compliance_ * slip.by_stress);
-      a += change;
-      if (!(a > 0.0)) return -1.0;
-      if (std::abs(change) <= kMet * a) break;
-    }
-    return a;
-  }
-  void set(const Lane& lane, int l) {
-    const double pressure = contains(inputs_.active, l) ? inputs_.pressure[l] : 0.0;
-    set_load(soft_at_(l), pressure, lane.a, lane.heating * lane.a, l, load_);
-  }
-
-  SearchedFlow flow;
-
- private:
-  const FlowProblem& problem_;
-  const LaneMaterials& soft_at_;
-  const TileInputs& inputs_;
-  double compliance_;
-  FlowLoad load_;
-};
-
 // Finds the roots of the balances of all lanes together. The answer of a lane is a stress at which the flow was summed:
 // each sum writes the strain, so that strain, temperature and stress belong together. A last step without a sum would
 // not do: near melting the flow stress changes by far more than the stress.
-template <class Sums>
-void find_roots(const FlowProblem& flow, const LaneMaterials& soft_at, const TileInputs& inputs, double compliance,
-                Lane (&lanes)[kLanes], Sliding (*sliding)[kLanes], double* strain_new, double (&slip)[kLanes]) {
-  Sums sums(flow, soft_at, inputs, compliance, lanes);
+void find_roots(LayerFlow& flow, const TileInputs& inputs, double compliance, Lane (&lanes)[kLanes],
+                double* strain_new) {
+  alignas(64) double a_trial[kLanes], root[kLanes];
+  for (int l = 0; l < kLanes; ++l) a_trial[l] = lanes[l].a_trial;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    sums.sum(strain_new);
+    flow.sum(kAllLanes, strain_new);
     if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
-    bool asks[kLanes];  // lanes that need another stress
+    std::uint32_t asks = 0;  // lanes that need another stress
     bool all_done = true;
     for (int l = 0; l < kLanes; ++l) {
       Lane& lane = lanes[l];
-      asks[l] = false;
       if (lane.done) continue;
       ++lane.sums;
       const double left = lane.a_trial - lane.a;
-      asks[l] = !narrow(lane, compliance * sums.flow.slip[l], left);
-      if (asks[l]) lane.done = is_balanced(lane.a, left, compliance, sums.flow.slip[l], accuracy_of(sums.flow, l));
+      if (!narrow(lane, compliance * flow.slip[l], left)) {
+        lane.done = is_balanced(lane.a, left, compliance, flow.slip[l], flow.accuracy(l));
+        if (!lane.done) asks |= 1u << l;
+      }
       all_done = all_done && lane.done;
     }
     if (all_done) break;
-    sums.find_roots();
+    flow.find_roots(asks, compliance, a_trial, root);
     for (int l = 0; l < kLanes; ++l) {
       Lane& lane = lanes[l];
-      if (!lane.done && asks[l]) {
-        const double layer_flow = compliance * sums.flow.slip[l], left = lane.a_trial - lane.a;
-        double next = sums.root(lane, l);
+      if (contains(asks, l)) {
+        const double layer_flow = compliance * flow.slip[l], left = lane.a_trial - lane.a;
+        double next = root[l];
         if (!(next > 0.0) && layer_flow > 0.0 && lane.a > 0.0)
-          next = newton(lane, compliance, sums.flow.slip[l], sums.flow.slope[l], layer_flow, left);
+          next = newton(lane, compliance, flow.slip[l], flow.slope[l], layer_flow, left);
         go_on_with(lane, next, layer_flow, iteration);
       }
-      sums.set(lane, l);
+      flow.load(l, lane.a, lane.heating);
     }
   }
-  if (sliding != nullptr) slide(sums, compliance, flow.dt, lanes, *sliding, strain_new);
-  std::copy_n(sums.flow.slip, kLanes, slip);
 }
 
 // The mean stress of a step whose balance is solved, signed  [Pa]. `friction`: limit of the interface at the temperature
@@ -329,7 +255,6 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   const double h = problem.options.grid.thickness;
   const double compliance = kSqrt3 * soft.shear_modulus / h;  // fall of the stress per slip integral(dep)  [Pa/m]
   const bool layer_hardens = hardens(soft);
-  const bool expands = has_expanded_flow(soft);
   bool loaded = false;  // at least one lane has a trial stress other than 0; otherwise nothing flows
   const double* strain = committed + layout.plastic_strain;
   double* strain_new = trial + layout.plastic_strain;
@@ -391,16 +316,20 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
 
   // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
   double slip[kLanes] = {};
-  const FlowProblem flow{&soft, &grid, B, T, strain, operators.num_heated(), dt, B_spread};
   Sliding(*slides)[kLanes] = contacts && problem.options.drive == Drive::kLayerShear ? &contacts->of : nullptr;
-  if (layer_hardens && loaded && expands) {
-    find_roots<ExpandedSums>(flow, soft_at, inputs, compliance, lanes, slides, strain_new, slip);
-  } else if (layer_hardens && loaded) {
-    find_roots<SearchedSums>(flow, soft_at, inputs, compliance, lanes, slides, strain_new, slip);
+  if (layer_hardens && loaded) {
+    LayerFlow flow({&soft, &grid, B, T, strain, dt, B_spread},
+                   scratch_tile(Scratch::kFlow, LayerFlow::size_of_rows(grid)));
+    for (int l = 0; l < kLanes; ++l) {
+      const double pressure = contains(inputs.active, l) ? inputs.pressure[l] : 0.0;
+      flow.load(l, soft_at(l), pressure, lanes[l].a, lanes[l].heating);
+    }
+    find_roots(flow, inputs, compliance, lanes, strain_new);
+    if (slides != nullptr) slide(&flow, compliance, dt, lanes, *slides, strain_new);
+    std::copy_n(flow.slip, kLanes, slip);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
-    NoSums sums;
-    if (slides != nullptr) slide(sums, compliance, dt, lanes, *slides, strain_new);
+    if (slides != nullptr) slide(nullptr, compliance, dt, lanes, *slides, strain_new);
   }
 
   double flux_of[kLanes];

@@ -5,7 +5,7 @@
 #include <cstddef>
 
 #include "server/physics/interface/stress_limit.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/scratch.hpp"
@@ -139,6 +139,12 @@ std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, cons
   const TileLayout& layout = problem.layout;
   const int n = problem.grid.num_cells();
   const Material& any = problem.options.soft;
+  if (!properties_of(any.flow_law).has_wave_return) {
+    std::uint32_t unsolved = 0;
+    for (const int l : lanes_of(lanes))
+      if (!search_lane(problem, heat, inputs, trial, l, found[l])) unsolved |= 1u << l;
+    return unsolved;
+  }
   WideWaveStep step{.soft = &any,
                     .grid = &problem.grid,
                     .response = heat.layer_response(),

@@ -9,6 +9,7 @@
 #include "server/physics/interface/edge_zero.hpp"
 #include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/flow/heated.hpp"
+#include "server/physics/solver/flow/layer_flow.hpp"
 
 namespace shearbus::physics {
 
@@ -65,23 +66,19 @@ inline double limit_without_slip(const Problem& problem, const Material& soft, d
   return slip_stress(limit, {heated.T(0, 0.0), heated.response(0), lane.heating, 0.0}, lane.hi, guess);
 }
 
-// A layer that does not harden, and flows at its ceiling only.
-struct NoSums {
-  void sum(double*) {}
-  void set(const Lane&, int) {}
-  struct {
-    double slip[kLanes] = {};
-  } flow;
-};
-
 // The slip of the interfaces whose limit depends on it, after the balance without slip has been solved: a sticking
 // interface sticks while it can, a slipping one takes the answer with the most slip. The stress falls from that of
 // the sticking interface, and with it the flow; the interface slips by what elastic shear and flow leave of the jump.
-template <class Sums>
-void slide(Sums& sums, double compliance, double dt, Lane (&lanes)[kLanes], Sliding (&sliding)[kLanes],
-           double* strain_new) {
+// `flow`: the flow of the layer; null if it does not harden, and flows at its ceiling only.
+inline void slide(LayerFlow* flow, double compliance, double dt, Lane (&lanes)[kLanes], Sliding (&sliding)[kLanes],
+                  double* strain_new) {
   const auto slip_under = [&](int l, double a) {
-    return std::max(0.0, kSqrt3 / dt * ((lanes[l].a_trial - a) / compliance - sums.flow.slip[l]));
+    return std::max(0.0, kSqrt3 / dt * ((lanes[l].a_trial - a) / compliance - (flow != nullptr ? flow->slip[l] : 0.0)));
+  };
+  const auto sum_flow = [&] {
+    if (flow == nullptr) return;
+    for (int l = 0; l < kLanes; ++l) flow->load(l, lanes[l].a, lanes[l].heating);
+    flow->sum(kAllLanes, strain_new);
   };
   bool searching = false, summed = true;
   for (int l = 0; l < kLanes; ++l) {
@@ -100,9 +97,8 @@ void slide(Sums& sums, double compliance, double dt, Lane (&lanes)[kLanes], Slid
   while (searching) {
     for (int l = 0; l < kLanes; ++l) {
       if (sliding[l].searches && !sliding[l].search.done()) lanes[l].a = sliding[l].search.at();
-      sums.set(lanes[l], l);
     }
-    sums.sum(strain_new);
+    sum_flow();
     searching = false;
     for (int l = 0; l < kLanes; ++l) {
       Sliding& own = sliding[l];
@@ -129,8 +125,7 @@ void slide(Sums& sums, double compliance, double dt, Lane (&lanes)[kLanes], Slid
     lane.bound = Bound::kContact;
   }
   if (summed) return;
-  for (int l = 0; l < kLanes; ++l) sums.set(lanes[l], l);
-  sums.sum(strain_new);
+  sum_flow();
 }
 
 }  // namespace shearbus::physics

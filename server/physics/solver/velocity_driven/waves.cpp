@@ -6,8 +6,9 @@
 #include <optional>
 
 #include "server/physics/layer/wide.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/velocity_driven/waves_return.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -151,6 +152,8 @@ class Waves {
              1.0 + step.soft->pressure_coefficient * step.pressure +
                  step.soft->temperature_coefficient * SteinbergCochranGuinan::kReference,
              step.soft->temperature_coefficient, step.soft->melting_temperature},
+        by_law_(*step.soft, step.pressure, step.dt),
+        has_form_(properties_of(step.soft->flow_law).has_wave_return),
         evaluations_(evaluations),
         evaluations_left_(evaluations) {
     const Material& soft = *step.soft;
@@ -211,12 +214,21 @@ class Waves {
     --evaluations_left_;
     answer_.flux = flux;
     for (int i = 0; i <= num_cells_; ++i) rows_.T[i] = fields_.T_ad[i] + flux * step_.response[i];
-    return_to_yield(law_, num_cells_ + 1, rows_, fields_.stress);
+    has_form_ ? return_to_yield(law_, num_cells_ + 1, rows_, fields_.stress) : return_by_law();
     flux_slope_ = 0.0;
     held_ = std::abs(fields_.stress[0]) > step_.coulomb;
     if (!held_) return;
     fields_.stress[0] = std::copysign(step_.coulomb, rows_.t[0]);
     rows_.slope[0] = rows_.softening[0] = 0.0;
+  }
+
+  void return_by_law() {
+    for (int i = 0; i <= num_cells_; ++i) {
+      const ReturnedStress found = by_law_.at(fields_.strain[i], std::abs(rows_.t[i]), rows_.T[i], 0.0);
+      fields_.stress[i] = std::copysign(found.stress, rows_.t[i]);
+      rows_.slope[i] = found.slope;
+      rows_.softening[i] = std::copysign(1.0, rows_.t[i]) * found.softening;
+    }
   }
 
   // Evaluates stresses and slopes at the iterate, for the given heat flux q or else for the heat flux of the stress at
@@ -266,6 +278,10 @@ class Waves {
     const auto held_or = [&](double a, double slope) -> InterfaceReturn {
       return a > step_.coulomb ? InterfaceReturn{step_.coulomb, 0.0, true} : InterfaceReturn{a, slope, false};
     };
+    if (!has_form_) {
+      const ReturnedStress found = by_law_.at(fields_.strain[0], t, fields_.T_ad[0], rise);
+      return held_or(found.stress, found.slope);
+    }
     if (carried(t).stress >= t) return held_or(t, 1.0);
     double lo = 0.0;
     double hi = std::min(t, carried(0.0).stress);
@@ -452,6 +468,13 @@ class Waves {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
     }
     if (!held_) return;
+    if (!has_form_) {
+      const double left = std::abs(rows_.t[0]) - step_.coulomb;
+      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa_);
+      fields_.strain_growth[0] = flow;
+      answer_.interface_slip = std::copysign(std::max(0.0, left - kappa_ * flow) / gain(0), rows_.t[0]);
+      return;
+    }
     const double yield = rows_.strength[0] * softening(*step_.soft, step_.pressure, rows_.T[0]).g;
     const HeldVertex held =
         flow_under_friction(std::abs(rows_.t[0]), step_.coulomb, yield, rows_.compliance[0], kappa_, law_.exponent);
@@ -464,6 +487,8 @@ class Waves {
   int num_cells_;
   double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
   ReturnLaw law_;
+  LawReturn by_law_;  // the return of a law that ReturnLaw does not describe
+  bool has_form_;     // the law has the form of ReturnLaw
   WaveAnswer answer_;
   int evaluations_;  // largest number of evaluations of the balance in a search
   int evaluations_left_;

@@ -2,9 +2,6 @@
 // iteration: its answer is written when it has converged, and what it computes while other lanes go on is not used.
 #if SHEARBUS_WIDTH > 1
 
-[[gnu::always_inline]] inline Register larger(Register a, Register b) {
-  return a > b ? a : b;
-}
 [[gnu::always_inline]] inline Register with_sign_of(Register size, Register sign) {
   constexpr std::uint64_t kSign = 0x8000000000000000u;
   return (Register)((Bits)size | ((Bits)sign & kSign));

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "server/physics/material/elementary.hpp"
-#include "server/physics/material/steinberg_cochran_guinan.hpp"
+#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/solver/model.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"

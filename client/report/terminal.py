@@ -1,0 +1,120 @@
+"""What Python programs read from a command line and from files of strangers, and what they write to a terminal. Numbers
+have the rule of all programs (proto/wire/numbers.hpp); texts of strangers (names in files, names of files) are without
+commands to the terminal; a file is regular, and what it nests has an end."""
+import argparse
+import json
+import math
+import os
+import re
+import stat
+import sys
+import tomllib
+
+# Control characters, separators of lines, and characters that change the direction of the text around them.
+COMMANDS = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+NAMES = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}
+MOST = 16384  # characters
+MOST_DIGITS = 100  # characters of a number
+MOST_BYTES = 1 << 30  # of a file of text
+REAL = re.compile(r"(?:\+|-)?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+def printable(text):
+    """Returns the text with commands escaped, as \\n or \\x1b; a byte of no character (as of a file's name) as \\xff."""
+    def escaped(match):
+        code = ord(match[0])
+        if 0xDC80 <= code <= 0xDCFF:  # how Python writes an invalid byte
+            code -= 0xDC00
+        return NAMES.get(match[0]) or (f"\\x{code:02x}" if code < 0x100 else f"\\u{{{code:04x}}}")
+    text = COMMANDS.sub(escaped, str(text))
+    return text if len(text) <= MOST else text[:MOST - 3] + "..."
+
+
+def printable_lines(text):
+    """Returns a text of several lines, each of them printable."""
+    return "\n".join(map(printable, str(text).split("\n")))
+
+
+def complain(program, fault):
+    """Prints what has ended a program to standard error."""
+    print(printable(f"{program}: {fault}"), file=sys.stderr)
+
+
+def read_text(path):
+    """Returns the text of a regular file, in UTF-8. Raises OSError or ValueError; a pipe is not waited for."""
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb") as file:
+        found = os.fstat(file.fileno())
+        if not stat.S_ISREG(found.st_mode):
+            raise ValueError("is no regular file")
+        if found.st_size > MOST_BYTES:
+            raise ValueError(f"has {found.st_size} bytes, at most {MOST_BYTES} are read")
+        return file.read().decode("utf-8-sig")
+
+
+def _of_text(parse, text):
+    try:
+        return parse(text)
+    except RecursionError:
+        raise ValueError("is nested too deep") from None
+
+
+def read_json(path):
+    """Returns what a file of JSON holds. Raises OSError or ValueError."""
+    return _of_text(json.loads, read_text(path))
+
+
+def read_toml(text):
+    """Returns what a text of TOML holds. Raises ValueError."""
+    return _of_text(tomllib.loads, text)
+
+
+def refuse(expected, text):
+    found = printable(text[:60])
+    raise argparse.ArgumentTypeError(f'expected {expected}, found "{found}"')
+
+
+def whole_number(text, least=0):
+    """An id or a count of a command line: digits alone, up to 2^64 - 1."""
+    if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS and least <= int(text) < 2**64):
+        refuse(f"a whole number from {least} to 2^64 - 1, of digits alone", text)
+    return int(text)
+
+
+def positive_count(text):
+    return whole_number(text, 1)
+
+
+def real_number(text):
+    """A finite number of a command line."""
+    value = float(text) if len(text) <= MOST_DIGITS and REAL.fullmatch(text) else math.nan
+    if not math.isfinite(value):
+        refuse("a finite number such as 0.25 or 4e-6", text)
+    return value
+
+
+def positive_number(text):
+    value = real_number(text)
+    if not value > 0:
+        refuse("a finite number above 0", text)
+    return value
+
+
+def positive_numbers(text):
+    """Several numbers with commas between them."""
+    return [positive_number(word) for word in text.split(",")]
+
+
+class Help(argparse.RawDescriptionHelpFormatter):
+    def add_usage(self, usage, actions, groups, prefix=None):
+        super().add_usage(usage, actions, groups, "Usage: ")
+
+
+class Parser(argparse.ArgumentParser):
+    """The command line of a program whose description is printed as it stands; a fault of it is one line of text."""
+
+    def __init__(self, **options):
+        super().__init__(**{"formatter_class": Help, "allow_abbrev": False, **options})
+
+    def error(self, message):
+        complain(self.prog, message)
+        self.exit(2, f"Run {self.prog} --help for its options.\n")
