@@ -44,8 +44,8 @@ class Judge {
     effort_ = {};
     // MoltenLayer bounds the heat that enters at the interface. With a Taylor-Quinney factor a part of the work heats
     // the inside of the layer instead, so the bound does not apply.
-    // A melt film takes up latent heat, too.
-    const bool bounded = !options.taylor_quinney_factor && !options.melt_film;
+    // A melt film takes up latent heat, too; MoltenLayer has constant k and c.
+    const bool bounded = !options.taylor_quinney_factor && !options.melt_film && !conducts_by_temperature(options);
     if (bounded) molten_.step(rig_);
     for (int l = 0; l < kLanes; ++l) {
       lane_ = l;

@@ -49,7 +49,9 @@ int steps_of(const ModelOptions& options) {
 void run_history(Draw& draw, const ModelOptions& options, bool extreme, RandomOutcome& outcome) {
   Rig rig(options);
   std::optional<AwakeTwin> awake;
-  if (options.sleep) awake.emplace(options);
+  // Under SDIRK2 and a tolerance a sleeper decays without an error in time, and differs from a node that is solved by that error.
+  if (options.sleep && options.time_integrator == TimeIntegrator::kBackwardEuler && !options.tolerance)
+    awake.emplace(options);
   SearchEffort effort;
   rig.inputs.effort = &effort;
   if (draw.chance(0.5)) {

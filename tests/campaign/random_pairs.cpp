@@ -100,7 +100,9 @@ class Twins {
     while (t < tiles_.size() && (tiles_[t].pair != pair || tiles_[t].nodes == kLanes)) ++t;
     if (t == tiles_.size()) {
       tiles_.push_back({.pair = pair, .rig = std::make_unique<Rig>(options_[pair], 0)});
-      if (options_[pair].sleep) tiles_[t].awake = std::make_unique<AwakeTwin>(options_[pair]);
+      if (options_[pair].sleep && options_[pair].time_integrator == TimeIntegrator::kBackwardEuler &&
+          !options_[pair].tolerance)
+        tiles_[t].awake = std::make_unique<AwakeTwin>(options_[pair]);
     }
     Tile& tile = tiles_[t];
     places_.push_back({t, tile.nodes++});

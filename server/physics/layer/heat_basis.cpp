@@ -214,7 +214,7 @@ void HeatBasis::add_steady_modes(const HeatGrid& grid, const Material& soft, con
 std::vector<double> HeatBasis::decay(double dt, bool exact) const {
   std::vector<double> left;
   left.reserve(rate.size());
-  for (const double r : rate) left.push_back(exact ? exponential(-r * dt) : 1.0 / (1.0 + r * dt));
+  for (const double r : rate) left.push_back(exact || exact_in_time ? exponential(-r * dt) : 1.0 / (1.0 + r * dt));
   return left;
 }
 

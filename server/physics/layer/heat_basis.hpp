@@ -29,6 +29,7 @@ struct HeatBasis {
   std::vector<double> soft_heat;     // heat in the soft body per amplitude of each mode  [J/(m2 K)]
   std::vector<double> hard_heat;     // the same of the hard body
   bool holds_ends;                   // an end keeps its temperature, so that modes lose net heat
+  bool exact_in_time = false;        // decay() is exact for all steps
   // Heat per amplitude of the first mode; without held ends the other modes have no net heat  [J/(m2 K)].
   double heat = 0.0;
 
