@@ -52,7 +52,7 @@ struct RateAndState {
     // asinh(exp(x)) and its derivative by x, which is 1 where asinh is a logarithm
     const double e = exponential(std::min(x, kLogarithmic));
     const double root = std::sqrt(1.0 + e * e);
-    const double arc = x < kLogarithmic ? logarithm_of_1_plus(e + e * e / (1.0 + root)) : x + kLn2;
+    const double arc = x < kLogarithmic ? log_of_1_plus(e + e * e / (1.0 + root)) : x + kLn2;
     const double scale = point.pressure * (x < kLogarithmic ? e / root : 1.0);
     return {point.pressure * a * arc, 0.0, scale * (a / point.slip.up + b * state.by_up), scale * b * state.by_down};
   }
