@@ -1,19 +1,19 @@
 #!/usr/bin/python3
-"""Runs the listing of deploy/docs/pages/tutorials/getfem.md, in both request forms, and compares it with exact answers and with what the page
-prints; then the conformity kit on it. Exit code 77 where GetFEM is not installed.
+"""Runs client/examples/getfem_host.py, the host of deploy/docs/pages/tutorials/getfem.md, in both request forms, and compares it with exact
+answers and with what the page prints; then the conformity kit on it. Exit code 77 where GetFEM is not installed.
 
 getfem_page.py --build BUILD [--self-test]      with hosts made wrong on purpose"""
 import argparse
 import importlib.util
 import os
 import pathlib
-import re
 import subprocess
 import sys
 import tempfile
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 PAGE = SOURCE / "deploy/docs/pages/tutorials/getfem.md"
+HOST = SOURCE / "client/examples/getfem_host.py"
 sys.path[:0] = [str(SOURCE / "client/python"), str(SOURCE / "tests/contract")]
 if importlib.util.find_spec("getfem") is None or importlib.util.find_spec("scipy") is None:
     print("skipped: expected the modules getfem and scipy, found none (packages python3-getfem++, python3-scipy)")
@@ -25,7 +25,7 @@ import shearbus  # noqa: E402
 import tomllib  # noqa: E402
 
 FORMS = ("far_field", "stick")
-WRONG = {  # mistake -> what the listing has, and what the wrong host has instead
+WRONG = {  # mistake -> what the host has, and what the wrong host has instead
     "weights in the wrong order": ("shared / shared.sum(1)[:, None]", "(shared / shared.sum(1)[:, None])[:, ::-1]"),
     "mass of whole zones": ("1 / (w @ (area_hard / m_hard))", "2 / (w @ (area_hard / m_hard))"),
     "stick stress without forces": ('"stick_stress": impedance * free[:, X]', '"stick_stress": impedance * jump[:, X]'),
@@ -35,12 +35,8 @@ WRONG = {  # mistake -> what the listing has, and what the wrong host has instea
 PROBLEMS = {"two_half_spaces": "constant_friction", "finite_plate": "finite_plate", "brake": "stick_slip_brake", "hot_spot": "softening_friction"}
 
 
-def listing():
-    return re.search(r"^<!-- file: getfem_host.py -->\n```python\n(.*?)^```", PAGE.read_text(), re.M | re.S)[1]
-
-
 class Run:
-    """What a run of the listing has at the end of each step: means over the interface, and spreads over its nodes."""
+    """What a run of the host has at the end of each step: means over the interface, and spreads over its nodes."""
 
     def __init__(self, host, name, form):
         soft, hard, steps = host.problem(name, form)
@@ -120,7 +116,7 @@ def faults(host, path, build):
             yield f"the conformity kit, {form}: {kit.stdout[-2000:]}{kit.stderr[-1000:]}"
 
 
-def faults_of_listing(source, build):
+def faults_of_host(source, build):
     with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
         path = pathlib.Path(directory, "getfem_host.py")
         path.write_text(source)
@@ -132,10 +128,10 @@ def faults_of_listing(source, build):
 
 def noticed(right, wrong, build):
     """Returns whether a host with one mistake has a fault, or is stopped by the closure check."""
-    source = listing()
+    source = HOST.read_text()
     assert source.count(right) == 1, right
     try:
-        fault = next(faults_of_listing(source.replace(right, wrong), build), None)
+        fault = next(faults_of_host(source.replace(right, wrong), build), None)
     except shearbus.ClosureError as error:
         fault = str(error)
     print(f"{right} -> {wrong}: {fault}"[:300])
@@ -157,7 +153,7 @@ def main():
         found = [f"not noticed: {mistake}" for mistake, (right, wrong) in WRONG.items() if not noticed(right, wrong, options.build)]
         print("\n".join(found) or f"{len(WRONG)} wrong hosts are noticed")
     else:
-        found = list(faults_of_listing(listing(), options.build))
+        found = list(faults_of_host(HOST.read_text(), options.build))
         print("\n".join(found) or f"{len(PROBLEMS)} problems in both forms have their exact answers, and the kit passes")
     return bool(found)
 

@@ -1,0 +1,100 @@
+#!/usr/bin/python3
+"""Two blocks slide on each other, on meshes that do not match: GetFEM assembles, this file integrates, shearbus answers the friction.
+
+getfem_host.py two_half_spaces | finite_plate | brake | hot_spot   far_field | stick"""
+import sys
+import getfem
+import numpy as np
+import shearbus
+from scipy import sparse
+
+PERIOD, DT = 120e-6, 1.2e-9  # m along the interface, where all repeats; s
+X, Z = 0, 1  # along the interface and across it
+
+
+class Block:
+    """A block in plane strain; its row 0 of nodes is the interface. side: +1 for z > 0 (soft), -1 for z < 0 (hard)."""
+
+    def __init__(self, side, columns, rows, depth, density, shear_modulus, pressure, velocity=0.0, poisson=0.33):
+        mesh = getfem.Mesh("cartesian", np.linspace(0, PERIOD, columns + 1), np.sort(side * np.linspace(0, depth, rows + 1)))
+        fem, numbers, quadrature = getfem.MeshFem(mesh, 2), getfem.MeshFem(mesh, 1), getfem.MeshIm(mesh, getfem.Integ("IM_GAUSS_PARALLELEPIPED(2, 2)"))
+        fem.set_classical_fem(1), numbers.set_classical_fem(1)
+        one = np.ones(numbers.nbdof())
+        stiffness = getfem.asm_linear_elasticity(quadrature, fem, numbers, 2 * shear_modulus * poisson / (1 - 2 * poisson) * one, shear_modulus * one)
+        mass = density * getfem.asm_mass_matrix(quadrature, fem).mult(np.ones(fem.nbdof()))  # lumped: sums of rows
+        x, z = fem.basic_dof_nodes()
+        place = np.rint(abs(z) / depth * rows) * columns + np.rint(x / PERIOD * columns) % columns  # ties x = PERIOD to x = 0
+        tie = sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), (2 * place + np.arange(len(x)) % 2).astype(int))))
+        pointers, indices = stiffness.csc_ind()
+        self.stiffness = tie.T @ sparse.csc_matrix((stiffness.csc_val(), indices, pointers)) @ tie
+        shape = rows + 1, columns, 2
+        self.mass = (tie.T @ mass).reshape(shape)[..., X]
+        self.x = np.arange(columns) * PERIOD / columns
+        self.u, self.v = np.zeros(shape), np.zeros(shape)
+        self.v[..., X] = velocity
+        self.push = -side * pressure * PERIOD / columns  # of the initial stress on the interface nodes, in balance until friction acts
+
+    def forces(self):
+        force = -(self.stiffness @ self.u.ravel()).reshape(self.u.shape)
+        force[0, :, Z] += self.push
+        return force
+
+
+def weights(soft, hard):
+    """Returns the weight of each hard node in each soft one, and the areas: integrals of products of shape functions, exact on each piece of overlap."""
+    xs, xh = soft.x + soft.u[0, :, X], hard.x + hard.u[0, :, X]
+    ends = np.sort(np.concatenate([xs, xh]) % PERIOD)
+    half = np.diff(np.append(ends, ends[0] + PERIOD)) / 2
+    points = np.concatenate([ends + half * (1 - 3**-0.5), ends + half * (1 + 3**-0.5)])
+    values = [np.array([np.interp(points, x, unit, period=PERIOD) for unit in np.eye(len(x))]) for x in (xs, xh)]
+    shared = values[0] * np.tile(half, 2) @ values[1].T
+    return shared / shared.sum(1)[:, None], shared.sum(1), shared.sum(0)
+
+
+def run(soft, hard, steps, form, scene, **opening):
+    """Yields time, areas, jumps and answer of each step."""
+    with shearbus.open(scene, range(soft.x.size), **{"check_closure": "error", **opening}) as bus:
+        for step in range(steps):
+            dt = DT if step else DT / 2  # velocities live half a step before displacements
+            w, area, area_hard = weights(soft, hard)
+            f_soft, f_hard = soft.forces(), hard.forces()
+            m_soft, m_hard = soft.mass[0], hard.mass[0]
+            jump = soft.v[0] - w @ hard.v[0]
+            a_soft, a_hard = f_soft[0] / m_soft[:, None], w @ (f_hard[0] / m_hard[:, None])
+            free = jump + dt * (a_soft - a_hard)  # the jump after this step without contact
+            mass_hard = 1 / (w @ (area_hard / m_hard))
+            impedance = 1 / (dt * (area / m_soft + 1 / mass_hard))
+            gap = soft.u[0, :, Z] - w @ hard.u[0, :, Z]
+            pressure = np.maximum(0, -impedance * (free[:, Z] + gap / dt))  # what keeps the gap closed
+            if form == "stick":
+                inputs = {"impedance": impedance, "stick_stress": impedance * free[:, X]}
+            else:
+                inputs = {"stress_soft": f_soft[0, :, X] / area, "stress_hard": -mass_hard * a_hard[:, X], "mass_soft": m_soft / area, "mass_hard": mass_hard}
+            answer = bus.step(dt, time=(step + 0.5) * DT, jump=jump[:, X], pressure=pressure, **inputs)
+            traction = np.stack([-answer.stress, pressure], 1) * area[:, None]  # on the soft nodes
+            f_soft[0] += traction
+            f_hard[0] -= w.T @ traction
+            for block, force in ((soft, f_soft), (hard, f_hard)):
+                block.v += dt * force / block.mass[..., None]
+                block.u += DT * block.v
+            yield (step + 0.5) * DT, area, (soft.v[0] - w @ hard.v[0])[:, X], answer
+
+
+def problem(name, form):
+    """Returns the blocks of a problem and its run."""
+    pressure, velocity, depth, steps = 1e9, 100.0, 1e-3, 250
+    scene, opening = "client/examples/constant_friction.toml", {"parameters": {"interface.friction_coefficient": 0.05}}
+    if name == "hot_spot":
+        pressure, scene = 11.2e9, "client/examples/softening_friction.toml"
+        opening = {"initial_temperature": np.where(np.arange(12) == 6, 1000.0, 300.0), "check_closure": "off"}  # soft nodes share hard ones
+    if name in ("finite_plate", "brake"):
+        velocity, depth, steps = (100.0, 0.5e-3, 520) if name == "finite_plate" else (30.0, 0.5e-3, 850)
+    soft = Block(+1, 12, round(depth / 10e-6), depth, 2703.0, 27.6e9, pressure, velocity)
+    hard = Block(-1, 9, 170, 1.7e-3, 7900.0, 77e9, pressure)
+    return soft, hard, run(soft, hard, steps, form, scene, **opening)
+
+
+if __name__ == "__main__":
+    for time, area, jump, answer in problem(*sys.argv[1:3])[2]:
+        mean_jump, mean_stress = (values @ area / area.sum() for values in (jump, answer.stress))
+    print(f"{time * 1e9:.1f} ns: [V] {mean_jump:.2f} m/s, s {mean_stress / 1e6:.2f} MPa, T0 up to {answer.temperature.max():.1f} K")
