@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <random>
 #include <set>
 
@@ -96,8 +97,8 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
   Ids ids = support::node_ids(30);
   std::uint64_t next_id = 1000;
   Shard shard = make(ids);
-  std::map<std::uint64_t, Shard> alone;
-  for (const std::uint64_t id : ids) alone.emplace(id, make({id}));
+  std::map<std::uint64_t, std::unique_ptr<Shard>> alone;
+  for (const std::uint64_t id : ids) alone.emplace(id, std::unique_ptr<Shard>(new Shard(make({id}))));
   const auto pick = [&](std::size_t count) {
     Ids picked = ids;
     std::ranges::shuffle(picked, random);
@@ -111,7 +112,7 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
       Ids fresh(random() % 25 + 1);
       for (std::uint64_t& id : fresh) id = next_id++;
       shard.apply(shard.adding(fresh, std::vector<double>(fresh.size(), 300.0)));
-      for (const std::uint64_t id : fresh) alone.emplace(id, make({id}));
+      for (const std::uint64_t id : fresh) alone.emplace(id, std::unique_ptr<Shard>(new Shard(make({id}))));
       ids.insert(ids.end(), fresh.begin(), fresh.end());
     } else if (kind == 1) {
       const Ids leaving = pick(random() % 18 + 1);
@@ -143,7 +144,7 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
     for (std::size_t row = 0; row < asked.size(); ++row) {
       Rows one;
       one.all = true;
-      const auto expected = advance(alone.at(asked[row]), {asked[row]}, one, step);
+      const auto expected = advance(*alone.at(asked[row]), {asked[row]}, one, step);
       ASSERT_EQ(answer[row], expected[0]) << "node " << asked[row] << " step " << step;
       ASSERT_EQ(answer[asked.size() + row], expected[1]) << "node " << asked[row] << " step " << step;
     }
