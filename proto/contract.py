@@ -78,9 +78,6 @@ class Contract:
         for message in file.message_type:
             self.messages[message.name] = message
 
-    def column(self, quantity):
-        return next(column for column in self.columns if column.quantity == quantity)
-
 
 def columns(file):
     """Yields the rows of columns.inc, by expanding its macros."""

@@ -45,7 +45,7 @@ nlohmann::ordered_json json_of(const Told& told) {
 }
 
 void show_json(const wire::SessionInfo& s) {
-  const nlohmann::ordered_json line = {{"session", hexadecimal(s.session_id)},
+  const nlohmann::ordered_json line = {{"session", wire::hexadecimal(s.session_id)},
                                        {"name", s.name},
                                        {"identity", s.identity},
                                        {"domain", s.domain},
@@ -65,7 +65,8 @@ void show_json(const wire::SessionInfo& s) {
 const wire::SessionInfo& find(const std::vector<wire::SessionInfo>& sessions, const std::string& wanted) {
   const wire::SessionInfo* found = nullptr;
   for (const wire::SessionInfo& session : sessions) {
-    if (!wanted.empty() && !hexadecimal(session.session_id).starts_with(wanted) && session.name != wanted) continue;
+    if (!wanted.empty() && !wire::hexadecimal(session.session_id).starts_with(wanted) && session.name != wanted)
+      continue;
     if (found != nullptr)
       throw std::runtime_error(
           fmt::format("more than one session is meant by \"{}\"; give more digits of its id, as "
@@ -86,13 +87,13 @@ void check_idle(const wire::SessionInfo& session, double idle_s) {
   throw std::runtime_error(
       fmt::format("session {} was at work {:.1f} s ago: it is closed only after {} s without a "
                   "request (--idle), for its states are lost then",
-                  hexadecimal(session.session_id), seconds(session.idle_ns), idle_s));
+                  wire::hexadecimal(session.session_id), seconds(session.idle_ns), idle_s));
 }
 
 void close_one(Operator& server, const wire::SessionInfo& session) {
   const wire::SessionClosed closed = server.close(session);
-  fmt::print("{} closed: \"{}\" of {}, {}, {}; its states are gone\n", hexadecimal(session.session_id), session.name,
-             session.identity, counted(session.nodes, "node"), counted(closed.requests, "request"));
+  fmt::print("{} closed: \"{}\" of {}, {}, {}; its states are gone\n", wire::hexadecimal(session.session_id),
+             session.name, session.identity, counted(session.nodes, "node"), counted(closed.requests, "request"));
 }
 
 }  // namespace
@@ -228,7 +229,7 @@ void show_sessions(Operator& server, bool json) {
     if (json)
       show_json(s);
     else
-      fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8.0f} {:>8.0f}  {}, {}{}\n", hexadecimal(s.session_id), s.nodes,
+      fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8.0f} {:>8.0f}  {}, {}{}\n", wire::hexadecimal(s.session_id), s.nodes,
                  s.state_version, s.last_sequence, seconds(s.age_ns), seconds(s.idle_ns), s.name, s.identity,
                  (s.domain.empty() ? "" : ", domain " + s.domain) + (s.trial_stands ? ", a trial stands" : ""));
   }

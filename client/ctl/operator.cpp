@@ -7,6 +7,7 @@
 
 #include "client/src/program_door.hpp"
 #include "proto/wire/field_rows.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::ctl {
 namespace {
@@ -115,7 +116,7 @@ wire::Draining Operator::drain(bool exit, std::uint64_t within_s) {
 }
 
 wire::SessionClosed Operator::close(const wire::SessionInfo& session) {
-  const std::string id = hexadecimal(session.session_id);
+  const std::string id = wire::hexadecimal(session.session_id);
   shearbus_question question = SHEARBUS_QUESTION_INIT;
   question.what = SHEARBUS_ASK_CLOSE;
   question.session = id.c_str();
@@ -124,7 +125,7 @@ wire::SessionClosed Operator::close(const wire::SessionInfo& session) {
 }
 
 TopNodes Operator::top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count) {
-  const std::string id = hexadecimal(session);
+  const std::string id = wire::hexadecimal(session);
   shearbus_question question = SHEARBUS_QUESTION_INIT;
   question.what = SHEARBUS_ASK_TOP;
   question.session = id.c_str();
@@ -164,12 +165,6 @@ KeyPair make_key_pair() {
   char public_key[SHEARBUS_KEY_BYTES], secret_key[SHEARBUS_KEY_BYTES];
   asking([&] { shearbus::call(shearbus_make_keys, public_key, secret_key); });
   return {.public_key = public_key, .secret_key = secret_key};
-}
-
-std::string hexadecimal(const wire::Id& id) {
-  std::string text;
-  for (const std::uint8_t byte : id) text += fmt::format("{:02x}", byte);
-  return text;
 }
 
 }  // namespace shearbus::ctl

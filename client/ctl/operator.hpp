@@ -67,6 +67,4 @@ struct KeyPair {  // of CURVE, each of 40 characters
 };
 KeyPair make_key_pair();
 
-std::string hexadecimal(const wire::Id& id);
-
 }  // namespace shearbus::ctl

@@ -62,8 +62,7 @@ struct Report {
 };
 
 std::string label_of(const wire::SessionInfo& session) {
-  return fmt::format("{} {:02x}{:02x}{:02x}{:02x}", session.name, session.session_id[0], session.session_id[1],
-                     session.session_id[2], session.session_id[3]);
+  return session.name + ' ' + wire::hexadecimal(std::span(session.session_id).first(4));
 }
 
 // Asks for the sessions and the hottest nodes, for which the server looks at every node.

@@ -359,10 +359,7 @@ class LogReplay {
 
   std::string domain(const std::string& recorded) {
     std::string& name = domains_[recorded];
-    if (name.empty()) {
-      name = "replay ";
-      for (const std::uint8_t byte : random_bytes()) name += fmt::format("{:02x}", byte);
-    }
+    if (name.empty()) name = "replay " + wire::hexadecimal(random_bytes());
     return name;
   }
 

@@ -12,10 +12,17 @@ using namespace shearbus;
 
 namespace {
 
-template <std::size_t kSize>
-char* to_hex(const std::array<std::uint8_t, kSize>& bytes, char* at) {
-  for (const std::uint8_t byte : bytes) at = fmt::format_to(at, "{:02x}", byte);
-  return at;
+// Takes the handle from the caller for good; null if there is none. A handle of another process is forgotten, not freed:
+// its sockets and threads are that process's. A handle in use is kept, because the other thread needs it. Throws Error
+// for both.
+std::unique_ptr<shearbus_session> taken(shearbus_session** session) {
+  if (session == nullptr || *session == nullptr) return nullptr;
+  shearbus_session* const handle = *session;
+  if (!handle->holder.is_of_this_process()) *session = nullptr;
+  Call call(&handle->holder);
+  *session = nullptr;
+  call.forget();
+  return std::unique_ptr<shearbus_session>(handle);
 }
 
 // A ticket that was read from a file may have the file's line end, and one of Fortran blanks.
@@ -249,18 +256,10 @@ int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* op
   });
 }
 
-// A handle of another process is forgotten, not freed: its sockets and threads are that process's. A handle in use is
-// kept, because the other thread needs it.
 int shearbus_close(shearbus_session** session, shearbus_status* status) {
   return guarded(status, [&] {
-    if (session == nullptr || *session == nullptr) return;
-    shearbus_session* const handle = *session;
-    if (!handle->holder.is_of_this_process()) *session = nullptr;
-    Call call(&handle->holder);
-    *session = nullptr;
-    call.forget();
-    const std::unique_ptr<shearbus_session> owner(handle);
-    if (!handle->session) return;
+    const std::unique_ptr<shearbus_session> handle = taken(session);
+    if (!handle || !handle->session) return;
     if (handle->fallback) tell(*handle, handle->fallback->summary());
     if (std::exchange(handle->started, false)) {
       try {
@@ -290,13 +289,8 @@ int shearbus_end(shearbus_session* session, shearbus_totals* totals, shearbus_st
 
 void shearbus_leave(shearbus_session** session) {
   guarded(nullptr, [&] {
-    if (session == nullptr || *session == nullptr) return;
-    shearbus_session* const handle = *session;
-    if (!handle->holder.is_of_this_process()) *session = nullptr;
-    Call call(&handle->holder);
-    *session = nullptr;
-    call.forget();
-    const std::unique_ptr<shearbus_session> owner(handle);
+    const std::unique_ptr<shearbus_session> handle = taken(session);
+    if (!handle) return;
     if (handle->fallback) tell(*handle, handle->fallback->summary());
     if (handle->session) handle->session->leave();
   });
@@ -306,9 +300,8 @@ int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET
   return guarded(session, status, [&] {
     if (ticket == nullptr) refuse(Code::kInvalidValue, "ticket is NULL", "Give SHEARBUS_TICKET_BYTES bytes.", "ticket");
     const Session::Ticket held = session_of(session).ticket();
-    char* at = to_hex(held.session_id, ticket);
-    *at++ = ':';
-    *to_hex(held.resume_token, at) = '\0';
+    const std::string text = wire::hexadecimal(held.session_id) + ':' + wire::hexadecimal(held.resume_token);
+    ticket[text.copy(ticket, SHEARBUS_TICKET_BYTES - 1)] = '\0';
   });
 }
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "proto/wire/field_rows.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus {
 
@@ -69,11 +70,7 @@ class JsonRows {
     }
     text_ += '"';
   }
-  void put(const wire::Id& id) {
-    text_ += '"';
-    for (const std::uint8_t byte : id) text_ += fmt::format("{:02x}", byte);
-    text_ += '"';
-  }
+  void put(const wire::Id& id) { text_ += '"' + wire::hexadecimal(id) + '"'; }
   template <typename T>
   void put(const std::vector<T>& values) {
     put(std::span<const T>(values));

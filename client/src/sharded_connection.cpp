@@ -12,6 +12,7 @@
 #include "client/src/resumed_nodes.hpp"
 #include "client/src/shards.hpp"
 #include "proto/wire/codec.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus {
 namespace {
@@ -19,12 +20,6 @@ namespace {
 // The weakest of the servers is the durability of a session over all of them.
 int rank_of(const std::string& durability) {
   return durability == "power" ? 2 : durability == "process" ? 1 : 0;
-}
-
-std::string hex(const wire::SessionId& id) {
-  std::string text;
-  for (const std::uint8_t byte : id) text += fmt::format("{:02x}", byte);
-  return text;
 }
 
 // The welcome of all servers together.
@@ -163,8 +158,8 @@ void ShardedConnection::begin_opening(const wire::Request& request, std::uint64_
   for (std::uint32_t k = 0; k < shards; ++k) {
     wire::OpenSession of_shard = asked;
     of_shard.session_id = session_of_shard(asked.session_id, k, shards);
-    of_shard.domain =
-        domain_of_shard(asked.domain.empty() ? "session " + hex(asked.session_id) : asked.domain, k, shards);
+    of_shard.domain = domain_of_shard(
+        asked.domain.empty() ? "session " + wire::hexadecimal(asked.session_id) : asked.domain, k, shards);
     wire::Request& made = opening.requests.emplace_back();
     made.request_id = links_[k]->next_request_id();
     made.body = std::move(of_shard);

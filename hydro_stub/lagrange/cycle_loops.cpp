@@ -165,6 +165,26 @@ SHEARBUS_WIDE void add_up(const Run& run, const Gradients& d, double* __restrict
   for (int z = run.first; z < run.first + run.count; ++z) dilatation[z] = xx[z] + yy[z] + tt[z];
 }
 
+// Advances the stress deviators of the zones of a run with strength from those of `before` by dt.
+void advance_run(const physics::Material& metal, const StrengthState& before, const Run& run, double dt,
+                 std::vector<double>& xx, std::vector<double>& yy, std::vector<double>& xy, Strip& strip) {
+  load(before, run, strip);
+  advance_deviators(metal, dt, strip);
+  std::copy_n(strip.xx, run.count, &xx[run.first]);
+  std::copy_n(strip.yy, run.count, &yy[run.first]);
+  std::copy_n(strip.xy, run.count, &xy[run.first]);
+}
+
+StrengthState strength_state(const State& state, const Gradients& gradient, const std::vector<double>& pressure) {
+  return {gradient,
+          state.plastic_strain.data(),
+          pressure.data(),
+          state.temperature.data(),
+          state.deviator_xx.data(),
+          state.deviator_yy.data(),
+          state.deviator_xy.data()};
+}
+
 }  // namespace
 
 // Returns false, with the first such zone in step_, if a zone is turned inside out.
@@ -211,13 +231,8 @@ void Cycle::predict_run(const Run& run, double dt) {
                z, gradient_);
   if (material(run).strength) {
     Strip strip;
-    load({gradient_, state_.plastic_strain.data(), state_.pressure.data(), state_.temperature.data(),
-          state_.deviator_xx.data(), state_.deviator_yy.data(), state_.deviator_xy.data()},
-         run, strip);
-    advance_deviators(*material(run).strength, half, strip);
-    std::copy_n(strip.xx, run.count, &middle_xx_[z]);
-    std::copy_n(strip.yy, run.count, &middle_yy_[z]);
-    std::copy_n(strip.xy, run.count, &middle_xy_[z]);
+    advance_run(*material(run).strength, strength_state(state_, gradient_, state_.pressure), run, half, middle_xx_,
+                middle_yy_, middle_xy_, strip);
     for (int i = 0; i < run.count; ++i) plastic_rate_[z + i] = strip.increment[i] / half;
   }
   material(run).eos.evaluate(run.count, &middle_density_[z], &middle_energy_[z], &middle_pressure_[z],
@@ -327,13 +342,8 @@ void Cycle::advance_stress(double dt, Reach reach) {
       add_up(run, gradient_, dilatation_.data());
       if (!material(run).strength) continue;
       Strip strip;
-      load({gradient_, state_.plastic_strain.data(), middle_pressure_.data(), state_.temperature.data(),
-            state_.deviator_xx.data(), state_.deviator_yy.data(), state_.deviator_xy.data()},
-           run, strip);
-      advance_deviators(*material(run).strength, dt, strip);
-      std::copy_n(strip.xx, run.count, &xx_new_[z]);
-      std::copy_n(strip.yy, run.count, &yy_new_[z]);
-      std::copy_n(strip.xy, run.count, &xy_new_[z]);
+      advance_run(*material(run).strength, strength_state(state_, gradient_, middle_pressure_), run, dt, xx_new_,
+                  yy_new_, xy_new_, strip);
       for (int i = 0; i < run.count; ++i)
         plastic_strain_new_[z + i] = state_.plastic_strain[z + i] + strip.increment[i];
     }

@@ -100,10 +100,6 @@ class Mesh {
   // Returns the zone on the other side of edge k of a zone; -1 if there is none in the block.
   int neighbour(int zone, int k) const { return neighbours_[k][zone]; }
 
-  const std::vector<int>& zone_neighbours(int k) const {
-    return neighbours_[k];
-  }  // of all zones, as neighbour(zone, k)
-
   // All zones, in runs that end with the rows of the blocks.
   const std::vector<Run>& runs() const { return runs_; }
   // The values of a node quantity at the nodes of a run.

@@ -79,13 +79,4 @@ struct StrengthState {
 // Makes a strip of the zones of a run.
 void load(const StrengthState& state, const Run& run, Strip& strip);
 
-// The step of one zone.
-inline StrengthStep advance_deviator(const physics::Material& metal, const Deviator& old, const Gradient& gradient,
-                                     double dt, double plastic_strain, double pressure, double temperature) {
-  Strip strip;
-  strip.add(old, gradient, plastic_strain, pressure, temperature);
-  advance_deviators(metal, dt, strip);
-  return strip.step(0);
-}
-
 }  // namespace shearbus::lagrange

@@ -16,7 +16,7 @@
 namespace shearbus::files {
 namespace {
 
-constexpr std::size_t kMaxFileBytes = std::size_t{4} << 20;
+constexpr std::size_t kMaxKeyFileBytes = std::size_t{4} << 20;
 constexpr std::string_view kZ85 =
     "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#";
 
@@ -54,13 +54,13 @@ std::string text_of(const std::filesystem::path& file, bool secret) {
   if (secret && (found.st_mode & 077) != 0)
     refuse(file, "has mode {:04o}: others can read the secret key; expected 0600. chmod 600 it, or make a new key",
            found.st_mode & 07777);
-  std::string text(kMaxFileBytes + 1, '\0');
+  std::string text(kMaxKeyFileBytes + 1, '\0');
   std::size_t size = 0;
   ssize_t taken = 0;
   while (size < text.size() && (taken = ::read(opened.number(), text.data() + size, text.size() - size)) > 0)
     size += static_cast<std::size_t>(taken);
   if (taken < 0) refuse(file, "cannot be read: {}", std::strerror(errno));
-  if (size > kMaxFileBytes) refuse(file, "has more than {} bytes, which is no file of keys", kMaxFileBytes);
+  if (size > kMaxKeyFileBytes) refuse(file, "has more than {} bytes, which is no file of keys", kMaxKeyFileBytes);
   text.resize(size);
   return text;
 }

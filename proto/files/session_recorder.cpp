@@ -7,6 +7,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <span>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -14,6 +15,7 @@
 
 #include "proto/wire/codec.hpp"
 #include "proto/wire/envelope_scan.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus::files {
 namespace {
@@ -35,12 +37,6 @@ wire::Reply decoded_reply(const ExchangeFrames& frames) {
   return reply;
 }
 
-std::string hexadecimal(const wire::SessionId& id, std::size_t bytes) {
-  std::string text;
-  for (std::size_t i = 0; i < bytes; ++i) text += fmt::format("{:02x}", id[i]);
-  return text;
-}
-
 }  // namespace
 
 SessionRecorder::SessionRecorder(RecorderOptions options) : options_(std::move(options)) {
@@ -56,7 +52,8 @@ SessionRecorder::SessionRecorder(RecorderOptions options) : options_(std::move(o
 
 std::filesystem::path SessionRecorder::file_of(const wire::SessionId& id) const {
   // Half of the id, since the whole id is a secret of its client.
-  return one_file_ ? options_.place : options_.place / ("session-" + hexadecimal(id, 8) + ".log");
+  return one_file_ ? options_.place
+                   : options_.place / ("session-" + wire::hexadecimal(std::span(id).first(8)) + ".log");
 }
 
 bool SessionRecorder::wanted(const ExchangeFrames& frames, const wire::SessionOpened& opened) const {
@@ -126,7 +123,9 @@ void SessionRecorder::add(const ExchangeFrames& frames) noexcept try {
 
 void SessionRecorder::stop(const wire::SessionId& id, const std::string& why) noexcept try {
   sessions_[id].reset();
-  if (options_.log) options_.log(fmt::format("session {} is not recorded any further: {}", hexadecimal(id, 4), why));
+  if (options_.log)
+    options_.log(
+        fmt::format("session {} is not recorded any further: {}", wire::hexadecimal(std::span(id).first(4)), why));
 } catch (const std::exception&) {
 }
 

@@ -26,7 +26,7 @@ constexpr std::size_t kWordDigits = 6;  // of the random part of a partial file'
 constexpr std::time_t kStaleAfterS = 60;
 constexpr const char* kLockName = ".lock";
 
-[[noreturn]] void refuse(const fs::path& file, const std::string& what, const std::string& remedy) {
+[[noreturn]] void refuse_file(const fs::path& file, const std::string& what, const std::string& remedy) {
   throw wire::Error(
       {.code = wire::Code::kInvalidValue, .text = fmt::format("{}: {}", file.string(), what), .remedy = remedy});
 }
@@ -129,8 +129,9 @@ fs::path target_of_output(const fs::path& file) {
     struct stat found {};
     if (::lstat(at.c_str(), &found) != 0 || !S_ISLNK(found.st_mode)) return at;
     if (found.st_uid != ::geteuid() && others_write_to(directory_of(at)))
-      refuse(file, fmt::format("is a symbolic link of user {} in a directory that others can write to", found.st_uid),
-             "Remove the link, or write into a directory of your own.");
+      refuse_file(file,
+                  fmt::format("is a symbolic link of user {} in a directory that others can write to", found.st_uid),
+                  "Remove the link, or write into a directory of your own.");
     std::error_code fault;
     const fs::path to = fs::read_symlink(at, fault);
     if (fault) refuse_to_write(file, fault.value());
@@ -158,18 +159,20 @@ void check_output(const fs::path& named, const FileKind& kind) {
   struct stat around {
   }, found{};
   if (::stat(directory.c_str(), &around) != 0 || !S_ISDIR(around.st_mode))
-    refuse(named, fmt::format("there is no directory {}", directory.string()), "Create it, or write elsewhere.");
+    refuse_file(named, fmt::format("there is no directory {}", directory.string()), "Create it, or write elsewhere.");
   if (::lstat(file.c_str(), &found) != 0) return;
-  if (S_ISDIR(found.st_mode)) refuse(file, "is a directory; expected the name of a file", "Name a file in it.");
-  if (!S_ISREG(found.st_mode)) refuse(file, "is no regular file; expected one, or a new name", "Name another file.");
+  if (S_ISDIR(found.st_mode)) refuse_file(file, "is a directory; expected the name of a file", "Name a file in it.");
+  if (!S_ISREG(found.st_mode))
+    refuse_file(file, "is no regular file; expected one, or a new name", "Name another file.");
   if (found.st_uid != ::geteuid() && (around.st_mode & S_IWOTH) != 0)
-    refuse(file, fmt::format("belongs to user {}, in a directory to which everybody can write", found.st_uid),
-           "Write into a directory of your own.");
+    refuse_file(file, fmt::format("belongs to user {}, in a directory to which everybody can write", found.st_uid),
+                "Write into a directory of your own.");
   if (found.st_size == 0 || kind.recognises(file)) return;
-  refuse(file,
-         ::access(file.c_str(), R_OK) == 0 ? fmt::format("is there and is not {}; no other file is replaced", kind.name)
-                                           : "is there and cannot be read to see what it is; it is not replaced",
-         "Remove or rename it, or write elsewhere.");
+  refuse_file(file,
+              ::access(file.c_str(), R_OK) == 0
+                  ? fmt::format("is there and is not {}; no other file is replaced", kind.name)
+                  : "is there and cannot be read to see what it is; it is not replaced",
+              "Remove or rename it, or write elsewhere.");
 }
 
 PartialFile::PartialFile(const fs::path& file, const FileKind& kind, Writers writers, mode_t mode)
@@ -197,8 +200,8 @@ void PartialFile::refuse_another_writer() const {
     if (stale) ::unlink(entry.path().c_str());
     ::close(other);
     if (held)
-      refuse(file_, fmt::format("another run writes here, into {}", entry.path().filename().string()),
-             "Wait for it, or give each run an output of its own.");
+      refuse_file(file_, fmt::format("another run writes here, into {}", entry.path().filename().string()),
+                  "Wait for it, or give each run an output of its own.");
   }
 }
 
@@ -229,10 +232,10 @@ void PartialFile::refuse_newer() {
       directory_of(file_) / fmt::format("{}.{}{}", file_.stem().string(), random_word(), file_.extension().string());
   const bool renamed = ::renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, kept.c_str(), RENAME_NOREPLACE) == 0;
   if (renamed) ::close(std::exchange(descriptor_, -1));
-  refuse(file_,
-         fmt::format("another run has written this file since this one began{}",
-                     renamed ? "; the result of this one is " + kept.string() : ""),
-         "Give each run an output of its own.");
+  refuse_file(file_,
+              fmt::format("another run has written this file since this one began{}",
+                          renamed ? "; the result of this one is " + kept.string() : ""),
+              "Give each run an output of its own.");
 }
 
 void PartialFile::publish() {
@@ -260,7 +263,8 @@ void write_whole(const fs::path& file, const FileKind& kind, std::string_view te
 OneWriter::OneWriter(const fs::path& directory) : lock_(directory / kLockName) {
   std::error_code fault;
   fs::create_directories(directory, fault);
-  if (fault) refuse(directory, fmt::format("the directory cannot be made: {}", fault.message()), "Write elsewhere.");
+  if (fault)
+    refuse_file(directory, fmt::format("the directory cannot be made: {}", fault.message()), "Write elsewhere.");
   for (;;) {
     descriptor_ = ::open(lock_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (descriptor_ < 0 && errno == EACCES)  // of another user, in a directory that both write to
@@ -268,7 +272,7 @@ OneWriter::OneWriter(const fs::path& directory) : lock_(directory / kLockName) {
     if (descriptor_ < 0) refuse_to_write(lock_, errno);
     if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
       ::close(std::exchange(descriptor_, -1));
-      refuse(directory, "another run writes here", "Wait for it, or give each run a directory of its own.");
+      refuse_file(directory, "another run writes here", "Wait for it, or give each run a directory of its own.");
     }
     // The run that held the lock before may have removed the file since.
     struct stat held {

@@ -40,6 +40,13 @@ std::string utc_now() {
   return text.data();
 }
 
+std::string hexadecimal(std::span<const std::uint8_t> bytes) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string digits;
+  for (const std::uint8_t byte : bytes) digits += {kDigits[byte >> 4U], kDigits[byte & 15U]};
+  return digits;
+}
+
 bool is_utf8(std::string_view text) {
   return utf8::is_valid(text.begin(), text.end());
 }

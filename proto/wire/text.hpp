@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
@@ -23,6 +24,9 @@ constexpr bool is_ascii_alphanumeric(char c) {
 
 // The present time in UTC, to a second, by ISO 8601: "2026-01-31T12:00:00Z".
 std::string utc_now();
+
+// The hexadecimal digits of bytes: two of each, small letters.
+std::string hexadecimal(std::span<const std::uint8_t> bytes);
 
 // Returns true if a valid UTF-8 text has a control character: U+0000 to U+001F or U+007F to U+009F. Names must have
 // none.

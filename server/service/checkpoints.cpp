@@ -24,10 +24,6 @@ std::vector<std::byte> copy_of(std::span<const std::byte> bytes) {
   return {bytes.begin(), bytes.end()};
 }
 
-}  // namespace
-
-namespace {
-
 // What a snapshot of a session refers to until it is complete.
 struct Unread {
   std::size_t session = 0;  // place in Snapshot::sessions

@@ -20,7 +20,7 @@ using wire::Error;
 
 namespace {
 
-const std::string& name_of(const std::shared_ptr<const store::MarkImage>& mark) {
+const std::string& mark_name(const std::shared_ptr<const store::MarkImage>& mark) {
   return mark->name;
 }
 
@@ -36,7 +36,7 @@ void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arriva
   check_name(mark.name, "mark.name");
   const shard::Shard& shard = *member.shard;
   member.marks.reserve(wire::kMaxMarks + 1);
-  auto gone = std::ranges::find(member.marks, mark.name, name_of);
+  auto gone = std::ranges::find(member.marks, mark.name, mark_name);
   if (gone == member.marks.end() && member.marks.size() == wire::kMaxMarks) gone = member.marks.begin();
   const std::uint64_t freed = gone == member.marks.end() ? 0 : kept_bytes((*gone)->states);
   const std::uint64_t wanted = kept_bytes(shard, shard.nodes().size());
@@ -75,7 +75,7 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
     member.shard->rollback();
     member.parts.reset();
   } else {
-    const auto found = std::ranges::find(member.marks, rollback.to_mark, name_of);
+    const auto found = std::ranges::find(member.marks, rollback.to_mark, mark_name);
     if (found == member.marks.end())
       throw Error({.code = Code::kUnknownMark,
                    .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),

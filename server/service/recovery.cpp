@@ -208,9 +208,8 @@ void Service::run_again(std::span<const std::byte> header, std::span<const std::
 
 void Service::replay(const store::Record& record, std::uint64_t epoch) {
   const auto refuse = [&](const std::string& why) {
-    throw store::DamagedFile(fmt::format("journal record {} (request {} of session {:02x}{:02x}{:02x}{:02x}): {}",
-                                         record.index, record.sequence, record.session[0], record.session[1],
-                                         record.session[2], record.session[3], why));
+    throw store::DamagedFile(fmt::format("journal record {} (request {} of session {}): {}", record.index,
+                                         record.sequence, short_name(record.session), why));
   };
   const auto known = members_.find(record.session);
   if (known != members_.end() && known->second->shard && sum_of(known->second->conversation) != record.previous_reply)

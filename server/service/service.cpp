@@ -27,7 +27,7 @@ using wire::Error;
 using wire::Field;
 
 std::string short_name(const wire::SessionId& id) {
-  return fmt::format("{:02x}{:02x}{:02x}{:02x}", id[0], id[1], id[2], id[3]);
+  return wire::hexadecimal(std::span(id).first(4));
 }
 
 std::string printable(const std::string& text) {

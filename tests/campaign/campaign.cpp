@@ -108,12 +108,14 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   // 4,096 leaves room for the division of long pieces. Second order: two stages and possibly a first-order step in
   // addition, 3 times as many.
   const int parts = options.tolerance ? 4096 : divided ? 127 : 1;
-  const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1);
+  // With k(T) or c(T) each lane is solved alone, and up to 9 times.
+  const bool varies = conducts_by_temperature(options);
+  const int solves = parts * (options.time_integrator == TimeIntegrator::kSdirk2 ? 3 : 1) * (varies ? 9 : 1);
   // An interface on a flowing layer needs two searches, one for stick and one for slip. Each search evaluates at most
   // 300 sums over the layer; both together seldom evaluate more than 100. Each slip that is tried has a search of its own
   // for the stress of the contact. A limit that falls with slip is searched from both ends.
   const bool falls = has_friction(options) && properties_of(options.interface.friction_law).falls_with_slip;
-  return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves,
+  return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves * (varies ? kLanes : 1),
           .limit_values = (options.plastic_layer ? 60 * 200
                            : falls               ? 400
                                                  : 60) *

@@ -1,7 +1,9 @@
 ! What the callers of the friction routines share: two elastic half-spaces at ten nodes, in central differences with steps of
-! one transit time of a zone, for which they are exact, and the calls at the end of an increment or of the run.
+! one transit time of a zone, for which they are exact, the sessions in far-field form that their answers are compared with,
+! and the calls at the end of an increment or of the run.
 module friction_host
-  use, intrinsic :: iso_fortran_env, only: real64
+  use, intrinsic :: iso_fortran_env, only: error_unit, real64
+  use shearbus, only: shearbus_interface
   implicit none
   integer, parameter :: nodes = 10, zones = 80, steps = 60, leaves = 41, returns = 51, lifted = 8, soft = 1, hard = 2, pairs = 2
   integer, parameter :: dumped = 46  ! step after which the host writes its restart file
@@ -9,8 +11,38 @@ module friction_host
   real(real64), parameter :: density(2) = [2703.0_real64, 7900.0_real64], modulus(2) = [27.6e9_real64, 77e9_real64]
   real(real64), parameter :: impedance(2) = sqrt(density*modulus)
   real(real64), parameter :: zone(2) = dt*impedance/density, half_mass(2) = 0.5_real64*density*zone
+  integer :: faults = 0
 
 contains
+
+  subroutine fault(what, step, pair, row)
+    character(len=*), intent(in) :: what
+    integer, intent(in) :: step, pair, row
+    faults = faults + 1
+    write (error_unit, '(2a,3i5)') what, ' at step, pair, row', step, pair, row
+  end subroutine
+
+  ! Opens the session of the nodes of a pair in far-field form.
+  subroutine open_far_field(bus, scene, ids)
+    type(shearbus_interface), intent(inout) :: bus
+    character(len=*), intent(in) :: scene
+    integer, intent(in) :: ids(nodes)
+    call bus%open(scene=scene, nodes=ids, check_closure='off')
+    bus%mass_soft = spread(half_mass(soft), 1, nodes)
+    bus%mass_hard = spread(half_mass(hard), 1, nodes)
+  end subroutine
+
+  ! The jump of a node at the end, against its exact value where `exactly`, and what is printed of it.
+  subroutine check_jump(found, pair, row, exactly)
+    real(real64), intent(in) :: found
+    integer, intent(in) :: pair, row
+    logical, intent(in) :: exactly
+    real(real64) :: exact
+    exact = exact_jump(1e8_real64*row/pair)
+    if (exactly .and. abs(found - exact) > 1e-6_real64) call fault('another jump', steps, pair, row)
+    if (pair == 1 .and. row == 5) print '(a,f10.6,a,f10.6)', 'node 5: [V]', found, ' m/s, with constant friction', exact
+    if (pair == 1 .and. row == lifted) print '(a,es24.16)', 'node 8: [V]', found
+  end subroutine
 
   ! Moves the bodies under a stress of friction at each node.
   subroutine move(v, s, stress, step_dt)

@@ -7,15 +7,15 @@
 ! value. first: the host writes its restart file after step 46 and dies; second: another process goes on from there. Both
 ! make no comparison; second prints what a whole run prints.
 program vfric_caller
-  use, intrinsic :: iso_fortran_env, only: error_unit, real64
+  use, intrinsic :: iso_fortran_env, only: real64
   use friction_host
   use shearbus
   implicit none
   real(real64) :: v(0:zones, nodes, 2, pairs), s(0:zones - 1, nodes, 2, pairs), before(nodes), free(nodes), stress(nodes)
-  real(real64) :: pressure(nodes), state(4, nodes, pairs), step_dt, time, found, exact
+  real(real64) :: pressure(nodes), state(4, nodes, pairs), step_dt, time, found
   ! What the routine gets: the touching nodes alone, from the last to the first.
   real(real64) :: force(2, nodes), slip(3, nodes), stick(nodes), normal(nodes), along(3, nodes), areas(nodes)
-  integer :: points(nodes), ids(nodes, pairs), n_points, k, n, p, t, faults, unit, begin
+  integer :: points(nodes), ids(nodes, pairs), n_points, k, n, p, t, unit, begin
   type(shearbus_interface) :: far_field(pairs)
   logical :: open_now
   logical :: compares
@@ -27,7 +27,6 @@ program vfric_caller
   call get_command_argument(3, part)
   compares = part == ''
   begin = 1
-  faults = 0
   v(:, :, soft, :) = jump
   v(:, :, hard, :) = 0
   s = 0
@@ -37,9 +36,7 @@ program vfric_caller
   do p = 1, pairs
     ids(:, p) = [(1000*p + 7*n, n=1, nodes)]
     if (.not. compares) cycle
-    call far_field(p)%open(scene=scene, nodes=ids(:, p), check_closure='off')
-    far_field(p)%mass_soft = [(half_mass(soft), n=1, nodes)]
-    far_field(p)%mass_hard = [(half_mass(hard), n=1, nodes)]
+    call open_far_field(far_field(p), scene, ids(:, p))
   end do
 
   if (part == 'second') then
@@ -107,22 +104,12 @@ program vfric_caller
   do p = 1, pairs
     do n = 1, nodes
       found = v(0, n, soft, p) - v(0, n, hard, p)
-      exact = exact_jump(1e8_real64*n/p)
-      if (check == 'exact' .and. abs(found - exact) > 1e-6_real64) call fault('another jump', steps, p, n)
-      if (p == 1 .and. n == 5) print '(a,f10.6,a,f10.6)', 'node 5: [V]', found, ' m/s, with constant friction', exact
-      if (p == 1 .and. n == lifted) print '(a,es24.16)', 'node 8: [V]', found
+      call check_jump(found, p, n, check == 'exact')
     end do
   end do
   if (faults > 0) error stop 1
 
 contains
-
-  subroutine fault(what, step, pair, row)
-    character(len=*), intent(in) :: what
-    integer, intent(in) :: step, pair, row
-    faults = faults + 1
-    write (error_unit, '(2a,3i5)') what, ' at step, pair, row', step, pair, row
-  end subroutine
 
   subroutine ask(pair)
     integer, intent(in) :: pair

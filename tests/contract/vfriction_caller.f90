@@ -9,7 +9,7 @@
 ! SHEARBUS_SCENE names the scene for the routine, too. first: the host writes its restart file after step 46 and dies;
 ! second: another process goes on from there. Both make no comparison; second prints what a whole run prints.
 program vfriction_caller
-  use, intrinsic :: iso_fortran_env, only: error_unit, real64
+  use, intrinsic :: iso_fortran_env, only: real64
   use friction_host
   use shearbus
   implicit none
@@ -18,8 +18,8 @@ program vfriction_caller
   character(len=80), parameter :: interactions(pairs) = [character(len=80) :: 'TOP', 'SIDE']
   real(real64) :: v(0:zones, nodes, 2, pairs), s(0:zones - 1, nodes, 2, pairs), state(8, nodes, pairs), applied(nodes, pairs)
   real(real64) :: last(nodes, pairs)
-  real(real64) :: before(nodes), pressure(nodes), stress(nodes), step_dt, time, found, exact, off, largest
-  integer :: ids(nodes, pairs), touching(nodes), n_touching, k, n, p, t, faults, unit, begin
+  real(real64) :: before(nodes), pressure(nodes), stress(nodes), step_dt, time, found, off, largest
+  integer :: ids(nodes, pairs), touching(nodes), n_touching, k, n, p, t, unit, begin
   type(shearbus_interface) :: far_field(pairs)
   logical :: compares
   character(len=500) :: scene, check, part
@@ -28,7 +28,6 @@ program vfriction_caller
   call get_command_argument(2, check)
   call get_command_argument(3, part)
   compares = part == ''
-  faults = 0
   begin = 1
   off = 0
   largest = 0
@@ -41,9 +40,7 @@ program vfriction_caller
   do p = 1, pairs
     ids(:, p) = [(100000*p + 7*n, n=1, nodes)]
     if (.not. compares) cycle
-    call far_field(p)%open(scene=scene, nodes=ids(:, p), check_closure='off')
-    far_field(p)%mass_soft = [(half_mass(soft), n=1, nodes)]
-    far_field(p)%mass_hard = [(half_mass(hard), n=1, nodes)]
+    call open_far_field(far_field(p), scene, ids(:, p))
   end do
   if (part == 'second') then
     open (newunit=unit, file='host.dump', form='unformatted', status='old')
@@ -95,10 +92,7 @@ program vfriction_caller
     do n = 1, nodes
       found = v(0, n, soft, p) - v(0, n, hard, p)
       if (p == 2 .and. n == late) found = (found + last(n, p))/2  ! a contact that begins with a whole step rings about its jump
-      exact = exact_jump(1e8_real64*n/p)
-      if (check == 'exact' .and. abs(found - exact) > 1e-6_real64) call fault('another jump', steps, p, n)
-      if (p == 1 .and. n == 5) print '(a,f10.6,a,f10.6)', 'node 5: [V]', found, ' m/s, with constant friction', exact
-      if (p == 1 .and. n == lifted) print '(a,es24.16)', 'node 8: [V]', found
+      call check_jump(found, p, n, check == 'exact')
     end do
   end do
   if (compares) print '(a,es9.2,a,es9.2)', 'largest difference of a stress from that in far-field form: ', off, &
@@ -107,13 +101,6 @@ program vfriction_caller
   if (faults > 0) error stop 1
 
 contains
-
-  subroutine fault(what, step, pair, row)
-    character(len=*), intent(in) :: what
-    integer, intent(in) :: step, pair, row
-    faults = faults + 1
-    write (error_unit, '(2a,3i5)') what, ' at step, pair, row', step, pair, row
-  end subroutine
 
   ! The stress that the routine's friction had, against that of a session with the inputs of far-field form.
   subroutine compare()

@@ -14,11 +14,13 @@ PRINTS = ("client/src", "server/service", "server/session", "server/physics/solv
 EVERY_TEXT = {"client/src/diagnosis.cpp": 12, "client/src/input_check.cpp": 70}  # file: length from which a text has a row
 IDENTIFIER = re.compile(r"\w\(\)|::|\bk[A-Z]\w+")
 LITERAL = r'"(?:[^"\\\n]|\\.)*"'
+CHARACTER = r"(?<![\w])'(?:[^'\\\n]|\\.[^'\n]*)'"  # not the ' of 1'000
 
 
 def literals(text):
     """Returns the string literals of a source: adjacent ones as one, with a NUL for each {} of a format."""
     text = re.sub(r"^\s*#.*$|(?<![\"':])//.*$", "", text, flags=re.M)
+    text = re.sub(rf"({LITERAL})|{CHARACTER}", lambda found: found[1] or "' '", text)
     found = []
     for run in re.finditer(rf"{LITERAL}(?:\s*{LITERAL})*", text):
         joined = "".join(part[1:-1] for part in re.findall(LITERAL, run[0]))
@@ -65,6 +67,7 @@ def self_test(page, sources, codes):
         "a row without a code": (page, sources, codes - {("SHAPE", 105)}),
         "a diagnosis without a row": (page, sources | {"client/src/diagnosis.cpp": sources["client/src/diagnosis.cpp"] + 'x = "the moon is full";'}, codes),
         "an identifier": (page, sources | {"client/src/new.cpp": 'refuse("Set ClientOptions::context");'}, codes),
+        "an identifier after a quotation mark": (page, sources | {"client/src/new.cpp": """put('"'); refuse("Set ClientOptions::context");"""}, codes),
     }
     yield from (f"{name} was not noticed" for name, case in wrong.items() if not list(faults(*case)))
 

@@ -44,7 +44,7 @@ class Mesh(unittest.TestCase):
         self.assertRegex(done.stdout, r"\| friction impulse, Pa s \| [\d.]+ \| [\d.]+ \| [\d.]+ \(1\.0\)")
 
     def test_faults_are_one_line(self):
-        for arguments, said in (((self.scene, "--meshes", "1e-3"), r"--meshes 1e-3: expected at least two widths"),
+        for arguments, said in (((self.scene, "--meshes", "1e-3"), r"--meshes 0.001: expected at least two widths"),
                                 ((self.scene, "--meshes", "1e-3,0.3e-3"), "expected at least two widths of zones that halve"),
                                 ((pathlib.Path(OPTIONS.problems, "two_half_spaces.toml"),), "expected a cone"),
                                 ((self.out / "none.toml",), "No such file")):

@@ -24,6 +24,24 @@ ModelOptions random_sleeping_options(Draw& draw, Strategy strategy, bool extreme
   return options;
 }
 
+// Runs a scene beside its twin that stays awake, and calls `look` after each step.
+template <class Look>
+void run_beside_its_twin(Draw& draw, const ModelOptions& options, int scene, bool extreme, Slept& slept,
+                         const Look& look) {
+  Rig rig(options);
+  AwakeTwin awake(options);
+  start_hard_elsewhere(draw, rig);
+  Phase phase{};
+  for (int step = 0; step < kPhases * kStepsPerPhase; ++step) {
+    if (step % kStepsPerPhase == 0) phase = begin_phase(draw, rig, extreme);
+    within_phase(phase, rig);
+    const double dt = random_dt(draw, extreme);
+    rig.step(dt);
+    ASSERT_NO_THROW(awake.repeat(rig, dt, slept)) << "scene " << scene << ", step " << step;
+    look(rig);
+  }
+}
+
 class PhysicsSleepSteps : public ::testing::TestWithParam<Strategy> {};
 
 TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
@@ -32,17 +50,7 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
   for (int scene = 0; scene < 80; ++scene) {
     const bool extreme = scene % 4 == 3;
     const ModelOptions options = random_sleeping_options(draw, GetParam(), extreme);
-    Rig rig(options);
-    AwakeTwin awake(options);
-    start_hard_elsewhere(draw, rig);
-    Phase phase{};
-    for (int step = 0; step < kPhases * kStepsPerPhase; ++step) {
-      if (step % kStepsPerPhase == 0) phase = begin_phase(draw, rig, extreme);
-      within_phase(phase, rig);
-      const double dt = random_dt(draw, extreme);
-      rig.step(dt);
-      ASSERT_NO_THROW(awake.repeat(rig, dt, slept)) << "scene " << scene << ", step " << step;
-    }
+    ASSERT_NO_FATAL_FAILURE(run_beside_its_twin(draw, options, scene, extreme, slept, [](const Rig&) {}));
   }
   printf("asleep %ld node-steps, %ld of them stuck under stress, woke %ld times; apart by %.1e K\n", slept.asleep,
          slept.stuck, slept.woken, slept.apart);
@@ -51,6 +59,7 @@ TEST_P(PhysicsSleepSteps, ASleeperAnswersAsIfItWereAwake) {
   EXPECT_GT(slept.woken, 300);
   EXPECT_LT(slept.apart, 1e-11);  // 1.8e-12 force-driven
 }
+
 // A node whose interface may melt sleeps while all of it is solid, and wakes where a pressure that falls would melt it.
 TEST(PhysicsSleepNextToAFilm, ASleeperToAFilmAnswersAsIfItWereAwake) {
   Draw draw(20262);
@@ -60,18 +69,9 @@ TEST(PhysicsSleepNextToAFilm, ASleeperToAFilmAnswersAsIfItWereAwake) {
     const bool extreme = scene % 4 == 3;
     ModelOptions options = random_melting_options(draw, extreme);
     options.sleep = true;
-    Rig rig(options);
-    AwakeTwin awake(options);
-    start_hard_elsewhere(draw, rig);
-    Phase phase{};
-    for (int step = 0; step < kPhases * kStepsPerPhase; ++step) {
-      if (step % kStepsPerPhase == 0) phase = begin_phase(draw, rig, extreme);
-      within_phase(phase, rig);
-      const double dt = random_dt(draw, extreme);
-      rig.step(dt);
-      ASSERT_NO_THROW(awake.repeat(rig, dt, slept)) << "scene " << scene << ", step " << step;
+    ASSERT_NO_FATAL_FAILURE(run_beside_its_twin(draw, options, scene, extreme, slept, [&](const Rig& rig) {
       for (int l = 0; l < kLanes; ++l) molten += rig.outputs.film_thickness[l] > 0.0;
-    }
+    }));
   }
   printf("asleep %ld node-steps, %ld of them stuck under stress, woke %ld times, molten %ld; apart by %.1e K\n",
          slept.asleep, slept.stuck, slept.woken, molten, slept.apart);
@@ -80,6 +80,7 @@ TEST(PhysicsSleepNextToAFilm, ASleeperToAFilmAnswersAsIfItWereAwake) {
   EXPECT_GT(slept.woken, 50);
   EXPECT_GT(molten, 100);
 }
+
 INSTANTIATE_TEST_SUITE_P(Strategies, PhysicsSleepSteps,
                          ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
                          [](const auto& strategy) {

@@ -6,7 +6,6 @@
 Plates: velocity of the free surface: its plateau, the time at which half of it is reached, the foot before the
 shock. Bar: radius of the side at rest, foot and root mean square. Prints a row for each metal; --picture draws the
 curves. server/physics/VALIDATION.md has the numbers, integration.hydro_experiments holds them."""
-import argparse
 import json
 import pathlib
 import re
@@ -18,6 +17,9 @@ import h5py
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "client/report"))
+from terminal import Parser  # noqa: E402
+
 METALS = ("copper_ofhc", "copper_ofhc_jc", "copper_ofhc_ptw")
 SCENES = ("copper_plates", "copper_bar")
 
@@ -94,8 +96,7 @@ def table(residuals):
 
 
 def draw(curves, out):
-    sys.path.insert(0, str(ROOT / "client/report"))
-    import style
+    import style  # draws with matplotlib, which the comparison does not need
     figure, (plates, bar) = style.figure(1, 2, (11.0, 4.4))
     time, velocity = measured("copper_plates")
     plates.plot(1e6 * time, velocity, "ko", ms=3, label="measured")
@@ -113,7 +114,7 @@ def draw(curves, out):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("--hydro", required=True)
     parser.add_argument("--metal", nargs="+", default=list(METALS))
     parser.add_argument("--out", type=pathlib.Path)

@@ -39,11 +39,13 @@ from scipy.stats import qmc, t as student
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/report"))
+sys.path.insert(0, str(ROOT / "proto"))
+import contract  # noqa: E402
 from terminal import Parser, complain, positive_count, read_text, read_toml, real_number  # noqa: E402
 
 STEP = 2e-3  # of a derivative, as a part of the parameter's range
 ANSWERS = ("shear_stress", "sliding_velocity", "interface_temperature")
-INPUTS = re.findall(r"^(?:INPUT|STICK)\(\w+, \d+, \w+, (\w+),", (ROOT / "proto/wire/columns.inc").read_text(encoding="utf-8"), re.M)
+INPUTS = [column.quantity for column in contract.columns(ROOT / "proto/wire/columns.inc") if column.macro in ("INPUT", "STICK")]
 OF_NODES = {name + suffix for name in (*INPUTS, "initial_temperature", "initial_velocity_jump") for suffix in ("", "_second")}
 UNDETERMINED = 0.5  # a standard deviation, as a part of the range, from which on the curves do not determine a direction
 

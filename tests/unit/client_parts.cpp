@@ -13,6 +13,7 @@
 #include "client/src/client.hpp"
 #include "client/src/connection.hpp"
 #include "proto/wire/codec.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scenes.hpp"
 
 namespace shearbus {
@@ -104,13 +105,10 @@ struct Host {
   }
   Code advance() {
     const Batch columns = support::step_columns(wire::Strategy::kVelocityDriven, nodes, 0);
-    try {
+    return support::code_of([&] {
       const auto stress = session->advance(columns, {.dt_s = 1e-9}).shear_stress_pa();
       EXPECT_THAT(std::vector(stress.begin(), stress.end()), ElementsAre(1.0, 1.0, 2.0, 2.0, 3.0));
-      return Code::kOk;
-    } catch (const Error& fault) {
-      return fault.status().code;
-    }
+    });
   }
   std::vector<std::uint64_t> nodes = support::node_ids(2 * kRows + 1);
   std::shared_ptr<Scripted> connection;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <functional>
 #include <memory>
 #include <variant>
 
@@ -11,11 +10,13 @@
 #include "client/src/connection.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scenes.hpp"
 
 namespace shearbus {
 namespace {
 
+using support::code_of;
 using namespace std::chrono_literals;
 
 // Answers as a server that restarts `restarts` times: each time between a client's question where its session stands
@@ -133,15 +134,6 @@ class LosingConnection final : public Connection {
  private:
   Restarted& server_;
 };
-
-Code code_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& fault) {
-    return fault.status().code;
-  }
-  return Code::kOk;
-}
 
 // A claim was granted and its answer was lost. The restarted server refuses a repetition of it, and the requests that
 // are older than the claim, but it names the client that it was granted to.

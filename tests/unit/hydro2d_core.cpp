@@ -235,6 +235,16 @@ TEST(Hydro2dViscosity, MetalThatFlowsInPureShearHasNone) {
   EXPECT_EQ(most_force(false, 1.0), most_force(false, 0.0));
 }
 
+// The step of the deviator of one zone.
+lagrange::StrengthStep advance_deviator(const physics::Material& metal, const lagrange::Deviator& old,
+                                        const lagrange::Gradient& gradient, double dt, double plastic_strain,
+                                        double pressure, double temperature) {
+  lagrange::Strip strip;
+  strip.add(old, gradient, plastic_strain, pressure, temperature);
+  lagrange::advance_deviators(metal, dt, strip);
+  return strip.step(0);
+}
+
 TEST(Hydro2dStrength, ARigidTurnKeepsTheInvariantsAndTurnsTheAxes) {
   const physics::Material metal = constant_yield(2700.0, 27e9, 1e12);
   lagrange::Deviator s = {2e8, -0.5e8, 1e8};

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -17,12 +16,14 @@
 #include "proto/wire/codec.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus {
 namespace {
 
+using support::code_of;
 using support::DurableServer;
 using support::MemoryStorage;
 using support::ServiceHarness;
@@ -55,15 +56,6 @@ struct Message {
   std::vector<std::byte> payload;
   std::array<std::span<const std::byte>, 2> frames;
 };
-
-Code code_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& fault) {
-    return fault.status().code;
-  }
-  return Code::kOk;
-}
 
 TEST(PayloadSums, MayBeMissingOnlyWhereTheMessageIsTrusted) {
   const Message without(step(1, 1), PayloadSum::kLeftOut);

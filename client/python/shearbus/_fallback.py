@@ -7,7 +7,6 @@ from . import _library
 from .columns import BY_NUMBER, DTYPE
 
 
-
 def _view(column, rows):
     """Returns the values of a column of a request where they lie."""
     dtype = DTYPE[BY_NUMBER[column.field].element]

@@ -2,8 +2,8 @@
 // that defines SHEARBUS_KERNELS as its name and includes each_register.hpp compiles the kernel once per register width:
 // in the namespace `one` for one double, in `two` for registers of two doubles, which every machine has, and in `four`
 // for AVX2. What a register of one double needs, plain numbers and masks, is in the inline namespace `point`, where the
-// rest of the model finds it, too. All widths compute every value by the same operations in the same order (contraction is off), so the bits are the
-// same.
+// rest of the model finds it, too. All widths compute every value by the same operations in the same order (contraction
+// is off), so the bits are the same.
 #pragma once
 
 #include <bit>

@@ -121,7 +121,7 @@ class JohnsonCook {
     return {only(solid, 1.0 - lost), only(solid, -(m * inverse_range) * lost / within)};
   }
   [[gnu::always_inline]] static Register power_of_strain(double n, Register ep) {
-    const Mask strained = ep > kLeastStrain;
+    const Mask strained = without(ep < kLeastStrain);
     return only(strained, power_of(where(strained, ep, all(1.0)), all(n)));
   }
   static Register static_strength(const Material& m, Register ep) {
@@ -175,7 +175,7 @@ class JohnsonCook {
   // dep where the rate does not harden: (ep^n + (target - rest) / B)^(1/n) - ep, without a difference if ep > 0.
   [[gnu::always_inline]] void creep(Register ep, Register target, Register rest, Mask creeps, Root& root) const {
     const Register rise = (target - rest) * inverse_B_;
-    const Mask strained = ep > kLeastStrain;
+    const Mask strained = without(ep < kLeastStrain);
     const Register before = where(strained, power_of_strain(n_, ep), all(1.0));
     const Register ratio = larger(rise / before, all(0.0));
     const Register grown = exp_minus_1_of(inverse_n_ * log_of_1_plus(smaller(ratio, all(kMostTarget))));

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tests/durability/simulation/connections.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scenes.hpp"
 
 namespace shearbus::simulation {
@@ -64,16 +65,8 @@ class Host {
   // is returned.
   template <typename Call, typename Expected>
   Code both(const Call& call, const Expected& expected) {
-    const auto code_of = [](const auto& made) {
-      try {
-        made();
-        return Code::kOk;
-      } catch (const Error& fault) {
-        return fault.status().code;
-      }
-    };
-    const Code code = code_of([&] { insist(call); });
-    EXPECT_EQ(code, code_of(expected));
+    const Code code = support::code_of([&] { insist(call); });
+    EXPECT_EQ(code, support::code_of(expected));
     EXPECT_EQ(session_.node_ids(), reference_.node_ids());
     if (code != Code::kOk) ++tally_.refused;
     return code;

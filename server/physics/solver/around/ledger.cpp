@@ -54,8 +54,8 @@ double cold_share(const ModelOptions& options) {
 StoredHeat stored_by_temperature(const Problem& problem, const double* T_old, const double* T_new) {
   StoredHeat stored;
   const Material &soft = problem.options.soft, &hard = problem.options.hard;
+  std::vector<double> between(static_cast<std::size_t>(problem.heat_rows) * kLanes);
   for (int lane = 0; lane < kLanes; ++lane) {
-    std::vector<double> between(static_cast<std::size_t>(problem.heat_rows) * kLanes);
     for (std::size_t i = 0; i < between.size(); i += kLanes)
       between[i] = 0.5 * (T_old[i + static_cast<std::size_t>(lane)] + T_new[i + static_cast<std::size_t>(lane)]);
     const HeatGrid grid = grid_at(problem, between.data());
