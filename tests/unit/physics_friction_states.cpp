@@ -139,6 +139,32 @@ TEST(PhysicsRateAndState, ASlowingBodyConvergesAtFirstOrder) {
   EXPECT_LT(before, 1e-2);
 }
 
+// Friction that vanishes at rest stops slip that far stresses turn, and holds what it carries at any speed.
+TEST(PhysicsRateAndState, ABodyWhoseSlipTurnsStopsAndStays) {
+  for (const bool flows : {false, true}) {
+    ModelOptions options = force_driven(FrictionLaws::place<RateAndState>());
+    options.plastic_layer = flows;
+    Rig rig(options, 1);
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 0.5;
+    rig.inputs.pressure[0] = kP;
+    rig.inputs.velocity_jump[0] = -1.0;
+    rig.inputs.stress_soft[0] = 7.5e7;  // turns the jump to 0.5 m/s, of which friction could take 1.2 m/s
+    rig.step(1e-8);
+    EXPECT_EQ(rig.outputs.velocity_jump_new[0], 0.0);
+    EXPECT_NEAR(rig.outputs.shear_stress[0], 0.5 / 4e-8, 1.0);
+    rig.inputs.velocity_jump[0] = 0.0;
+    rig.inputs.stress_soft[0] = 1e7;
+    for (int n = 0; n < 20; ++n) {
+      rig.step(1e-8);
+      EXPECT_EQ(rig.outputs.velocity_jump_new[0], 0.0);
+      EXPECT_NEAR(rig.outputs.shear_stress[0], 5e6, 1.0);
+    }
+    rig.inputs.stress_soft[0] = 9e7;
+    rig.step(1e-8);
+    EXPECT_GT(rig.outputs.velocity_jump_new[0], 0.1);
+  }
+}
+
 // Velocity-driven the interface slips by what elastic shear leaves of the jump, under the law's friction: both equations
 // of each step, for every law and for junctions.
 TEST(PhysicsContactLaws, AVelocityDrivenInterfaceSlipsUnderItsLaw) {

@@ -60,11 +60,14 @@ double polished(const StressLimit& limit, const FrictionHeating& heating, double
 
 StressLimit::Value StressLimit::varying_friction(double temperature, Slip slip) const {
   const bool held = held_slip != kFree;
+  const bool up_is_least = slip.up < least_slip, down_is_least = slip.down < least_slip;
+  if (up_is_least) slip.up = least_slip;
+  if (down_is_least) slip.down = least_slip;
   const FrictionValue friction = FrictionLaws::with(varying->friction_law, [&](auto own) {
     return decltype(own)::type::at(*varying, *soft, {pressure, temperature, held ? held_slip : slip, dt, state.data()});
   });
-  return {friction.stress * share, friction.slope * share, true, held ? 0.0 : friction.up_slope * share,
-          held ? 0.0 : friction.down_slope * share};
+  return {friction.stress * share, friction.slope * share, true, held || up_is_least ? 0.0 : friction.up_slope * share,
+          held || down_is_least ? 0.0 : friction.down_slope * share};
 }
 
 FrictionStates StressLimit::states_after(double temperature, double slip) const {
@@ -100,7 +103,7 @@ StressLimit StressLimit::at_slip(double slip) const {
     other.tresca = junctions.at(slip).strength;
     other.junctions = {};
   }
-  other.held_slip = slip;
+  other.held_slip = std::max(slip, least_slip);
   return other;
 }
 

@@ -17,6 +17,9 @@
 
 namespace shearbus::physics {
 
+// A slip below this share of all that could slip is rounding: the interface sticks.
+inline constexpr double kAtRest = 1e-8;
+
 struct StressLimit {
   // Friction stress mu P of the law with a constant mu; infinity: no friction limit  [Pa]
   double coulomb = std::numeric_limits<double>::infinity();
@@ -30,6 +33,7 @@ struct StressLimit {
   double share = 1.0;        // factor on the friction stress of the law `varying`; 1 unless scaled() has set it
   double dt = 0.0;           // length of the step, for the states of the law  [s]
   FrictionStates state{};    // states of the law before the step
+  double least_slip = 0.0;   // slower slip has the friction of this slip velocity  [m/s]
   double held_slip = kFree;  // slip velocity at which at_slip() holds the law; kFree: that of the caller
 
   static constexpr double kFree = -1.0;

@@ -19,6 +19,10 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
   }
 }
 
+double least_slip_of_law(double jump_old, double jump_free) {
+  return std::max(0.5 * std::max(0.0, -jump_old), 1e-8 * jump_free);
+}
+
 double friction_state_after(const ModelOptions& options, double pressure, double slip, double dt, double state) {
   const InterfaceOptions& law = options.interface;
   const double D = law.slip_length, V0 = law.reference_velocity;

@@ -58,6 +58,8 @@ struct OneStep {
     const double host = options.plastic_layer && leads != 0.0 ? in.soft_plastic_strain_rate : 0.0;
     drive = kSqrt3 * options.grid.thickness * host;
     a_trial = (std::abs(jump_free) + drive) / per_stress;
+    if (!states_of(options.interface.friction_law).empty())
+      least_slip = least_slip_of_law(direction * in.velocity_jump, std::abs(jump_free) + drive);
   }
   // The line of the layer's own elasticity, DLP (56): what the jump has not sheared elastically is flow and slip.
   void shear_the_layer() {
@@ -104,7 +106,7 @@ struct OneStep {
     return options.junctions ? old.junction_strain + dt * v / (kSqrt3 * options.junctions->height) : 0.0;
   }
   double friction(const Load& l) const {
-    return friction_of(options, in.pressure, T(0, l), l.v, dt, old.friction_state);
+    return friction_of(options, in.pressure, T(0, l), std::max(l.v, least_slip), dt, old.friction_state);
   }
   double yield(double T0, double v) const {
     if (!forced && !options.junctions) return kInfinity;  // a velocity-driven interface yields as the layer does
@@ -154,6 +156,7 @@ struct OneStep {
   double share, T_melt;
   Profile B_work;
   double jump_free = 0.0, per_stress = 0.0, direction = 1.0, drive = 0.0, a_trial = 0.0;
+  double least_slip = 0.0;  // for which a friction law with a state is asked
 };
 
 // The stress at which the interface sticks at the end of the step: flow takes all that the line leaves.
@@ -169,6 +172,8 @@ Candidate stick_of(const OneStep& step) {
 std::vector<Candidate> slips_next_to_rigid(const OneStep& step, bool can_stick) {
   const auto at = [&](double a) { return step.slipping(a, std::max(0.0, step.mean(a))); };
   const auto spare = [&](double a) { return step.limit(at(a)) - a; };
+  // A molten interface carries nothing, nor does one that does not slip under friction that vanishes at rest.
+  if (!(spare(0.0) > 0.0)) return {{at(0.0), false}};
   const double most = step.yield(step.heat.T_ad[0], at(0.0).v);
   const double end = std::min(step.a_trial, step.falls_with_slip() ? most : std::min(step.friction(at(0.0)), most));
   std::vector<Candidate> found;
@@ -322,7 +327,8 @@ bool changes_suddenly(const OneStep& step, const Candidate& taken, double jump_n
   const NodeInputs& in = step.in;
   const Load& l = taken.load;
   const auto limit = [&](double T0) {
-    return std::min(friction_of(step.options, in.pressure, T0, l.v, step.dt, step.old.friction_state),
+    const double v = std::max(l.v, step.least_slip);
+    return std::min(friction_of(step.options, in.pressure, T0, v, step.dt, step.old.friction_state),
                     step.yield(T0, l.v));
   };
   const double T_ad = step.heat.T_ad[0];

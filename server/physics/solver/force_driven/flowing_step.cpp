@@ -138,6 +138,7 @@ struct FlowingLane {
     start.dt = heat.dt;
     start.forcing = forcing_of(problem, inputs, lane);
     start.before = before;
+    start.limit.least_slip = least_slip(problem, TrialSlip(start.forcing, heat.dt, before.jump_new, before.stress));
     return start;
   }
 

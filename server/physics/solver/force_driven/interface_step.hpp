@@ -20,6 +20,11 @@ inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int 
   return forcing;
 }
 
+// The least slip velocity for which the friction law is asked.
+inline double least_slip(const Problem& problem, const TrialSlip& trial) {
+  return problem.layout.num_friction_states > 0 ? trial.least_slip() : 0.0;
+}
+
 class InterfaceStep {
  public:
   InterfaceStep(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
@@ -47,10 +52,11 @@ class InterfaceStep {
 
   // The step of length dt after the step `last`. B0: rise of T0 per heat flux; T_ad: T0 without friction in this step.
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
-    const StressLimit strength = limit(dt);
+    StressLimit strength = limit(dt);
     LaneStep step = open_step(forcing_, dt, last.jump_new);
     if (pressure_ > 0.0) {
       const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
+      strength.least_slip = least_slip(problem_, trial_slip);
       step = rigid_slip(strength, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
     }
     if (!advance_contact(strength, step.slip, T_ad + B0 * step.flux, contact))
@@ -69,7 +75,9 @@ class InterfaceStep {
   bool changes_suddenly(const LaneStep& last, const LaneStep& step, double dt, double B0, double T_ad) {
     if (pressure_ <= 0.0) return false;
     const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
-    return physics::changes_suddenly(limit(dt), trial_slip, trial_slip.slipping(T_ad, problem_.heat_partition * B0),
+    StressLimit strength = limit(dt);
+    strength.least_slip = least_slip(problem_, trial_slip);
+    return physics::changes_suddenly(strength, trial_slip, trial_slip.slipping(T_ad, problem_.heat_partition * B0),
                                      last, step);
   }
 

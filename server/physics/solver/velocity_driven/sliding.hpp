@@ -13,9 +13,6 @@
 
 namespace shearbus::physics {
 
-// A slip below this share of all that elastic shear and flow could leave is rounding: the interface sticks.
-inline constexpr double kAtRest = 1e-8;
-
 // What sets the upper end of the bracket in which the stress of a step is sought. That stress may equal the bound,
 // unless the bound is of the kind kNotAnAnswer.
 enum class Bound { kElastic, kContact, kCeiling, kNotAnAnswer };
