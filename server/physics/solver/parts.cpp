@@ -27,7 +27,8 @@ GridOptions matching_hard_grid(const ModelOptions& o) {
 JunctionOptions typical_junctions(const ModelOptions& o) {
   Material metal = o.soft;
   metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
-  metal.yield_strength = o.interface.yield_strength;
+  // A velocity-driven scene without [interface] gives no strength: junctions then yield as the soft body does.
+  metal.yield_strength = o.interface.yield_strength > 0.0 ? o.interface.yield_strength : o.soft.yield_strength;
   if (!has_constant(o.soft.flow_law, &Material::hardening_coefficient)) {
     metal.yield_strength_max = std::numeric_limits<double>::infinity();
     metal.hardening_coefficient = 125.0;
