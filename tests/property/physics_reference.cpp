@@ -37,6 +37,13 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
       draw_other_contact(aside, false, options);
       if (!goes_with(Property::kSecondOrder, options)) options.time_integrator = TimeIntegrator::kBackwardEuler;
     }
+    // Prakash and Clifton's law is drawn seldom under force.
+    if (ModelOptions other = options; GetParam() == Strategy::kForceDriven && scene % 8 == 5) {
+      Draw aside(scene);
+      draw_state_law(aside, other);
+      other.interface.friction_law = FrictionLaws::place<PrakashClifton>();
+      if (refusals(other).empty()) options = other;
+    }
     // With a flowing layer the reference solver scans for slips, and at every vertex of every scan point it inverts the
     // law of Preston, Tonks and Wallace by bisection. These scenes are costly, so they have few vertices and steps.
     // So it does next to a velocity-driven layer, whose contact follows its slip.
