@@ -56,12 +56,11 @@ constexpr std::pair<const char*, std::vector<double> NodeTotals::*> kTotals[] = 
 
 }  // namespace
 
-double mean_of(const std::vector<double>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
-
-InterfaceHistory::InterfaceHistory(std::size_t nodes, InterfaceFacts facts)
-    : rows_(interface_quantities(facts.bound.has_value()), nodes), facts_(std::move(facts)), totals_(nodes) {}
+InterfaceHistory::InterfaceHistory(InterfaceLine line, InterfaceFacts facts)
+    : line_(std::move(line)),
+      rows_(interface_quantities(facts.bound.has_value()), line_.lengths().size()),
+      facts_(std::move(facts)),
+      totals_(line_.lengths().size()) {}
 
 void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
   const InterfaceInputs& in = cycle.contact().inputs();
@@ -74,7 +73,7 @@ void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
     peaks_[kPressure] = std::max(peaks_[kPressure], in.pressure[i]);
     if (in.pressure[i] > 0.0) {
       totals_.slip[i] += speed * in.dt;
-      regime_slip_[regime] += speed * in.dt;
+      regime_slip_[regime] += line_.lengths()[i] * speed * in.dt;
       totals_.highest_pressure[i] = std::max(totals_.highest_pressure[i], in.pressure[i]);
       totals_.fastest_slip[i] = std::max(totals_.fastest_slip[i], speed);
       totals_.friction_impulse[i] += answer.shear_stress[i] * in.dt;
@@ -164,23 +163,13 @@ double InterfaceHistory::share_of_slip(wire::Regime regime) const {
 double InterfaceHistory::longest_slip() const {
   return *std::ranges::max_element(totals_.slip);
 }
-double InterfaceHistory::mean_slip() const {
-  return mean_of(totals_.slip);
-}
 std::size_t InterfaceHistory::nodes_above_critical_jump() const {
   return static_cast<std::size_t>(
       std::ranges::count_if(totals_.critical_jump_share, [](double share) { return share > 1.0; }));
 }
 std::optional<double> InterfaceHistory::mean_displacement(std::size_t band) const {
-  double sum = 0.0;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < nodes(); ++i) {
-    if (!facts_.bands || !facts_.bands->reaches(band, i)) continue;
-    sum += displacement(totals_, band)[i];
-    ++count;
-  }
-  if (count == 0) return std::nullopt;
-  return sum / static_cast<double>(count);
+  if (!facts_.bands) return std::nullopt;
+  return line_.mean(displacement(totals_, band), [&](std::size_t i) { return facts_.bands->reaches(band, i); });
 }
 double InterfaceHistory::mean_pressure_root_time() const {
   std::vector<double> loads;
@@ -188,7 +177,7 @@ double InterfaceHistory::mean_pressure_root_time() const {
     const double time = totals_.slip_time[i];
     loads.push_back(time > 0.0 ? totals_.pressure_impulse[i] / std::sqrt(time) : 0.0);
   }
-  return mean_of(loads);
+  return mean(loads);
 }
 
 SurfaceHistory::SurfaceHistory(std::vector<int> nodes)

@@ -8,6 +8,7 @@
 
 #include "hydro_stub/heat_bound.hpp"
 #include "hydro_stub/history_rows.hpp"
+#include "hydro_stub/interface_line.hpp"
 #include "hydro_stub/lagrange/cycle.hpp"
 #include "hydro_stub/metal_bands.hpp"
 #include "hydro_stub/shear_limits.hpp"
@@ -50,8 +51,6 @@ struct NodeTotals {
   std::vector<double> bound_used;        // friction_work over HeatBound::work(), between 0 and 1
 };
 
-double mean_of(const std::vector<double>& values);
-
 // The displacement of the nodes over band `band` of MetalBands::kDistances.
 inline const std::vector<double>& displacement(const NodeTotals& totals, std::size_t band) {
   return band == 0 ? totals.displacement_half_mm : totals.displacement_one_mm;
@@ -67,7 +66,7 @@ struct InterfaceFacts {
 // The history of the interface nodes, and the totals over nodes and steps that the summary prints.
 class InterfaceHistory {
  public:
-  InterfaceHistory(std::size_t nodes, InterfaceFacts facts);
+  InterfaceHistory(InterfaceLine line, InterfaceFacts facts);
 
   void observe(const lagrange::Cycle& cycle);  // adds the last step to the totals
   void record(const lagrange::Cycle& cycle);   // adds a row to the history
@@ -83,18 +82,21 @@ class InterfaceHistory {
   bool has_bound() const { return facts_.bound.has_value(); }
   bool has_critical_jump() const { return facts_.critical_jump.has_value(); }
   std::size_t nodes_above_critical_jump() const;
-  // Means over the nodes where both bodies reach as far as the band; absent if they do so nowhere.
+  // All means are over the length of the interface, that of a displacement where both bodies reach as far as the band;
+  // it is absent if they do so nowhere.
+  double mean(const std::vector<double>& values) const { return line_.mean(values); }
   std::optional<double> mean_displacement(std::size_t band) const;
-  double mean_friction_impulse() const { return mean_of(totals_.friction_impulse); }
-  double most_bound_used() const { return peaks_[kBoundUsed]; }  // of all nodes and times
+  double mean_friction_impulse() const { return mean(totals_.friction_impulse); }
+  const std::vector<double>& lengths() const { return line_.lengths(); }  // each node's part of the interface  [m]
+  double most_bound_used() const { return peaks_[kBoundUsed]; }           // of all nodes and times
   double share(wire::Regime regime) const;          // share of all node-steps so far that were in this regime
-  double share_of_slip(wire::Regime regime) const;  // share of the slip distance of all nodes
+  double share_of_slip(wire::Regime regime) const;  // share of the mean slip distance
   const files::EnergyTotals& energy() const { return energy_; }
   double hottest() const { return peaks_[kTemperature]; }
   double highest_pressure() const { return peaks_[kPressure]; }
   double longest_slip() const;
-  double mean_slip() const;
-  // Mean over the nodes of P sqrt(t), with the mean pressure P of a node over the time t of its slip  [Pa s^(1/2)]
+  double mean_slip() const { return mean(totals_.slip); }
+  // Mean of P sqrt(t), with the mean pressure P of a node over the time t of its slip  [Pa s^(1/2)]
   double mean_pressure_root_time() const;
 
  private:
@@ -103,11 +105,12 @@ class InterfaceHistory {
   void use_bound(std::size_t i, double work, const InterfaceInputs& in);
   void add_displacement(const lagrange::Cycle& cycle, std::size_t i);
 
+  InterfaceLine line_;
   HistoryRows rows_;
   InterfaceFacts facts_;
   NodeTotals totals_;
   std::array<double, 5> regimes_{};      // number of node-steps in each regime
-  std::array<double, 5> regime_slip_{};  // slip distance of all nodes in each regime  [m]
+  std::array<double, 5> regime_slip_{};  // integral of the slip distance over the interface in each regime  [m2]
   std::array<double, 3> peaks_{};        // largest temperature [K], pressure [Pa] and share of the bound so far
   files::EnergyTotals energy_;
 };

@@ -98,7 +98,7 @@ class Run {
         start_temperature_(std::move(problem.start_temperature)),
         layer_thickness_(std::move(problem.layer_thickness)),
         strength_(problem.strength),
-        interface_(interface_nodes(problem.bodies), facts_of(problem)),
+        interface_(InterfaceLine(problem.bodies), facts_of(problem)),
         surface_(problem.free_surface),
         profiles_(profile_record(file.scene, interface_.nodes(), law)),
         fields_(field_writer(options.out / "fields.xmf", problem, effective_text_,

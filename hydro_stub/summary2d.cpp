@@ -50,26 +50,27 @@ std::string Summary2d::flank_text() const {
   const NodeTotals& nodes = interface.totals();
   const double fastest = *std::ranges::max_element(nodes.fastest_slip);
   std::string out = fmt::format(
-      "  slip by regime          {} {:.1f} %, Tresca {:.1f} %, melting {:.1f} % of the slip distance of all nodes\n",
-      sliding_name(), slip_in(wire::Regime::kCoulomb), slip_in(wire::Regime::kTresca), slip_in(wire::Regime::kMelting));
+      "  slip by regime          {} {:.1f} %, Tresca {:.1f} %, melting {:.1f} % of the slip distance\n", sliding_name(),
+      slip_in(wire::Regime::kCoulomb), slip_in(wire::Regime::kTresca), slip_in(wire::Regime::kMelting));
   if (!slips_freely())
     for (const auto& [label, value] : regime_lines()) out += fmt::format("  {:<24}{}\n", label, value);
   out += fmt::format(
       "  flank, highest          pressure {:.2f} GPa (mean of the nodes' highest {:.2f}), slip {:.0f} m/s ({:.0f})",
-      1e-9 * interface.highest_pressure(), 1e-9 * mean_of(nodes.highest_pressure), fastest,
-      mean_of(nodes.fastest_slip));
+      1e-9 * interface.highest_pressure(), 1e-9 * interface.mean(nodes.highest_pressure), fastest,
+      interface.mean(nodes.fastest_slip));
   if (published) {
     out += fmt::format("; published: up to {:.0f} GPa, {:.0f} m/s", 1e-9 * published->pressure,
                        published->sliding_velocity);
   }
   out += fmt::format(
-      "\n  P sqrt(t) of slip       {:.2f} GPa us^(1/2): mean pressure times root of the time of slip, mean of nodes\n",
+      "\n  P sqrt(t) of slip       {:.2f} GPa us^(1/2): mean pressure times root of the time of slip, mean of the "
+      "interface\n",
       1e-6 * interface.mean_pressure_root_time());
   if (interface.has_bound()) {
     out += fmt::format(
         "  friction below melting  did at most {:.1f} % (mean at the end {:.1f} %) of the work that an interface below "
         "melting can take up\n",
-        100.0 * interface.most_bound_used(), 100.0 * mean_of(nodes.bound_used));
+        100.0 * interface.most_bound_used(), 100.0 * interface.mean(nodes.bound_used));
   }
   return out;
 }
@@ -136,7 +137,7 @@ std::string Summary2d::text() const {
     if (!start_temperature.empty())
       out += fmt::format("  layers start            at the shocked zones' {:.1f} to {:.1f} K, mean {:.1f}\n",
                          *std::ranges::min_element(start_temperature), *std::ranges::max_element(start_temperature),
-                         mean_of(start_temperature));
+                         interface.mean(start_temperature));
     out += flank_text() + strength_text();
   }
   for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
@@ -208,7 +209,8 @@ std::string Summary2d::json() const {
                           {"sliding_velocity_m_per_s", published->sliding_velocity}};
     }
     out["slip_pressure_root_time_pa_s_half"] = interface.mean_pressure_root_time();
-    out["interface"] = {{"slip_m", nodes.slip},
+    out["interface"] = {{"length_m", interface.lengths()},
+                        {"slip_m", nodes.slip},
                         {"peak_pressure_pa", nodes.highest_pressure},
                         {"peak_sliding_velocity_m_per_s", nodes.fastest_slip},
                         {"displacement_half_mm_m", nodes.displacement_half_mm},

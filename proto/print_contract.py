@@ -303,15 +303,15 @@ def wire_columns(what):
                     for c in sorted(what.columns, key=lambda column: column.number)]
 
 
-def wire_codes(what, name):
-    lines = ["| code | name | cause | what to do |", "|---|---|---|---|"]
-    for value in what.enums[name].values:
+def wire_codes(what):
+    """Returns the codes by class; cause and remedy of each stand in the schema."""
+    lines, rows = ["| class | codes | cause | what to do |", "|---|---|---|---|"], [("", [], "the request was run", "")]
+    for value in values_of(what, "Code"):
         if value.title:
-            title, text, remedy = value.title
-            lines.append(f"| | **{title}** | {text} | {remedy}{' ' if remedy else ''}|")
+            rows.append((value.title[0], [], *value.title[1:]))
         if value.number:
-            lines.append(f"| {value.number} | {value.name} | {value.text} | {value.remedy}{' ' if value.remedy else ''}|")
-    return lines
+            rows[-1][1].append(f"{value.number} {value.name}")
+    return lines + [f"| {title} | {', '.join(codes)} | {cause} | {remedy} |" for title, codes, cause, remedy in rows]
 
 
 # ---- files ----
@@ -323,8 +323,7 @@ PARTS = {
     "client/fortran/shearbus.f90": {
         "numbers": fortran_numbers, "sizes": fortran_sizes, "columns": lambda what: fortran_members(what, STEP, "(:)"),
         "columns of a profile": lambda what: fortran_members(what, LAYER, "(:, :)"), "places": fortran_places, "visits": fortran_visits, "profiles": fortran_profiles},
-    "proto/WIRE.md": {"columns": wire_columns, "codes of a server": lambda what: wire_codes(what, "Code"),
-                      "codes of a client": lambda what: wire_codes(what, "ClientCode")},
+    "proto/WIRE.md": {"columns": wire_columns, "codes": wire_codes},
 }
 
 

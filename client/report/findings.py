@@ -47,7 +47,7 @@ def hottest(run):
 
 
 def displaced(run):
-    """Returns how far metal moved against metal over 1 mm on both sides of the interface (m, mean over the nodes), which the zones of
+    """Returns how far metal moved against metal over 1 mm on both sides of the interface (m, mean), which the zones of
     the hydrocode decide less than the slip; None where the run does not tell."""
     bands = [band for band in run.summary.get("displacement", []) if band["band_m"] == 1e-3]
     return bands[0].get("mean_m") if bands else None
@@ -67,13 +67,13 @@ def verdict(runs):
     if not runs:
         return ""
     first, rest = runs[0], runs[1:]
-    moved = displaced if all(displaced(run) for run in runs) else lambda run: run.slip().mean()
+    moved = displaced if all(displaced(run) for run in runs) else lambda run: run.mean(run.slip())
     what = "metal moved {} mm against metal, over 1 mm on both sides and" if moved is displaced else "the interface slid {} mm,"
     if "regime" in first and not (first["regime"] > 0).any():
         text = "the contact was open in the whole run: nothing slid, and friction heated nothing"
     else:
         molten = 100 * float((first.molten_time() > 0).mean())
-        text = (f"{what.format(number(moved(first) * 1e3))} as a mean over the nodes, and the interface reached {number(hottest(first), 4)} K; "
+        text = (f"{what.format(number(moved(first) * 1e3))} on the mean, and the interface reached {number(hottest(first), 4)} K; "
                 f"{f'{number(molten, 2)} %' if molten else 'none'} of the nodes came within 1 % of melting")
     sentences = [f"{first.label}: {text}" if rest else text[0].upper() + text[1:]]
     shares = {name: first.summary[f"slip_share_{name}"] for name in ("coulomb", "tresca", "melting") if f"slip_share_{name}" in first.summary}
@@ -104,8 +104,8 @@ def five_numbers(runs):
 
     percent = lambda value: None if value is None else 100 * value
     unit = {"friction_heat_j": "J", "friction_heat_j_per_m": "J/m"}.get(heat_key, "J/m²")
-    rows = [("slip", "mm", "mean over the nodes", lambda run: run.slip().mean() * 1e3),
-            ("displacement", "mm", "metal against metal over ±1 mm, mean over the nodes", lambda run: displaced(run) and displaced(run) * 1e3),
+    rows = [("slip", "mm", "mean of the interface", lambda run: run.mean(run.slip()) * 1e3),
+            ("displacement", "mm", "metal against metal over ±1 mm, mean of the interface", lambda run: displaced(run) and displaced(run) * 1e3),
             ("hottest", "K", "interface temperature", hottest),
             ("friction heat", unit, "of the whole interface" if heat_key and "work" not in heat_key else "into the layers, mean over the nodes", heat),
             ("at melting", "%", "of the nodes came within 1 % of the melting temperature", lambda run: 100 * float((run.molten_time() > 0).mean())),

@@ -256,6 +256,9 @@ def free_surface(runs):
     return figure
 
 
+OF_LINES = ("cone_displacement.png", "cone_regime.png", "cone_free_surface.png")  # few colours
+
+
 def pictures(runs):
     """Yields (name of the file, figure) of all pictures of these runs."""
     if main := main_runs([run for run in runs if run.table is not None]):
@@ -281,7 +284,7 @@ def main():
         complain("plot_cone.py", fault)
         return 1
     for name, figure in pictures(runs):
-        style.save(figure, options.out / name, style_text(*runs))
+        style.save(figure, options.out / name, style_text(*runs), colours=64 if name in OF_LINES else None)
         print(f"  picture                 {printable(options.out / name)}")
     return 0
 

@@ -160,7 +160,8 @@ class Run:
     path, law, label, colour: where it is, the name of its interface law, how pictures call and draw it. scene, scene_text: effective
     scene. summary: summary.json. provenance: facts for a footer. table: {name: [T, N] array} of the interface, or
     None; time [T]; nodes [N] ids; place [N]: z or r (place_name) of each node at the start (m) in two dimensions,
-    else None. fields: directory of the frames, or None."""
+    else None. fields: directory of the frames, or None. surface: time (µs) and axial velocity [T, N] of the free surface, from
+    the axis outwards, or None."""
 
     def __init__(self, path):
         self.path = self.reading = path = pathlib.Path(path)
@@ -193,7 +194,7 @@ class Run:
                 raise Fault(f"{path}: has no frame of the fields; the run did not begin")
             if (path / "free_surface.h5").is_file():
                 with h5py.File(path / "free_surface.h5") as file:
-                    self.surface = (file["time"][:] * 1e6, file["axial_velocity"][:])
+                    self.surface = (file["time"][:] * 1e6, file["axial_velocity"][:][:, np.argsort(file["radius"][0], kind="stable")])
         meta = self.table["meta"] if self.table else {}
         text = self.table["scene"] if self.table else self._scene_of_mesh()
         try:
@@ -245,6 +246,12 @@ class Run:
         if "slip_distance" in self:
             return self["slip_distance"][-1]
         return np.array(self.summary.get("slip_distance_m", self["slip"]))
+
+    def mean(self, values):
+        """Returns the mean of values, one per node, over the length of the interface, on which a node at an end has half a
+        place; over the nodes where they are no line."""
+        length = self.summary.get("interface", {}).get("length_m")
+        return float(np.average(values, weights=length if length and len(length) == len(values) else None))
 
     def molten_time(self):
         """Returns the time that each node spent in the regime MELTING (µs)."""

@@ -1,7 +1,7 @@
 // Internal to the client library: one session of a Session that is held by several servers, its shards. Each request of
 // the Session becomes a request to every shard that it concerns, sent to all at once; the replies are joined. A request
-// that some shards have run and others have not yet answered is an operation under way: it is gone on with by the same
-// request, and completed before any other.
+// that some shards have run and others have not yet answered is an operation under way. The same request resumes it; any
+// other completes it first.
 #pragma once
 
 #include <chrono>

@@ -10,7 +10,7 @@ a page that shows its files. In a page of deploy/docs/pages
     <!-- include <file>#<anchor> -->    stands for the section of another page, without its heading
     <!-- show <file> -->                stands for a file, as code
 
-A link, section or file that does not exist ends the program, as does a status code without cause and cure in proto/WIRE.md."""
+A link, section or file that does not exist ends the program, as does a status code without cause and cure in the schema."""
 import argparse
 import os
 import pathlib
@@ -225,21 +225,24 @@ for name in shearbus.__all__:
 
 
 def codes(root):
-    """Returns the rows (number, name, cause, cure) of the tables in proto/WIRE.md, "Status", which are printed from the schema."""
-    status = section((root / "proto/WIRE.md").read_text(), "status")
-    rows = [(int(n), name, cause, cure) for n, name, cause, cure in re.findall(r"^\| (\d+) \| (\w+) \| (.*?) \| ?(.*?) ?\|$", status, re.M)]
-    faults = [f"{name} has no cause or no cure" for n, name, cause, cure in rows if n != 1 and not (cause.strip() and cure.strip())]
+    """Returns the rows (number, name, cause, cure) of the codes of proto/shearbus/v1/envelope.proto, from the comments above them."""
+    schema = (root / "proto/shearbus/v1/envelope.proto").read_text()
+    rows = []
+    for comment, name, number in re.findall(r"((?:^ *//.*\n)*)^  (?:CLIENT_)?CODE_(\w+) = (\d+);", schema, re.M):
+        cause, cure = contract.cause_and_remedy(re.sub(r"^ *//", "", comment, flags=re.M))
+        rows += [(int(number), name, cause, cure)] if int(number) else []
+    faults = [f"{name} has no cause or no cure" for n, name, cause, cure in rows if n != 1 and not (cause and cure)]
     if faults or not rows:
-        sys.exit("proto/WIRE.md, \"Status\": " + "; ".join(faults or ["no table of codes"]))
+        sys.exit("proto/shearbus/v1/envelope.proto: " + "; ".join(faults or ["no codes"]))
     return rows
 
 
 def errors_page(site):
-    """Returns the page of the errors, made of the tables in proto/WIRE.md."""
+    """Returns the page of the errors, made of the codes of the schema."""
     place, root = "howto/errors" + ".md", site.root
     page = ("# Errors: cause and cure\n\nEvery refusal has a code, a text with what was expected and found, a remedy, and the field and nodes at fault. A refused call has "
-            "changed nothing. The names are those of every language: `SHEARBUS_SHAPE` in C, `Code.SHAPE` in Python. The table is that of "
-            "[the protocol](../proto/WIRE.md#status).\n")
+            "changed nothing. The names are those of every language: `SHEARBUS_SHAPE` in C, `Code.SHAPE` in Python "
+            "([the protocol](../proto/WIRE.md#status)).\n")
     for n, name, cause, cure in codes(root):
         if n != 1:
             cause, cure = (site.linked("proto/WIRE.md", text, place) for text in (cause, cure))

@@ -55,7 +55,7 @@ std::string value_name(const CLI::Option& option) {
     for (int i = 0;; ++i)
       if (const std::string check = checked.get_validator(i)->get_description(); !check.empty()) checks += ":" + check;
   } catch (const CLI::OptionNotFound&) {
-    // behind the last check
+    // get_validator(i) throws past the last check, which ends the loop
   }
   std::string type = option.get_type_name();
   if (type.ends_with(checks)) type.resize(type.size() - checks.size());

@@ -112,7 +112,7 @@ Service::ReplyPtr Service::blank_reply() {
   return std::exchange(used_reply_, nullptr);
 }
 
-// Keeps the memory of a reply that was sent, unless a socket still needs it.
+// Recycles the memory of a reply that was sent, unless a socket still needs it.
 void Service::recycle(ReplyPtr reply) noexcept {
   if (!reply || reply.use_count() != 1) return;
   // The last other owner may have been a thread of libzmq: to give up a copy orders its reads before what is written

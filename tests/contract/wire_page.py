@@ -23,8 +23,6 @@ HEX_LINE = re.compile(r"((?:[0-9a-f]{2} )*[0-9a-f]{2})(?:  |$)")
 BYTES_PER_LINE = 16
 OF_THE_RUN = {  # fields that differ from run to run, from machine to machine and from release to release
     "ReplyHeader": ("epoch",),
-    "Welcome": ("server_version", "durability", "access"),
-    "Limits": ("max_state_bytes", "max_state_bytes_per_user"),
     "Upscale": ("solver_ns", "service_ns"),
 }
 PAGE = None
@@ -136,7 +134,8 @@ class Exchange:
     def __init__(self):
         self.bus = outsider.Connection()
         self.frames = {"hello": self.bus.frames(hello={"oldest_major": 1, "newest_major": 1, "client_name": "page"})}
-        self.frames["welcome"] = self.bus.exchange(self.frames["hello"]).frames
+        welcome = self.bus.exchange(self.frames["hello"])
+        self.capabilities = list(welcome.header.welcome.capabilities)
         opened = self.bus.call({outsider.NODE_ID: [NODE]},
                                open_session={"scene": outsider.paper_scene(), "session_id": SESSION})
         assert opened.code == outsider.pb.CODE_OK, opened.header.status.text
@@ -183,11 +182,15 @@ class Page(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         exchange = Exchange()
-        cls.exchange = exchange.frames
+        cls.exchange, cls.capabilities = exchange.frames, exchange.capabilities
         exchange.close()
 
     def test_the_page_shows_what_goes_over_the_wire(self):
         self.assertEqual(list(faults(PAGE, self.exchange)), [])
+
+    def test_the_page_names_the_capabilities_of_the_welcome(self):
+        row = re.search(r"Capabilities are (.*?)[;.]", PAGE, re.S)
+        self.assertEqual(re.findall(r"`(\w+)`", row[1]), self.capabilities)
 
     def test_every_wrong_byte_and_comment_is_noticed(self):
         for name, text in BLOCK.findall(PAGE):

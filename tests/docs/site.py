@@ -6,6 +6,7 @@ site.py --build BUILD --out DIR
 site.py --self-test      each rule of stage.py and links.py fails on a tree made for it"""
 import argparse
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -103,13 +104,15 @@ def self_test(scratch):
         faults.append(f"self-test: section: {part}")
     refused("a link to a file that does not exist", site.linked, PAGE, f"[x]({md('gone')})", PAGE)
     refused("a section that does not exist", stage.section, "# Page\n", "gone")
-    # A code without a cure in the table of the protocol.
-    (tree / "proto").mkdir(exist_ok=True)
-    shutil.copy(ROOT / "proto/WIRE.md", tree / "proto/WIRE.md")
+    # A code without a cure in the schema.
+    (tree / "proto/shearbus/v1").mkdir(parents=True)
+    schema = tree / "proto/shearbus/v1/envelope.proto"
+    shutil.copy(ROOT / "proto/shearbus/v1/envelope.proto", schema)
     stage.codes(tree)
-    page = (tree / "proto/WIRE.md").read_text()
-    row = next(line for line in page.splitlines() if line.startswith("| 304 | NODE_OWNED"))
-    (tree / "proto/WIRE.md").write_text(page.replace(row, "| 304 | NODE_OWNED | of another session | |"))
+    text = schema.read_text()
+    schema.write_text(re.sub(r"  // Remedy: (?:.*\n  //)*.*\n(?=  CODE_NODE_OWNED = 304;)", "", text))
+    if schema.read_text() == text:
+        faults.append("self-test: the schema has no remedy of NODE_OWNED")
     refused("a code without a cure", stage.codes, tree)
     # An argument of a Fortran call that the comment at the beginning does not explain.
     source = (ROOT / "client/fortran/shearbus.f90").read_text()

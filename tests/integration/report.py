@@ -19,6 +19,7 @@ import tempfile
 import unittest
 
 import h5py
+import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import browser as browsers  # noqa: E402
@@ -125,6 +126,14 @@ class Report(unittest.TestCase):
         style.save(figure, directory / "figure_12.png")
         (directory / "figures.json").write_text(json.dumps([{"figure": "12", "title": "profiles", "file": "figure_12.png", "agrees": ["It falls."], "differs": "By a fifth."}]))
         return directory
+
+    def test_the_free_surface_begins_on_the_axis(self):
+        import runs
+
+        with h5py.File(self.cones[0] / "free_surface.h5") as file:
+            on_axis = file["axial_velocity"][:, int(file["radius"][0].argmin())]
+            self.assertGreater(file["radius"][0, 0], file["radius"][0, -1], "the file follows the surface, from the rim")
+        np.testing.assert_array_equal(runs.Run(self.cones[0]).surface[1][:, 0], on_axis)
 
     def test_the_page_says_what_the_run_found(self):
         page = self.reports["cone"].read_text()

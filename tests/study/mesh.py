@@ -139,13 +139,13 @@ def draw(found, out):
     times = [made["cpu_s"] for made in found["runs"]]
     drawn = []
     for row, mark in zip(found["rows"], "os^Dv"):
-        drawn += axis.plot(times, [max(1e-5, abs(error)) * 100 for error in row["error_zones"]], mark + "-", label=row["label"])
+        drawn += axis.plot(times, [max(1e-5, abs(error)) * 100 for error in row["error_zones"]], mark + "-", label=row["label"].replace("+-", "±"))
     drawn.append(axis.axhline(2.0, color=style.FAINT, ls="--", lw=1.2, label="2 %"))
     axis.set(xscale="log", yscale="log", xlabel="processor time of the coupled run (s)", ylabel="error to the extrapolated answer (%)",
              title=f"{found['scene']}, zones of {', '.join(f'{zone * 1e3:g}' for zone in found['zones_m'])} mm")
     axis.grid()
     style.legend_below(figure, drawn)
-    style.save(figure, out / "mesh.png", f"shearbus-study mesh, {found['scene']}, law {found['law']}")
+    style.save(figure, out / "mesh.png", f"shearbus-study mesh, {found['scene']}, law {found['law']}", colours=64)
     print(f"\nwritten: {out / 'mesh.png'}, {out / 'mesh.json'}")
 
 

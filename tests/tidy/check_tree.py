@@ -136,7 +136,7 @@ def page_named(name, path, root, pages):
 
 
 def reference_faults(root):
-    files = sorted(p for house in TOP_LEVEL for p in ([root / house] if (root / house).is_file() else (root / house).rglob("*"))
+    files = sorted(p for house in {*TOP_LEVEL, ".github"} for p in ([root / house] if (root / house).is_file() else (root / house).rglob("*"))
                    if p.suffix in REFERRING and "corpus" not in p.parts and p.name != pathlib.Path(__file__).name)
     pages = {p.resolve(): headings(p) for p in files if p.suffix == ".md"}
     for path in files:
@@ -211,6 +211,8 @@ def self_test():
             "// METHODS.md.\n")
         (root / "server/physics/layer/page.md").write_text(
             "[sound](../../MODEL.md#heat-of-q), [file](../../GONE.txt), [heading](../../MODEL.md#no-heading), section 4b\n")
+        (root / ".github").mkdir()
+        (root / ".github/security.md").write_text("[file](../GONE.txt)\n")
         (root / "tests/program.py").write_text('parser.add_argument("--steps", ' + 'type=' + 'int)\n')
         built = [{"file": str(root / f)} for f in ("server/physics/layer/heat.cpp", "server/service/handle.cpp")]
         found = "\n".join(faults(root, built))
@@ -218,7 +220,8 @@ def self_test():
                     "CMakeLists.txt:1: names a machine", "program.py:1: reads a number by argparse", "stray.cpp: belongs to no room", "stray.cpp: no target builds it",
                     'layer.hpp:2: MODEL.md has no heading "no heading"', "layer.hpp:3: refers to a section by number",
                     "layer.hpp:4: names a page that does not exist: METHODS.md", "page.md:1: link to a file that does not exist",
-                    "page.md:1: link to a heading that does not exist", "page.md:1: refers to a section by number"]
+                    "page.md:1: link to a heading that does not exist", "page.md:1: refers to a section by number",
+                    "security.md:1: link to a file that does not exist"]
         missed = [e for e in expected if e not in found]
         return [f"self-test: rule did not fire: {m}" for m in missed] + (
             [] if len(found.splitlines()) == len(expected) else [f"self-test: expected {len(expected)} faults, found:\n{found}"])

@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
 
 #include "hydro_stub/cone_target.hpp"
 #include "hydro_stub/grading.hpp"
+#include "hydro_stub/interface_line.hpp"
 #include "hydro_stub/metal_bands.hpp"
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/shear_limits.hpp"
@@ -117,6 +119,34 @@ TEST(ShearLimits, OfThePapersAluminium) {
   InterfaceStrength bare = strong;
   bare.flows_in_layer = false;
   EXPECT_THAT(strength_warning(bare), HasSubstr("interface.yield_strength_pa = 6.8e+08 Pa is above Y* = 3.0"));
+}
+
+// The mean of a profile that is linear along an interface is that of its two ends, however wide the zones are.
+TEST(InterfaceLine, TheMeanOfALinearProfileIsExact) {
+  for (const double zone : {1e-3, 0.25e-3}) {
+    const lagrange::Bodies bodies =
+        make_bodies(make_cone_target(cone("zone_width_m = " + std::to_string(zone) + "\n").scene));
+    const InterfaceLine line(bodies);
+    std::vector<double> height;
+    for (const lagrange::SlideLine& side : bodies.slide_lines) {
+      if (!side.rubs) continue;
+      for (const int n : side.soft.nodes) height.push_back(bodies.mesh.places()[n].y);
+    }
+    ASSERT_EQ(line.lengths().size(), height.size());
+    EXPECT_NEAR(line.mean(height), 0.5 * (height.front() + height.back()), 1e-15);
+    // a profile that is linear in the last zone, and 0 elsewhere
+    std::vector<double> at_the_end(height.size(), 0.0);
+    at_the_end.back() = 1.0;
+    const double whole = std::accumulate(line.lengths().begin(), line.lengths().end(), 0.0);
+    EXPECT_NEAR(line.mean(at_the_end), line.lengths().back() / whole, 1e-15);
+    EXPECT_NEAR(line.lengths().back() * (static_cast<double>(height.size()) - 1.0) / whole, 0.5, 1e-3);
+    // A window of it: an uneven end does not pull the mean.
+    const std::size_t first = 1, last = height.size() - 4;
+    EXPECT_NEAR(*line.mean(height, [&](std::size_t i) { return i >= first && i <= last; }),
+                0.5 * (height[first] + height[last]), 1e-15);
+    EXPECT_EQ(*line.mean(height, [](std::size_t i) { return i == 2; }), height[2]);
+    EXPECT_EQ(line.mean(height, [](std::size_t) { return false; }), std::nullopt);
+  }
 }
 
 // A rigid shift of one body against the other is the displacement over every band.

@@ -94,8 +94,7 @@ struct Part {
 };
 std::span<const Part> parts();
 const Part& part_of(Property property);
-// What names a part among those with a `set`: its key or, if an earlier one has this key, key
-// and value.
+// Unique name of a part that can be switched: its key, or key = value if an earlier part has that key.
 std::string unique_key(const Part& part);
 // The key of a part in a scene with these options: plastic-work heating has one in the table of each strategy.
 std::string_view key_of(const Part& part, const ModelOptions& options);

@@ -10,8 +10,9 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kJumpTime = 1e-6;    // time for which friction is taken to act with a wrong velocity jump  [s]
-constexpr double kLeastHeat = 0.03;   // least scale of the heat of a step, relative to what warms z = 0 by that range
+constexpr double kJumpTime = 1e-6;  // time for which friction is taken to act with a wrong velocity jump  [s]
+// Lower bound of a step's heat scale, as a fraction of the heat that raises T0 by T_melt - T_start.
+constexpr double kLeastHeat = 0.03;
 constexpr double kLeastRange = 0.01;  // smallest temperature range that a tolerance refers to, relative to T_melt
 // The largest error that backward Euler leaves of a change of T0, or of what a sudden change of the flux makes of T0.
 constexpr double kFirstOrderShare = 0.15;
@@ -164,7 +165,8 @@ double SubstepErrors::of_piece(const Substep& substep, const SubstepAnswer& answ
   const double dt = substep.length * dt_, heats = heating(substep);
   const double straight = 0.5 * heats * dt * std::abs(answer.stress + start_of(substep, answer));
   const double heat = std::abs(answer.heat - straight) + elastic_path(substep, &answer, 1);
-  // Backward Euler holds the last flux throughout. Its T0 with as much heat as that of second order differs, too.
+  // Backward Euler holds the last flux throughout. Its T0 would differ even if it released the same heat as the
+  // second-order step.
   const double apart = answer.T0 - first_order.T0;
   const double with_heat = apart - response_ / dt_ * (answer.heat - first_order.heat);
   return largest(substep, answer.stress,

@@ -51,7 +51,7 @@ bool slip_of_solid(const FilmSlip& slip, double T_ad, double B0, bool stuck, Car
 }
 
 // The answer of a lane that melts or freezes. Phases and stress are found together, by Newton steps on the phases; if
-// that does not end, or the root may not be the one with the most slip, each flux gets phases of its own.
+// that does not end, or the root may not be the one with the most slip, the phases are solved anew for every trial flux.
 Carried slip_of_melting(const FilmSlip& slip, PhaseChange& change, double coldest, bool stuck) {
   const auto respond = [&](double q) {
     change.settle(q);

@@ -1,0 +1,90 @@
+"""Tests of client/report/plot_options.py: the scenes that show the options run by its one command, and show what their comments say."""
+import argparse
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import h5py
+import numpy as np
+
+OPTIONS = None
+ASLEEP = 32  # bit of /outcome
+
+
+class OptionScenes(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        cls.out = pathlib.Path(cls.scratch.name)
+        programs = cls.out / "bin"
+        programs.mkdir()
+        for name in ("replay", "hydro"):
+            (programs / f"shearbus-{name}").symlink_to(getattr(OPTIONS, name))
+        cls.done = subprocess.run([sys.executable, "-B", OPTIONS.source / "client/report/plot_options.py", "--bin", programs, "--out", cls.out, "--keep", cls.out / "kept"],
+                                  capture_output=True, text=True, timeout=600)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    def result(self, name):
+        self.assertEqual(self.done.returncode, 0, self.done.stderr)
+        with h5py.File(self.out / f"kept/{name}.h5") as file:
+            return {key: data[:] for key, data in file.items() if isinstance(data, h5py.Dataset)}
+
+    def test_pictures_stay_small(self):
+        self.assertEqual(self.done.returncode, 0, self.done.stderr)
+        for name in ("layer", "heat", "contact"):
+            self.assertLess((self.out / f"options_{name}.png").stat().st_size, 60_000)
+
+    def test_sliding_between_baths_becomes_that_of_steady_conduction(self):
+        found = self.result("steady_sliding")
+        mu, slope, conductivity, thickness, melting = 0.1, 1e-3, 16.2, 2e-6, 2380.0
+        for i, v in enumerate(found["sliding_velocity"][-1]):
+            # mu (1 - theta / (T_melt - 300)) P v = 2 k (theta + a theta^2 / 2) / h
+            pull, carry = mu * 1e9 * v, 2.0 * conductivity / thickness
+            rise = max(np.roots([0.5 * slope * carry, carry + pull / (melting - 300.0), -pull]))
+            self.assertAlmostEqual(found["interface_temperature"][-1, i] - 300.0, rise, delta=2e-3 * rise)
+
+    def test_a_wave_crosses_the_layer_and_is_the_impedance_times_the_jump(self):
+        found = self.result("sudden_start")
+        soft = np.sqrt(2703.0 * 27.6e9)
+        early = found["time"] < 5e-9
+        self.assertAlmostEqual(np.median(found["shear_stress"][early]) / (soft * 20.0), 1.0, delta=0.01)
+
+    def test_the_stress_follows_the_sliding_and_the_open_contact_sleeps(self):
+        found = self.result("turning_contact")
+        stress = np.hypot(found["shear_stress"][:, 0], found["shear_stress_second"][:, 0])
+        slides = found["regime"][:, 0] == 2
+        np.testing.assert_allclose(stress[slides], 0.3 * found["pressure"][slides, 0], rtol=1e-9)
+        self.assertGreater(((found["outcome"][:, 0] & ASLEEP) > 0).sum(), 100)
+        self.assertTrue((stress[found["regime"][:, 0] == 0] == 0).all())
+
+    def test_plates_that_brake_each_other_stop_within_the_tolerance(self):
+        found = self.result("brake")
+        jump = found["velocity_jump_new"]
+        self.assertTrue((jump[-1] == 0.0).all())
+        # m [V]' = -(mu_inf + (mu_0 - mu_inf) exp(-theta [V])) P has the time of stop ln((mu_inf exp(theta V0) + d) / (mu_inf + d)) m / (mu_inf P theta)
+        mass = 1.0 / (1.0 / (2703.0 * 1e-3) + 1.0 / (7900.0 * 1e-3))
+        for i, v in enumerate((15.0, 30.0, 45.0, 60.0)):
+            stop = np.log((0.1 * np.exp(0.1 * v) + 0.2) / 0.3) * mass / (0.1 * 0.2e9 * 0.1)
+            self.assertAlmostEqual(found["time"][np.flatnonzero(jump[:, i] == 0.0)[0]] / stop, 1.0, delta=0.02)
+
+    def test_pressure_raises_the_stress_of_an_interface_that_melts(self):
+        with_pressure, without = self.result("under_pressure"), self.result("under_pressure-soft.melting_curve=constant-soft.pressure_term=linear")
+        self.assertTrue((np.diff(with_pressure["shear_stress"][-1]) > 0).all())
+        self.assertTrue((np.diff(without["shear_stress"][-1, 3:]) < 0).all())
+
+    def test_copper_knows_its_rate(self):
+        ptw = self.result("copper_rates")["shear_stress"].max(axis=0)
+        self.assertTrue((np.diff(ptw[1:]) > 0).all())
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    for name in ("replay", "hydro", "source"):
+        parser.add_argument(f"--{name}", required=True, type=pathlib.Path)
+    OPTIONS, rest = parser.parse_known_args()
+    unittest.main(argv=sys.argv[:1] + rest)
