@@ -226,7 +226,12 @@ std::vector<Candidate> slips_next_to_flow(const OneStep& step, double a_stick) {
   const auto open = [&](const Load& l) { return l.v + step.flow(l) - step.mean(l.a); };
   // Under a stress equal to its ceiling the layer flows by any amount. The interface therefore slips only where its
   // stress limit is not above that ceiling.
-  const auto at_interface = [&](const Load& l) { return l.a <= step.ceiling(l); };
+  // Nor does it where slip makes it stronger than the stress at which it sticks and the layer flows by any amount.
+  constexpr double kAbove = 1.0 + 1e-11;
+  const auto at_interface = [&](const Load& l) {
+    const double ceiling = step.ceiling(l);
+    return l.a <= ceiling && !(step.follows_slip() && ceiling <= l.a * kAbove && step.limit(l) > l.a * kAbove);
+  };
   std::vector<Candidate> found;
   const auto add = [&](double v) {
     // a_stick stops the slip exactly at the end of the step
@@ -249,7 +254,10 @@ std::vector<Candidate> slips_next_to_flow(const OneStep& step, double a_stick) {
     if (lo.at_interface != hi.at_interface) {
       const bool first = lo.at_interface;
       const Point both = point(bisect([&](double v) { return at_interface(at(v)) == first ? -1.0 : 1.0; }, lo.v, hi.v));
-      if (both.open <= 0.0) add(both.v);
+      if (both.open <= 0.0 && step.follows_slip())
+        found.push_back({at(both.v), false});
+      else if (both.open <= 0.0)
+        add(both.v);
       (first ? hi : lo) = both;
     } else if (!lo.at_interface) {
       continue;
