@@ -50,6 +50,7 @@ constexpr std::array kAddNothing = {Property::kInterfaceSlip, Property::kCoulomb
 // What the answer of a step has only where a request names its columns.
 enum class OnRequest { kNothing, kLedger, kLinearised };
 constexpr const char* kLedger = "energy ledger";
+constexpr const char* kFrictionEnergy = "friction_energy";
 constexpr std::array kLinearisedColumns = {wire::Field::kStressPerJump, wire::Field::kStressPerPressure,
                                            wire::Field::kTimeToMelting};
 
@@ -147,17 +148,25 @@ class Bench {
   std::vector<double> states_[2];
 };
 
-std::uint64_t bytes_per_node(const physics::ModelOptions& options, bool ledger) {
-  std::uint64_t bytes = shard::Shard::bytes_per_node(physics::Model(options));
+// What the nodes of a scene keep or answer beside their model: the columns of the ledger in the last reply, the sums of
+// the friction energy.
+struct Beside {
+  bool ledger = false;
+  bool friction_energy = false;
+};
+
+std::uint64_t bytes_per_node(const physics::ModelOptions& options, Beside beside) {
+  std::uint64_t bytes = shard::Shard::bytes_per_node(physics::Model(options), false, beside.friction_energy);
   for (const wire::Field field : wire::columns_of(service::strategy_of(options)).reply)
     bytes += wire::size_of(wire::element_of(field));
-  if (ledger) bytes += wire::kLedgerColumns.size() * sizeof(double);
+  if (beside.ledger) bytes += wire::kLedgerColumns.size() * sizeof(double);
   return bytes;
 }
 
-SceneCost cost_of(const physics::ModelOptions& options, bool ledger) {
+SceneCost cost_of(const physics::ModelOptions& options, Beside beside) {
   Bench bench(options);
-  return {.bytes_per_node = bytes_per_node(options, ledger),
+  const bool ledger = beside.ledger || beside.friction_energy;
+  return {.bytes_per_node = bytes_per_node(options, beside),
           .slipping_s = bench.slipping(ledger ? OnRequest::kLedger : OnRequest::kNothing),
           .resting_s = bench.resting(),
           .step_length_s = bench.step_length()};
@@ -271,8 +280,13 @@ std::string TimeDifference::text() const {
 Explanation explain(std::string_view scene, const std::string& file) {
   const service::SceneModel made = service::scene_model(scene, file);
   const physics::ModelOptions& options = made.options;
-  Explanation explanation{
-      .scene = made.name, .cost = cost_of(options, false), .parts = {}, .everything = {}, .together = {}, .pairs = {}};
+  const Beside here_beside{.friction_energy = made.friction_energy};
+  Explanation explanation{.scene = made.name,
+                          .cost = cost_of(options, here_beside),
+                          .parts = {},
+                          .everything = {},
+                          .together = {},
+                          .pairs = {}};
   for (const service::PairModel& pair : made.pairs) explanation.pairs.push_back(pair.name);
 
   Bench here_bench(options);
@@ -285,7 +299,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
     found.excluded = refusal_of(other);
     if (found.excluded.empty()) {
       const auto here = static_cast<std::int64_t>(explanation.cost.bytes_per_node);
-      const auto there = static_cast<std::int64_t>(bytes_per_node(other, false));
+      const auto there = static_cast<std::int64_t>(bytes_per_node(other, here_beside));
       found.bytes_per_node = found.on ? here - there : there - here;
       Bench there_bench(other);
       const Variant with{found.on ? here_bench : there_bench}, without{found.on ? there_bench : here_bench};
@@ -302,6 +316,17 @@ Explanation explain(std::string_view scene, const std::string& file) {
   };
   add_on_request(kLedger, "where the energy of each node's step went, for requests that name its columns",
                  wire::kLedgerColumns, OnRequest::kLedger);
+  ScenePart sums{.name = kFrictionEnergy,
+                 .on = made.friction_energy,
+                 .meaning = "the friction heat that either body has got since the node began"};
+  if (service::has_ledger(options)) {
+    sums.bytes_per_node =
+        static_cast<std::int64_t>(bytes_per_node(options, {.friction_energy = true}) - bytes_per_node(options, {}));
+    sums.slipping = compare({here_bench}, {here_bench, OnRequest::kLedger}, explanation.cost.slipping_s);
+  } else {
+    sums.excluded = "it sums the energy ledger, which a layer with inertia or with an isothermal face does not have";
+  }
+  explanation.parts.push_back(std::move(sums));
   if (physics::Model::can_linearise(options))
     add_on_request("linearised answer",
                    "derivatives of the stress by jump and pressure, and the time to melting, for requests that name "
@@ -312,7 +337,9 @@ Explanation explain(std::string_view scene, const std::string& file) {
   auto [all, names] = with_everything(options);
   explanation.together = std::move(names);
   explanation.together.emplace_back(kLedger);
-  explanation.everything = cost_of(all, true);
+  const bool sums_all = service::has_ledger(all);
+  if (sums_all) explanation.together.emplace_back(kFrictionEnergy);
+  explanation.everything = cost_of(all, {.ledger = true, .friction_energy = sums_all});
   return explanation;
 }
 
@@ -365,15 +392,18 @@ std::vector<std::pair<std::string, std::string>> OmittedCost::lines() const {
 }
 
 OmittedCost omitted_cost(const std::string& effective_scene, const wire::SessionClosed& totals) {
-  const physics::ModelOptions options = service::scene_model(effective_scene, "the effective scene").options;
+  const service::SceneModel made = service::scene_model(effective_scene, "the effective scene");
+  const physics::ModelOptions& options = made.options;
   const FullModel full = with_everything(options);
+  const Beside everything{.ledger = true, .friction_energy = service::has_ledger(full.options)};
   OmittedCost omitted{.parts = {},
-                      .bytes_per_node = bytes_per_node(options, false),
-                      .bytes_per_node_with_everything = bytes_per_node(full.options, true),
+                      .bytes_per_node = bytes_per_node(options, {.friction_energy = made.friction_energy}),
+                      .bytes_per_node_with_everything = bytes_per_node(full.options, everything),
                       .share_asleep = {}};
   for (const physics::Part& part : physics::parts())
     if (!part.is_on(options) && std::ranges::find(full.parts, unique_key(part)) != full.parts.end())
       omitted.parts.push_back(unique_key(part));
+  if (everything.friction_energy && !made.friction_energy) omitted.parts.emplace_back(kFrictionEnergy);
   if (physics::nodes_sleep(options) && totals.node_steps > 0)
     omitted.share_asleep = static_cast<double>(totals.asleep_node_steps) / static_cast<double>(totals.node_steps);
   return omitted;

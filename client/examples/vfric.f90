@@ -22,13 +22,13 @@
 ! a session of its own with all nodes of its secondary surface, below. Where a run has several processes, each opens
 ! sessions for the pairs it calls this routine for; a node that changes the process loses its layer here. A host whose
 ! nodes do that moves them by shearbus_mpi_redistribute, between increments. Restarts, and the end of the run:
-! abaqus_layers.f90, which is compiled before this file. General contact calls another routine: vfriction.f90.
+! vendor_layers.f90, which is compiled before this file, and vexternaldb.f90. General contact calls vfriction.f90.
 subroutine vfric(fTangential, statev, kStep, kInc, nContact, nFacNod, nSecNod, nMainNod, nFricDir, nDir, nStateVar, nProps, &
                  nTemp, nPred, numDefTfv, jSecUid, jMainUid, jConSecid, jConMainid, timStep, timGlb, dTimCur, surfInt, surfSec, &
                  surfMain, lContType, dSlipFric, fStickForce, fTangPrev, fNormal, frictionWork, shape, coordSec, coordMain, &
                  dirCosSl, dircosN, props, areaSec, tempSec, preDefSec, tempMain, preDefMain)
   use, intrinsic :: iso_fortran_env, only: int64, real64
-  use abaqus_layers
+  use vendor_layers
   implicit none
   integer, intent(in) :: kStep, kInc, nContact, nFacNod, nSecNod, nMainNod, nFricDir, nDir, nStateVar, nProps, nTemp, nPred
   integer, intent(in) :: numDefTfv, jSecUid(nSecNod), jMainUid(nMainNod), jConSecid(nContact), jConMainid(nFacNod, nContact)

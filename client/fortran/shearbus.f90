@@ -739,6 +739,7 @@ contains
     if (present(msg)) msg = text
     if (present(stat)) return
     write (error_unit, '(2a)') 'shearbus: ', text
+    flush (error_unit)  ! before the backtrace of error stop, in a file, too
     error stop 1
   end subroutine
 
@@ -1272,7 +1273,7 @@ contains
     columns%count = self%n
     columns%n_in = 0
     columns%n_out = 0
-    columns%stick = allocated(self%impedance)
+    columns%stick = allocated(self%impedance) .or. allocated(self%stick_stress)  ! one alone is refused
     columns%masked = present(mask)
     if (columns%masked) then
       if (size(mask) /= self%n) call refuse(columns%code, columns%status, 'mask', size(mask), self%n)
@@ -1334,11 +1335,15 @@ contains
       self%largest_closure = answer%largest_closure
       self%layer_time = answer%layer_time
       if (.not. columns%masked) then
-        self%regime = iand(int(self%bytes(:columns%count, 1)), 255)
-        self%outcome = iand(int(self%bytes(:columns%count, 2)), 255)
+        self%regime = self%bytes(:columns%count, 1)
+        if (self%flagged == 0) then
+          self%outcome = 0
+        else
+          self%outcome = iand(int(self%bytes(:columns%count, 2)), 255)
+        end if
         return
       end if
-      self%regime(columns%rows) = iand(int(self%bytes(:columns%count, 1)), 255)
+      self%regime(columns%rows) = self%bytes(:columns%count, 1)
       self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 2)), 255)
       do i = 1, columns%n_out
         columns%answers(i)%values(columns%rows) = columns%out(:columns%count, i)

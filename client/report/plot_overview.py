@@ -5,8 +5,8 @@ that node.
 
     plot_overview.py SUBGRID OTHER --out FILE.png [--time MICROSECONDS]
 
-The temperature across the interface is that of the heat which friction gave to both bodies, s [v] as recorded,
-conducted into two half-spaces (exact for heat that is constant between two rows). The script ends with an error where
+The temperature across the interface is that of the heat which friction gave to both bodies, stress times growth of
+the slip distance as recorded, conducted into two half-spaces (exact for heat that is constant between two rows). The script ends with an error where
 this differs at z = 0 from the recorded interface temperature by more than 3 %."""
 import pathlib
 import sys
@@ -34,7 +34,7 @@ def profile(run, node, row, z):
     history."""
     soft, hard = run.scene["soft"], run.scene["hard"]
     begin, end = np.concatenate(([0.0], run.table["time"][:row])), run.table["time"][: row + 1]
-    heat = np.where(run["pressure"][: row + 1, node] > 0, run["shear_stress"][: row + 1, node] * run["sliding_velocity"][: row + 1, node], 0.0)
+    heat = run["shear_stress"][: row + 1, node] * np.diff(run["slip_distance"][: row + 1, node], prepend=0.0) / (end - begin)
     effusivity = [body["thermal_conductivity_w_per_m_k"] / np.sqrt(body["thermal_diffusivity_m2_per_s"]) for body in (soft, hard)]
     rise = np.zeros_like(z)
     for body, side, own in ((soft, z >= 0, effusivity[0]), (hard, z < 0, effusivity[1])):

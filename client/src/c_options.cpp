@@ -140,8 +140,13 @@ Scene scene_of(const shearbus_options& options) {
     refuse(Code::kInvalidScene,
            has_text ? "the options have both scene_file and scene_text" : "the options have no scene",
            "Set either scene_file or scene_text.", "scene_file");
-  if (has_text) return {.text = options.scene_text, .name = std::string(text_or(options.scene_name, "scene_text"))};
-  return {.text = text_of_file(file), .name = file};
+  Scene scene = has_text
+                    ? Scene{.text = options.scene_text, .name = std::string(text_or(options.scene_name, "scene_text"))}
+                    : Scene{.text = text_of_file(file), .name = file};
+  if (scene.text.find_first_not_of(" \t\r\n") == std::string::npos)
+    refuse(Code::kInvalidScene, fmt::format("{}: the scene is empty", in_message(scene.name)),
+           "Begin with client/examples/constant_friction.toml.", "scene_file");
+  return scene;
 }
 
 std::string endpoint_of(const shearbus_options& options) {

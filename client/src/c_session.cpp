@@ -170,19 +170,15 @@ void tell(const shearbus_session& handle, const std::string& line) {
     fmt::print(stderr, "shearbus: {}\n", line);
 }
 
-const Session& session_of(const shearbus_session* handle) {
-  if (handle == nullptr || !handle->session)
-    refuse(Code::kInvalidValue, "there is no session: none was opened, or its opening failed", "Open a session first.");
-  return *handle->session;
+void refuse_no_session() {
+  refuse(Code::kInvalidValue, "there is no session: none was opened, or its opening failed", "Open a session first.");
 }
-Session& session_of(shearbus_session* handle, bool started) {
-  session_of(static_cast<const shearbus_session*>(handle));
-  settle_doubt(*handle);
-  if (handle->started != started)
+void settle(shearbus_session& handle, bool started) {
+  settle_doubt(handle);
+  if (handle.started != started)
     refuse(Code::kInvalidValue,
            started ? "a step is finished that was not started" : "a started step has not been finished",
            started ? "Start a step first, and finish it once." : "Finish it before any other call.");
-  return *handle->session;
 }
 
 NodeOptions properties_of(const shearbus_nodes& nodes) {

@@ -69,8 +69,17 @@ int guarded(const shearbus_session* session, shearbus_status* status, const Body
 
 // The session of a handle; refuses a handle without one. The second overload also completes a step in doubt, and refuses
 // a handle with an unfinished step if `started` is false, and one without an unfinished step if it is true.
-const Session& session_of(const shearbus_session* handle);
-Session& session_of(shearbus_session* handle, bool started = false);
+[[noreturn]] void refuse_no_session();
+inline const Session& session_of(const shearbus_session* handle) {
+  if (handle == nullptr || !handle->session) refuse_no_session();
+  return *handle->session;
+}
+void settle(shearbus_session& handle, bool started);
+inline Session& session_of(shearbus_session* handle, bool started = false) {
+  session_of(static_cast<const shearbus_session*>(handle));
+  settle(*handle, started);
+  return *handle->session;
+}
 
 void tell(const shearbus_session& handle, const std::string& line);  // to the log or standard error; nothing for ""
 

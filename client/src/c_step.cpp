@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <limits>
 
@@ -12,20 +13,34 @@ using namespace shearbus;
 
 namespace {
 
+bool contains(std::span<const Field> fields, Field field) {
+  return std::ranges::find(fields, field) != fields.end();
+}
+
 std::string column_name(std::uint32_t field, std::uint32_t component) {
   const char* name = shearbus_field_name(field);
   return fmt::format("{}{}", name == nullptr ? fmt::format("column {}", field) : name,
                      component == 0 ? "" : fmt::format(" component {}", component));
 }
 
-std::string names_of_columns(std::span<const Field> fields) {
+std::string names_of_columns(std::span<const Field> first, std::span<const Field> second) {
   std::string text;
-  for (const Field field : fields) text += fmt::format("{}{}", text.empty() ? "" : ", ", wire::name(field));
+  for (const std::span<const Field> fields : {first, second})
+    for (const Field field : fields) text += fmt::format("{}{}", text.empty() ? "" : ", ", wire::name(field));
   return text.empty() ? "none" : text;
 }
 
-bool contains(std::span<const Field> fields, Field field) {
-  return std::ranges::find(fields, field) != fields.end();
+// What a host should know that sends the stresses and masses of a force-driven step to a velocity-driven scene, or asks
+// for sums that its scene does not keep.
+const char* hint_of(const Session& session, Field field) {
+  if (field == Field::kFrictionEnergySoft || field == Field::kFrictionEnergyHard)
+    return " The scene needs friction_energy = true.";
+  constexpr std::array kForceDriven = {Field::kStressSoft, Field::kStressHard,  Field::kMassSoft,
+                                       Field::kMassHard,   Field::kStickStress, Field::kImpedance};
+  return session.opened().strategy == wire::Strategy::kVelocityDriven && contains(kForceDriven, field)
+             ? " The scene has strategy = \"velocity_driven\"; stresses, masses and impedances belong to "
+               "\"force_driven\"."
+             : "";
 }
 
 // Refuses values that overlap, as those of a stride that was meant in elements.
@@ -53,7 +68,7 @@ void check_column(const Session& session, std::uint32_t number, std::uint32_t co
   };
   if (!contains(first, field) && !contains(second, field))
     refuse_column(Code::kUnsupported, fmt::format(" is no {} of this session", kind),
-                  fmt::format("Its {}s are: {}; and: {}.", kind, names_of_columns(first), names_of_columns(second)));
+                  fmt::format("Its {}s are: {}.{}", kind, names_of_columns(first, second), hint_of(session, field)));
   const std::uint32_t components = wire::is_tangential(field) ? session.opened().tangential_components : 1;
   if (component >= components)
     refuse_column(Code::kShape,
@@ -87,7 +102,9 @@ std::vector<Field> fields_of(const Session& session, std::span<const shearbus_in
         refuse(Code::kShape,
                fmt::format("{} is given {} times, expected once",
                            column_name(static_cast<std::uint32_t>(field), component), found),
-               "Give every component of a column, once.", wire::name(field));
+               components == 1 ? "Give every column once."
+                               : "The scene has tangential_components = 2: give components 0 and 1 of a column, once.",
+               wire::name(field));
     }
   }
   return fields;
@@ -280,7 +297,17 @@ int shearbus_step(shearbus_session* session, const shearbus_request* request, sh
     if (session->fallback && given.mode == SHEARBUS_ADVANCE && !session->started)
       return step_or_fall_back(*session, given, result, ask);
     session_of(session);
-    ask(prepare(*session, given));
+    try {
+      ask(prepare(*session, given));
+    } catch (const Error& fault) {
+      wire::Status status_of_fault = fault.status();
+      if (session->fallback || session->ignores_environment || environment("SHEARBUS_FALLBACK").empty() ||
+          !Fallback::is_gone(status_of_fault.code))
+        throw;
+      status_of_fault.remedy +=
+          " SHEARBUS_FALLBACK is set, but this host has no friction law of its own to go on with.";
+      throw Error(std::move(status_of_fault));
+    }
   });
 }
 

@@ -149,6 +149,8 @@ Session Client::resume(const Session::Ticket& ticket, const ExpectedNodes& expec
   check_resumed_nodes(received, expected);
   impl->opened = std::move(body_of<wire::SessionResumed>(received).session);
   impl->resumed = resumed_nodes(received.reply.batch, impl->opened);
+  if (std::string warning = nodes_left_out(received, expected); !warning.empty())
+    impl->opened.warnings.push_back(std::move(warning));
   impl->adopt_position(received);
   impl->start_checks(false);
   return Session(std::move(impl));

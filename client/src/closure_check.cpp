@@ -47,12 +47,20 @@ ClosureCheck::ClosureCheck(CheckClosure mode, std::function<void(const std::stri
     : mode_(mode), log_(std::move(log)) {}
 
 // Describes a difference. Mistakes that explain it are alternatives.
-std::string ClosureCheck::text_of(const Difference& found) {
+std::string ClosureCheck::text_of(const Difference& found) const {
+  if (units_are_doubtful_)
+    return found.text + "A warning before this one doubts units: correct these first, which may be all.";
   if (found.mistakes.empty())
-    return found.text +
-           "No single mistake in signs, sides, masses, time levels or dt_s explains it. Are stresses in Pa and masses "
-           "in kg/m2, is the answer applied times the area, is the jump that before the forces act? The guide's table "
-           "of hosts (client/README.md) has hosts that change velocities in other ways.";
+    return fmt::format(
+        "{}No single mistake in signs, sides, masses, time levels or dt_s explains it. {}, is the answer applied times "
+        "the area, is the jump that before the forces act? The guide's table of hosts (client/README.md) has hosts "
+        "that "
+        "change velocities in other ways.",
+        found.text,
+        found.sticks
+            ? "Are stresses in Pa and the impedance in Pa s/m, is stick_stress the total one (a fault's initial "
+              "stress is part of it, and is subtracted from the answer)"
+            : "Are stresses in Pa and masses in kg/m2");
   return fmt::format("{}One change explains it: {}.", found.text, fmt::join(found.mistakes, "; or: "));
 }
 
@@ -70,7 +78,10 @@ void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> 
   const bool goes_on = waiting_ && last.number != waiting_since_;
   std::optional<Difference> found = difference(last, request, node_ids, step.dt_s);
   if (!found) {
-    if (goes_on) warn_once(*waiting_);
+    if (!goes_on) return;
+    auto& mistakes = waiting_->mistakes;
+    if (std::ranges::find(mistakes, closure::kFirstKick) != mistakes.end()) mistakes = {closure::kFirstKick};
+    warn_once(*waiting_);
     return;
   }
   if (mode_ == CheckClosure::kError)
@@ -95,10 +106,12 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
                             const StepOptions& step, wire::Mode mode) noexcept try {
   for (const std::string& warning : upscale.warnings) {
     const std::string field = warning.substr(0, warning.find(':'));
+    if (skips_clock_ && field == "time_s") continue;
     if (mode_ == CheckClosure::kOff || std::ranges::find(warned_, field) != warned_.end()) continue;
     warned_.push_back(field);
     show_warning(log_, warning);
   }
+  skips_clock_ = false;
   if (!watches()) return;
   if (step.commit_previous) committed();
   trial_.known = false;
@@ -177,6 +190,11 @@ void ClosureCheck::rolled_back() {
 
 void ClosureCheck::forget() {
   last_.known = trial_.known = false;
+  skips_clock_ = true;
+}
+
+void ClosureCheck::doubt_units() {
+  units_are_doubtful_ = true;
 }
 
 // Fills matched_ with the positions of each node in the last step and in this one, if it is in both. Steps without node
@@ -249,7 +267,8 @@ std::optional<ClosureCheck::Difference> ClosureCheck::difference(const Kept& las
           "a host that applies the answered stress has that jump but for rounding ({} of {} nodes differ, this one by "
           "{:.3g} m/s). ",
           worst.now, ids[worst_row], worst.answered, wrong, compared, worst.difference()),
-      .mistakes = {}};
+      .mistakes = {},
+      .sticks = last.sticks};
   if (last.has_stress)
     found.mistakes =
         last.sticks ? closure::stick_mistakes(rows) : closure::far_field_mistakes(rows, {last.dt_before, last.dt, dt});

@@ -34,7 +34,9 @@ class ClosureCheck {
   void committed();    // the kept trial step becomes the last step
   void rolled_back();  // drops the kept trial step
   void ended();        // the session ends: shows a warning that waited for another step
-  void forget();       // for new nodes or restored states: the next step is not compared
+  void
+  forget();  // for new nodes, restored states, a server that was away: the next step and its clock are not compared
+  void doubt_units();  // a warning was shown about units: no mistake is named before they are right
 
   static constexpr std::uint64_t kStepsWatched = 100;
 
@@ -54,8 +56,9 @@ class ClosureCheck {
   struct Difference {
     std::string text;
     std::vector<std::string> mistakes;
+    bool sticks = false;  // of a step in stick form
   };
-  static std::string text_of(const Difference& found);
+  std::string text_of(const Difference& found) const;
 
   void warn_once(const Difference& found);
   bool watches() const { return mode_ != CheckClosure::kOff && !(mode_ == CheckClosure::kWarn && done_); }
@@ -66,6 +69,8 @@ class ClosureCheck {
 
   CheckClosure mode_;
   std::function<void(const std::string&)> log_;
+  bool units_are_doubtful_ = false;
+  bool skips_clock_ = false;    // true: the layers may lag behind the host's clock, once
   bool done_ = false;           // mode kWarn: true after a warning about jumps or kStepsWatched steps; ends the check
   std::uint64_t steps_ = 0;     // committed
   std::uint64_t answered_ = 0;  // number of the newest answered step

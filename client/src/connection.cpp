@@ -43,6 +43,7 @@ constexpr std::chrono::milliseconds kRecoveryPause{200};  // time between two re
 constexpr std::chrono::milliseconds kFilePause{50};       // time between two looks at an endpoint file
 constexpr std::chrono::milliseconds kFileLook{500};       // likewise while the server that it names does not answer
 constexpr std::chrono::seconds kFirstNotice{2};           // waiting time before the log says what a call waits for
+constexpr std::chrono::seconds kFirstNoticeOnScreen{10};  // the same for standard error, where the host has no log
 constexpr std::chrono::milliseconds kInterruptLook{100};  // time between two calls of ClientOptions::interrupted
 constexpr std::size_t kLongestShown = 1024;               // of an endpoint in messages  [bytes]
 constexpr long kLongestSleepMs = 3'600'000;               // of one call of poll()
@@ -379,7 +380,7 @@ void SocketConnection::refused(bool sent) const {
 bool SocketConnection::wait(short events, Clock::time_point until) {
   for (;;) {
     // Rounds up, because a timeout of 0 ms would be a busy loop.
-    auto wake = options().log ? std::min(until, waiting_.next_notice) : until;
+    auto wake = std::min(until, waiting_.next_notice);
     if (options().interrupted) wake = std::min(wake, Clock::now() + kInterruptLook);
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(wake - Clock::now()).count();
     const auto [ready, told] = sleep(events, std::max<long>(left, 0));
@@ -388,7 +389,7 @@ bool SocketConnection::wait(short events, Clock::time_point until) {
     if (!refusal_.ok()) return false;
     if (Clock::now() >= until) return false;
     if (host_ends_call()) return false;
-    if (options().log && Clock::now() >= waiting_.next_notice) notice(events);
+    notice(events);
   }
 }
 
@@ -424,15 +425,26 @@ std::pair<bool, bool> SocketConnection::sleep(short events, long wait_ms) {
   return {found > 0 && items[0].revents != 0, found > 0 && items[1].revents != 0};
 }
 
+std::chrono::seconds SocketConnection::first_notice() const {
+  return options().log ? kFirstNotice : kFirstNoticeOnScreen;
+}
+
+void SocketConnection::say(const std::string& line) const {
+  if (options().log) return options().log(line);
+  fmt::print(stderr, "shearbus: {}\n", line);
+}
+
+// Says for what the call waits, when it is time to.
 void SocketConnection::notice(short events) {
+  if (Clock::now() < waiting_.next_notice) return;
   const auto waited = Clock::now() - waiting_.since;
   waiting_.next_notice = waiting_.since + 2 * waited;
   const double seconds = std::chrono::duration<double>(waited).count();
   if (events == ZMQ_POLLOUT)
-    options().log(fmt::format("waiting for a server at {} to connect to, since {:.0f} s{}{}", where_, seconds,
-                              file_fault_.empty() ? "" : "; ", file_fault_));
+    say(fmt::format("waiting for a server at {} to connect to, since {:.0f} s{}{}", where_, seconds,
+                    file_fault_.empty() ? "" : "; ", file_fault_));
   else
-    options().log(fmt::format("waiting for the answer of {} to {}, since {:.0f} s", where_, waiting_.verb, seconds));
+    say(fmt::format("waiting for the answer of {} to {}, since {:.0f} s", where_, waiting_.verb, seconds));
 }
 
 // A message of these bytes, which are copied unless it keeps their memory: they belong to the caller, and libzmq may keep
@@ -549,7 +561,7 @@ void SocketConnection::drop_socket() {
 }
 
 Received SocketConnection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
-  waiting_ = {.since = Clock::now(), .next_notice = Clock::now() + kFirstNotice, .verb = verb_of(request)};
+  waiting_ = {.since = Clock::now(), .next_notice = Clock::now() + first_notice(), .verb = verb_of(request)};
   Received received;
   try {
     received = exchange(request, deadline);
@@ -578,7 +590,7 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
     while (!socket_ && !connect()) {
       if (!refusal_.ok()) refused(sent);
       if (Clock::now() >= last_moment) give_up(sent, Clock::now() - started);
-      if (options().log && Clock::now() >= waiting_.next_notice) notice(ZMQ_POLLOUT);
+      notice(ZMQ_POLLOUT);
       pause(kFilePause);
       if (host_ends_call()) refused(sent);
     }
@@ -621,9 +633,9 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
 void SocketConnection::recovering(const wire::Status& status) {
   pause(kRecoveryPause);
   if (host_ends_call()) refused(true);
-  if (!options().log || Clock::now() < waiting_.next_notice) return;
-  waiting_.next_notice = Clock::now() + kFirstNotice;
-  options().log(fmt::format("waiting for the server at {}: {}", where_, status.text));
+  if (Clock::now() < waiting_.next_notice) return;
+  waiting_.next_notice = Clock::now() + first_notice();
+  say(fmt::format("waiting for the server at {}: {}", where_, status.text));
 }
 
 void SocketConnection::give_up(bool sent, Clock::duration waited) const {

@@ -123,7 +123,7 @@ class SocketConnection final : public Connection {
     void operator()(void* context) const;
   };
 
-  // Times of the notices that ClientOptions::log gets while a call waits.
+  // Times of the notices that ClientOptions::log, or standard error, gets while a call waits.
   struct Waiting {
     Clock::time_point since;
     Clock::time_point next_notice;
@@ -146,6 +146,8 @@ class SocketConnection final : public Connection {
   std::string own_public_key() const;
   bool wait(short events, Clock::time_point until);
   std::pair<bool, bool> sleep(short events, long wait_ms);
+  std::chrono::seconds first_notice() const;
+  void say(const std::string& line) const;
   void notice(short events);
   bool host_ends_call();
   bool send(const std::string& header, const wire::Batch& batch);

@@ -12,7 +12,7 @@ constexpr double kAbsolute = 1e-6;  // accepted error of a velocity jump in addi
 // A mistake of a host, described by wrong factors on the terms from which it computes its new velocity jump; a correct
 // host has only factors of 1. `crossed`: each far stress acts on the mass of the other body.
 struct FarField {
-  const char* text;
+  const char* text = nullptr;
   double jump = 1.0, soft = 1.0, hard = 1.0;  // factors on the old jump, stress_soft, stress_hard
   double to_soft = 1.0, to_hard = 1.0;        // factors on the answered stress on the soft and hard body
   bool crossed = false;
@@ -92,7 +92,7 @@ constexpr FarField kFarField[] = {
 // if the host left the old jump out of its stick stress. A Newmark scheme with gamma = 1/2 has the predictor
 // 2 [V]new - [V]predictor for the next step.
 struct Stick {
-  const char* text;
+  const char* text = nullptr;
   double stick = 1.0, answer = 1.0, add_jump = 0.0;
 
   double new_jump(const Row& row) const {
@@ -110,6 +110,8 @@ constexpr Stick kStick[] = {
     {.text = "the answered stress is not applied, or the jump sent is that without friction", .answer = 0.0},
     {.text = "impedance must be twice that sent, or the answered stress is applied to one side only", .answer = 0.5},
     {.text = "impedance must be half of that sent", .answer = 2.0},
+    {.text = "impedance alone must be twice that sent: stick_stress is right", .stick = 0.5, .answer = 0.5},
+    {.text = "impedance alone must be half of that sent: stick_stress is right", .stick = 2.0, .answer = 2.0},
     {.text = "velocity_jump is that of the predictor of a Newmark scheme: send that of the whole step before",
      .stick = 2.0,
      .answer = 2.0,
@@ -119,6 +121,33 @@ constexpr Stick kStick[] = {
 template <typename NewJump>
 bool explains(std::span<const Row> rows, const NewJump& new_jump) {
   return std::ranges::all_of(rows, [&](const Row& row) { return std::abs(row.now - new_jump(row)) <= tolerance(row); });
+}
+
+// A unit that hosts use, by the factor that it leaves in a change of the jump.
+constexpr struct {
+  double factor;
+  const char* text;
+} kUnits[] = {
+    {1e-3, "velocity_jump must be in m/s: it looks like km/s or mm/us"},
+    {1e3, "velocity_jump must be in m/s: it looks like mm/s"},
+    {1e2, "velocity_jump must be in m/s: it looks like cm/s"},
+    {1e-4, "velocity_jump must be in m/s: it looks like cm/us"},
+    {1e-6, "dt_s must be in s: it looks like us"},
+    {1e-9, "dt_s must be in s: it looks like ns"},
+};
+
+// The unit that explains all rows: `term(row)` is the part of the new jump that the unit scales, `rest(row)` all else.
+template <typename Rest, typename Term>
+const char* unit_of(std::span<const Row> rows, const Rest& rest, const Term& term) {
+  for (const auto& [factor, text] : kUnits) {
+    const auto differs = [&, f = factor](const Row& row) {
+      return std::abs((f - 1.0) * term(row)) > tolerance(row) && std::abs(f * term(row)) > 10.0 * tolerance(row);
+    };
+    if (std::ranges::any_of(rows, differs) &&
+        explains(rows, [&, f = factor](const Row& row) { return rest(row) + f * term(row); }))
+      return text;
+  }
+  return nullptr;
 }
 
 // True if two step lengths differ by more than rounding errors.
@@ -145,6 +174,7 @@ std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Tim
     const char* text;
   } others[] = {
       {times.now, "the velocities advance by the dt_s of this step, not by that of the last one"},
+      {times.before > 0.0 ? 0.0 : times.now, kFirstKick},
       {times.before, "the velocities advance by the dt_s of the step before the last one"},
       {0.5 * (times.last + times.now),
        "dt_s is the step of the positions before; the velocities advance by the mean of the steps before and after"},
@@ -157,6 +187,9 @@ std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Tim
     if (explains(rows, [&, length = dt](const Row& row) { return right.new_jump(row, length); }))
       found.emplace_back(text);
   }
+  const auto jump = [](const Row& row) { return row.jump; };
+  const auto change = [](const Row& row) { return row.answered - row.jump; };
+  if (const char* unit = found.empty() ? unit_of(rows, jump, change) : nullptr) found.emplace_back(unit);
   return found;
 }
 
@@ -166,6 +199,9 @@ std::vector<std::string> stick_mistakes(std::span<const Row> rows) {
     if (explains(rows, [&](const Row& row) { return mistake.new_jump(row); })) found.emplace_back(mistake.text);
   if (explains(rows, [](const Row& row) { return row.answered_before; })) found.emplace_back(kEarlierStep);
   if (explains(rows, [](const Row& row) { return row.coming; })) found.emplace_back(kForcesApplied);
+  const auto free = [](const Row& row) { return row.stick_stress / row.impedance; };
+  const auto friction = [](const Row& row) { return -row.stress / row.impedance; };
+  if (const char* unit = found.empty() ? unit_of(rows, free, friction) : nullptr) found.emplace_back(unit);
   return found;
 }
 

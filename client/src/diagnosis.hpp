@@ -44,6 +44,10 @@ struct Times {
   double now = 0.0;
 };
 
+// The mistake of the first step alone: the steps after it close.
+inline constexpr const char* kFirstKick =
+    "the first step moved the velocities by the dt_s of this one: if your first kick is a whole step, send its length";
+
 // The largest accepted difference between the jump that the host sends and the one answered to the last step  [m/s].
 double tolerance(const Row& row);
 

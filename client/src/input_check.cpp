@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kLongStep = 1e-6;         // a longer first step draws a warning  [s]
 constexpr double kLargeChange = 1e3;       // a larger change of the jump in the first step draws a warning  [m/s]
+constexpr double kLeastImpedance = 1e3;    // bodies of less draw a warning: metals have 1e7 and more  [Pa s/m]
 constexpr double kSliding = 1.0;           // from this jump on a contact slides  [m/s]
 constexpr double kLowestSliding = 1e6;     // a contact that slides under less pressure draws a warning  [Pa]
 constexpr double kLowest = 1e3;            // a contact under less pressure draws a warning  [Pa]
@@ -64,6 +65,24 @@ std::string forces_warning(const Batch& request, double dt_s) {
   return {};
 }
 
+// Masses or impedances of nodes in place of those per area: a zone of metal has at least density times speed of sound.
+std::string impedance_warning(const Batch& request, double dt_s) {
+  const bool sticks = request.has(Field::kImpedance);
+  const auto impedance = request.f64(Field::kImpedance), mass_soft = request.f64(Field::kMassSoft),
+             mass_hard = request.f64(Field::kMassHard);
+  double largest = 0.0;
+  for (const double value : impedance) largest = std::max(largest, value);
+  for (std::size_t row = 0; row < mass_soft.size(); ++row)
+    largest = std::max(largest, 1.0 / (dt_s * (1.0 / mass_soft[row] + 1.0 / mass_hard[row])));
+  if (!(largest > 0.0) || largest >= kLeastImpedance) return {};
+  return fmt::format(
+      "{}: {} of at most {:.3g} Pa s/m; a zone of metal has 1e7 and more (density times speed of sound). {}",
+      wire::name(sticks ? Field::kImpedance : Field::kMassSoft),
+      sticks ? "the first step has impedances" : "masses and dt_s of the first step make an impedance", largest,
+      sticks ? "Are impedance and stick stress per area, in Pa s/m and Pa?"
+             : "Are masses per area, in kg/m2, and dt_s in seconds?");
+}
+
 void add_text(std::vector<std::string>& all, std::string text) {
   if (!text.empty()) all.push_back(std::move(text));
 }
@@ -93,6 +112,8 @@ std::vector<std::string> InputCheck::add(const Batch& request, double dt_s) {
     first_ = false;
     add_text(warnings, length_warning(dt_s));
     add_text(warnings, forces_warning(request, dt_s));
+    if (warnings.empty()) add_text(warnings, impedance_warning(request, dt_s));
+    doubts_units_ = !warnings.empty();
   }
   const auto pressure = request.f64(Field::kPressure);
   if (judged_ || pressure.empty()) return warnings;

@@ -15,6 +15,8 @@ class InputCheck {
   // Looks at the inputs of a step that was answered. Returns warnings, each once in a run; each begins with the name of
   // the input that it is about. After the first steps with a sound contact this does nothing.
   std::vector<std::string> add(const Batch& request, double dt_s);
+  // True if the first step has drawn a warning about the units of what moves the jump.
+  bool doubts_units() const { return doubts_units_; }
   // The run has ended: returns what could not be said before.
   std::vector<std::string> end();
 
@@ -23,6 +25,7 @@ class InputCheck {
   std::string contact_warning() const;
 
   bool first_ = true;
+  bool doubts_units_ = false;
   bool judged_ = false;           // true: the pressure needs no further look
   std::uint64_t steps_ = 0;       // of which the pressure is of interest
   std::uint64_t in_contact_ = 0;  // of these, with a node in contact

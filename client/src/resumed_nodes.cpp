@@ -33,8 +33,9 @@ class NodeCheck {
     throw Error(
         {.code = Code::kResumeRefused,
          .text = fmt::format("{} ({} of {} nodes are not as expected)", first_, faults_, expected_.node_ids.size()),
-         .remedy = "Resume with the nodes as they were registered, or open a new session. The session was left "
-                   "as it is.",
+         .remedy =
+             "The session was left as it is. Resume with the nodes as they were registered; after a change of the "
+             "mesh without nodes, then retire and register what has changed; or open a new session.",
          .field = field_,
          .node_ids = named_});
   }
@@ -122,6 +123,20 @@ void check_resumed_nodes(const Received& where, const ExpectedNodes& expected) {
                  .remedy = "Give one per node, or none.",
                  .field = "pair"});
   if (!expected.node_ids.empty()) NodeCheck(where, expected).run();
+}
+
+std::string nodes_left_out(const Received& where, const ExpectedNodes& expected) {
+  const auto ids = where.reply.batch.u64(Field::kNodeId);
+  if (expected.node_ids.empty() || expected.node_ids.size() == ids.size())
+    return {};  // each named node is in the session
+  std::vector<std::uint64_t> named(expected.node_ids.begin(), expected.node_ids.end());
+  std::ranges::sort(named);
+  const auto left_out = [&](std::uint64_t id) { return !std::ranges::binary_search(named, id); };
+  return fmt::format(
+      "resume: the session has {} nodes that the host does not name, such as node {}: their layers are kept, and a "
+      "step "
+      "without node_ids has rows for them, too. Retire them if the mesh has lost them",
+      std::ranges::count_if(ids, left_out), *std::ranges::find_if(ids, left_out));
 }
 
 ResumedNodes resumed_nodes(const Batch& rows, const wire::SessionOpened& session) {

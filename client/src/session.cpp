@@ -280,7 +280,7 @@ void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
         "the server was restarted and came back with older states: the session stands at request "
         "{}, this client at {}",
         stands_at, last_sequence);
-    status.remedy = "Open a new session and start again from the host's last restart point.";
+    status.remedy = "Go back to a mark of the host's last restart point, or begin the run anew with a new session.";
     status.last_sequence = stands_at;
     throw Error(std::move(status));
   }
@@ -301,6 +301,7 @@ void Session::Impl::check_answered(const Batch& request, const wire::Reply& repl
   if (!inputs) return;
   for (const std::string& warning : inputs->add(request, step_options.dt_s))
     show_warning(connection->options().log, warning);
+  if (inputs->doubts_units()) closure->doubt_units();
 } catch (const std::exception&) {
 }
 

@@ -53,7 +53,8 @@ install(FILES server/physics/interface/friction_law.h DESTINATION ${CMAKE_INSTAL
 install(FILES client/fortran/shearbus.f90 client/mpi/shearbus_mpi.c client/mpi/shearbus_ranks.f90 DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT development)
 install(FILES client/examples/constant_friction.toml client/examples/host.c client/examples/host.cpp client/examples/host.f90
               client/examples/host_mpi.cpp client/examples/host_mpi.f90 client/examples/friction_law.c
-              client/examples/abaqus_layers.f90 client/examples/vfric.f90 client/examples/vfriction.f90
+              client/examples/usrfrc.f90 client/examples/vendor_layers.f90 client/examples/vexternaldb.f90
+              client/examples/vfric.f90 client/examples/vfriction.f90
         DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/examples COMPONENT development)
 
 # The pages with their figures and scenes, in the folders of the sources, so that their links hold.

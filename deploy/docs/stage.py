@@ -7,9 +7,10 @@ Every page of the tree keeps its place (client/README.md is the page client/READ
 at the root of the site. Links between pages become links of the site; a linked source file becomes a page that shows it, a linked directory
 a page that shows its files. In a page of deploy/docs/pages
 
-    <!-- include <file>#<anchor> -->    stands for the section of another page, without its heading
-    <!-- show <file> -->                stands for a file, as code
+    [title](page#anchor) <!-- include -->    stands for the section of another page, without its heading
+    [title](file) <!-- show -->              stands for a file, as code
 
+where a reader of the tree has the link.
 A link, section or file that does not exist ends the program, as does a status code without cause and cure in the schema."""
 import argparse
 import os
@@ -33,7 +34,7 @@ LANGUAGES = {".toml": "toml", ".py": "python", ".c": "c", ".h": "c", ".cpp": "cp
 PROGRAMS = ("shearbus-server", "shearbus-ctl", "shearbus-hydro", "shearbus-replay", "shearbus-report", "shearbus-study")
 FENCE = re.compile(r"^(```+|~~~+).*?^\1[ \t]*$", re.M | re.S)
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\]|!\[[^\]]*\]\([^)]*\))*\]\()([^)\s]+)(\))")
-DIRECTIVE = re.compile(r"^<!-- (include|show) (\S+) -->$", re.M)
+DIRECTIVE = re.compile(r"^\[[^\]]*\]\((\S+)\) <!-- (include|show) -->$", re.M)
 
 
 def slug(heading):
@@ -119,16 +120,19 @@ class Site:
 
     def stage(self, page):
         place = self.place(page)
-        text = self.linked(page, (self.root / page).read_text(), place)
+        given = []
 
         def directive(match):
-            name, _, anchor = match[2].partition("#")
+            path, _, anchor = match[1].partition("#")
+            name = posixpath.normpath(posixpath.join(posixpath.dirname(page), path))
             if name not in self.files:
                 sys.exit(f"{page}: {match[0]}: the tree has no such file")
             other = (self.root / name).read_text()
-            return self.linked(name, section(other, anchor), place) if match[1] == "include" else code(name, other)
+            given.append(self.linked(name, section(other, anchor), place) if match[2] == "include" else code(name, other))
+            return f"\0{len(given) - 1}\0"
 
-        text = DIRECTIVE.sub(directive, text)
+        text = self.linked(page, DIRECTIVE.sub(directive, (self.root / page).read_text()), place)
+        text = re.sub("\0(\\d+)\0", lambda match: given[int(match[1])], text)
         # Pages of the tree are in a list of contents by the pages of deploy/docs/pages, or in none.
         self.write(place, text if page.startswith(PAGES) else "---\norphan: true\n---\n" + text)
 

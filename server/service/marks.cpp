@@ -6,7 +6,9 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "proto/wire/limits.hpp"
 #include "server/service/member.hpp"
@@ -22,6 +24,12 @@ namespace {
 
 const std::string& mark_name(const std::shared_ptr<const store::MarkImage>& mark) {
   return mark->name;
+}
+
+std::string names_of(const std::vector<std::shared_ptr<const store::MarkImage>>& marks) {
+  std::string names;
+  for (const auto& mark : marks) names += fmt::format("{}\"{}\"", names.empty() ? "" : ", ", printable(mark->name));
+  return names.empty() ? "none" : names;
 }
 
 }  // namespace
@@ -79,7 +87,7 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
     if (found == member.marks.end())
       throw Error({.code = Code::kUnknownMark,
                    .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
-                                       member.marks.size()),
+                                       names_of(member.marks)),
                    .remedy = "The oldest mark goes when a session has more than the limit.",
                    .field = "rollback.to_mark"});
     const MarkPtr to = *found;

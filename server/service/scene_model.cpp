@@ -204,14 +204,6 @@ std::optional<double> friction_coefficient_of(const v1::Scene& scene) {
   return scene.interface().friction_coefficient();
 }
 
-// Whether the model has the energy ledger: one stress, and no heat that leaves.
-bool has_ledger(const physics::ModelOptions& options) {
-  const auto leaves = [](const physics::GridOptions& grid) {
-    return grid.far_boundary == physics::FarBoundary::kIsothermal;
-  };
-  return !options.inertia && !leaves(options.grid) && !(options.hard_grid && leaves(*options.hard_grid));
-}
-
 // Converts a checked scene without its pairs, whose defaults have been filled in. Also fills in the constants that the
 // scene leaves to the server.
 SceneModel convert_tables(v1::Scene& scene) {
@@ -357,6 +349,13 @@ SceneModel convert(v1::Scene& scene) {
 }
 
 }  // namespace
+
+bool has_ledger(const physics::ModelOptions& options) {
+  const auto leaves = [](const physics::GridOptions& grid) {
+    return grid.far_boundary == physics::FarBoundary::kIsothermal;
+  };
+  return !options.inertia && !leaves(options.grid) && !(options.hard_grid && leaves(*options.hard_grid));
+}
 
 SceneModel scene_model(std::string_view text, const std::string& file) {
   return wire::with_message<v1::Scene>([&](v1::Scene& message) {

@@ -39,6 +39,9 @@ SceneModel scene_model(std::string_view text, const std::string& file);
 // Checks and converts a scene that is not from a text: its faults are reported without line numbers.
 SceneModel scene_model(const v1::Scene& scene);
 
+// Whether the model has the energy ledger, which friction_energy sums: one stress, and no heat that leaves.
+bool has_ledger(const physics::ModelOptions& options);
+
 // The text of an effective scene without its keys `name` and `source`. Two sessions may exchange states if these texts
 // are equal.
 std::string_view layers_of(std::string_view effective);

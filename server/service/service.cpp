@@ -201,8 +201,10 @@ void Service::check_epoch(const wire::Request& request, const Member* member) co
       {.code = Code::kEpoch,
        .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted{}",
                            request.epoch, epoch_, member != nullptr ? "" : " and holds none of the earlier states"),
-       .remedy = member != nullptr ? "Resume the session, which tells where it stands, and go on from there."
-                                   : "Open a new session and start again from the host's last restart point."});
+       .remedy = member != nullptr
+                     ? "Resume the session, which tells where it stands, and go on from there."
+                     : "Its layers are gone: begin the run anew with a new session. With a state directory a "
+                       "server keeps them."});
 }
 
 Service::ReplyPtr Service::repeat(ReplyPtr kept) {

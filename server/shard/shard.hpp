@@ -67,8 +67,9 @@ class Shard {
   // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
   // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
   // in whole tiles. The static functions give the numbers of a model for which there is no shard yet.
-  static std::uint64_t bytes_per_node(const physics::Model& model, bool check_closure = false) {
-    return bytes_per_node(TileStates(model, check_closure));
+  static std::uint64_t bytes_per_node(const physics::Model& model, bool check_closure = false,
+                                      bool sum_energy = false) {
+    return bytes_per_node(TileStates(model, check_closure, sum_energy));
   }
   static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure = false) {
     return bytes_for(TileStates(model, check_closure), nodes);

@@ -4,8 +4,8 @@ valgrind.
 
 languages.py --build BUILD [--nodes N] [--blocks B] [--steps S] [--count N] [--bounds]
 
-Counted: instructions of the host's thread per step in C, C++ and Fortran, by valgrind's callgrind, as the difference of
-two runs of different length; they do not depend on the machine's load. Timed: blocks of steps in C, C++, Fortran and
+Counted: instructions of the host's thread per step in C, C++, Fortran and by contact_law.hpp, by valgrind's callgrind, as
+the difference of two runs of different length; they do not depend on the machine's load. Timed: blocks of steps in C, C++, Fortran and
 Python in turn; printed are the smallest and the lower quartile of the blocks' times per step. With --bounds the exit
 code tells whether the instructions agree within 5 % and Python's smallest time is at most 1.3 times that of C."""
 import pathlib
@@ -88,6 +88,32 @@ int main(int argc, char** argv) {{
   bus.close();
 }}
 """
+LAW = f"""#include <cstdio>
+#include <cstdlib>
+#include <shearbus/contact_law.hpp>
+int main(int argc, char** argv) {{
+  const std::size_t n = argc > 1 ? std::strtoul(argv[1], nullptr, 10) : 1;
+  shearbus::Options options;
+  options.scene_file = "{SCENE}";
+  shearbus::Ids ids(n);
+  for (std::size_t i = 0; i < n; ++i) ids[i] = i;
+  shearbus::ContactLaw law(options, ids, 2);
+  const double area = 2e-6;
+  std::vector<shearbus::Vector> force(n);
+  for (int steps; std::scanf("%d", &steps) == 1; std::printf("0\\n"), std::fflush(stdout))
+    for (int i = 0; i < steps; ++i) {{
+      for (const std::uint64_t id : ids)
+        law.touch(id, shearbus::Contact{{{{0, 1, 0}}, {{{VALUES['VELOCITY_JUMP']}, 0, 0}}, {VALUES['PRESSURE']}, area, force[id], force[id],
+                                        {VALUES['MASS_SOFT']} * area, {VALUES['MASS_HARD']} * area}});
+      law.solve(1e-9);
+      for (const std::uint64_t id : ids) {{
+        const shearbus::Vector traction = law.traction(id);
+        for (int k = 0; k < 2; ++k) force[id][k] = area * traction[k];
+      }}
+    }}
+  law.session().close();
+}}
+"""
 FORTRAN = f"""program host
   use shearbus
   use, intrinsic :: iso_fortran_env, only: int64, real64
@@ -131,7 +157,7 @@ with shearbus.open("{SCENE}", nodes=range(n)) as bus:
             bus.step(1e-9, **inputs)
         print(f"{{time.perf_counter() - start:.9f}}", flush=True)
 """
-HOSTS = {"C": ("c", C), "C++": ("cpp", CXX), "Fortran": ("fortran", FORTRAN), "Python": ("python", PYTHON)}
+HOSTS = {"C": ("c", C), "C++": ("cpp", CXX), "Fortran": ("fortran", FORTRAN), "contact_law": ("cpp", LAW), "Python": ("python", PYTHON)}
 
 
 def commands(page, nodes):
@@ -139,7 +165,7 @@ def commands(page, nodes):
     found = {}
     for name, (language, source) in HOSTS.items():
         built = page.command(language, source, optimise="-O2")[-1]
-        place = built.with_name(f"{language}-{built.name}")
+        place = built.with_name(f"{name}-{built.name}")
         built.rename(place)
         found[name] = (["/usr/bin/python3", "-B"] if language == "python" else []) + [str(place), str(nodes)]
     return found
@@ -199,10 +225,11 @@ def compare(page, options, work, examples):
         while not (work / "bus").exists() and server.poll() is None:
             time.sleep(0.02)
         counted = {}
-        for name in ("C", "C++", "Fortran"):
+        for name in ("C", "C++", "Fortran", "contact_law"):
             runs = [instructions(found[name], steps, environment, examples, work) for steps in (SHORT, SHORT + options.count)]
             counted[name] = (runs[1] - runs[0]) / options.count
-            print(f"{name:8} {counted[name]:9.0f} instructions a step of {options.nodes} nodes", flush=True)
+            print(f"{name:11} {counted[name]:9.0f} instructions a step of {options.nodes} nodes", flush=True)
+        del found["contact_law"], counted["contact_law"]  # a law of vectors: it does more than the others
         times = alternate(found, options.steps, options.blocks, environment, examples)
     finally:
         server.terminate()

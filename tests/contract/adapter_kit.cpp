@@ -78,6 +78,8 @@ void lumps(int dimensions, const Vector& normal, const Vector& direction, bool s
   constexpr double kFriction = 0.1, kPressure = 5e8;
   shearbus::ContactLaw law(options(dimensions - 1), {7}, dimensions);
   Vector v_soft = scaled(kJump, direction), v_hard{}, force = scaled(-3.0, direction);
+  law.want(SHEARBUS_HEAT_TO_SOFT);
+  law.want(SHEARBUS_HEAT_TO_HARD);
   double time = 0.0;
   for (int step = 1; step <= 40; ++step) {
     time += kDt;
@@ -94,6 +96,11 @@ void lumps(int dimensions, const Vector& normal, const Vector& direction, bool s
     if (step == 1) CHECK(std::fabs(dot(traction, direction) / (-kFriction * kPressure) - 1.0) < 1e-9);
     v_soft = sum(v_soft, scaled(kDt / kMassSoft, sum(traction, scaled(1.0 / kArea, force))));
     v_hard = sum(v_hard, scaled(-kDt / kMassHard, traction));
+    if (step > 1) continue;
+    const Vector mean = scaled(0.5, sum(jump, sum(v_soft, scaled(-1.0, v_hard))));
+    const double heat = law.value(SHEARBUS_HEAT_TO_SOFT, 7) + law.value(SHEARBUS_HEAT_TO_HARD, 7);
+    CHECK(std::fabs(heat / (-kDt * dot(traction, mean)) - 1.0) < 1e-9);
+    CHECK(law.regime(7) == SHEARBUS_REGIME_COULOMB);
   }
   const double exact =
       kJump - 40 * kDt * (kFriction * kPressure * (1.0 / kMassSoft + 1.0 / kMassHard) + 3.0 / (kArea * kMassSoft));
@@ -150,6 +157,7 @@ void nodes_and_refusals() {
   CHECK(std::fabs(law.traction(1)[0] + 5e7) < 1e-2 && law.traction(2) == law.traction(1));
   CHECK(law.traction(9) == Vector{} && !law.touches(9));
   refused([&] { law.temperature(9); }, SHEARBUS_UNKNOWN_NODE, "node 9");
+  refused([&] { law.value(SHEARBUS_HEAT_TO_SOFT, 1); }, SHEARBUS_UNSUPPORTED, "want()");
   const double hot = law.temperature(1);
   for (int step = 0; step < 20; ++step) law.solve(kDt);  // nothing touches: both cool
   law.touch(1, plain());
@@ -157,6 +165,28 @@ void nodes_and_refusals() {
   CHECK(law.temperature(1) < hot && law.temperature(1) > 300.0);
   CHECK(law.touches(1) && !law.touches(2));
   refused([&] { shearbus::ContactLaw other(options(1), {1}, 3); }, SHEARBUS_SHAPE, "tangential_components = 1");
+  law.session().close();
+}
+
+// Each of many nodes, whose ids share their low bits or their high ones and come in changing order, gets its own answer.
+void many_nodes() {
+  constexpr std::uint64_t kNodes = 200;
+  shearbus::Options given = options(1);
+  given.check_closure = SHEARBUS_CHECK_OFF;
+  shearbus::ContactLaw law(given, {0}, 2);
+  const auto id_of = [](std::uint64_t k) { return k % 2 == 0 ? k << 32U : ~k; };
+  for (const std::uint64_t stride : {1, 37, 83}) {
+    for (std::uint64_t i = 0; i < kNodes; ++i) {
+      const std::uint64_t k = i * stride % kNodes;
+      shearbus::Contact at = plain();
+      at.pressure = 1e6 * static_cast<double>(k + 1);
+      law.touch(id_of(k), at);
+    }
+    law.solve(kDt);
+    for (std::uint64_t k = 0; k < kNodes; ++k)
+      CHECK(std::fabs(law.traction(id_of(k))[0] + 1e5 * static_cast<double>(k + 1)) < 1e-3);
+  }
+  CHECK(law.session().node_ids().size() == kNodes);
   law.session().close();
 }
 
@@ -302,6 +332,7 @@ int main(int count, char** arguments) try {
   }
   turning_plane();
   nodes_and_refusals();
+  many_nodes();
   fallback();
   return faults == 0 ? 0 : 1;
 } catch (const std::exception& fault) {

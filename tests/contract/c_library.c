@@ -673,6 +673,22 @@ static void operators(void) {
   CHECK(strlen(shearbus_fault_text()) > strlen(status.text) && strstr(shearbus_fault_text(), "unknown_key_30") != NULL);
 }
 
+/* A host in force-driven form whose scene is velocity-driven is told so. */
+static void inputs_of_the_other_strategy(void) {
+  shearbus_session* session = NULL;
+  shearbus_options options = options_of();
+  const shearbus_request request = request_of(SHEARBUS_ADVANCE);
+  options.scene_file = NULL;
+  options.scene_text =
+      "name = 'driven'\nstrategy = 'velocity_driven'\n[soft]\nmaterial = 'aluminium_dlp'\n[hard]\nmaterial = 'steel_dlp'\n"
+      "[layer]\nthickness_m = 20e-6\ncells = 4\n";
+  reset();
+  OK(shearbus_open(&session, &options, N, ids, NULL, &status));
+  REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_UNSUPPORTED, "stress_soft_pa is no input");
+  CHECK(strstr(status.remedy, "strategy = \"velocity_driven\"") != NULL);
+  OK(shearbus_close(&session, &status));
+}
+
 static int asked;
 static int stops_at_the_third(void* user) {
   return ++*(int*)user >= 3;
@@ -711,6 +727,7 @@ int main(int argc, char** argv) {
   names();
   bad_openings();
   bad_steps();
+  inputs_of_the_other_strategy();
   steps();
   moves_and_tickets();
   environment();

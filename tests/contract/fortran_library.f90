@@ -207,6 +207,9 @@ contains
     deallocate (stick%stress_soft)
     call stick%step(dt, stat=stat, msg=msg)
     call ok('step in stick form')
+    deallocate (stick%impedance)
+    call stick%step(dt, stat=stat, msg=msg)
+    call refused('a stick stress without impedance', 105, 'impedance_pa_s_per_m')
     call check('stick form', all(abs(stick%stress - far_field%stress) <= 1e-9_real64*abs(far_field%stress)) .and. &
                all(abs(stick%temperature - far_field%temperature) < 1e-6_real64))
     call far_field%close()

@@ -358,7 +358,7 @@ class Decisions(Live):
         self.assertEqual((bus.rollback_to("dump"), list(bus.nodes)), (1, NODES))
         numpy.testing.assert_array_equal(bus.step(1e-9, **drive(50, 60, 70)).temperature, expected)
         self.assertEqual(len(bus.history), 2)
-        self.assert_refused(shearbus.SessionError, "UNKNOWN_MARK", lambda: bus.rollback_to("gone"))
+        self.assert_refused(shearbus.SessionError, "UNKNOWN_MARK", lambda: bus.rollback_to("gone"), text='has "dump"')
 
     def test_nodes_of_several_pairs_have_the_bits_of_each_pair_alone(self):
         body = '[pair.weak.soft]\nmaterial = "aluminium_dlp"\nyield_strength_pa = 2e7\n'
@@ -414,6 +414,34 @@ class Decisions(Live):
             self.assert_refused(shearbus.SessionError, "RESUME_REFUSED",
                                 lambda: shearbus.resume(wrong, OPTIONS.endpoint))
         self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.resume(ticket))
+        # None of these leads to a session with cold layers in the middle of a run.
+        successor.close()
+        for gone, why in ((ticket, "the session was closed"), ("0" * 32 + ticket[32:], "has no state directory")):
+            fault = self.assert_refused(shearbus.SessionError, "UNKNOWN_SESSION", lambda: shearbus.resume(gone, OPTIONS.endpoint), text=why)
+            self.assertIn("cold layers", fault.remedy)
+
+    def test_a_host_with_another_mesh_keeps_the_layers_of_the_nodes_that_remain(self):
+        bus, whole = self.open(), self.open()
+        for each in (bus, whole):
+            each.step(1e-9, **drive(100, 90, 80))
+        bus.mark("dump")
+        bus.step(1e-9, **drive(500, 500, 500))
+        ticket = bus.ticket
+        bus.leave()
+        with self.assertRaisesRegex(shearbus.SessionError, "node 11 is not in the session.*retire and register") as caught:
+            shearbus.resume(ticket, OPTIONS.endpoint, nodes=[7, 3, 11])
+        self.assertEqual((caught.exception.code, caught.exception.nodes), (shearbus.Code.RESUME_REFUSED, [11]))
+        with self.assertWarnsRegex(UserWarning, f"1 nodes that the host does not name, such as node {2**64 - 1}"):
+            successor = shearbus.resume(ticket, OPTIONS.endpoint, nodes=[7, 3])
+        self.addCleanup(successor.close)
+        successor.rollback_to("dump")
+        successor.retire([2**64 - 1])
+        successor.register([11])
+        self.assertEqual(list(successor.nodes), [3, 7, 11])
+        answer, expected = successor.step(1e-9, **drive(70, 60, 50)), whole.step(1e-9, **drive(70, 60, 50))
+        numpy.testing.assert_array_equal(answer.temperature[:2], expected.temperature[:2])
+        fresh = self.open(nodes=[11])
+        numpy.testing.assert_array_equal(answer.temperature[2:], fresh.step(1e-9, **drive(50)).temperature)
 
     def test_a_history_holds_what_was_kept(self):
         bus = self.open(record=True)

@@ -16,6 +16,8 @@ namespace shearbus {
 namespace {
 
 using support::RunningServer;
+using testing::AllOf;
+using testing::AnyOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -237,6 +239,11 @@ TEST(ClientClosure, NamesTheMistakeOfAFarFieldHost) {
        .named = "the jump sent is that without the friction of the last step",
        .level = [](const Levels& jump) { return jump.free_before; },
        .starts_at_rest = true},
+      {.name = "first kick a whole step",
+       .named = "if your first kick is a whole step, send its length",
+       .dt_sent = [](const Host& h, int step) { return (step == 0 ? 0.5 : 1.0) * h.dt; }},
+      {.name = "jump in km/s", .named = "it looks like km/s or mm/us", .in_request = times(Field::kVelocityJump, 1e-3)},
+      {.name = "jump in cm/s", .named = "it looks like cm/s", .in_request = times(Field::kVelocityJump, 1e2)},
       {.name = "two mistakes", .named = "No single mistake", .in_request = both_signs, .to_hard = 0.0},
   };
   expect_named(server, mistakes, Form::kFarField);
@@ -284,6 +291,18 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
       {.name = "impedance of half zones twice as heavy",
        .named = "impedance must be half of that sent",
        .in_request = impedance(2.0)},
+      {.name = "impedance alone twice as large, as one without the gamma of a Newmark scheme",
+       .named = "impedance alone must be half of that sent",
+       .in_request = times(Field::kImpedance, 2.0)},
+      {.name = "impedance alone half",
+       .named = "impedance alone must be twice",
+       .in_request = times(Field::kImpedance, 0.5)},
+      {.name = "stick stress of a fault without its initial stress",
+       .named = "is stick_stress the total one",
+       .in_request =
+           [](Batch& b) {
+             for (double& stress : b.f64(Field::kStickStress)) stress -= 3e7;
+           }},
       {.name = "impedance half",
        .named = "impedance must be twice that sent, or the answered stress is applied to one side only",
        .in_request = impedance(0.5)},
@@ -298,6 +317,22 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
            }},
   };
   expect_named(server, mistakes, Form::kStick);
+}
+
+// Where units are in doubt no other mistake is named: a sum of metres and nodes looks like many of them.
+TEST(ClientClosure, WaitsForUnitsBeforeItNamesAMistake) {
+  RunningServer server;
+  const auto per_node = [](Batch& b) {
+    for (const Field field : {Field::kMassSoft, Field::kMassHard, Field::kStickStress, Field::kImpedance})
+      if (b.has(field)) scale(b, field, 1e-6);
+  };
+  for (const Form form : {Form::kFarField, Form::kStick}) {
+    const struct Run found = run(server, {.name = "per node", .named = "", .in_request = per_node}, form);
+    ASSERT_THAT(found.warnings,
+                ElementsAre(AnyOf(HasSubstr("mass_soft_kg_per_m2: "), HasSubstr("impedance_pa_s_per_m: ")),
+                            AllOf(HasSubstr("closure: "), HasSubstr("correct these first"))));
+    EXPECT_THAT(found.warnings[0], HasSubstr("per area"));
+  }
 }
 
 // The host makes trial steps and rejects some of them. Its later steps name some of the nodes, each in another order.

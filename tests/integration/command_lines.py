@@ -123,6 +123,7 @@ def python_programs():
         ("make_history.py", "--steps", True, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
         ("make_history.py", "--dt", False, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
         ("make_history.py", "--velocity", False, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
+        ("make_history.py", "--pressure", False, [*python, source / "client/examples/make_history.py", "constant", "/dev/null"]),
         ("cone_sweep.py", "--end", False, [*python, source / "tests/study/cone_sweep.py", "--hydro", "x"]),
         ("run.py", "--cpus", True, [*python, source / "tests/bench/run.py", "--bin", "/nowhere"]),
         ("scale.py", "--steps", True, [*python, source / "tests/bench/scale.py"]),

@@ -129,5 +129,30 @@ TEST(InputCheck, JudgesTheChangeOfTheJumpAndNotTheJump) {
   EXPECT_THAT(first(stick), ElementsAre(StartsWith("stick_stress_pa: without friction")));
 }
 
+TEST(InputCheck, NamesBodiesLighterThanMetals) {
+  const auto far = [](double factor) {
+    Batch batch = far_field(100.0, 0.0);
+    for (const Field field : {Field::kMassSoft, Field::kMassHard})
+      for (double& mass : batch.f64(field)) mass *= factor;
+    InputCheck check;
+    const auto found = check.add(batch, 1e-9);
+    EXPECT_EQ(check.doubts_units(), !found.empty());
+    return found;
+  };
+  EXPECT_THAT(far(1.0), IsEmpty());
+  EXPECT_THAT(far(1e-3), IsEmpty()) << "far below any zone, but not sure";
+  EXPECT_THAT(far(1e-6), ElementsAre(AllOf(StartsWith("mass_soft_kg_per_m2: masses and dt_s of the first step"),
+                                           HasSubstr("10.1 Pa s/m"), HasSubstr("per area, in kg/m2"))))
+      << "of nodes of 1 mm2";
+  Batch stick =
+      Batch::of(std::array{Field::kVelocityJump, Field::kPressure, Field::kStickStress, Field::kImpedance}, 1);
+  stick.f64(Field::kVelocityJump)[0] = 100.0;
+  stick.f64(Field::kPressure)[0] = 4e8;
+  stick.f64(Field::kImpedance)[0] = 0.1;
+  stick.f64(Field::kStickStress)[0] = 10.0;
+  EXPECT_THAT(InputCheck().add(stick, 1e-9),
+              ElementsAre(AllOf(StartsWith("impedance_pa_s_per_m: the first step"), HasSubstr("Pa s/m and Pa"))));
+}
+
 }  // namespace
 }  // namespace shearbus

@@ -48,6 +48,21 @@ TEST(Explain, MemoryIsThatOfASession) {
   EXPECT_GT(with.everything.bytes_per_node, with.cost.bytes_per_node);
 }
 
+TEST(Explain, MemoryCountsTheSumsOfTheFrictionEnergy) {
+  for (v1::Scene scene : {support::force_scene(), support::velocity_scene()}) {
+    const Explanation without = explain(scene);
+    EXPECT_FALSE(part(without, "friction_energy").on);
+    EXPECT_EQ(part(without, "friction_energy").bytes_per_node, 32);
+    scene.set_friction_energy(true);
+    const Explanation with = explain(scene);
+    EXPECT_TRUE(part(with, "friction_energy").on);
+    EXPECT_EQ(with.cost.bytes_per_node, without.cost.bytes_per_node + 32);
+    EXPECT_EQ(with.cost.bytes_per_node, bytes_of_session(scene));
+    EXPECT_EQ(with.everything.bytes_per_node, without.everything.bytes_per_node);
+    EXPECT_EQ(omitted_cost(support::text_of(scene), {}).bytes_per_node, bytes_of_session(scene));
+  }
+}
+
 TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   const Explanation forced = explain(support::force_scene());
   EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("does not go with strategy"));
@@ -66,6 +81,7 @@ TEST(Explain, TheLinearisedAnswerHasAPriceWhereThereIsOne) {
   EXPECT_GT(part(told, "linearised answer").slipping.median_s, 0.0);
   scene.mutable_layer()->set_inertia(true);
   const Explanation with = explain(scene);
+  EXPECT_THAT(part(with, "friction_energy").excluded, HasSubstr("energy ledger"));
   EXPECT_TRUE(std::ranges::none_of(with.parts, [](const auto& one) { return one.name == "linearised answer"; }));
 }
 

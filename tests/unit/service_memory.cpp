@@ -34,22 +34,29 @@ double resident_bytes() {
   return static_cast<double>(resident) * static_cast<double>(::sysconf(_SC_PAGESIZE));
 }
 
-class Memory : public testing::TestWithParam<wire::Strategy> {};
-INSTANTIATE_TEST_SUITE_P(Strategies, Memory,
-                         testing::Values(wire::Strategy::kVelocityDriven, wire::Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == wire::Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+struct Case {
+  const char* name;
+  wire::Strategy strategy;
+  bool friction_energy = false;
+};
+class Memory : public testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(Scenes, Memory,
+                         testing::Values(Case{"VelocityDriven", wire::Strategy::kVelocityDriven},
+                                         Case{"ForceDriven", wire::Strategy::kForceDriven},
+                                         Case{"ForceDrivenWithSums", wire::Strategy::kForceDriven, true}),
+                         [](const auto& given) { return given.param.name; });
 
 TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   if (kHasItsOwnMemory) GTEST_SKIP() << "under a sanitizer memory is its own";
   const auto ids = support::node_ids(kNodes);
-  const v1::Scene scene = support::scene_of(GetParam());
+  const wire::Strategy strategy = GetParam().strategy;
+  v1::Scene scene = support::scene_of(strategy);
+  scene.set_friction_energy(GetParam().friction_energy);
   ServiceHarness harness;
   // Not measured: a first session, in which the server allocates what it needs only once.
   harness.ask(ServiceHarness::opening(scene, std::span(ids).first(8), 9));
   harness.ask(
-      ServiceHarness::step(1, support::step_columns(GetParam(), std::span(ids).first(8), 0), wire::Mode::kAdvance, 9));
+      ServiceHarness::step(1, support::step_columns(strategy, std::span(ids).first(8), 0), wire::Mode::kAdvance, 9));
   const double before = resident_bytes();
   const auto per_node = [&] { return (resident_bytes() - before) / kNodes; };
 
@@ -57,7 +64,7 @@ TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   ASSERT_EQ(opened.code(), Code::kOk) << opened.reply.status.text;
   const auto stated = static_cast<double>(std::get<wire::SessionOpened>(opened.reply.body).bytes_per_node);
   for (std::uint64_t i = 1; i <= 2; ++i)  // two steps fill both state buffers and the stored reply
-    ASSERT_EQ(harness.ask(ServiceHarness::step(i, support::step_columns(GetParam(), ids, static_cast<int>(i)))).code(),
+    ASSERT_EQ(harness.ask(ServiceHarness::step(i, support::step_columns(strategy, ids, static_cast<int>(i)))).code(),
               Code::kOk);
   const double measured = per_node();
   EXPECT_LT(measured, stated * kFactor);
@@ -75,11 +82,12 @@ TEST_P(Memory, ANodeCostsWhatTheOpeningSays) {
   const double left = per_node();
   EXPECT_LT(left, 0.1 * stated);
   ASSERT_EQ(change(wire::RegisterNodes{}, 4), Code::kOk);
-  ASSERT_EQ(harness.ask(ServiceHarness::step(5, support::step_columns(GetParam(), ids, 5))).code(), Code::kOk);
+  ASSERT_EQ(harness.ask(ServiceHarness::step(5, support::step_columns(strategy, ids, 5))).code(), Code::kOk);
   EXPECT_LT(per_node(), stated * kFactor);
 
   const physics::Model model(scene_model(scene).options);
-  const double of_mark = 8.0 * static_cast<double>(model.layout().doubles) / physics::kLanes + 12.0;
+  const shard::TileStates states(model, false, GetParam().friction_energy);
+  const double of_mark = 8.0 * static_cast<double>(states.doubles) / physics::kLanes + 12.0;
   ASSERT_EQ(harness.ask(ServiceHarness::in_session(wire::Mark{"dump"}, 6)).code(), Code::kOk);
   const double with_mark = per_node();
   EXPECT_LT(with_mark, (stated + of_mark) * kFactor);

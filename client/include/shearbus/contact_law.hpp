@@ -17,7 +17,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -63,7 +62,7 @@ class ContactLaw {
                           " dimensions, and the scene has tangential_components = " + std::to_string(components) +
                           "; expected one component in two dimensions, and two in three");
     components_ = components;
-    for (const std::uint64_t id : session_.node_ids()) nodes_.emplace(id, Node{});
+    for (const std::uint64_t id : session_.node_ids()) append(id);
   }
 
   void touch(std::uint64_t id, const Contact& at) {
@@ -93,17 +92,8 @@ class ContactLaw {
   shearbus_result solve(double dt_s, double time_s = 0.0, std::uint64_t step_number = 0) {
     begin();  // where no node was touched
     register_new();
-    const auto make_room = [](auto& values, std::size_t size) {
-      values.reserve(1);  // a column without rows has an address, too
-      values.resize(size);
-    };
-    make_room(ids_, ids_.size());
-    for (auto& vector : vectors_)
-      for (auto& column : vector) make_room(column, column.size());
-    for (auto& column : scalars_) make_room(column, ids_.size());
-    for (auto& column : stress_) make_room(column, ids_.size());
-    make_room(temperature_, ids_.size());
-    make_room(outcome_, ids_.size());
+    make_room();
+    ids_.reserve(1);  // a column without rows has an address, too
     Step step(ids_);
     columns(step);
     step.open_absent(true).dt(dt_s).time(time_s).number(step_number);
@@ -123,8 +113,17 @@ class ContactLaw {
     return traction;
   }
   bool touches(std::uint64_t id) const { return touched(id) != nullptr; }
-  double temperature(std::uint64_t id) const { return temperature_.at(row_of(id)); }  // of the interface [K]
-  std::uint8_t outcome(std::uint64_t id) const { return outcome_.at(row_of(id)); }    // bits SHEARBUS_OUTCOME_
+  double temperature(std::uint64_t id) const { return temperature_[row_of(id)]; }  // of the interface [K]
+  std::uint8_t outcome(std::uint64_t id) const { return outcome_[row_of(id)]; }    // bits SHEARBUS_OUTCOME_
+  std::uint8_t regime(std::uint64_t id) const { return regime_[row_of(id)]; }      // a SHEARBUS_REGIME_
+
+  // Has every solve() ask for another column with one double a node, such as SHEARBUS_HEAT_TO_SOFT, for value().
+  void want(std::uint32_t column) { wanted_.emplace_back(column, Column(outcome_.size())); }
+  double value(std::uint32_t column, std::uint64_t id) const {
+    for (const auto& [wanted, values] : wanted_)
+      if (wanted == column) return values[row_of(id)];
+    throw Error::of(SHEARBUS_UNSUPPORTED, "column", "want() the column " + std::to_string(column) + " before solve()");
+  }
 
   Session& session() { return session_; }  // for trials of other steps, marks, tickets, the host's own law, closing
 
@@ -132,10 +131,12 @@ class ContactLaw {
   enum { kJump, kFirst, kSecond, kVectors };           // the stress of the soft side or the stick stress; the hard one
   enum { kPressure, kMassSoft, kMassHard, kScalars };  // the mass of the soft side or the impedance; the hard one
   struct Node {
+    std::uint64_t id = 0;
     std::uint64_t step = 0;  // in which it was touched last
     std::size_t row = 0;
     std::array<Vector, 2> tangent{};
   };
+  using Column = std::vector<double>;
 
   static double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
   static Vector cross(const Vector& a, const Vector& b) {
@@ -148,8 +149,42 @@ class ContactLaw {
     solved_ = false;
     ++step_;
     ids_.clear();
-    for (auto& column : vectors_) column = {};
-    for (auto& column : scalars_) column.clear();
+  }
+
+  // The place of an id in slots_: that of its node, or the empty one in which it belongs. At most half of the slots are
+  // taken; the golden ratio spreads ids that count up, or up in steps.
+  std::size_t slot_of(std::uint64_t id) const {
+    std::size_t at = static_cast<std::size_t>((id * 0x9e3779b97f4a7c15U) >> 32U) & (slots_.size() - 1);
+    while (slots_[at] != 0 && nodes_[slots_[at] - 1].id != id) at = (at + 1) & (slots_.size() - 1);
+    return at;
+  }
+  // Of the session's nodes, or of those that are registered with the next solve(); nullptr: not among them.
+  const Node* find(std::uint64_t id) const {
+    const std::uint32_t number = slots_[slot_of(id)];
+    return number == 0 ? nullptr : &nodes_[number - 1];
+  }
+  Node& append(std::uint64_t id) {
+    nodes_.emplace_back().id = id;
+    if (2 * nodes_.size() > slots_.size()) {
+      slots_.assign(2 * slots_.size(), 0);
+      for (std::uint32_t number = 1; number < nodes_.size(); ++number) slots_[slot_of(nodes_[number - 1].id)] = number;
+    }
+    slots_[slot_of(id)] = static_cast<std::uint32_t>(nodes_.size());
+    return nodes_.back();
+  }
+
+  // Columns for one row more than there are.
+  void make_room() {
+    if (ids_.size() < outcome_.size()) return;
+    const std::size_t rows = ids_.size() + ids_.size() / 2 + 1;
+    for (auto& vector : vectors_)
+      for (Column& column : vector) column.resize(rows);
+    for (Column& column : scalars_) column.resize(rows);
+    for (Column& column : stress_) column.resize(rows);
+    temperature_.resize(rows);
+    outcome_.resize(rows);
+    regime_.resize(rows);
+    for (auto& [column, values] : wanted_) values.resize(rows);
   }
 
   // Adds a row for the node. The result is valid until the next node is added.
@@ -160,25 +195,23 @@ class ContactLaw {
                       "node " + std::to_string(id) +
                           ": the nodes of a step are given all in far-field form, or all "
                           "in stick form");
-    const double length = components_ == 1 ? std::hypot(normal[0], normal[1]) : std::sqrt(dot(normal, normal));
-    if (!(std::fabs(length - 1.0) < 1e-6))
-      throw Error::of(
-          SHEARBUS_INVALID_VALUE, "normal",
-          "node " + std::to_string(id) + ": the normal has the length " + std::to_string(length) + ", expected 1");
-    const auto found = nodes_.find(id);
-    if (found != nodes_.end() && found->second.step == step_)
+    const double square = components_ == 1 ? normal[0] * normal[0] + normal[1] * normal[1] : dot(normal, normal);
+    if (!(std::fabs(square - 1.0) < 2e-6))
+      throw Error::of(SHEARBUS_INVALID_VALUE, "normal",
+                      "node " + std::to_string(id) + ": the normal has the length " +
+                          std::to_string(std::sqrt(square)) + ", expected 1");
+    const std::uint32_t number = slots_[slot_of(id)];
+    if (number != 0 && nodes_[number - 1].step == step_)
       throw Error::of(SHEARBUS_DUPLICATE_NODE, "node_id",
                       "node " + std::to_string(id) + " is touched twice in a step: give each contact an id of its own");
-    Node& node = found != nodes_.end() ? found->second : nodes_[id];
-    if (found == nodes_.end()) new_.push_back(id);
+    make_room();
+    if (number == 0) new_.push_back(id);
+    Node& node = number != 0 ? nodes_[number - 1] : append(id);
     sticks_ = sticks;
     node.step = step_;
     node.row = ids_.size();
     turn(node, normal);
     ids_.push_back(id);
-    for (auto& column : vectors_)
-      for (std::size_t c = 0; c < components_; ++c) column[c].push_back(0.0);
-    for (auto& column : scalars_) column.push_back(0.0);
     return node;
   }
 
@@ -223,24 +256,30 @@ class ContactLaw {
   }
 
   void columns(Step& step) {
+    const auto in = [&](std::uint32_t field, const Column& column, std::uint32_t component = 0) {
+      step.in_strided(field, column.data(), 0, component);
+    };
     for (std::uint32_t c = 0; c < components_; ++c) {
-      step.in(SHEARBUS_VELOCITY_JUMP, vectors_[kJump][c], c);
-      step.in(sticks_ ? SHEARBUS_STICK_STRESS : SHEARBUS_STRESS_SOFT, vectors_[kFirst][c], c);
-      if (!sticks_) step.in(SHEARBUS_STRESS_HARD, vectors_[kSecond][c], c);
-      step.out(SHEARBUS_SHEAR_STRESS, stress_[c], c);
+      in(SHEARBUS_VELOCITY_JUMP, vectors_[kJump][c], c);
+      in(sticks_ ? SHEARBUS_STICK_STRESS : SHEARBUS_STRESS_SOFT, vectors_[kFirst][c], c);
+      if (!sticks_) in(SHEARBUS_STRESS_HARD, vectors_[kSecond][c], c);
+      step.out_strided(SHEARBUS_SHEAR_STRESS, stress_[c].data(), 0, c);
     }
-    step.in(SHEARBUS_PRESSURE, scalars_[kPressure]);
-    step.in(sticks_ ? SHEARBUS_IMPEDANCE : SHEARBUS_MASS_SOFT, scalars_[kMassSoft]);
-    if (!sticks_) step.in(SHEARBUS_MASS_HARD, scalars_[kMassHard]);
-    step.out(SHEARBUS_INTERFACE_TEMPERATURE, temperature_).out(SHEARBUS_OUTCOME, outcome_);
+    in(SHEARBUS_PRESSURE, scalars_[kPressure]);
+    in(sticks_ ? SHEARBUS_IMPEDANCE : SHEARBUS_MASS_SOFT, scalars_[kMassSoft]);
+    if (!sticks_) in(SHEARBUS_MASS_HARD, scalars_[kMassHard]);
+    step.out_strided(SHEARBUS_INTERFACE_TEMPERATURE, temperature_.data(), 0);
+    step.out_strided(SHEARBUS_OUTCOME, outcome_.data(), 0);
+    step.out_strided(SHEARBUS_REGIME, regime_.data(), 0);
+    for (auto& [column, values] : wanted_) step.out_strided(column, values.data(), 0);
   }
 
   const Node* touched(std::uint64_t id) const {
-    const auto found = nodes_.find(id);
     if (!solved_)
       throw Error::of(SHEARBUS_INVALID_VALUE, "node_id",
                       "solve() first: the nodes that were touched have no answer yet");
-    return found == nodes_.end() || found->second.step != step_ ? nullptr : &found->second;
+    const Node* node = find(id);
+    return node == nullptr || node->step != step_ ? nullptr : node;
   }
   std::size_t row_of(std::uint64_t id) const {
     const Node* node = touched(id);
@@ -254,13 +293,16 @@ class ContactLaw {
   bool sticks_ = false;
   bool solved_ = false;     // true from solve() to the next touch()
   std::uint64_t step_ = 1;  // number of the present step
-  std::unordered_map<std::uint64_t, Node> nodes_;
+  std::vector<Node> nodes_;
+  std::vector<std::uint32_t> slots_ = std::vector<std::uint32_t>(16);  // 1 + places in nodes_; 0: empty
   Ids ids_, new_;  // nodes of the rows of this step; nodes that the session does not have yet
-  std::array<std::array<std::vector<double>, 2>, kVectors> vectors_;
-  std::array<std::vector<double>, kScalars> scalars_;
-  std::array<std::vector<double>, 2> stress_;
-  std::vector<double> temperature_;
-  std::vector<std::uint8_t> outcome_;
+  // As many rows as make_room() has made, of which those of ids_ are in use.
+  std::array<std::array<Column, 2>, kVectors> vectors_;
+  std::array<Column, kScalars> scalars_;
+  std::array<Column, 2> stress_;
+  Column temperature_;
+  std::vector<std::uint8_t> outcome_, regime_;
+  std::vector<std::pair<std::uint32_t, Column>> wanted_;  // by want()
 };
 
 }  // namespace v1

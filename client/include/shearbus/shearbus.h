@@ -377,15 +377,16 @@ SHEARBUS_API int shearbus_end(shearbus_session* session, shearbus_totals* totals
 SHEARBUS_API void shearbus_leave(shearbus_session** session);
 
 #define SHEARBUS_TICKET_BYTES 80
-/* A text by which another process continues the session after this one has ended. It is a secret: its holder owns the
- * session. shearbus_resume() leaves out white space at its end, such as the line end of a file. */
+/* A text by which another process continues the session after this one has left it. It is a secret: its holder owns the
+ * session. shearbus_resume() leaves out white space at its end, such as the line end of a file. The session keeps the
+ * scene with which it was opened: that of the options is not read. A closed session cannot be resumed. */
 SHEARBUS_API int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET_BYTES],
                                  shearbus_status* status);
 SHEARBUS_API int shearbus_resume(shearbus_session** session, const shearbus_options* options, const char* ticket,
                                  shearbus_status* status);
 /* shearbus_resume() for a host that knows its nodes: those in `nodes` must be in the session, with the same pairs and
  * parameters, else the call is SHEARBUS_RESUME_REFUSED with the nodes at fault, and the session stays as it is. What
- * `nodes` leaves out is not compared, nor are initial temperatures. */
+ * `nodes` leaves out is not compared, nor are initial temperatures; of nodes that it leaves out there is a warning. */
 SHEARBUS_API int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* options, const char* ticket,
                                        const shearbus_nodes* nodes, shearbus_status* status);
 /* What the server told of the nodes of a resumed session: ids, pairs and parameters as they were given, in the order

@@ -93,9 +93,9 @@ def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, wan
            name="shearbus-python", server_key_file=None, secret_key_file=None, connect_deadline=None, reply_deadline=None,
            retry_after=None, state_dir=None, threads=None):
     """Continues the session of a client that has ended. ticket: Session.ticket of that client; the other arguments are
-    those of open(). nodes, pair, parameters: what the host takes its nodes for, as in open(); where they are given and not
-    those of the session, the call is refused (RESUME_REFUSED) and the session stays as it is. Returns a Session. Raises an
-    Error."""
+    those of open(). The session keeps the scene with which it was opened; a closed one cannot be resumed. nodes, pair,
+    parameters: what the host takes its nodes for, as in open(); where they are given and not those of the session, the call
+    is refused (RESUME_REFUSED) and the session stays as it is. Returns a Session. Raises an Error."""
     if not isinstance(ticket, str) or not TICKET.fullmatch(ticket):
         raise SessionError(Code.RESUME_REFUSED,
                            "the ticket is not two times 32 hexadecimal digits with a colon between" +

@@ -31,6 +31,7 @@ STICK_STRESS, IMPEDANCE = 18, 19
 REQUIRED = (JUMP, PRESSURE, STRESS_SOFT, STRESS_HARD, MASS_SOFT, MASS_HARD)
 STICK_FORM = (JUMP, PRESSURE, STICK_STRESS, IMPEDANCE)
 REPLY_COLUMNS = (30, 31, 32, 33, 36, 34, 35)
+HEAT_TO_SOFT, HEAT_TO_HARD, ENERGY_SOFT, ENERGY_HARD = ON_REQUEST = (41, 42, 70, 71)  # with friction_energy = true in the scene
 STICK, SLIDING = 1, 2  # Regime
 WIRE_TYPES = {  # field of a request's envelope -> wire type
     1: 5, 2: 0, 3: 0, 4: 1, 5: 2, 6: 0, 7: 1, 8: 2, **{body: 2 for body in range(16, 32)}}
@@ -38,6 +39,7 @@ WIRE_TYPES = {  # field of a request's envelope -> wire type
 CLOSURE = 1e-6  # m/s: far above rounding, far below any mistake of form
 PHYSICS = 0.05  # error of the mean jump over the second half of a run, relative to what the friction has changed
 REST = 0.02  # accepted jump of what should stand, relative to the first
+ROUNDING = 1e-12  # of the pressure: stresses of bodies that are not sheared yet
 FIRST_STEP = 0.05  # accepted error of the ratio of the first two steps, for hosts whose step varies
 # Accepted errors of the jump after the first and the second step of a host with velocities at whole steps, relative to
 # what the friction has changed. A host with velocities at half steps that begins with a whole step misses one of them.
@@ -53,6 +55,7 @@ class Problem:
     NAMES = ("two_half_spaces", "finite_plate", "stick_slip_brake", "opening_and_closing")
     friction, depth = 50e6, 0.5e-3  # Pa at the first pressure, m
     density, modulus = (2703.0, 7900.0), (27.6e9, 77e9)
+    to_soft = 0.679  # of the heat: 1 / (1 + ratio of the effusivities sqrt(k rho c))
 
     def __init__(self, name):
         self.name, self.finite = name, name in ("finite_plate", "stick_slip_brake")
@@ -249,6 +252,7 @@ class Session:
         self.keys, self.parameters = [], {}  # keys of the scene by which nodes differ; their columns (the answer is that of the problem)
         self.sequence, self.kept = 0, (opening, None)  # the last request's frames and the reply to it
         self.jumps = {}  # node -> the jump that was answered last
+        self.energy = {}  # node -> friction energy of its steps, J/m2
         self.standing = None
         self.steps, self.dts, self.time, self.version, self.claim = 0, [], 0.0, 0, 0
         self.errors = []  # (time, {node: error of its jump}) of each step, where the exact jump is known
@@ -461,7 +465,8 @@ class MockServer:
     def opened(self, session):
         """Returns the body session_opened. A mock server has no scene of its own: the text comes back as it was."""
         packed = lambda numbers: b"".join(map(varint, numbers))
-        return [(1, session.scene), (4, 2), (5, 1), (6, packed(REQUIRED)), (8, packed(REPLY_COLUMNS)), (10, "mock"),
+        return [(1, session.scene), (4, 2), (5, 1), (6, packed(REQUIRED)), (8, packed(REPLY_COLUMNS)), (9, packed(ON_REQUEST)),
+                (10, "mock"),
                 *((12, key) for key in session.keys)]
 
     def resume(self, session, fields, header):
@@ -526,18 +531,23 @@ class MockServer:
         if not check("masses", all(row[field] > 0 for row in rows for field in positive), "not positive"):
             raise Refusal(INVALID_VALUE, "a mass or impedance is not positive")
         self.judge(session, dt, nodes, rows)
-        answers, friction = {field: [] for field in REPLY_COLUMNS}, self.friction(session.steps)
-        for row in rows:
+        answers, friction = {field: [] for field in (*REPLY_COLUMNS, *ON_REQUEST)}, self.friction(session.steps)
+        energies = {}
+        for node, row in zip(nodes, rows):
             a, free = self.balance(row, dt)
             limit = friction * self.problem.share(session.time + dt / 2) if row[PRESSURE] > 0 else 0.0
             stress = max(-limit, min(limit, free / a))
             new = free - a * stress
             sliding = abs(free / a) > limit
-            for field, value in ((30, stress), (31, new if sliding else 0.0), (32, 300.0), (33,
-                                                                                            new if sliding else 0.0),
-                                 (36, abs(stress * new) * dt), (34, SLIDING if sliding else STICK), (35, 0)):
+            new = new if sliding else 0.0
+            heat = max(0.0, stress * (row[JUMP] + new) / 2 * dt)  # what the bodies lose; DLP (61)
+            energies[node] = session.energy.get(node, 0.0) + heat
+            part, rest = self.problem.to_soft, 1 - self.problem.to_soft
+            for field, value in ((30, stress), (31, new), (32, 300.0), (33, new), (36, abs(stress * new) * dt),
+                                 (34, SLIDING if sliding else STICK), (35, 0), (HEAT_TO_SOFT, part * heat), (HEAT_TO_HARD, rest * heat),
+                                 (ENERGY_SOFT, part * energies[node]), (ENERGY_HARD, rest * energies[node])):
                 answers[field].append(value)
-        session.standing = dt, dict(zip(nodes, answers[33]))
+        session.standing = dt, dict(zip(nodes, answers[33])), energies
         if mode == 1:
             self.accept(session)
         wanted = []
@@ -548,7 +558,7 @@ class MockServer:
                 wanted.append(number)
         body = [(1, len(nodes)), (2, session.version)]
         return [f for f in body
-                if f[1]], {field: answers[field] for field in REPLY_COLUMNS if field in wanted or not wanted}
+                if f[1]], {field: answers[field] for field in answers if field in (wanted or REPLY_COLUMNS)}
 
     def balance(self, row, dt):
         """Returns what a stress of 1 Pa takes from the new jump (m/s), and the new jump without friction (m/s)."""
@@ -561,9 +571,10 @@ class MockServer:
         return self.problem.friction / (1 + 1e-3 * step * self.varying)
 
     def accept(self, session):
-        dt, jumps = session.standing
+        dt, jumps, energies = session.standing
         session.standing = None
         session.jumps.update(jumps)
+        session.energy.update(energies)
         session.steps, session.version, session.time = session.steps + 1, session.version + 1, session.time + dt
         session.dts.append(dt)
         exact = self.problem.exact_jump(session.time, self.friction(session.steps - 1))
@@ -598,7 +609,9 @@ class MockServer:
                     check("far_stresses", abs(row[STICK_STRESS] / row[IMPEDANCE] - row[JUMP]) < CLOSURE,
                           f"the stick stress is {row[STICK_STRESS]:g} Pa, expected {row[IMPEDANCE] * row[JUMP]:g}")
                 else:
-                    check("far_stresses", row[STRESS_SOFT] == 0 == row[STRESS_HARD], "not 0 at the start")
+                    most = ROUNDING * problem.pressure(0.0)
+                    check("far_stresses", max(abs(row[STRESS_SOFT]), abs(row[STRESS_HARD])) <= most,
+                          f"{row[STRESS_SOFT]:g} and {row[STRESS_HARD]:g} Pa at the start, expected 0 (at most {most:g}, as rounding)")
                 continue
             answered = session.jumps[node]
             check(
@@ -643,7 +656,9 @@ class MockServer:
             check("jump",
                   abs(mean) < PHYSICS * problem.changed(session.time),
                   f"node {node}: on average {mean:+.3g} m/s off; the friction has changed the jump by "
-                  f"{problem.changed(session.time):.3g} m/s. Where the host closes, its area is wrong, or its material")
+                  f"{problem.changed(session.time):.3g} m/s. " +
+                  ("The host rings for want of a first step of half the length: see first_step" if "first_step" in self.report.failed else
+                   "Where the host closes, its area is wrong, or its material"))
 
     # -- the socket --
 
