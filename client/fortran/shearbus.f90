@@ -153,7 +153,8 @@ module shearbus
     ! J/m2: heat that friction has given to the hard body since the node began; scenes with friction_energy = true
     real(real64), allocatable :: friction_energy_hard(:)
     ! print_contract.py: end
-    integer, allocatable :: regime(:), outcome(:)    ! values and bits above: what held the stress, what is remarkable of it
+    integer(c_int8_t), allocatable :: regime(:)      ! a value above: what held the stress
+    integer, allocatable :: outcome(:)               ! bits above: what is remarkable of it
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
     real(real64) :: largest_closure = 0              ! m/s, largest difference of a jump from the one answered before
     real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
@@ -183,7 +184,8 @@ module shearbus
     type(c_ptr), private :: handle = c_null_ptr
     type(c_ptr), private :: ranks = c_null_ptr         ! of one session on root: the step of all ranks is then
     type(c_funptr), private :: step_of_all = c_null_funptr
-    integer(c_int8_t), allocatable, private :: bytes(:, :)  ! regimes and outcomes of the last answer, as they are sent
+    logical, private :: flags = .false.  ! an outcome may be other than 0
+    integer(c_int8_t), allocatable, private :: bytes(:, :)  ! outcomes of the last answer, and regimes of masked rows
   contains
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
                           offer_32, offer_64, profiles_32, profiles_64, copy
@@ -995,7 +997,8 @@ contains
     visitor%fields = fields
     call each_column(self, visitor)
     if (allocated(self%regime)) deallocate (self%regime, self%outcome)
-    allocate (self%regime(self%n), self%outcome(self%n), source=0)
+    allocate (self%regime(self%n), source=0_c_int8_t)
+    allocate (self%outcome(self%n), source=0)
   end subroutine
 
   subroutine fit(visitor, column)
@@ -1265,6 +1268,7 @@ contains
     type(c_request) :: request
     type(c_result) :: answer
     procedure(step_of_all_ranks), pointer :: step_all
+    logical :: direct
     integer :: i
     call clear(columns%status)
     columns%code = 0
@@ -1285,6 +1289,8 @@ contains
       if (size(self%bytes, 1) < columns%count) deallocate (self%bytes)
     end if
     if (.not. allocated(self%bytes)) allocate (self%bytes(max(columns%count, 1), 2))
+    direct = .not. columns%masked .and. self%n > 0 .and. allocated(self%regime)
+    if (direct) direct = size(self%regime) == self%n
     request%size = c_sizeof(request)
     request%dt_s = dt
     request%time_s = time
@@ -1301,8 +1307,9 @@ contains
       request%node_ids = c_loc(ids)
     end if
     call each_column(self, columns)
-    columns%outputs(columns%n_out + 1) = c_column(regime_column, 0, c_loc(self%bytes(1, 1)), 0)
-    columns%outputs(columns%n_out + 2) = c_column(outcome_column, 0, c_loc(self%bytes(1, 2)), 0)
+    columns%outputs(columns%n_out + 1) = c_column(outcome_column, 0, c_loc(self%bytes(1, 1)), 0)
+    columns%outputs(columns%n_out + 2) = c_column(regime_column, 0, c_loc(self%bytes(1, 2)), 0)
+    if (direct) columns%outputs(columns%n_out + 2)%values = c_loc(self%regime(1))
     request%inputs = c_loc(columns%inputs)
     request%n_inputs = int(columns%n_in, c_size_t)
     request%outputs = c_loc(columns%outputs)
@@ -1335,16 +1342,18 @@ contains
       self%largest_closure = answer%largest_closure
       self%layer_time = answer%layer_time
       if (.not. columns%masked) then
-        self%regime = self%bytes(:columns%count, 1)
-        if (self%flagged == 0) then
+        if (.not. direct) self%regime = self%bytes(:columns%count, 2)
+        if (self%flagged > 0) then
+          self%outcome = iand(int(self%bytes(:columns%count, 1)), 255)
+        else if (self%flags) then
           self%outcome = 0
-        else
-          self%outcome = iand(int(self%bytes(:columns%count, 2)), 255)
         end if
+        self%flags = self%flagged > 0
         return
       end if
-      self%regime(columns%rows) = self%bytes(:columns%count, 1)
-      self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 2)), 255)
+      self%regime(columns%rows) = self%bytes(:columns%count, 2)
+      self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 1)), 255)
+      self%flags = self%flags .or. self%flagged > 0
       do i = 1, columns%n_out
         columns%answers(i)%values(columns%rows) = columns%out(:columns%count, i)
       end do
@@ -1641,7 +1650,7 @@ contains
       j = j + 1
     end do
     call each_column(self, visitor)
-    self%regime = codes(self%regime)
+    self%regime = int(codes(int(self%regime)), c_int8_t)
     self%outcome = codes(self%outcome)
   contains
     function codes(column) result(values)
