@@ -150,6 +150,7 @@ Reference from_volterra(const StudyCase& study_case, const Solve& solve) {
   const auto coarse = solve(kCoarse), middle = solve(2 * kCoarse), fine = solve(4 * kCoarse);
   Reference reference{.temperature = {}, .method = "Volterra equation, product integration, extrapolated"};
   std::vector<double> T;
+  T.reserve(kCoarse + 1);
   for (std::size_t i = 0; i <= kCoarse; ++i) {
     const Limit limit = limit_of(coarse[i].temperature, middle[2 * i].temperature, fine[4 * i].temperature);
     T.push_back(limit.value);
