@@ -165,7 +165,7 @@ Reference from_volterra(const StudyCase& study_case, const Solve& solve) {
       double weight = 1.0;
       for (int j = 0; j < 4; ++j)
         if (j != i) weight *= (x - (first + j)) / (i - j);
-      sum += weight * T[static_cast<std::size_t>(first + i)];
+      sum += weight * T[static_cast<std::size_t>(first) + static_cast<std::size_t>(i)];
     }
     return sum;
   };
