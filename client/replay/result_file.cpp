@@ -12,6 +12,7 @@ ResultFile::ResultFile(const std::filesystem::path& file, const std::filesystem:
     return;
   }
   std::vector<files::Quantity> quantities;
+  quantities.reserve(columns.size());
   for (const auto& [field, component] : columns) quantities.push_back(files::quantity_of_column(field, component));
   hdf5_.emplace(file, node_ids, std::move(quantities), meta, start_time_s);
   properties.write(*hdf5_);

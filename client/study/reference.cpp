@@ -58,8 +58,9 @@ std::vector<double> step_lengths(const StudyCase& study_case, int steps) {
   const double interval = study_case.end / kSamples;
   const int first = steps / 2, later = steps / 2 / (kSamples - 1);
   std::vector<double> lengths;
+  lengths.reserve(static_cast<std::size_t>(steps));
   for (int i = 0; i < first; ++i) lengths.push_back(interval * (2.0 * i + 1.0) / first / first);
-  lengths.insert(lengths.end(), static_cast<std::size_t>((kSamples - 1) * later), interval / later);
+  lengths.insert(lengths.end(), std::size_t{kSamples - 1} * static_cast<std::size_t>(later), interval / later);
   return lengths;
 }
 
@@ -113,7 +114,7 @@ Answer limit(const Answer& fine, const Answer& coarse, int order) {
 }
 
 Answer limit_in_space(const StudyCase& study_case, Fine fine) {
-  const Answer finest = solve(study_case, fine);
+  Answer finest = solve(study_case, fine);
   if (fine.cells == 0) return finest;
   fine.cells /= 2;
   return limit(finest, solve(study_case, fine), 2);

@@ -150,6 +150,7 @@ Reference from_volterra(const StudyCase& study_case, const Solve& solve) {
   const auto coarse = solve(kCoarse), middle = solve(2 * kCoarse), fine = solve(4 * kCoarse);
   Reference reference{.temperature = {}, .method = "Volterra equation, product integration, extrapolated"};
   std::vector<double> T;
+  T.reserve(kCoarse + 1);
   for (std::size_t i = 0; i <= kCoarse; ++i) {
     const Limit limit = limit_of(coarse[i].temperature, middle[2 * i].temperature, fine[4 * i].temperature);
     T.push_back(limit.value);
@@ -164,7 +165,7 @@ Reference from_volterra(const StudyCase& study_case, const Solve& solve) {
       double weight = 1.0;
       for (int j = 0; j < 4; ++j)
         if (j != i) weight *= (x - (first + j)) / (i - j);
-      sum += weight * T[static_cast<std::size_t>(first + i)];
+      sum += weight * T[static_cast<std::size_t>(first) + static_cast<std::size_t>(i)];
     }
     return sum;
   };
