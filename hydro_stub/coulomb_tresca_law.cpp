@@ -10,9 +10,10 @@ namespace shearbus::hydro {
 
 CoulombTrescaLaw::CoulombTrescaLaw(const guest::CoulombTresca& constants, const physics::Material& soft,
                                    const physics::Material& hard, std::span<const double> initial_temperature)
-    : friction_{.at_rest = constants.friction_coefficient_at_rest(),
-                .fast = constants.friction_coefficient_fast(),
-                .decay = constants.velocity_decay_s_per_m()},
+    : friction_{.friction_coefficient = constants.friction_coefficient_at_rest(),
+                .friction_law = physics::FrictionLaws::place<physics::VelocityWeakening>(),
+                .friction_coefficient_fast = constants.friction_coefficient_fast(),
+                .velocity_decay = constants.velocity_decay_s_per_m()},
       yield_fraction_(constants.yield_fraction()),
       soft_(soft),
       heat_share_(physics::heat_partition(soft, hard)),
@@ -45,10 +46,10 @@ void CoulombTrescaLaw::advance_node(const InterfaceInputs& inputs, std::size_t i
     const double yield =
         yield_fraction_ * physics::flow_stress(soft_, plastic_strain, pressure, temperature) / std::numbers::sqrt3;
     const double sticking = std::abs(free.jump) / free.compliance;
-    const double sliding =
-        physics::sliding_stress(friction_, pressure, 0.5 * direction * (jump + free.jump), 0.5 * free.compliance);
+    const double sliding = physics::sliding_stress(friction_, soft_, pressure, 0.5 * direction * (jump + free.jump),
+                                                   0.5 * free.compliance);
     const bool was_sticking = jump == 0.0;
-    const double limit = std::min(was_sticking ? friction_.at_rest * pressure : sliding, yield);
+    const double limit = std::min(was_sticking ? friction_.friction_coefficient * pressure : sliding, yield);
     sticks = sticking <= limit;
     stress = sticks ? sticking : std::min(sliding, yield);
     regime = sticks             ? wire::Regime::kStick

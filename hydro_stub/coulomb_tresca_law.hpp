@@ -16,7 +16,7 @@
 
 #include "hydro_stub/hydro.pb.h"
 #include "hydro_stub/interface_law.hpp"
-#include "server/physics/interface/velocity_weakening.hpp"
+#include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::hydro {
@@ -32,7 +32,7 @@ class CoulombTrescaLaw : public InterfaceLaw {
  private:
   void advance_node(const InterfaceInputs& inputs, std::size_t i, InterfaceAnswer& answer);
 
-  physics::VelocityWeakening friction_;
+  physics::InterfaceOptions friction_;
   double yield_fraction_;  // factor mu_T of the Tresca limit
   physics::Material soft_;
   double heat_share_;                     // share of the friction heat that enters the soft body

@@ -32,6 +32,7 @@
 #include "proto/wire/text.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
+#include "server/own_laws.hpp"
 #include "server/server.hpp"
 #include "server/version.hpp"
 
@@ -65,6 +66,10 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "which a core makes some 1e8 a second")
       ->check(CLI::Range(3e8, 1e15))
       ->capture_default_str();
+  app.add_option("--friction-law", options.own_laws,
+                 "A friction law of a shared library, repeatable: scenes name it as friction_law = \"own:NAME\" "
+                 "(shearbus/friction_law.h)")
+      ->type_name("NAME=FILE");
   app.add_option_function<std::uint64_t>(
          "--state-memory-mb", [&](const std::uint64_t& mb) { options.max_state_bytes = mb << 20; },
          "Memory for the states of all sessions, in MB; by default three quarters of the machine's")
@@ -269,6 +274,8 @@ int run(const ServerOptions& options) {
                         options.durability, options.accept_empty ? " (accept empty)" : "", options.checkpoint_every_s,
                         options.checkpoint_after_mb, options.checkpoint_work),
       options.record_dir.empty() ? "none" : options.record_dir, options.log_level);
+  shearbus::server::load_own_laws(options.own_laws);
+  for (const std::string& law : options.own_laws) spdlog::info("friction law own:{}", law);
   bool sessions_open = false;
   {
     Server server(options, {.info = [](const std::string& line) { spdlog::log(level_of(line), "{}", line); },

@@ -16,6 +16,7 @@ struct ServerOptions {
   std::uint64_t max_state_bytes = 0;        // limit of all sessions' states; 0: three quarters of the machine's memory
   std::size_t sessions_per_user = 0;        // quota of a user who is no operator; 0: three quarters of all sessions
   std::uint64_t state_bytes_per_user = 0;   // likewise of memory; 0: three quarters of max_state_bytes
+  std::vector<std::string> own_laws;        // friction laws of shared libraries, each NAME=FILE
   std::string endpoint_file;                // file that gets the address of the first endpoint; empty: none
   std::string state_dir;                    // directory of checkpoints and journal; empty: sessions end with the server
   std::string durability = "process";       // with state_dir: "none", "process" or "power" (server/store/store.hpp)

@@ -5,6 +5,8 @@
   make_history.py ramp OUT.h5           8 nodes; the pressure rises, the contact opens, and closes again
   make_history.py force_driven OUT.h5   4 pairs of plates at 25 to 100 m/s, stopped by friction alone (closed loop)
   make_history.py imposed OUT.h5        4 force-driven nodes whose sliding at 25 to 100 m/s the host keeps up
+  make_history.py pressed OUT.h5        the same, pressed twice as much after half of the time
+  make_history.py stepped OUT.h5        one node that slides ten times as fast in the middle third of the time
   make_history.py rates OUT.h5          13 nodes at 1 to 1000 m/s, in steps that grow
   make_history.py pressures OUT.h5      11 nodes at 0.5 to 20 GPa
   make_history.py turning OUT.h5        a node whose sliding turns round in the interface, pressed on and off
@@ -95,6 +97,16 @@ def imposed(file, args):
     put(file, "velocity_jump", "m s-1", np.tile(plates(file, args, nodes=4), (args.steps, 1)))
 
 
+def pressed(file, args):
+    imposed(file, args)
+    file["pressure"][args.steps // 2:] = 2 * args.pressure
+
+
+def stepped(file, args):
+    constant(file, args)
+    file["velocity_jump"][args.steps // 3:2 * args.steps // 3] = 10 * args.velocity
+
+
 def number(least, most, whole=False):
     """Returns the reader of a number of the command line between two bounds."""
     digits = "[0-9]{1,9}" if whole else r"[+-]?([0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})([eE][+-]?[0-9]{1,3})?"
@@ -108,7 +120,7 @@ def number(least, most, whole=False):
 
 
 def main():
-    kinds = {made.__name__: made for made in (constant, ramp, force_driven, imposed, rates, pressures, turning)}
+    kinds = {made.__name__: made for made in (constant, ramp, force_driven, imposed, pressed, stepped, rates, pressures, turning)}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", choices=kinds)
     parser.add_argument("out", metavar="OUT.h5")

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Draws what each option of the physics does, from the scenes that show it: makes the histories, replays them with the option and without,
 and
-draws options_layer.png, options_heat.png and options_contact.png.
+draws options_layer.png, options_heat.png, options_contact.png and options_friction.png.
 
     plot_options.py --bin build/bin --out DIR [--keep DIR]
 
@@ -151,7 +151,25 @@ def film(axis, replay):
     return "[melt_film], [hard_layer]"
 
 
-PICTURES = {"options_layer": (inertia, rates, drive), "options_heat": (pressure, steady, film), "options_contact": (turning, brake, section_6)}
+def memory(axis, replay):
+    scene, history = EXAMPLES / "pressure_memory.toml", ("pressed", "--velocity", 40, "--pressure", 0.5e9, "--steps", 400)
+    lines(axis, replay(scene, history), "shear_stress", 1e-6, ["prakash_clifton, 10 and 40 m/s", None], WITH, nodes=[0, 3])
+    lines(axis, replay(scene, history, "interface.slip_length_m=1e-12"), "shear_stress", 1e-6, "µ P", WITHOUT, "--", nodes=[3])
+    axis.set(xlabel="time (µs)", ylabel=style.QUANTITIES["shear_stress"][0], ylim=(0, None))
+    return "friction follows the pressure along a slip"
+
+
+def velocity_step(axis, replay):
+    scene, history = EXAMPLES / "rate_and_state.toml", ("stepped", "--velocity", 1, "--pressure", 0.5e9, "--dt", 5e-9, "--steps", 1500)
+    lines(axis, replay(scene, history), "shear_stress", 1e-6, "rate_and_state, ageing", WITH)
+    lines(axis, replay(scene, history, "interface.state_evolution=slip"), "shear_stress", 1e-6, "slip law", style.RUNS[2], "--")
+    lines(axis, replay(scene, history, "interface.evolution_effect=0"), "shear_stress", 1e-6, "no state", WITHOUT, ":")
+    axis.set(xlabel="time (µs)", ylabel=style.QUANTITIES["shear_stress"][0], ylim=(40, 60))
+    return "a layer that slides at 1, 10, 1 m/s"
+
+
+PICTURES = {"options_layer": (inertia, rates, drive), "options_heat": (pressure, steady, film), "options_contact": (turning, brake, section_6),
+            "options_friction": (memory, velocity_step)}
 
 
 def main():

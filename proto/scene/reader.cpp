@@ -288,10 +288,23 @@ class Reader {
       to.GetReflection()->SetEnum(&to, &field, field.enum_type()->value(index));
       return;
     }
+    if (text && own_choice(*text, choices, to, field)) return;
     const std::vector<std::string_view> words(choices.begin(), choices.end());
     const std::string_view near = text ? nearest(*text, words) : std::string_view();
     fault(name, fmt::format("{}: expected \"{}\", {}{}", name, fmt::join(choices, "\" or \""), found(node),
                             near.empty() ? "" : fmt::format("; did you mean \"{}\"?", near)));
+  }
+
+  // "own:NAME": the choice "own" of a field, with its name in the field own_<field>.
+  static bool own_choice(std::string_view text, const std::vector<std::string>& choices, Message& to,
+                         const FieldDescriptor& field) {
+    constexpr std::string_view kOwn = "own:";
+    const FieldDescriptor* name = to.GetDescriptor()->FindFieldByName("own_" + field.name());
+    const auto own = std::find(choices.begin(), choices.end(), "own");
+    if (name == nullptr || own == choices.end() || !text.starts_with(kOwn) || text.size() == kOwn.size()) return false;
+    to.GetReflection()->SetEnum(&to, &field, field.enum_type()->value(1 + static_cast<int>(own - choices.begin())));
+    to.GetReflection()->SetString(&to, name, std::string(text.substr(kOwn.size())));
+    return true;
   }
 
   const Descriptor& root_;

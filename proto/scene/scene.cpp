@@ -191,9 +191,31 @@ void set_value(v1::Scene& scene, std::string_view path, double value) {
   table.GetReflection()->SetDouble(&table, find_number(path), value);
 }
 
+namespace {
+
+// A force-driven interface yields, and so do junctions; a velocity-driven interface without them yields as its layer.
+void check_yield_strength(const v1::Scene& scene, Findings& findings) {
+  if (!findings.sound("strategy") || !findings.sound("interface.yield_strength_pa")) return;
+  const bool forced = scene.strategy() == v1::STRATEGY_FORCE_DRIVEN;
+  const bool given = scene.interface().has_yield_strength_pa();
+  if (scene.has_junctions() && !scene.has_interface() && !forced && findings.sound("interface"))
+    findings.add("junctions", "[junctions] need the table [interface] with their yield_strength_pa, which is missing");
+  else if (scene.has_interface() && !given && (forced || scene.has_junctions()))
+    findings.add("interface",
+                 "interface.yield_strength_pa is missing (Tresca: s <= this * g(P, T0) / sqrt(3)): force_driven and "
+                 "[junctions] need it");
+  else if (given && !forced && !scene.has_junctions())
+    findings.add("interface.yield_strength_pa",
+                 "interface.yield_strength_pa is for force_driven or [junctions]: a velocity_driven interface without "
+                 "junctions yields as its layer does");
+}
+
+}  // namespace
+
 void check_scene(const v1::Scene& scene, Findings& findings) {
   if (scene.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene.has_interface() && findings.sound("interface"))
     findings.add("strategy", "strategy force_driven needs the table [interface], which is missing");
+  check_yield_strength(scene, findings);
   check_grids(scene, findings);
   const auto soft_only = [&](bool given, const std::string& key) {
     if (given)

@@ -20,6 +20,7 @@
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/parts.hpp"
+#include "server/service/own_laws.hpp"
 
 namespace shearbus::service {
 namespace {
@@ -120,6 +121,21 @@ physics::GridOptions grid_of(const Table& table) {
           .far_boundary = far_boundary_of(table.far_boundary())};
 }
 
+// The law "own:NAME" of a scene; null for the laws of the list.
+const shearbus_friction_law* own_law_of(const v1::Interface& law) {
+  if (law.friction_law() != v1::FRICTION_LAW_OWN) return nullptr;
+  const shearbus_friction_law* const found = own_law(law.own_friction_law());
+  if (found != nullptr) return found;
+  const std::vector<std::string> names = own_law_names();
+  refuse(
+      "interface.friction_law",
+      fmt::format("interface.friction_law = \"own:{}\": this server has loaded {}",
+                  wire::printable(law.own_friction_law(), wire::kMaxTextBytes),
+                  names.empty() ? "no law of its own" : fmt::format("only \"own:{}\"", fmt::join(names, "\", \"own:"))),
+      "Ask the server's administrator for shearbus-server --friction-law NAME=/path/library.so, or choose another "
+      "law.");
+}
+
 physics::InterfaceOptions interface_of(const v1::Interface& law) {
   return {.friction_coefficient = law.friction_coefficient(),
           .yield_strength = law.yield_strength_pa(),
@@ -128,7 +144,14 @@ physics::InterfaceOptions interface_of(const v1::Interface& law) {
           .friction_coefficient_fast = law.friction_coefficient_fast(),
           .velocity_decay = law.velocity_decay_s_per_m(),
           .friction_reference_temperature = law.friction_reference_temperature_k(),
-          .friction_softening_exponent = law.friction_softening_exponent()};
+          .friction_softening_exponent = law.friction_softening_exponent(),
+          .slip_length = law.slip_length_m(),
+          .reference_velocity = law.reference_velocity_m_per_s(),
+          .direct_effect = law.direct_effect(),
+          .evolution_effect = law.evolution_effect(),
+          .state_evolution = law.state_evolution() == v1::STATE_EVOLUTION_SLIP ? physics::StateEvolution::kSlip
+                                                                               : physics::StateEvolution::kAgeing,
+          .own = own_law_of(law)};
 }
 
 void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {
@@ -169,6 +192,18 @@ std::optional<double> taylor_quinney_factor_of(const v1::Scene& scene) {
   return {};
 }
 
+// Friction of a velocity-driven interface: that of [interface], or in short the one coefficient of [velocity_driven].
+std::optional<double> friction_coefficient_of(const v1::Scene& scene) {
+  const v1::VelocityDriven& driven = scene.velocity_driven();
+  if (scene.strategy() == v1::STRATEGY_FORCE_DRIVEN || !scene.has_interface())
+    return driven.has_friction_coefficient() ? std::optional(driven.friction_coefficient()) : std::nullopt;
+  if (driven.has_friction_coefficient())
+    refuse("velocity_driven.friction_coefficient",
+           "velocity_driven.friction_coefficient is in short for the table [interface], and the scene gives both",
+           "Leave out one of the two.");
+  return scene.interface().friction_coefficient();
+}
+
 // Converts a checked scene without its pairs, whose defaults have been filled in. Also fills in the constants that the
 // scene leaves to the server.
 SceneModel convert_tables(v1::Scene& scene) {
@@ -185,7 +220,7 @@ SceneModel convert_tables(v1::Scene& scene) {
   const v1::VelocityDriven& driven = scene.velocity_driven();
   options.drive =
       driven.drive() == v1::DRIVE_INTERFACE_SLIP ? physics::Drive::kInterfaceSlip : physics::Drive::kLayerShear;
-  if (driven.has_friction_coefficient()) options.friction_coefficient = driven.friction_coefficient();
+  options.friction_coefficient = friction_coefficient_of(scene);
   options.taylor_quinney_factor = taylor_quinney_factor_of(scene);
   if (scene.has_interface()) options.interface = interface_of(scene.interface());
   options.plastic_layer = scene.interface().plastic_layer();

@@ -36,7 +36,7 @@ class OptionScenes(unittest.TestCase):
 
     def test_pictures_stay_small(self):
         self.assertEqual(self.done.returncode, 0, self.done.stderr)
-        for name in ("layer", "heat", "contact"):
+        for name in ("layer", "heat", "contact", "friction"):
             self.assertLess((self.out / f"options_{name}.png").stat().st_size, 60_000)
 
     def test_sliding_between_baths_becomes_that_of_steady_conduction(self):
@@ -76,6 +76,23 @@ class OptionScenes(unittest.TestCase):
         with_pressure, without = self.result("under_pressure"), self.result("under_pressure-soft.melting_curve=constant-soft.pressure_term=linear")
         self.assertTrue((np.diff(with_pressure["shear_stress"][-1]) > 0).all())
         self.assertTrue((np.diff(without["shear_stress"][-1, 3:]) < 0).all())
+
+    def test_friction_follows_the_pressure_along_the_slip(self):
+        found = self.result("pressure_memory")
+        known, length, creep, dt = np.zeros(4), 1e-6, 1.0, 1e-9
+        for slip, pressure, stress in zip(found["sliding_velocity"], found["pressure"], found["shear_stress"]):
+            known = pressure + (known - pressure) * np.exp(-(slip + creep) * dt / length)
+            np.testing.assert_allclose(stress, 0.1 * known, rtol=1e-9)
+        self.assertGreater(stress[3], 0.99e8)
+
+    def test_a_layer_slides_under_steady_rate_and_state_friction(self):
+        mu, a, b, pressure = 0.1, 0.005, 0.008, 0.5e9
+        for name in ("rate_and_state", "rate_and_state-interface.state_evolution=slip"):
+            stress = self.result(name)["shear_stress"][:, 0]
+            for step, v in ((499, 1.0), (999, 10.0)):
+                steady = pressure * a * np.arcsinh(0.5 * v * np.exp((mu - b * np.log(v)) / a))
+                self.assertAlmostEqual(stress[step] / steady, 1.0, delta=5e-3)
+            self.assertGreater(stress[500:600].max() - stress[499], 0.5 * a * np.log(10.0) * pressure)
 
     def test_copper_knows_its_rate(self):
         ptw = self.result("copper_rates")["shear_stress"].max(axis=0)

@@ -22,7 +22,7 @@ FILES = {
                         "usr/share/bash-completion/completions/shearbus-ctl", "usr/share/shearbus/slurm/one_node.sbatch",
                         "usr/share/shearbus/slurm/job.sh"],
     "libshearbus1": ["usr/lib/libshearbus.so.1", "usr/lib/libshearbus-embedded.so.1", "usr/lib/libshearbus-checkpoint.so.1"],
-    "libshearbus-dev": ["usr/include/shearbus/shearbus.h", "usr/include/shearbus/client.hpp",
+    "libshearbus-dev": ["usr/include/shearbus/shearbus.h", "usr/include/shearbus/client.hpp", "usr/include/shearbus/friction_law.h",
                         "usr/lib/libshearbus.so", "usr/lib/pkgconfig/shearbus.pc", "usr/lib/cmake/shearbus/shearbusConfig.cmake",
                         "usr/share/shearbus/shearbus.f90"],
     "python3-shearbus": ["usr/lib/python3/dist-packages/shearbus/__init__.py", "usr/lib/python3/dist-packages/shearbus/_contract.py"],
@@ -52,6 +52,7 @@ with shearbus.open(sys.argv[1], range(3), "file:///run/endpoint") as bus:
 END
 python3 /srv/host.py $scene
 cc -o /srv/host /usr/share/shearbus/examples/host.c $(pkg-config --cflags --libs shearbus) -lm
+cc -shared -fPIC -o /srv/law.so /usr/share/shearbus/examples/friction_law.c $(pkg-config --cflags shearbus)
 SHEARBUS_ENDPOINT=file:///run/endpoint /srv/host $scene
 /srv/host $scene
 shearbus-ctl check $scene >/dev/null

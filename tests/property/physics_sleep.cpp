@@ -14,6 +14,7 @@ ModelOptions random_sleeping_options(Draw& draw, Strategy strategy, bool extreme
   ModelOptions options = random_options(draw, strategy, extreme);
   options.modes.reset();
   options.time_integrator = TimeIntegrator::kBackwardEuler;
+  if (!goes_with(Property::kSleep, options)) options.interface.friction_law = {};
   options.sleep = true;
   Draw aside = draw;
   if (aside.chance(0.3)) {

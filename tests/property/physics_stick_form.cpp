@@ -75,7 +75,8 @@ TEST_P(PhysicsStickForm, HasTheAnswerOfTheFarFieldForm) {
       const TileInputs& in = far_field.inputs;
       const TileOutputs &want = far_field.outputs, &found = stick.outputs;
       for (int l = 0; l < kLanes; ++l) {
-        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
+        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l) +
+                     ", " + std::string(FrictionLaws::name_of(options.interface.friction_law)));
         if (((want.outcome[l] | found.outcome[l]) & (kSubstepped | kMultipleRoots)) != 0) {
           ++divided;  // the step may have several answers, and a rounding error decides which is found
           continue;

@@ -22,10 +22,10 @@ TEST(Random, InvariantsHoldFromAnyState) {
 
 // Histories that once broke a law: junctions of almost no height next to sticking (2393 in several pairs, 9266 in two
 // components), a limit whose g nearly vanishes far below melting (102576), films that carry far less than the contact
-// (17664, 24667), and others where the last digits of numbers decide.
+// (17664, 24667), friction that rises past what a layer at its ceiling carries (309), and others where the last digits decide.
 TEST(Random, LawsHoldWhereTheyOnceBroke) {
   for (const std::uint64_t seed :
-       {1703, 2393, 5791, 9266, 17664, 24667, 31723, 34455, 36786, 37771, 44024, 53330, 102576}) {
+       {309, 1703, 2393, 5791, 9266, 17664, 24667, 31723, 34455, 36786, 37771, 44024, 53330, 102576}) {
     for (const RandomOutcome& one : run_random(1, seed)) {
       for (const RandomOutcome::Fault& fault : one.faults)
         ADD_FAILURE() << one.name << ", seed " << fault.seed << ": " << fault.text;

@@ -66,6 +66,7 @@ inline std::vector<Item> items() {
                      o.interface = FrictionLaws::with(
                          law, [&](auto own) { return decltype(own)::type::typical(o.interface, o.soft); });
                      o.interface.friction_law = law;
+                     if (o.strategy == Strategy::kVelocityDriven) o.friction_coefficient = 0.02;
                    },
                    Kind::kFrictionLaw});
   for (const Part& part : parts()) {

@@ -105,6 +105,7 @@ class Rig {
   double heat_shape(int vertex, int lane = 0) const {
     return committed[place(model.layout().heat_shape, vertex, lane)];
   }
+  double friction_state(int lane = 0) const { return committed[model.layout().friction_state + lane]; }
   double junction_strain(int lane = 0) const { return committed[model.layout().junction_strain + lane]; }
   double stress(int lane = 0) const { return committed[model.layout().shear_stress + lane]; }
   double second_stress(int lane = 0) const { return committed[model.layout().second_stress + lane]; }
@@ -219,6 +220,7 @@ class Rig {
       state.sticking = committed[model.layout().sticking + lane] != 0.0;
     }
     if (model.layout().junction_strain != TileLayout::kAbsent) state.junction_strain = junction_strain(lane);
+    if (model.layout().num_friction_states > 0) state.friction_state = friction_state(lane);
     if (model.layout().heat_shape != TileLayout::kAbsent) {
       for (int i = 0; i < model.grid().num_vertices(); ++i) state.heat_shape.push_back(heat_shape(i, lane));
     }

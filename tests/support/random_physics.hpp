@@ -163,6 +163,44 @@ inline void draw_contact(Draw& draw, bool extreme, ModelOptions& options) {
   }
 }
 
+// Draws friction that softens with the temperature.
+inline void draw_softening(Draw& draw, ModelOptions& options) {
+  options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
+  options.interface.friction_reference_temperature = draw.uniform(1.0, 1200.0);
+  options.interface.friction_softening_exponent = draw.chance(0.3) ? 1.0 : draw.uniform(1.0, 5.0);
+}
+
+// Draws constants of a friction law with a state.
+inline void draw_state_law(Draw& draw, ModelOptions& options) {
+  const double mu = options.strategy == Strategy::kForceDriven ? options.interface.friction_coefficient
+                                                               : options.friction_coefficient.value_or(0.1);
+  options.interface.slip_length = draw.log_uniform(1e-9, 1e-5);
+  options.interface.reference_velocity = draw.log_uniform(1e-3, 10.0);
+  options.interface.direct_effect = mu * draw.log_uniform(0.01, 0.1);
+  options.interface.evolution_effect = options.interface.direct_effect * draw.uniform(0.0, 2.0);
+  options.interface.state_evolution = draw.chance(0.5) ? StateEvolution::kSlip : StateEvolution::kAgeing;
+  options.interface.friction_law =
+      draw.chance(0.5) ? FrictionLaws::place<PrakashClifton>() : FrictionLaws::place<RateAndState>();
+}
+
+// Draws a contact beyond those of draw_contact(): laws with a state, junctions together with a law, and any law of a
+// velocity-driven interface.
+inline void draw_other_contact(Draw& draw, bool extreme, ModelOptions& options) {
+  if (extreme && options.plastic_layer) return;  // as in random_options()
+  if (options.strategy == Strategy::kVelocityDriven && options.friction_coefficient) {
+    const double mu = *options.friction_coefficient;
+    draw_contact(draw, extreme, options);
+    options.interface.friction_coefficient_fast = mu * draw.uniform(0.0, 1.5);
+    if (options.junctions || draw.chance(0.4))
+      draw_state_law(draw, options);
+    else if (draw.chance(0.3))
+      draw_softening(draw, options);
+  } else if (options.strategy == Strategy::kForceDriven && goes_with(Property::kFrictionWithState, options) &&
+             goes_with(Property::kSlipDependentFriction, options) && draw.chance(0.4)) {
+    draw_state_law(draw, options);
+  }
+}
+
 inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) {
   ModelOptions options = paper_options(strategy);
   Material& soft = options.soft;
@@ -203,12 +241,11 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
     else if (!extreme)
       draw_contact(aside, extreme, options);
   }
-  if (goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3)) {
-    options.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
-    options.interface.friction_reference_temperature = draw.uniform(1.0, 1200.0);
-    options.interface.friction_softening_exponent = draw.chance(0.3) ? 1.0 : draw.uniform(1.0, 5.0);
-  }
-  if (!only_open_is_second_order(options) && draw.chance(0.8)) options.time_integrator = TimeIntegrator::kSdirk2;
+  if (strategy == Strategy::kForceDriven && !properties_of(options.interface.friction_law).depends_on_slip() &&
+      goes_with(Property::kTemperatureDependentFriction, options) && draw.chance(0.3))
+    draw_softening(draw, options);
+  if (!only_open_is_second_order(options) && goes_with(Property::kSecondOrder, options) && draw.chance(0.8))
+    options.time_integrator = TimeIntegrator::kSdirk2;
   if (goes_with(Property::kModes, options) && draw.chance(0.5)) {
     options.modes = {.accuracy = 1e-4, .shortest_step = extreme ? 1e-12 : 1e-10, .longest_time = extreme ? 1e-3 : 1e-6};
   }
@@ -218,6 +255,11 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   if (Draw aside = draw; aside.chance(0.2)) {
     adopt_flow_law(soft, random_preston_tonks_wallace(aside));
     options.time_integrator = TimeIntegrator::kBackwardEuler;
+  }
+  // The same for the contacts that were added later.
+  if (Draw aside = draw; aside.chance(0.5)) {
+    draw_other_contact(aside, extreme, options);
+    if (!goes_with(Property::kSecondOrder, options)) options.time_integrator = TimeIntegrator::kBackwardEuler;
   }
   return options;
 }
@@ -230,6 +272,8 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   } while (!properties_of(options.soft.flow_law).has_wave_return);
   options.drive = Drive::kLayerShear;
   options.taylor_quinney_factor.reset();
+  options.interface.friction_law = {};
+  options.junctions.reset();
   // Draws from a copy of the generator, so that scenes of backward Euler stay as they were before the waves had SDIRK2.
   Draw aside = draw;
   options.time_integrator = aside.chance(0.5) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;

@@ -34,7 +34,7 @@ TEST(PhysicsForceDrivenKernels, AFormIsTheCoefficientOfItsLaw) {
     ++laws;
     for (double T0 = 5.0; T0 < soft.melting_temperature; T0 += 45.0) {
       for (const double slip : {0.0, 1e-3, 1.0, 70.0, 5000.0}) {
-        const double expected = Law::at(options, soft, T0, slip).coefficient;
+        const double expected = Law::at(options, soft, {1.0, T0, slip}).stress;
         EXPECT_NEAR(coefficient(form, soft.melting_temperature, T0, slip), expected, 4e-15 * expected) << Law::kName;
       }
     }
@@ -117,7 +117,7 @@ TEST(PhysicsForceDrivenKernels, OneLaneHasTheBitsOfItsTile) {
         ASSERT_EQ(alone.regime, rig.outputs.regime[l]);
         ++compared;
         if (!options.junctions) continue;
-        ASSERT_EQ(interface_step.junction_strain, rig.junction_strain(l));
+        ASSERT_EQ(interface_step.contact.junction_strain, rig.junction_strain(l));
         hardened += alone.regime == Regime::kTresca;
       }
     }

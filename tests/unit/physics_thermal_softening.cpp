@@ -24,18 +24,19 @@ TEST(PhysicsThermalSoftening, FallsFromMuAtTheReferenceToNothingAtMelting) {
   const Material soft = paper_options().soft;
   for (const double exponent : {1.0, 2.0, 4.5}) {
     const InterfaceOptions law = softening_friction(0.3, exponent);
-    const auto mu = [&](double T) { return ThermalSoftening::at(law, soft, T, 0.0); };
-    EXPECT_EQ(mu(1.0).coefficient, 0.3);
-    EXPECT_EQ(mu(300.0).coefficient, 0.3);
-    EXPECT_EQ(mu(1220.0).coefficient, 0.0);
-    EXPECT_EQ(mu(5000.0).coefficient, 0.0);
-    EXPECT_NEAR(mu(760.0).coefficient, 0.3 * (1.0 - std::pow(0.5, exponent)), 1e-15);
+    const auto mu = [&](double T) { return ThermalSoftening::at(law, soft, {1.0, T, 0.0}); };  // at P = 1 Pa
+    EXPECT_EQ(mu(1.0).stress, 0.3);
+    EXPECT_EQ(mu(300.0).stress, 0.3);
+    EXPECT_EQ(mu(1220.0).stress, 0.0);
+    EXPECT_EQ(mu(5000.0).stress, 0.0);
+    EXPECT_NEAR(mu(760.0).stress, 0.3 * (1.0 - std::pow(0.5, exponent)), 1e-15);
     for (double T = 310.0; T < 1220.0; T += 37.0) {
       const double h = 1e-3;
-      const double slope = (mu(T + h).coefficient - mu(T - h).coefficient) / (2.0 * h);
+      const double slope = (mu(T + h).stress - mu(T - h).stress) / (2.0 * h);
       EXPECT_NEAR(mu(T).slope, slope, 1e-6 * std::abs(slope) + 1e-12);
-      EXPECT_LE(std::abs(mu(T).slope), ThermalSoftening::steepest(law, soft, 300.0, T) * (1.0 + 1e-12));
-      EXPECT_GE(std::abs(mu(T).slope), ThermalSoftening::steepest(law, soft, T - 1.0, T) * (1.0 - 1e-12));
+      EXPECT_LE(std::abs(mu(T).slope), ThermalSoftening::steepest(law, soft, {1.0, T, 0.0}, 300.0, T) * (1.0 + 1e-12));
+      EXPECT_GE(std::abs(mu(T).slope),
+                ThermalSoftening::steepest(law, soft, {1.0, T, 0.0}, T - 1.0, T) * (1.0 - 1e-12));
     }
   }
 }

@@ -1,5 +1,5 @@
 // Velocity-weakening friction (MODEL.md) in the force-driven step.
-#include "server/physics/interface/velocity_weakening.hpp"
+#include "server/physics/interface/stress_limit.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,29 +13,49 @@ namespace {
 
 constexpr InterfaceOptions kPaper{0.3, 1e12, FrictionLaws::place<VelocityWeakening>(), 0.02, 0.01};
 
+// The search finds the answer with the most slip without a scan, and tells whether there are others: a scan of each step
+// must agree. The interface heats, so that both friction and yield limit it.
 TEST(PhysicsVelocityWeakening, EveryAnswerOfAStepIsFound) {
   Draw draw(17);
-  int several = 0;
+  const Material soft = paper_options().soft;
+  constexpr int kPoints = 2000;
+  int several = 0, single = 0, none = 0;
   for (int n = 0; n < 3000; ++n) {
-    const double P = draw.log_uniform(1e8, 1e11), c = draw.uniform(-20.0, 400.0), b = draw.log_uniform(1e-9, 1e-6);
-    const double a_stick = draw.log_uniform(1e6, 1e11);
-    const VelocityWeakening law{0.3, 0.02, 0.01};
-    const SlidingFriction friction = VelocityWeakening::of_step(kPaper, P, c, b, a_stick);
-    const auto h = [&](double a) { return law.coefficient(std::max(0.0, c - b * a)) * P - a; };
-    EXPECT_NEAR(friction.holding, h(a_stick) + a_stick, 1e-9 * P);
-    EXPECT_NEAR(h(friction.sliding), 0.0, 1e-11 * P);
-    for (int i = 0; i < 300; ++i) ASSERT_GT(h(friction.sliding * (i + 0.5) / 300.5), 0.0);
-    // h(a) is friction minus stress. While the interface slips (a < c / b), h must be negative for stresses between
-    // `sliding` and `exceeds_again`, and positive above `exceeds_again`.
-    const double end = std::min(c / b, 2.0 * 0.3 * P);
-    for (int i = 1; i < 300 && friction.sliding < end; ++i) {
-      const double a = friction.sliding + (end - friction.sliding) * i / 300;
-      if (std::abs(a / friction.exceeds_again - 1.0) < 1e-9 || a / friction.sliding - 1.0 < 1e-9) continue;
-      ASSERT_EQ(h(a) > 0.0, a > friction.exceeds_again) << "c " << c << " b " << b << " P " << P << " a " << a;
+    InterfaceOptions law = kPaper;
+    law.yield_strength = draw.chance(0.5) ? 1e12 : draw.log_uniform(1e8, 3e9);
+    const double P = draw.log_uniform(1e8, 1e11);
+    const StressLimit limit = interface_strength(law, soft, P, nullptr);
+    const FrictionHeating heating{draw.uniform(300.0, 1200.0), draw.log_uniform(1e-10, 1e-8), draw.uniform(1.0, 400.0),
+                                  draw.log_uniform(1e-9, 1e-6)};
+    const double a_max = std::min(heating.c / heating.b, 1.01 * limit.at(heating.T_ad, 0.0).stress);
+    int zeros = 0;
+    double first = a_max, nearest = a_max;  // the first zero, and the least distance between two
+    bool spare = true;
+    for (int i = 1; i <= kPoints; ++i) {
+      const double a = a_max * i / kPoints;
+      if ((spare_strength(limit, heating, a) > 0.0) == spare) continue;
+      spare = !spare;
+      if (zeros++ == 0) first = a;
+      if (zeros == 2) nearest = a - first;
     }
-    several += std::isfinite(friction.exceeds_again);
+    const SlipSearch slip = most_slip_stress(limit, heating, a_max);
+    ASSERT_LE(slip.stress, first) << n;
+    if (slip.stress < first * (1.0 - 1e-9) - a_max / kPoints) {  // two zeros between two points of the scan
+      ASSERT_TRUE(slip.found && slip.several) << n;
+    } else {
+      ASSERT_EQ(slip.found, zeros > 0) << n;
+      if (nearest > 3.0 * a_max / kPoints) {
+        ASSERT_EQ(slip.several, zeros > 1) << n;
+      }
+    }
+    if (slip.found) {
+      ASSERT_NEAR(spare_strength(limit, heating, slip.stress), 0.0, 1e-9 * slip.stress + 1e-6) << n;
+    }
+    (zeros > 1 ? several : zeros == 1 ? single : none) += 1;
   }
   EXPECT_GT(several, 50);
+  EXPECT_GT(single, 500);
+  EXPECT_GT(none, 50);
 }
 
 TEST(PhysicsVelocityWeakening, WithoutDecayItIsCoulombsLaw) {

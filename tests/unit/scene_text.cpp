@@ -44,9 +44,8 @@ far_boundary = "insulated"              # or "half_space"
 initial_temperature_k = 300.0
 [velocity_driven]
 drive = "layer_shear"                   # or "interface_slip"
-[interface]                             # force-driven
+[interface]                             # without it the bodies are bonded
 friction_coefficient = 0.3
-yield_strength_pa = 200e6
 )";
 
 // Returns the faults that the programs report for the TOML text of a scene, "" if none. First shearbus-hydro reads the
@@ -87,7 +86,7 @@ TEST(SceneText, ThePapersSceneLoadsAsWritten) {
   EXPECT_EQ(scene.velocity_driven().drive(), v1::DRIVE_LAYER_SHEAR);
   EXPECT_FALSE(scene.velocity_driven().has_friction_coefficient());
   EXPECT_EQ(scene.interface().friction_coefficient(), 0.3);
-  EXPECT_EQ(scene.interface().yield_strength_pa(), 200e6);
+  EXPECT_FALSE(scene.interface().has_yield_strength_pa());
 }
 
 TEST(SceneText, AbsentKeysTakeTheirDefaults) {
@@ -359,7 +358,8 @@ class RandomScene {
     if (heated) scene.mutable_velocity_driven()->set_taylor_quinney_factor(number(1e-3, 1));
     if (forced || flip()) {
       scene.mutable_interface()->set_friction_coefficient(number(1e-9, 10));
-      scene.mutable_interface()->set_yield_strength_pa(number(1e-290, 1e12));
+      const double yield_strength = number(1e-290, 1e12);
+      if (forced) scene.mutable_interface()->set_yield_strength_pa(yield_strength);
     }
     layer(
         *scene.mutable_layer(),
@@ -482,14 +482,20 @@ TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   EXPECT_EQ(refusal_of(force + "plastic_layer = true\n" + junctions), "");
   const std::string weakening =
       "friction_law = 'velocity_weakening'\nfriction_coefficient_fast = 0.02\nvelocity_decay_s_per_m = 0.01\n";
-  EXPECT_THAT(refusal_of(force + weakening + junctions),
-              StartsWith("scene.toml:11:1: [junctions] does not go with interface.friction_law"));
+  EXPECT_EQ(refusal_of(force + weakening + junctions), "");
+  const std::string film = "[melt_film]\nlatent_heat_j_per_kg = 4e5\nviscosity_pa_s = 1e-3\n[hard_layer]\n";
+  EXPECT_THAT(refusal_of(force + junctions + film),
+              StartsWith("scene.toml:11:1: [melt_film] does not go with [junctions]"));
   EXPECT_THAT(refusal_of(force + "taylor_quinney_factor = 0.9\n[hard_layer]\n"),
               StartsWith("scene.toml:8:1: interface.taylor_quinney_factor heats where the layer flows"));
   std::string velocity = force;
   velocity.replace(velocity.find("force_driven"), 12, "velocity_driven");
-  EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:8:1: interface.plastic_layer"));
-  EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:8:1: [junctions]"));
+  EXPECT_EQ(refusal_of(velocity + junctions), "");
+  EXPECT_THAT(refusal_of(velocity), StartsWith("scene.toml:7:1: interface.yield_strength_pa is for force_driven"));
+  velocity.erase(velocity.find("yield_strength_pa"));
+  EXPECT_EQ(refusal_of(velocity), "");
+  EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:5:1: interface.yield_strength_pa is missing"));
+  EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:7:1: interface.plastic_layer"));
   // A scene with several faults: all are reported together, each with its line, in the order of the text.
   const std::string several = refusal_of(force + "plastic_layer = true\n[layer]\ninertia = true\nheat = 'modes'\n");
   EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.inertia = true does not go with strategy"));

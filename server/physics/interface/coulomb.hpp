@@ -10,13 +10,14 @@ struct ConstantFriction {
   static constexpr std::string_view kEquation = "DLP (65)";
   static constexpr std::string_view kAdds = "mu P, one coefficient";
   static constexpr std::string_view kWhen = "the default";
-  static constexpr bool kDependsOnSlip = false;
+  static constexpr bool kRisesWithSlip = false;
+  static constexpr bool kFallsWithSlip = false;
   static constexpr bool kDependsOnTemperature = false;
 
   static InterfaceOptions typical(const InterfaceOptions& options, const Material& /*soft*/) { return options; }
   static LawFault fault_of(const InterfaceOptions& /*options*/, const Material& /*soft*/) { return {}; }
-  static FrictionValue at(const InterfaceOptions& options, const Material& /*soft*/, double /*T0*/, double /*slip*/) {
-    return {options.friction_coefficient, 0.0, 0.0};
+  static FrictionValue at(const InterfaceOptions& options, const Material& /*soft*/, const ContactPoint& point) {
+    return {options.friction_coefficient * point.pressure};
   }
   static FrictionForm form(const InterfaceOptions& options) {
     return ConstantCoefficient{options.friction_coefficient};

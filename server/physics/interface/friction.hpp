@@ -1,24 +1,29 @@
 // The friction law of an interface, as the rest of the model needs it. A law is one file with one class, registered by
 // one line in friction_laws.hpp (server/ARCHITECTURE.md, "Adding a law"). The interface carries at most
 //
-//   |s| <= min(mu(T0, |[v]|) P, yield_strength g(P, T0) / sqrt(3)),                    DLP (5), (65)
+//   |s| <= min(friction(T0, |[v]|, P, state), yield_strength g(P, T0) / sqrt(3)),         DLP (5), (65)
 //
-// and a friction law gives the coefficient mu. The concepts of this file list the members that a law must have.
+// and a friction law gives the friction. The concepts of this file list the members that a law must have. No solver
+// knows a law's name: it asks for the friction and for what the law declares.
 #pragma once
 
+#include <array>
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <string_view>
 #include <type_traits>
 
 #include "server/physics/interface/friction_form.hpp"
+#include "server/physics/interface/friction_law.h"
 #include "server/physics/material/flow_law.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::physics {
 
 enum class FrictionLaw : std::uint8_t {};  // index of a law in the list of friction_laws.hpp; 0: constant mu
+
+enum class StateEvolution : std::uint8_t { kAgeing, kSlip };
 
 struct InterfaceOptions {
   double friction_coefficient = 0.0;            // coefficient mu; if mu varies, its value without slip and below T_ref
@@ -28,62 +33,88 @@ struct InterfaceOptions {
   double velocity_decay = 0.0;                  // decay theta of velocity weakening  [s/m]
   double friction_reference_temperature = 0.0;  // reference temperature T_ref of thermal softening   [K]
   double friction_softening_exponent = 0.0;     // exponent m of thermal softening, at least 1
+  double slip_length = 0.0;                     // slip over which the state of a law follows  [m]
+  double reference_velocity = 0.0;              // V* of Prakash and Clifton, V0 of rate and state  [m/s]
+  double direct_effect = 0.0;                   // a of rate and state
+  double evolution_effect = 0.0;                // b of rate and state
+  StateEvolution state_evolution{};             // evolution of the state of rate and state
+  const shearbus_friction_law* own = nullptr;   // a law of a library (own.hpp)
 };
 
-// The friction coefficient mu and its derivatives.
+// The slip velocity |[v]| of a step, given twice: the friction of a law never falls where `up` rises and never rises
+// where `down` rises. With up = down it is the friction of the law. So the friction between two slips is known from
+// their ends, and a search can prove that no answer lies between two stresses.
+struct Slip {
+  double up, down;                                                   // [m/s]
+  constexpr Slip(double velocity) : up(velocity), down(velocity) {}  // NOLINT: a velocity is a Slip
+  constexpr Slip(double rising, double falling) : up(rising), down(falling) {}
+};
+
+// Where a law is asked for its friction: at the end of a step of length dt that slips with one velocity.
+struct ContactPoint {
+  double pressure;                // P; 0 where the contact is open  [Pa]
+  double temperature;             // interface temperature T0 at the end of the step  [K]
+  Slip slip;                      // |[v]| in the step
+  double dt = 0.0;                // [s]
+  const double* state = nullptr;  // states of the law before the step, in the order of its kStates
+};
+
+// Friction, and its derivatives by T0 and by either slip.
 struct FrictionValue {
-  double coefficient;
-  double slope;       // derivative of mu by T0         [1/K]
-  double slip_slope;  // derivative of mu by the slip velocity |[v]|   [s/m]
-};
-
-// Friction of one step under a law that depends on slip, not on temperature. The slip under the stress a is c - b a
-// (FrictionHeating). Temperature changes this slip only through the stress, so friction is solved before the interface
-// temperature T0 is known, and the rest of the solver sees a constant limit.
-struct SlidingFriction {
-  double sliding;  // smallest a >= 0 with a = mu(c - b a) P: the stress of the answer with the most slip  [Pa]
-  double holding;  // friction stress mu P at the slip that remains under the sticking stress a_stick  [Pa]
-  // Stress above which mu(c - b a) P exceeds a again, because mu rises as the slip falls. The node may then also stick
-  // in the same step. Infinity: there is no such stress.
-  double exceeds_again = std::numeric_limits<double>::infinity();  // [Pa]
+  double stress;            // [Pa]
+  double slope = 0.0;       // [Pa/K]
+  double up_slope = 0.0;    // [Pa s/m]
+  double down_slope = 0.0;  // [Pa s/m]
 };
 
 // The properties of a friction law. Options of a model are allowed or refused by these properties, never by the name of
 // a law. No property has a default: a law that does not declare all of them does not compile.
 struct FrictionLawProperties {
-  bool depends_on_slip;         // whether mu depends on the slip of the step
-  bool depends_on_temperature;  // whether mu depends on T0 at the end of the step
+  bool rises_with_slip;         // whether the friction may rise with the slip of the step
+  bool falls_with_slip;         // whether the friction may fall with the slip of the step
+  bool depends_on_temperature;  // whether the friction depends on T0 at the end of the step
+  bool depends_on_slip() const { return rises_with_slip || falls_with_slip; }
 };
 
 template <class Law>
 concept DeclaresFrictionLawProperties = requires {
-  typename std::bool_constant<Law::kDependsOnSlip>;
+  typename std::bool_constant<Law::kRisesWithSlip>;
+  typename std::bool_constant<Law::kFallsWithSlip>;
   typename std::bool_constant<Law::kDependsOnTemperature>;
 };
 
 template <DeclaresFrictionLawProperties Law>
 constexpr FrictionLawProperties properties_of_law() {
-  return {.depends_on_slip = Law::kDependsOnSlip, .depends_on_temperature = Law::kDependsOnTemperature};
+  return {.rises_with_slip = Law::kRisesWithSlip,
+          .falls_with_slip = Law::kFallsWithSlip,
+          .depends_on_temperature = Law::kDependsOnTemperature};
 }
 
-// A law whose coefficient falls with T0. Solvers require that mu(T0) is continuous, never rises and is 0
-// from T_melt on.
+// A law whose friction falls with T0. Solvers require that it is continuous, never rises with T0 and is 0 from T_melt
+// on.
 template <class Law>
 concept TemperatureDependentFriction =
-    !Law::kDependsOnTemperature || requires(const InterfaceOptions& options, const Material& soft, double T) {
-  // Upper bound of |d mu / d T0| between two temperatures  [1/K]
-  { Law::steepest(options, soft, T, T) } -> std::same_as<double>;
+    !Law::kDependsOnTemperature ||
+    requires(const InterfaceOptions& options, const Material& soft, const ContactPoint& point, double T) {
+  // Upper bound of |d friction / d T0| between two temperatures, at the pressure and states of `point`  [Pa/K]
+  { Law::steepest(options, soft, point, T, T) } -> std::same_as<double>;
 };
 
-// A law whose coefficient depends on slip solves the friction of a step itself.
+// A law with states of its own, one value per node each, 0 at the start of a node.
 template <class Law>
-concept SlipDependentFriction = !Law::kDependsOnSlip || requires(const InterfaceOptions& options, double value) {
-  // of_step gets the options, the pressure P, the coefficients c and b of the slip c - b a, and the sticking stress
-  // a_stick.
-  { Law::of_step(options, value, value, value, value) } -> std::same_as<SlidingFriction>;
+concept FrictionWithState = requires {
+  Law::kStates;
 };
+template <class Law>
+concept AdvancesItsStates =
+    !FrictionWithState<Law> || requires(const InterfaceOptions& options, const ContactPoint& point, double* state) {
+  // Writes the states after the step that `point` describes; `state` may be point.state. An open contact has P = 0.
+  { Law::advance(options, point, state) } -> std::same_as<void>;
+};
+inline constexpr std::size_t kMostFrictionStates = 4;  // largest number of states of a law
+using FrictionStates = std::array<double, kMostFrictionStates>;
 
-// A law may declare a form of its coefficient, equal to at() to rounding (friction_form.hpp).
+// A law may declare a form of its coefficient, equal to at() over P to rounding (friction_form.hpp).
 template <class Law>
 concept HasFrictionForm = requires(const InterfaceOptions& options) {
   { Law::form(options) } -> std::same_as<FrictionForm>;
@@ -91,7 +122,8 @@ concept HasFrictionForm = requires(const InterfaceOptions& options) {
 
 template <class Law>
 concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDependentFriction<Law> &&
-    SlipDependentFriction<Law> && requires(const InterfaceOptions& options, const Material& soft, double value) {
+    AdvancesItsStates<Law> &&
+    requires(const InterfaceOptions& options, const Material& soft, const ContactPoint& point) {
   { Law::kName } -> std::convertible_to<std::string_view>;      // name of the law in scenes
   { Law::kEquation } -> std::convertible_to<std::string_view>;  // equation of the law, for OPTIONS.md
   { Law::kAdds } -> std::convertible_to<std::string_view>;  // what the law adds to constant friction, for OPTIONS.md
@@ -100,8 +132,8 @@ concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDepe
   { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
   // Returns the options with typical constants of the law; friction_coefficient and yield_strength stay as given.
   { Law::typical(options, soft) } -> std::same_as<InterfaceOptions>;
-  // Returns mu at the interface temperature T0 and slip velocity |[v]|; `soft`: the material at the node's pressure.
-  { Law::at(options, soft, value, value) } -> std::same_as<FrictionValue>;
+  // Returns the friction at a point; `soft`: the material at the node's pressure.
+  { Law::at(options, soft, point) } -> std::same_as<FrictionValue>;
 };
 
 }  // namespace shearbus::physics

@@ -2,9 +2,13 @@
 // scene's enum.
 #pragma once
 
+#include <iterator>
 #include <span>
 
 #include "server/physics/interface/coulomb.hpp"
+#include "server/physics/interface/own.hpp"
+#include "server/physics/interface/prakash_clifton.hpp"
+#include "server/physics/interface/rate_and_state.hpp"
 #include "server/physics/interface/state_variable.hpp"
 #include "server/physics/interface/thermal_softening.hpp"
 #include "server/physics/interface/velocity_weakening.hpp"
@@ -17,7 +21,10 @@ using FrictionLawList = LawList<FrictionLaw, Laws...>;
 
 using FrictionLaws = FrictionLawList<ConstantFriction,   // one line per law
                                      VelocityWeakening,  //
-                                     ThermalSoftening>;
+                                     ThermalSoftening,   //
+                                     PrakashClifton,     //
+                                     RateAndState,       //
+                                     Own>;
 
 inline FrictionLawProperties properties_of(FrictionLaw law) {
   return FrictionLaws::with(law, [](auto own) { return properties_of_law<typename decltype(own)::type>(); });
@@ -39,7 +46,8 @@ inline FrictionForm form_of(const InterfaceOptions& options) {
 inline std::span<const StateVariable> states_of(FrictionLaw law) {
   return FrictionLaws::with(law, [](auto own) -> std::span<const StateVariable> {
     using Law = typename decltype(own)::type;
-    if constexpr (requires { Law::kStates; }) {
+    if constexpr (FrictionWithState<Law>) {
+      static_assert(std::size(Law::kStates) <= kMostFrictionStates);
       return Law::kStates;
     } else {
       return {};

@@ -1,14 +1,14 @@
 // The strength of the interface (DLP 65): the largest stress that the interface carries at an interface temperature T0
 // and a slip,
 //
-//   s_lim(T0, [v]) = min(mu(T0, [v]) P, Y([v]) g(P, T0) / sqrt(3)),
+//   s_lim(T0, [v]) = min(friction(T0, [v], P, state), Y([v]) g(P, T0) / sqrt(3)),
 //
 // where Y is a yield strength or the strength of junctions, which grows with the slip of the step. All solvers use this
-// object; the ceiling of a layer (Y_max) is a StressLimit without friction.
+// object; the ceiling of a layer (Y_max) is a StressLimit without friction, and an infinite yield strength is none.
 #pragma once
 
+#include <cmath>
 #include <limits>
-#include <optional>
 
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/interface/junctions.hpp"
@@ -16,6 +16,9 @@
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::physics {
+
+// A slip below this share of all that could slip is rounding: the interface sticks.
+inline constexpr double kAtRest = 1e-8;
 
 struct StressLimit {
   // Friction stress mu P of the law with a constant mu; infinity: no friction limit  [Pa]
@@ -27,49 +30,47 @@ struct StressLimit {
   double offset = 0.0;             // stress added to the limit, be it friction or yield: the `shift` of scaled()  [Pa]
   SearchEffort* effort = nullptr;  // where searches for a root count their evaluations; null: no counts
   const InterfaceOptions* varying = nullptr;  // friction law that is not constant; if set, `coulomb` is not used
-  double share = 1.0;  // factor on the friction stress of the law `varying`; 1 unless scaled() has set it
+  double share = 1.0;        // factor on the friction stress of the law `varying`; 1 unless scaled() has set it
+  double dt = 0.0;           // length of the step, for the states of the law  [s]
+  FrictionStates state{};    // states of the law before the step
+  double least_slip = 0.0;   // slower slip has the friction of this slip velocity  [m/s]
+  double held_slip = kFree;  // slip velocity at which at_slip() holds the law; kFree: that of the caller
+
+  static constexpr double kFree = -1.0;
 
   struct Value {
-    double stress;            // the limit  [Pa]
-    double slope;             // derivative of the limit by T0  [Pa/K]
-    bool is_coulomb;          // the friction branch is the limit
-    double slip_slope = 0.0;  // derivative of the limit by the slip velocity  [Pa s/m]
+    double stress;          // the limit  [Pa]
+    double slope;           // derivative of the limit by T0  [Pa/K]
+    bool is_coulomb;        // the friction branch is the limit
+    double up_slope = 0.0;  // derivatives of the limit by either slip velocity  [Pa s/m]
+    double down_slope = 0.0;
+    double slip_slope() const { return up_slope + down_slope; }
   };
-  Value at(double temperature, double slip = 0.0) const {
+  Value at(double temperature, Slip slip = 0.0) const {
     const Softening soften = softening(*soft, pressure, temperature);
-    const Junctions::Value hardened = junctions.options ? junctions.at(slip) : Junctions::Value{tresca, 0.0};
+    const Junctions::Value hardened = junctions.options ? junctions.at(slip.up) : Junctions::Value{tresca, 0.0};
     const double yield = hardened.strength * soften.g;
     if (varying == nullptr) {
-      if (coulomb <= yield) return {offset + coulomb, 0.0, true};
-    } else if (const Value rubbing = friction(temperature, slip); rubbing.stress < yield) {
-      return {offset + rubbing.stress, rubbing.slope, true, rubbing.slip_slope};
+      if (coulomb <= yield || std::isinf(hardened.strength)) return {offset + coulomb, 0.0, true};
+    } else if (const Value rubbing = friction(temperature, slip);
+               !(rubbing.stress >= yield) || std::isinf(hardened.strength)) {  // also where a law gave no number
+      return {offset + rubbing.stress, rubbing.slope, true, rubbing.up_slope, rubbing.down_slope};
     }
     return {offset + yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
   }
 
   // The friction branch of the limit alone, without `offset`.
-  Value friction(double temperature, double slip = 0.0) const {
+  Value friction(double temperature, Slip slip = 0.0) const {
     if (varying == nullptr) return {coulomb, 0.0, true};
     return varying_friction(temperature, slip);
   }
+  // The states of the friction law after the step with this slip velocity.
+  FrictionStates states_after(double temperature, double slip) const;
 
-  // For a friction law that depends on slip: the friction of a step in which the slip velocity is c - b a under the
-  // stress a. Empty for other laws. The interface sticks under the stress `a_stick`.
-  std::optional<SlidingFriction> friction_of_step(double c, double b, double a_stick) const {
-    if (varying == nullptr) return {};
-    return varying_friction_of_step(c, b, a_stick);
-  }
-
-  // A copy of this limit with a constant friction stress.
-  StressLimit with_friction(double stress) const {
-    StressLimit other = *this;
-    other.coulomb = stress;
-    other.varying = nullptr;
-    return other;
-  }
   // The limit at one slip velocity, as a limit that does not depend on slip any more.
   StressLimit at_slip(double slip) const;
   bool depends_on_slip() const;
+  bool falls_with_slip() const;  // whether the limit may fall with slip, so that a step may have several answers
   // The limit in a stage of a second-order step: both branches (friction and yield) times `factor`, plus `shift`. Not
   // for junctions.
   StressLimit scaled(double factor, double shift) const {
@@ -81,16 +82,19 @@ struct StressLimit {
     return other;
   }
 
+  bool vanishes_at_melting() const {
+    return !std::isinf(tresca) || junctions.options != nullptr || (varying != nullptr && falls_with_temperature());
+  }
   // Upper bound of |d stress / d T0| between two temperatures, for slips up to `most_slip`  [Pa/K].
   double steepest(double coldest, double hottest, double most_slip) const;
   // Whether constant friction is the limit at a temperature, and therefore at all lower temperatures.
-  bool is_constant_below(double temperature, double slip) const {
+  bool is_constant_below(double temperature, Slip slip) const {
     return varying == nullptr && at(temperature, slip).is_coulomb;
   }
 
  private:
-  Value varying_friction(double temperature, double slip) const;
-  std::optional<SlidingFriction> varying_friction_of_step(double c, double b, double a_stick) const;
+  Value varying_friction(double temperature, Slip slip) const;
+  bool falls_with_temperature() const;
 };
 
 // The strength of the interface of one node without its junctions. `soft`: material of the soft body, with its
@@ -101,10 +105,10 @@ inline StressLimit interface_strength(const InterfaceOptions& options, const Mat
   limit.effort = effort;
   FrictionLaws::with(options.friction_law, [&](auto own) {
     using Law = typename decltype(own)::type;
-    if constexpr (Law::kDependsOnSlip || Law::kDependsOnTemperature)
+    if constexpr (Law::kRisesWithSlip || Law::kFallsWithSlip || Law::kDependsOnTemperature || FrictionWithState<Law>)
       limit.varying = &options;
     else
-      limit.coulomb = Law::at(options, soft, 0.0, 0.0).coefficient * pressure;
+      limit.coulomb = Law::at(options, soft, {pressure, 0.0, 0.0}).stress;
   });
   return limit;
 }
@@ -133,10 +137,11 @@ double slip_stress(const StressLimit& limit, const FrictionHeating& heating, dou
 // because the temperature found for a solid interface may round to T_melt.
 double below_melting(const StressLimit& limit, const FrictionHeating& heating, double partition, double B0, double a);
 
-// Returns true if the spare strength H is sure to have at most one zero in [0, a_max]. This holds if H falls strictly
-// up to the limit of the unheated interface, s_lim(T_ad, v(0)), above which H has no zero. H can rise only where more
-// stress heats less. There an upper bound of B0 beta_T |ds_lim/dT0| (2 b a - c) must be below 1, with b and c of
-// FrictionHeating. Junctions only make H fall faster, because less slip hardens them less.
+// Returns true if the spare strength H is sure to have at most one zero in [0, a_max] as far as heat can tell. This holds
+// if H falls strictly up to the limit of the unheated interface, s_lim(T_ad), above which H has no zero, but for what a
+// limit that falls with slip adds (falls_with_slip()). H can rise only where more stress heats less. There an upper bound
+// of B0 beta_T |ds_lim/dT0| (2 b a - c) must be below 1, with b and c of FrictionHeating. A limit that rises with slip
+// only makes H fall faster.
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max);
 
 // The smallest zero of the spare strength H in [0, a_max], of however many. The interface slips most under the smallest
@@ -147,5 +152,9 @@ struct SlipSearch {
   bool several;  // the spare strength H has other zeros in [0, a_max]
 };
 SlipSearch most_slip_stress(const StressLimit& limit, const FrictionHeating& heating, double a_max);
+
+// The smallest a >= 0 that is the friction at the slip velocity max(0, c - b a), for an interface that does not heat and
+// yields nowhere  [Pa]. Where it would carry more than the stress that stops it, the friction at rest.
+double sliding_stress(const InterfaceOptions& options, const Material& soft, double pressure, double c, double b);
 
 }  // namespace shearbus::physics

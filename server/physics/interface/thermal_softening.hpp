@@ -20,7 +20,8 @@ struct ThermalSoftening {
   static constexpr std::string_view kEquation = "mu (1 - T*^m)";
   static constexpr std::string_view kAdds = "friction that softens with the interface temperature, to 0 at melting";
   static constexpr std::string_view kWhen = "sliding that heats the interface far above T_ref before it yields";
-  static constexpr bool kDependsOnSlip = false;
+  static constexpr bool kRisesWithSlip = false;
+  static constexpr bool kFallsWithSlip = false;
   static constexpr bool kDependsOnTemperature = true;
 
   static InterfaceOptions typical(InterfaceOptions options, const Material& soft) {
@@ -37,23 +38,25 @@ struct ThermalSoftening {
     return {};
   }
 
-  static FrictionValue at(const InterfaceOptions& options, const Material& soft, double T0, double /*slip*/) {
+  static FrictionValue at(const InterfaceOptions& options, const Material& soft, const ContactPoint& point) {
     const double range = soft.melting_temperature - options.friction_reference_temperature;
-    const double share = (T0 - options.friction_reference_temperature) / range;
-    if (!(share < 1.0)) return {0.0, 0.0, 0.0};
-    if (share <= kLeastShare) return {options.friction_coefficient, 0.0, 0.0};
+    const double share = (point.temperature - options.friction_reference_temperature) / range;
+    if (!(share < 1.0)) return {0.0};
+    if (share <= kLeastShare) return {options.friction_coefficient * point.pressure};
     const double lost = power(share, options.friction_softening_exponent);
-    return {options.friction_coefficient * (1.0 - lost),
-            -options.friction_coefficient * options.friction_softening_exponent * lost / (share * range), 0.0};
+    return {
+        options.friction_coefficient * (1.0 - lost) * point.pressure,
+        -options.friction_coefficient * options.friction_softening_exponent * lost / (share * range) * point.pressure};
   }
 
-  // An upper bound of |d mu / d T0|, the value at `hottest`: the slope rises with T0, since m >= 1.
-  static double steepest(const InterfaceOptions& options, const Material& soft, double coldest, double hottest) {
+  // An upper bound of |d friction / d T0|, the value at `hottest`: the slope rises with T0, since m >= 1.
+  static double steepest(const InterfaceOptions& options, const Material& soft, const ContactPoint& point,
+                         double coldest, double hottest) {
     const double range = soft.melting_temperature - options.friction_reference_temperature;
     const double share = std::clamp((hottest - options.friction_reference_temperature) / range, kLeastShare, 1.0);
     if (hottest <= options.friction_reference_temperature || coldest >= soft.melting_temperature) return 0.0;
     return options.friction_coefficient * options.friction_softening_exponent *
-           power(share, options.friction_softening_exponent - 1.0) / range;
+           power(share, options.friction_softening_exponent - 1.0) / range * point.pressure;
   }
 
   static FrictionForm form(const InterfaceOptions& options) {

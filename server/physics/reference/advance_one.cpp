@@ -19,22 +19,59 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
   }
 }
 
-double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip) {
-  if (options.strategy == Strategy::kVelocityDriven)
-    return options.friction_coefficient.value_or(std::numeric_limits<double>::infinity());
+double least_slip_of_law(double jump_old, double jump_free) {
+  return std::max(0.5 * std::max(0.0, -jump_old), 1e-8 * jump_free);
+}
+
+double friction_state_after(const ModelOptions& options, double pressure, double slip, double dt, double state) {
   const InterfaceOptions& law = options.interface;
-  const double mu = law.friction_coefficient;
+  const double D = law.slip_length, V0 = law.reference_velocity;
+  if (law.friction_law == FrictionLaws::place<PrakashClifton>()) {
+    if (pressure <= 0.0) return 0.0;
+    return pressure + (state - pressure) * std::exp(-(slip + V0) * dt / D);
+  }
+  if (law.friction_law == FrictionLaws::place<RateAndState>()) {
+    if (pressure <= 0.0) return 0.0;
+    const double theta = D / V0 * std::exp(state);
+    if (slip < 1e-290) return law.state_evolution == StateEvolution::kSlip ? state : std::log(V0 / D * (theta + dt));
+    const double kept = std::exp(-slip * dt / D);
+    if (law.state_evolution == StateEvolution::kSlip)  // theta = (D/v) (v theta_old/D)^kept
+      return std::log(V0 / slip) + kept * std::log(slip * theta / D);
+    return std::log(V0 / D * (theta * kept - D / slip * std::expm1(-slip * dt / D)));
+  }
+  return state;
+}
+
+double friction_of(const ModelOptions& options, double pressure, double T0, double slip, double dt, double state) {
+  if (!has_friction(options)) return std::numeric_limits<double>::infinity();
+  const InterfaceOptions& law = options.interface;
+  const double mu =
+      options.strategy == Strategy::kForceDriven ? law.friction_coefficient : *options.friction_coefficient;
   if (law.friction_law == FrictionLaws::place<VelocityWeakening>()) {  // velocity-weakening friction, DLP (3)
     const double fast = law.friction_coefficient_fast;
-    return fast + (mu - fast) * std::exp(-law.velocity_decay * std::max(0.0, slip));
+    return (fast + (mu - fast) * std::exp(-law.velocity_decay * std::max(0.0, slip))) * pressure;
   }
   if (law.friction_law == FrictionLaws::place<ThermalSoftening>()) {
     const double T_melt = at_pressure(options.soft, pressure).melting_temperature;
     const double T_ref = law.friction_reference_temperature;
     const double T = std::clamp((T0 - T_ref) / (T_melt - T_ref), 0.0, 1.0);
-    return mu * (1.0 - std::pow(T, law.friction_softening_exponent));
+    return mu * (1.0 - std::pow(T, law.friction_softening_exponent)) * pressure;
   }
-  return mu;  // constant friction, DLP (65)
+  if (law.friction_law == FrictionLaws::place<Own>()) {  // a law without states
+    const shearbus_contact_point point{mu,   pressure, T0, at_pressure(options.soft, pressure).melting_temperature,
+                                       slip, nullptr};
+    return law.own->limit(&point);
+  }
+  const double after = friction_state_after(options, pressure, slip, dt, state);
+  if (law.friction_law == FrictionLaws::place<PrakashClifton>()) return mu * after;
+  if (law.friction_law == FrictionLaws::place<RateAndState>()) {
+    if (slip < 1e-290) return 0.0;
+    // P a asinh(exp(x)); as printed exp(x) leaves the range of numbers
+    const double x =
+        std::log(0.5 * slip / law.reference_velocity) + (mu + law.evolution_effect * after) / law.direct_effect;
+    return pressure * law.direct_effect * (x > 300.0 ? x + std::log(2.0) : std::asinh(std::exp(x)));
+  }
+  return mu * pressure;  // constant friction, DLP (65)
 }
 
 namespace {
@@ -43,7 +80,7 @@ namespace {
 struct InterfaceLaw {
   const ModelOptions& options;
   double pressure;
-  double friction(double T0) const { return friction_coefficient(options, pressure, T0, 0.0) * pressure; }
+  double friction(double T0) const { return friction_of(options, pressure, T0, 0.0, 0.0, 0.0); }
   double limit(double T0) const {
     const double yield = options.interface.yield_strength / kSqrt3 * softening(options.soft, pressure, T0).g;
     return std::min(friction(T0), yield);

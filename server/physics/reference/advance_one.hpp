@@ -21,8 +21,9 @@ struct NodeState {
   std::vector<double> layer_velocity;  // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
   double shear_stress = 0.0;           // [Pa]
   Regime regime = Regime::kOpen;
-  bool sticking = false;                // with a plastic layer: the interface did not slip at the end of the last step
-  double junction_strain = 0.0;         // plastic strain of the junctions, ep_a
+  bool sticking = false;         // next to a layer that flows: the interface did not slip at the end of the last step
+  double junction_strain = 0.0;  // plastic strain of the junctions, ep_a
+  double friction_state = 0.0;   // of the friction law: psi [Pa], or ln(V0 theta/D)
   std::vector<double> liquid_fraction;  // with a melt film: at the soft body's heat vertices
   std::vector<double>
       coefficients_at;  // of the step at hand: temperatures of k(T) and c(T), in the order of both bodies
@@ -46,6 +47,7 @@ struct NodeOutputs {
   double interface_temperature = 0.0;
   double velocity_jump_new = 0.0;
   double friction_heat = 0.0;
+  double interface_slip = 0.0;  // slip velocity of the interface alone, without the flow of the layer  [m/s]
   double film_thickness = 0.0;  // [m]
   Regime regime = Regime::kOpen;
   double error_estimate = 0.0;  // with a tolerance: estimated error of T0, relative to T_melt less the initial T

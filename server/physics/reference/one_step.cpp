@@ -58,6 +58,8 @@ struct OneStep {
     const double host = options.plastic_layer && leads != 0.0 ? in.soft_plastic_strain_rate : 0.0;
     drive = kSqrt3 * options.grid.thickness * host;
     a_trial = (std::abs(jump_free) + drive) / per_stress;
+    if (!states_of(options.interface.friction_law).empty())
+      least_slip = least_slip_of_law(direction * in.velocity_jump, std::abs(jump_free) + drive);
   }
   // The line of the layer's own elasticity, DLP (56): what the jump has not sheared elastically is flow and slip.
   void shear_the_layer() {
@@ -104,10 +106,10 @@ struct OneStep {
     return options.junctions ? old.junction_strain + dt * v / (kSqrt3 * options.junctions->height) : 0.0;
   }
   double friction(const Load& l) const {
-    return friction_coefficient(options, in.pressure, T(0, l), l.v) * in.pressure;
+    return friction_of(options, in.pressure, T(0, l), std::max(l.v, least_slip), dt, old.friction_state);
   }
   double yield(double T0, double v) const {
-    if (!forced) return kInfinity;  // a velocity-driven interface yields as the layer does
+    if (!forced && !options.junctions) return kInfinity;  // a velocity-driven interface yields as the layer does
     double strength = options.interface.yield_strength;
     if (options.junctions) {
       const Material& m = options.junctions->metal;
@@ -117,6 +119,15 @@ struct OneStep {
     return strength / kSqrt3 * softening(soft, in.pressure, T0).g;
   }
   double limit(const Load& l) const { return std::min(friction(l), yield(T(0, l), l.v)); }
+  bool follows_slip() const {
+    return options.junctions ||
+           (has_friction(options) && properties_of(options.interface.friction_law).depends_on_slip());
+  }
+  bool falls_with_slip() const {
+    return has_friction(options) && properties_of(options.interface.friction_law).falls_with_slip;
+  }
+  // At 0 stress the interface is molten: it carries nothing, however it slips.
+  bool molten() const { return limit(slipping(0.0, std::max(0.0, mean(0.0)))) <= 0.0; }
 
   // The layer: the stress that it carries when fully hardened, and its flow.
   double ceiling(const Load& l) const {
@@ -145,6 +156,7 @@ struct OneStep {
   double share, T_melt;
   Profile B_work;
   double jump_free = 0.0, per_stress = 0.0, direction = 1.0, drive = 0.0, a_trial = 0.0;
+  double least_slip = 0.0;  // for which a friction law with a state is asked
 };
 
 // The stress at which the interface sticks at the end of the step: flow takes all that the line leaves.
@@ -160,9 +172,10 @@ Candidate stick_of(const OneStep& step) {
 std::vector<Candidate> slips_next_to_rigid(const OneStep& step, bool can_stick) {
   const auto at = [&](double a) { return step.slipping(a, std::max(0.0, step.mean(a))); };
   const auto spare = [&](double a) { return step.limit(at(a)) - a; };
-  const bool weakens = step.options.interface.friction_law == FrictionLaws::place<VelocityWeakening>();
+  // A molten interface carries nothing, nor does one that does not slip under friction that vanishes at rest.
+  if (!(spare(0.0) > 0.0)) return {{at(0.0), false}};
   const double most = step.yield(step.heat.T_ad[0], at(0.0).v);
-  const double end = std::min(step.a_trial, weakens ? most : std::min(step.friction(at(0.0)), most));
+  const double end = std::min(step.a_trial, step.falls_with_slip() ? most : std::min(step.friction(at(0.0)), most));
   std::vector<Candidate> found;
   double before = 0.0;
   for (int i = 1; i <= kScan; ++i) {
@@ -181,10 +194,9 @@ std::vector<Candidate> slips_next_to_rigid(const OneStep& step, bool can_stick) 
 std::vector<double> velocities(const OneStep& step, double most) {
   std::vector<double> all{0.0, most};
   const auto add = [&](double q) {  // by the flux, with the limit at that temperature
-    const double a =
-        std::min(friction_coefficient(step.options, step.in.pressure, step.heat.T_ad[0] + q * step.heat.B[0], 0.0) *
-                     step.in.pressure,
-                 step.yield(step.heat.T_ad[0] + q * step.heat.B[0], 0.0));
+    const double T0 = step.heat.T_ad[0] + q * step.heat.B[0];
+    const double a = std::min(friction_of(step.options, step.in.pressure, T0, most, step.dt, step.old.friction_state),
+                              step.yield(T0, 0.0));
     if (const double v = q / (step.share * a); v > 0.0 && v < most) all.push_back(v);
   };
   for (const int vertex : {0, step.hottest({})}) {
@@ -210,11 +222,16 @@ std::vector<Candidate> slips_next_to_flow(const OneStep& step, double a_stick) {
   const auto at = [&](double v) {
     return step.slipping(bisect([&](double a) { return a - step.limit(step.slipping(a, v)); }, 0.0, a_stick), v);
   };
-  if (step.limit({}) <= 0.0) return {{step.slipping(0.0, most), false}};  // a molten interface: no stress
+  if (step.molten()) return {{step.slipping(0.0, most), false}};
   const auto open = [&](const Load& l) { return l.v + step.flow(l) - step.mean(l.a); };
   // Under a stress equal to its ceiling the layer flows by any amount. The interface therefore slips only where its
   // stress limit is not above that ceiling.
-  const auto at_interface = [&](const Load& l) { return l.a <= step.ceiling(l); };
+  // Nor does it where slip makes it stronger than the stress at which it sticks and the layer flows by any amount.
+  constexpr double kAbove = 1.0 + 1e-11;
+  const auto at_interface = [&](const Load& l) {
+    const double ceiling = step.ceiling(l);
+    return l.a <= ceiling && !(step.follows_slip() && ceiling <= l.a * kAbove && step.limit(l) > l.a * kAbove);
+  };
   std::vector<Candidate> found;
   const auto add = [&](double v) {
     // a_stick stops the slip exactly at the end of the step
@@ -237,7 +254,10 @@ std::vector<Candidate> slips_next_to_flow(const OneStep& step, double a_stick) {
     if (lo.at_interface != hi.at_interface) {
       const bool first = lo.at_interface;
       const Point both = point(bisect([&](double v) { return at_interface(at(v)) == first ? -1.0 : 1.0; }, lo.v, hi.v));
-      if (both.open <= 0.0) add(both.v);
+      if (both.open <= 0.0 && step.follows_slip())
+        found.push_back({at(both.v), false});
+      else if (both.open <= 0.0)
+        add(both.v);
       (first ? hi : lo) = both;
     } else if (!lo.at_interface) {
       continue;
@@ -256,8 +276,7 @@ Candidate choose_next_to_rigid(const OneStep& step, const Candidate& stick, Node
   const bool can_stick = step.limit(stick.load) >= stick.load.a;
   const std::vector<Candidate> slips = slips_next_to_rigid(step, can_stick);
   out.answers = static_cast<int>(slips.size()) + (can_stick ? 1 : 0);
-  const bool weakens = step.options.interface.friction_law == FrictionLaws::place<VelocityWeakening>();
-  const bool rests = step.old.regime == Regime::kStick || (weakens && step.in.velocity_jump == 0.0);
+  const bool rests = step.old.regime == Regime::kStick || (step.falls_with_slip() && step.in.velocity_jump == 0.0);
   return can_stick && (rests || slips.empty()) ? stick : slips.front();
 }
 
@@ -272,23 +291,42 @@ Candidate choose_next_to_flow(const OneStep& step, const Candidate& stick, NodeO
   };
   const bool rigid_slip = !slips.empty() && rigid_under(slips.back().load, 1.0 - 1e-11);
   const bool by_rounding = rigid_slip && !rigid_under(slips.back().load, 1.0 + 1e-9);
-  const bool molten = step.limit({}) <= 0.0;  // a molten interface cannot stick
-  const bool sticks = (can_stick && !molten && (step.old.sticking || !rigid_slip)) || slips.empty();
+  const bool sticks = (can_stick && !step.molten() && (step.old.sticking || !rigid_slip)) || slips.empty();
   out.answers = sticks || rigid_slip ? 1 : static_cast<int>(slips.size());
   if (by_rounding && can_stick && !step.old.sticking) out.answers = 2;  // rounding decides whether the node sticks
   // Friction that returns as the slip falls may hold a node that slips, and so may a limit that follows the slip.
-  const bool follows_slip =
-      step.options.junctions || properties_of(step.options.interface.friction_law).depends_on_slip;
-  if (follows_slip && slips.size() + (can_stick ? 1 : 0) > 1) out.answers = 2;
+  if (step.follows_slip() && slips.size() + (can_stick ? 1 : 0) > 1) out.answers = 2;
   return sticks ? stick : slips.back();
 }
 
-// Velocity-driven: the layer carries the jump up to the friction limit, past which the interface slips.
+// Velocity-driven: the layer carries the jump up to the limit of the interface, past which it slips by what elastic shear
+// and flow leave. An interface that sticks goes on sticking if it can, another takes the answer with the most slip.
 Candidate choose_velocity_driven(const OneStep& step, const Candidate& stick) {
-  const double limit = step.friction(stick.load);
-  if (stick.load.a <= limit) return stick;
-  const Load held{limit, 0.0, 0.0};
-  return {step.slipping(limit, std::max(0.0, step.mean(limit) - step.flow(held))), false};
+  const auto under = [&](double a) { return step.slipping(a, std::max(0.0, step.mean(a) - step.flow({a, 0.0, 0.0}))); };
+  const bool jump_is_slip = step.options.drive == Drive::kInterfaceSlip;
+  const double known = jump_is_slip ? std::abs(step.in.velocity_jump) : 0.0;
+  const bool can_stick = stick.load.a <= step.limit({stick.load.a, known, 0.0});
+  const auto spare = [&](double a) {
+    return step.limit({a, jump_is_slip || !step.follows_slip() ? known : under(a).v, 0.0}) - a;
+  };
+  if (jump_is_slip || !step.follows_slip()) {
+    if (can_stick) return stick;
+    return {under(bisect([&](double a) { return -spare(a); }, 0.0, stick.load.a)), false};
+  }
+  if (can_stick && step.old.sticking) return stick;
+  // A slip that is lost in the digits of the jump is none.
+  const auto slides = [&](double lo, double hi) {
+    const Candidate found{under(bisect([&](double a) { return -spare(a); }, lo, hi)), false};
+    return found.load.v > 1e-8 * under(0.0).v ? found : stick;
+  };
+  double before = 0.0;
+  for (int i = 1; i <= kScan; ++i) {
+    const double now = stick.load.a * i / kScan;
+    const bool ends = i == kScan && !can_stick;  // the interface slips however little
+    if (ends || (i < kScan && spare(now) < 0.0)) return slides(before, now);
+    before = now;
+  }
+  return stick;
 }
 
 // A force-driven step changes suddenly where heat lowers the limit of slip that was slower or colder before, or where
@@ -297,7 +335,9 @@ bool changes_suddenly(const OneStep& step, const Candidate& taken, double jump_n
   const NodeInputs& in = step.in;
   const Load& l = taken.load;
   const auto limit = [&](double T0) {
-    return std::min(friction_coefficient(step.options, in.pressure, T0, l.v) * in.pressure, step.yield(T0, l.v));
+    const double v = std::max(l.v, step.least_slip);
+    return std::min(friction_of(step.options, in.pressure, T0, v, step.dt, step.old.friction_state),
+                    step.yield(T0, l.v));
   };
   const double T_ad = step.heat.T_ad[0];
   const double allowed = 0.1 * std::max(std::abs(in.velocity_jump), std::abs(step.jump_free));
@@ -327,6 +367,8 @@ NodeOutputs open_contact(const OneStep& step, NodeState& state) {
   heat_up(state, step.heat.T_ad, 0.0, step.heat.B);
   state.shear_stress = 0.0;
   state.sticking = false;
+  state.friction_state =
+      friction_state_after(step.options, 0.0, std::abs(out.sliding_velocity), step.dt, state.friction_state);
   return out;
 }
 
@@ -388,17 +430,20 @@ NodeOutputs one_step(const ModelOptions& options, double dt, const NodeInputs& i
   heat_up(state, T, step.flux(l), step.heat.B);
   state.shear_stress = step.direction * l.a;
   state.sticking = taken.sticks;
-  if (step.forced) state.junction_strain = step.junction_strain(l.v);
+  const double v = options.drive == Drive::kInterfaceSlip && !step.forced ? std::abs(in.velocity_jump) : l.v;
+  state.junction_strain = step.junction_strain(v);
+  state.friction_state = friction_state_after(options, in.pressure, v, dt, old.friction_state);
 
   // 3. The answers to the host.
   out.shear_stress = state.shear_stress;
+  out.interface_slip = v;
   out.sliding_velocity = step.forced ? step.direction * l.v : velocity_driven_slip(step, l, layer_slip);
   out.velocity_jump_new = !step.forced ? in.velocity_jump : taken.sticks && !step.flows ? 0.0 : step.jump_new(l.a);
   const bool by_shape = !step.forced && options.taylor_quinney_factor;
   out.friction_heat = dt * (step.flux(l) * (by_shape ? share_of_work : 1.0) + step.work(l) * share_of_work);
   out.interface_temperature = state.temperature[0];
-  const double friction = step.friction(l);
-  const bool coulomb = friction > 0.0 && friction <= step.yield(T.rows.empty() ? 0.0 : step.T(0, l), l.v);
+  const double friction = step.friction({l.a, v, l.flow});
+  const bool coulomb = friction > 0.0 && friction <= step.yield(T.rows.empty() ? 0.0 : step.T(0, l), v);
   const bool melting = step.T(taken.sticks ? step.hottest(l) : 0, l) >= 0.99 * step.T_melt;
   const bool at_rest = step.forced ? layer_slip == 0.0 : layer_slip == 0.0 && out.sliding_velocity == 0.0;
   out.regime = state.regime = taken.sticks && at_rest    ? Regime::kStick

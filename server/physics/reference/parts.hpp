@@ -58,9 +58,14 @@ void heat_up(NodeState& state, const Profile& T_ad, double flux, const Profile& 
 // The plastic strain increment dep of one vertex under a stress magnitude [Pa], by the flow law as its paper prints it.
 double strain_increment(const Material& m, double a, double pressure, double T, double ep_old, double dt);
 
-// The friction coefficient at z = 0. Force-driven: by the interface law, as its paper prints it. Velocity-driven: the
-// coefficient of the Coulomb limit, or infinity if there is none.
-double friction_coefficient(const ModelOptions& options, double pressure, double T0, double slip);
+// Friction at z = 0 at the end of a step of length dt with this slip velocity, by the law of the options, as its paper
+// prints it; infinity: none limits the stress  [Pa]. `state`: of the law before the step.
+double friction_of(const ModelOptions& options, double pressure, double T0, double slip, double dt, double state);
+// The least slip velocity for which a force-driven step asks a friction law with a state. `jump_old`: before the step,
+// along the slip. `jump_free`: after it without friction, with the host's plastic shear.
+double least_slip_of_law(double jump_old, double jump_free);
+// The state of the law after the step.
+double friction_state_after(const ModelOptions& options, double pressure, double slip, double dt, double state);
 
 // One step of backward Euler of either strategy, with any flow law and contact law, without inertia and melt film.
 // `heat`: of the step, or of a stage of SDIRK2.

@@ -20,7 +20,7 @@ struct Layer {
 
   int cells() const { return grid.num_cells(); }
   double per_velocity(int vertex) const { return options.soft.shear_modulus * dt / grid.weight[vertex]; }
-  double coulomb() const { return friction_coefficient(options, in.pressure, 0.0, 0.0) * in.pressure; }
+  double coulomb() const { return friction_of(options, in.pressure, 0.0, 0.0, dt, 0.0); }
 };
 
 // Reduces the trial stress t, which the shear would cause without plastic flow, to the flow stress of a vertex: solves

@@ -33,12 +33,15 @@ HeatGrid make_heat_grid(const ModelOptions& options, const Grid& layer) {
   return HeatGrid(layer, options.grid.far_boundary, Grid(*options.hard_grid), options.hard_grid->far_boundary);
 }
 
-// The interface law of the options. A velocity-driven interface has no yield limit of its own, and friction only if the
-// options give a coefficient.
+// The interface law of the options. A velocity-driven interface has no yield limit of its own (junctions have theirs),
+// and friction only if the options give a coefficient.
 InterfaceOptions interface_of(const ModelOptions& options) {
   if (options.strategy == Strategy::kForceDriven) return options.interface;
   constexpr double kUnlimited = std::numeric_limits<double>::infinity();
-  return {.friction_coefficient = options.friction_coefficient.value_or(kUnlimited), .yield_strength = kUnlimited};
+  InterfaceOptions law = has_friction(options) ? options.interface : InterfaceOptions {};
+  law.friction_coefficient = options.friction_coefficient.value_or(kUnlimited);
+  law.yield_strength = kUnlimited;
+  return law;
 }
 
 // Returns the options. Throws RefusedOptions where options exclude each other.

@@ -46,10 +46,11 @@ struct ModelOptions {
   // force-driven, with one conducting body.
   std::optional<ModesOptions> modes;
   Drive drive = Drive::kLayerShear;  // velocity-driven: whether the jump [V] or the host's shear rate shears the layer
-  std::optional<double> friction_coefficient;  // velocity-driven: mu, limits the shear stress to mu P; absent: no limit
-  InterfaceOptions interface;                  // force-driven: law of the interface
-  bool plastic_layer = false;                  // force-driven: in addition to the slip, the layer flows and hardens
-  std::optional<JunctionOptions> junctions;    // force-driven: the bodies touch only at junctions
+  // Velocity-driven: mu of the law in `interface`, which limits the shear stress; absent: no friction limits it.
+  std::optional<double> friction_coefficient;
+  InterfaceOptions interface;                // law of the interface; velocity-driven it has no yield strength
+  bool plastic_layer = false;                // force-driven: in addition to the slip, the layer flows and hardens
+  std::optional<JunctionOptions> junctions;  // the bodies touch only at junctions
   // The soft body melts at z = 0 and the melt carries the stress. Only force-driven with a conducting hard body. Absent:
   // friction vanishes as the interface approaches T_melt, and nothing melts.
   std::optional<MeltFilmOptions> melt_film;
@@ -91,6 +92,11 @@ inline bool nodes_sleep(const ModelOptions& options) {
 // Whether only open contacts take steps of second order with the integrator of these options: a part takes the slip or
 // the flow of a step as constant, so that a step with slip or flow is one of backward Euler (METHODS.md).
 bool only_open_is_second_order(const ModelOptions& options);
+
+// Whether a friction law acts at the interface.
+inline bool has_friction(const ModelOptions& options) {
+  return options.strategy == Strategy::kForceDriven || options.friction_coefficient.has_value();
+}
 
 // Returns the options with the given tolerance and with the grid, heat method and time integrator chosen for that
 // tolerance (METHODS.md).

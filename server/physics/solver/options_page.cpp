@@ -103,6 +103,7 @@ std::string options_page() {
   };
   for (int n = 1; const auto law = FrictionLaws::numbered(n); ++n) {
     ModelOptions options;
+    options.strategy = Strategy::kForceDriven;  // a friction law acts
     options.interface.friction_law = *law;
     properties(FrictionLaws::name_of(*law), options, "interface.friction_law");
   }

@@ -27,7 +27,8 @@ GridOptions matching_hard_grid(const ModelOptions& o) {
 JunctionOptions typical_junctions(const ModelOptions& o) {
   Material metal = o.soft;
   metal.flow_law = FlowLaws::place<SteinbergCochranGuinan>();
-  metal.yield_strength = o.interface.yield_strength;
+  // A velocity-driven scene without [interface] gives no strength: junctions then yield as the soft body does.
+  metal.yield_strength = o.interface.yield_strength > 0.0 ? o.interface.yield_strength : o.soft.yield_strength;
   if (!has_constant(o.soft.flow_law, &Material::hardening_coefficient)) {
     metal.yield_strength_max = std::numeric_limits<double>::infinity();
     metal.hardening_coefficient = 125.0;
@@ -100,8 +101,9 @@ constexpr std::array kParts = {
          .set = [](ModelOptions& o, bool on) { o.friction_coefficient = on ? std::optional(0.02) : std::nullopt; },
          .goes_with = {kVelocityDriven, kInterfaceSlip},
          .needs = {kVelocityDriven},
-         .equation = "DLP (5)",
-         .adds = "the stress does not exceed mu P; the rest of the jump is slip at z = 0",
+         .equation = "DLP (5), (65)",
+         .adds = "friction limits the stress, and the rest of the jump is slip at z = 0: in short for `[interface]`, "
+                 "which takes any friction law",
          .when = "contacts under little pressure",
          .cost = "velocity-driven x 1.17"},
     Part{
@@ -155,15 +157,20 @@ constexpr std::array kParts = {
          .key = "junctions",
          .is_on = [](const ModelOptions& o) { return o.junctions.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.junctions = on ? std::optional(typical_junctions(o)) : std::nullopt; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating, kPlasticLayer},
+         .goes_with = kEitherStrategy | kEitherHardBody |
+                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kPlasticLayer},
          .equation = "DLP (49)-(54)",
          .adds = "real contact through junctions that harden with the slip",
          .when = "rough contact, small slip",
-         .cost = "force-driven x 1.31"},
+         .cost = "velocity-driven x 6.05, force-driven x 1.31"},
     Part{.property = kSlipDependentFriction,
          .key = "interface.friction_law",
-         .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_slip; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating, kPlasticLayer},
+         .is_on =
+             [](const ModelOptions& o) {
+               return has_friction(o) && properties_of(o.interface.friction_law).depends_on_slip();
+             },
+         .goes_with = kEitherStrategy | kEitherHardBody |
+                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions},
          .law_with = "friction law that depends on slip"},
     Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
@@ -261,14 +268,19 @@ constexpr std::array kParts = {
          .cost = "velocity-driven x 1.05, force-driven x 1.25"},
     Part{.property = kTemperatureDependentFriction,
          .key = "interface.friction_law",
-         .is_on = [](const ModelOptions& o) { return properties_of(o.interface.friction_law).depends_on_temperature; },
-         .goes_with = kEitherHardBody | kFlow | kUnderPressure |
-                      Properties{kForceDriven, kPlasticHeating, kPlasticLayer, kJunctions, kSecondOrder, kModes, kSleep,
-                                 kTolerance, kTwoComponents},
+         .is_on =
+             [](const ModelOptions& o) {
+               return has_friction(o) && properties_of(o.interface.friction_law).depends_on_temperature;
+             },
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
+                      Properties{kPlasticHeating, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents},
          .law_with = "friction law that depends on temperature"},
     Part{.property = kFrictionWithState,
          .key = "interface.friction_law",
-         .is_on = [](const ModelOptions& o) { return !states_of(o.interface.friction_law).empty(); },
+         .is_on = [](const ModelOptions& o) { return has_friction(o) && !states_of(o.interface.friction_law).empty(); },
+         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
+                      Properties{kPlasticHeating, kSecondOrder, kModes, kTolerance, kTwoComponents,
+                                 kTemperatureDependentFriction},
          .law_with = "friction law with a state of its own"},
     Part{.property = kIsothermalEnd,
          .key = "layer.far_boundary",
@@ -285,7 +297,7 @@ constexpr std::array kParts = {
              },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure |
                       Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents,
-                                 kTemperatureDependentFriction},
+                                 kTemperatureDependentFriction, kFrictionWithState},
          .equation = "T(h) = T_start",
          .adds = "the far face of a body keeps the temperature of the start, so that a sliding layer becomes steady",
          .when = "thin layers between baths, as in molecular dynamics",
@@ -299,9 +311,10 @@ constexpr std::array kParts = {
                if (on && !std::isfinite(o.soft.simon_pressure)) give_typical_melting(o.soft);
                choose_melting_curve(o.soft, on ? MeltingCurve::kSimon : MeltingCurve::kConstant);
              },
-         .goes_with = kStepOfALayer | kFlow |
-                      Properties{kPlasticHeating, kInertia, kCompressedPressureTerm, kSecondOrder, kModes, kSleep,
-                                 kTolerance, kTwoComponents, kTemperatureDependentFriction, kIsothermalEnd},
+         .goes_with =
+             kStepOfALayer | kFlow |
+             Properties{kPlasticHeating, kInertia, kCompressedPressureTerm, kSecondOrder, kModes, kSleep, kTolerance,
+                        kTwoComponents, kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd},
          .equation = "Simon, Glatzel 1929",
          .adds = "the melting temperature follows a measured curve T0 (1 + P/a)^(1/c)",
          .when = "metals with a measured melting curve; T0 is then that of the curve, not that of the flow law",
@@ -324,14 +337,15 @@ constexpr std::array kParts = {
              [](const ModelOptions& o) { return !has_constant(o.soft.flow_law, &Material::temperature_coefficient); },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure |
                       Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents,
-                                 kTemperatureDependentFriction, kIsothermalEnd, kSimonMelting},
+                                 kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd, kSimonMelting},
          .law_with = "flow law without the linear softening of DLP (15)"},
     Part{.property = kFlowingLayer,
          .key = "strategy",
          .is_on = [](const ModelOptions& o) { return o.strategy == Strategy::kVelocityDriven || o.plastic_layer; },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure |
                       Properties{kPlasticHeating, kInertia, kSecondOrder, kSleep, kTolerance, kTwoComponents,
-                                 kTemperatureDependentFriction, kIsothermalEnd, kSimonMelting, kFlowWithoutBracket}},
+                                 kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd, kSimonMelting,
+                                 kFlowWithoutBracket}},
     Part{.property = kVaryingHeat,
          .key = "soft.thermal_conductivity_slope_per_k",
          .value = "-2e-4",
@@ -346,8 +360,8 @@ constexpr std::array kParts = {
          .goes_with = kEitherStrategy | kFlow | kUnderPressure |
                       Properties{kInterfaceSlip, kCoulombLimit, kConductingHardBody, kPlasticHeating, kInertia,
                                  kPlasticLayer, kJunctions, kSlipDependentFriction, kSecondOrder, kSleep, kTolerance,
-                                 kTwoComponents, kTemperatureDependentFriction, kIsothermalEnd, kSimonMelting,
-                                 kFlowWithoutBracket, kFlowingLayer},
+                                 kTwoComponents, kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd,
+                                 kSimonMelting, kFlowWithoutBracket, kFlowingLayer},
          .equation = "k (1 + a (T - 300 K)), c likewise",
          .adds = "conductivity and heat capacity follow the temperature",
          .when = "metals that warm by hundreds of kelvins, of which both are known",
@@ -404,15 +418,12 @@ constexpr std::array kExclusions = {
               "its strength vanishes at melting, so that the interface would not melt"},
     Exclusion{
         {kMeltFilm},
-        {kJunctions, kSlipDependentFriction},
+        {kJunctions, kSlipDependentFriction, kFrictionWithState},
         "the film carries the stress on the whole area, by the slip of a liquid, of which dry friction tells nothing"},
     Exclusion{{kJunctions, kSlipDependentFriction, kTemperatureDependentFriction, kFrictionWithState},
-              {kVelocityDriven},
-              "a velocity-driven layer has the constant Coulomb limit of velocity_driven.friction_coefficient"},
-    Exclusion{{kJunctions, kTemperatureDependentFriction},
-              {kSlipDependentFriction},
-              "with slip one limit rises and the other falls, and an answer would not be found for sure"},
-    Exclusion{{kFrictionWithState}, {kForceDriven}, "no solver advances the state of a friction law yet"},
+              {kInertia},
+              "the waves in the layer meet a contact of one friction stress a step"},
+    Exclusion{{kFrictionWithState}, {kSleep}, "the state of a contact at rest goes on: it heals"},
 };
 
 // A check of one option alone: returns a refusal, or nothing if the value of the option is allowed.
@@ -668,8 +679,9 @@ Properties properties_of(const ModelOptions& options) {
 bool only_open_is_second_order(const ModelOptions& options) {
   const bool rate_flows = options.strategy == Strategy::kVelocityDriven && !options.inertia &&
                           properties_of(options.soft.flow_law).first_order_in_time;
+  const auto& law = options.interface.friction_law;
   return options.plastic_layer || options.junctions || options.melt_film || options.taylor_quinney_factor ||
-         rate_flows || properties_of(options.interface.friction_law).depends_on_slip;
+         rate_flows || (has_friction(options) && (properties_of(law).depends_on_slip() || !states_of(law).empty()));
 }
 
 bool goes_with(Property property, const ModelOptions& options) {

@@ -1,5 +1,7 @@
 #include "server/physics/solver/states.hpp"
 
+#include "server/physics/interface/friction_laws.hpp"
+
 namespace shearbus::physics {
 
 std::size_t StateList::add(const char* name, const char* unit, std::size_t width) {
@@ -15,6 +17,17 @@ std::size_t StateList::add(std::span<const StateVariable> of_law) {
   return of_law.empty() ? kAbsent : first;
 }
 
+// Rigid, a force-driven interface sticks where its regime says so. Next to a layer that flows the regime is that of the
+// flow.
+bool TileLayout::keeps_sticking(const ModelOptions& options) {
+  return options.plastic_layer || (options.strategy == Strategy::kVelocityDriven && has_friction(options) &&
+                                   properties_of(options.interface.friction_law).falls_with_slip);
+}
+
+std::span<const StateVariable> TileLayout::friction_states(const ModelOptions& options) {
+  return has_friction(options) ? states_of(options.interface.friction_law) : std::span<const StateVariable>{};
+}
+
 TileLayout::TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, const HeatModes* modes,
                        int layer_vertices)
     : options_(&options),
@@ -25,7 +38,8 @@ TileLayout::TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, c
                               ? static_cast<std::size_t>(layer_vertices)
                               : 0),
       num_stress_vertices(options.inertia ? static_cast<std::size_t>(layer_vertices) : 1),
-      num_velocity_cells(num_stress_vertices - 1) {
+      num_velocity_cells(num_stress_vertices - 1),
+      num_friction_states(friction_states(options).size()) {
   options_ = nullptr;
 }
 

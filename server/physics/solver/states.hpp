@@ -44,6 +44,8 @@ class StateList {
 // state, and the member's value is the offset of the state in a tile. Members are initialised in the order of their
 // declaration, so the states have this order in the tile.
 class TileLayout : public StateList {
+  static bool keeps_sticking(const ModelOptions& options);
+  static std::span<const StateVariable> friction_states(const ModelOptions& options);
   const ModelOptions* options_;  // for the initialisers of the members only; null after the construction
 
  public:
@@ -73,9 +75,12 @@ class TileLayout : public StateList {
                                 options_->strategy == Strategy::kVelocityDriven && !options_->inertia);
   std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // relative to the hard body
   std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
-  std::size_t regime = add("regime", "1", 1);                            // Regime of the last step, as a double
-  std::size_t sticking = add("sticking", "1", options_->plastic_layer);  // 1: the last step ended without slip; else 0
+  std::size_t regime = add("regime", "1", 1);  // Regime of the last step, as a double
+  std::size_t sticking =
+      add("sticking", "1", keeps_sticking(*options_));  // 1: the last step ended without slip; else 0
   std::size_t junction_strain = add(states_of(options_->junctions));
+  std::size_t num_friction_states;                               // number of states of the friction law
+  std::size_t friction_state = add(friction_states(*options_));  // states of the friction law
   // Fraction of the metal at each vertex of the soft body that is liquid (MODEL.md, "Melt film").
   std::size_t liquid_fraction = add("liquid_fraction", "1", options_->melt_film ? num_vertices : 0);
   // Two values: the number of steps at rest, and the number of modes that have not decayed (0: the node is awake).

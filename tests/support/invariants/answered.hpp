@@ -30,6 +30,7 @@ struct Answered {
   // [m/s]
   double plastic_drive = 0.0;
   double junction_strain = 0.0;
+  double friction_state = 0.0;  // state of the friction law before the step
   bool sticks = false;  // the interface sticks at the end of the step; set only for a model with a plastic layer
   Regime regime = Regime::kOpen;
   std::uint8_t outcome = 0;
@@ -83,6 +84,7 @@ inline Answered answered(const Rig& rig, int lane, double dt) {
   a.per_stress = dt * (1 / in.mass_soft[lane] + 1 / in.mass_hard[lane]);
   a.plastic_drive = kSqrt3 * rig.model.options().grid.thickness * in.soft_plastic_strain_rate[lane];
   if (layout.junction_strain != TileLayout::kAbsent) a.junction_strain = rig.junction_strain(lane);
+  if (layout.num_friction_states > 0) a.friction_state = rig.trial[layout.friction_state + lane];
   if (layout.sticking != TileLayout::kAbsent) a.sticks = rig.committed[layout.sticking + lane] != 0.0;
   a.regime = out.regime[lane];
   a.outcome = out.outcome[lane];

@@ -27,7 +27,8 @@ inline void require_interface_law(const ModelOptions& options, const Answered& a
   const InterfaceOptions& law = options.interface;
   const double most_friction = std::max(law.friction_coefficient, law.friction_coefficient_fast) * a.pressure;
   const double carried = std::abs(a.stress);
-  require(carried <= most_friction * (1 + 1e-12), "s {:.17g} above mu P {:.17g}", a.stress, most_friction);
+  const bool remembers = !states_of(law.friction_law).empty();  // its friction follows a state, not mu P
+  require(remembers || carried <= most_friction * (1 + 1e-12), "s {:.17g} above mu P {:.17g}", a.stress, most_friction);
   if (a.in_parts()) return;  // the stress is then a mean over substeps, with no limit of its own
   if (options.plastic_layer && !is_resolved(options, a, a.size())) return;
   const Limits limit = interface_limits(options, a, a.size());

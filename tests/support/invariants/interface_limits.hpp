@@ -44,11 +44,18 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
                 fraction * hardened(a.junction_strain + grown)};
   }
   // Friction may depend on the slip, which has that error, too.
-  const double slip = std::abs(a.slip), less = std::max(0.0, slip - kDigits * size), more = slip + kDigits * size;
-  const auto friction = [&](double T, double v) { return reference::friction_coefficient(options, a.pressure, T, v); };
-  const auto limit = [&](double yield, double T, double mu) {
+  const bool has_state = options.strategy == Strategy::kForceDriven && !states_of(law.friction_law).empty();
+  const double free = a.jump_old + a.driven, along = free < 0.0 ? -1.0 : 1.0;
+  const double rest =
+      has_state ? reference::least_slip_of_law(along * a.jump_old, std::abs(free) + a.plastic_drive) : 0.0;
+  const double slip = std::max(std::abs(a.slip), rest), less = std::max(0.0, slip - kDigits * size),
+               more = slip + kDigits * size;
+  const auto friction = [&](double T, double v) {
+    return reference::friction_of(options, a.pressure, T, v, a.dt, a.friction_state);
+  };
+  const auto limit = [&](double yield, double T, double rubbing) {
     const double g = options.melt_film ? solid_softening(soft, a.pressure, T) : softening(soft, a.pressure, T).g;
-    return std::min(mu * a.pressure, yield * g / kSqrt3);
+    return std::min(rubbing, yield * g / kSqrt3);
   };
   const double grain = heat_grain(options, a, size);
   const double hot = a.T0 * (1 + kDigits) + grain, cold = std::max(0.0, a.T0 * (1 - kDigits) - grain);

@@ -4,8 +4,11 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <variant>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
@@ -97,27 +100,33 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
   const double T0 = outputs.interface_temperature[lane];
   const double slip = std::abs(outputs.sliding_velocity[lane]);
   const double a = std::abs(trial[problem.layout.shear_stress + lane]);
-  const Junctions junctions =
-      problem.options.junctions
-          ? junctions_of(&*problem.options.junctions, committed[problem.layout.junction_strain + lane], dt)
-          : Junctions{};
-  const auto limit_at = [&](double P) {
+  const ContactState state = contact_before(problem, committed, lane);
+  const double least = least_slip(problem, path);
+  const auto limit_at = [&](double P, double asked, double v) {
     const Material soft = at_pressure(problem.options.soft, P);
-    StressLimit limit = interface_strength(problem.interface, soft, P, nullptr);
-    limit.junctions = junctions;
-    return limit.at(T0, slip);
+    StressLimit contact = contact_limit(problem, soft, P, dt, state, nullptr);
+    contact.least_slip = asked;
+    return contact.at(T0, v);
   };
-  const StressLimit::Value limit = limit_at(pressure);
+  const StressLimit::Value limit = limit_at(pressure, least, slip);
   const double distance = at_pressure(problem.options.soft, pressure).melting_temperature - T0;
   const double B0 = problem.modes ? *operators.modes().layer_response() : *operators.heat().layer_response();
   const double rise = problem.heat_partition * B0;
   const double b = 0.5 * path.per_stress;
   const double by_load =
-      path.direction * by_pressure(pressure, T0, distance, [&](double P) { return limit_at(P).stress; });
-  if (slip == 0.0) return {0.0, by_load};  // the jump turns in the step: a slip against the stress is taken as 0
-  const double by_free_slip = limit.slope * rise * a + limit.slip_slope;  // of the limit by c
-  const double slope = 1.0 - limit.slope * rise * (slip - b * a) + limit.slip_slope * b;
+      path.direction * by_pressure(pressure, T0, distance, [&](double P) { return limit_at(P, least, slip).stress; });
+  // Where the jump turns the law may be asked for the slip velocity at which the slip before stops: half the old jump.
+  const bool stops = slip < least && limit.is_coulomb;
+  const double by_stop = stops ? -0.5 * limit_at(pressure, 0.0, least).slip_slope() : 0.0;
+  if (slip == 0.0) return {by_stop, by_load};  // the jump turns in the step: a slip against the stress is taken as 0
+  const double by_free_slip = limit.slope * rise * a + limit.slip_slope() + by_stop;  // of the limit by c
+  const double slope = 1.0 - limit.slope * rise * (slip - b * a) + limit.slip_slope() * b;
   return {by_free_slip / slope, by_load / slope};
+}
+
+// Whether the stress of a velocity-driven interface that slips is mu P.
+bool slips_under_constant_limit(const ModelOptions& options) {
+  return !options.junctions && std::holds_alternative<ConstantCoefficient>(form_of(options.interface));
 }
 
 }  // namespace
@@ -125,7 +134,8 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
 bool can_linearise(const ModelOptions& options) {
   return !options.tolerance && options.time_integrator == TimeIntegrator::kBackwardEuler &&
          options.tangential_components == 1 && !options.inertia && !options.plastic_layer && !options.melt_film &&
-         !options.taylor_quinney_factor && !conducts_by_temperature(options) && options.drive == Drive::kLayerShear;
+         !options.taylor_quinney_factor && !conducts_by_temperature(options) && options.drive == Drive::kLayerShear &&
+         (options.strategy == Strategy::kForceDriven || slips_under_constant_limit(options));
 }
 
 void linearise(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

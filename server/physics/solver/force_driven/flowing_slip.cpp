@@ -140,7 +140,11 @@ double FlowingSlip::layer_at(const LayerLoad& load) const {
 bool FlowingSlip::layer_holds(double v) const {
   if (std::isinf(start_.ceiling)) return false;
   const LayerLoad load = slip_load(v);
-  return layer_at(load) < load.stress;
+  if (layer_at(load) < load.stress) return true;
+  // Where the layer is at its ceiling as the interface sticks, slip that makes the interface stronger than that is the
+  // layer's, too.
+  return stick_at_ceiling_ && load.stress >= a_stick_ && start_.limit.depends_on_slip() &&
+         start_.limit.at(T(0, load), v).stress > load.stress * (1.0 + kAtCeiling);
 }
 
 bool FlowingSlip::rigid_holds(double slip) {
@@ -215,7 +219,7 @@ double FlowingSlip::nearby_slip(const NearbyFlow& nearby) const {
     const StressLimit::Value limit = start_.limit.at(T(0, load), v);
     if (!(limit.stress > 0.0) || a >= a_stick_ || layer_at(load) <= a) return -1.0;
     // The stress is the limit at the temperature that stress and slip cause.
-    const double by_slip = (limit.slope * (a * (B0 - B0_work)) + limit.slip_slope) /
+    const double by_slip = (limit.slope * (a * (B0 - B0_work)) + limit.slip_slope()) /
                            (1.0 - limit.slope * (B0 * v + B0_work * (c - 2.0 * b * a - v)));
     double heat_slope = start_.heat_partition * (a + v * by_slip);
     if (heats_by_work()) heat_slope += (c - 2.0 * b * a - v) * by_slip - a;
@@ -234,6 +238,10 @@ double FlowingSlip::nearby_slip(const NearbyFlow& nearby) const {
 }
 
 void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
+  if (std::isnan(load_.stress)) {  // a contact law gave no number, and the lane has none either
+    kind_ = Kind::kSlip;
+    phase_ = Phase::kDone;
+  }
   switch (phase_) {
     case Phase::kDone:
       return;
@@ -388,6 +396,7 @@ void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
 void FlowingSlip::end_stick(double a) {
   a = not_molten(a, [&](double stress) { return stick_load(stress); });
   a_stick_ = a;
+  stick_at_ceiling_ = at_ceiling_;
   // If the stress is the layer's ceiling at z = 0, and the interface's yield limit is not below that ceiling, then only
   // friction can keep the interface from sticking. The stress is not compared with the yield limit: near melting, limit
   // and ceiling differ by less than the effect of a rounding error of T0.

@@ -112,6 +112,7 @@ class FlowingSlip {
   double low_ = 0.0, low_value_ = 0.0, high_ = 0.0;
   bool high_is_ceiling_ = false;      // the layer is at its ceiling at the upper end of the interval
   bool at_ceiling_ = false;           // the stress of the answer is the ceiling of the layer
+  bool stick_at_ceiling_ = false;     // so is the stress at which the interface sticks
   int guesses_ = 0;                   // number of stresses tried before the upper end of the interval
   bool first_vertex_bounds_ = false;  // the stress of the stick may be bounded by what the first vertex takes
   bool rigid_is_known_ = false;

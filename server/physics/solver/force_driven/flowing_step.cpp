@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <bit>
+#include <limits>
 #include <optional>
 
+#include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/flow/plastic_heat.hpp"
 #include "server/physics/solver/force_driven/flowing_slip.hpp"
@@ -116,8 +118,8 @@ struct FlowingLane {
   double* strain;             // plastic strain of the layer, [vertex][lane]: before a substep, then after it
   double* shape;              // heat shape phi; null without `work_heat`
   int lane;
-  double junction_strain;  // plastic strain ep_a of the junctions
-  double heat_of_work;     // heat that plastic work has released in the substeps  [J/m2]
+  ContactState contact;
+  double heat_of_work;  // heat that plastic work has released in the substeps  [J/m2]
 
   double pressure() const { return inputs.pressure[lane]; }
 
@@ -125,9 +127,7 @@ struct FlowingLane {
   FlowingStart start(const HeatOperator& heat, const double* strain_old, const LaneStep& before,
                      const double* B_work) const {
     FlowingStart start{};
-    start.limit = interface_strength(problem.interface, soft, pressure(), inputs.effort);
-    if (problem.options.junctions)
-      start.limit.junctions = junctions_of(&*problem.options.junctions, junction_strain, heat.dt);
+    start.limit = contact_limit(problem, soft, pressure(), heat.dt, contact, inputs.effort);
     start.ceiling = strength_ceiling(soft) / kSqrt3;
     start.hardens = hardens(soft);
     start.first_weight = problem.grid.weight[0];
@@ -138,26 +138,34 @@ struct FlowingLane {
     start.dt = heat.dt;
     start.forcing = forcing_of(problem, inputs, lane);
     start.before = before;
+    start.limit.least_slip = least_slip(problem, TrialSlip(start.forcing, heat.dt, before.jump_new, before.stress));
     return start;
   }
 
   // What follows from the answer of a step of length dt: the surplus of plastic slip, the shape of its heat, the
-  // junctions. `strain_old`: plastic strain before the step.
-  void finish(const FlowingSlip::Answer& answer, const double* strain_old, double dt) {
+  // contact. `strain_old`: plastic strain before the step. T0: interface temperature after it.
+  void finish(FlowingSlip::Answer& answer, const double* strain_old, double dt, double T0) {
     strain[answer.hottest * kLanes + lane] +=
         answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
     if (work_heat != nullptr) {
       heat_of_work += answer.work * heated_share(problem.grid, shape + lane) * dt;
       reshape_heat(problem, strain_old + lane, strain + lane, 0.0, shape + lane);
     }
-    if (problem.options.junctions)
-      junction_strain =
-          junctions_of(&*problem.options.junctions, junction_strain, dt).strain(std::abs(answer.step.slip));
+    slip_contact(answer.step, dt, T0);
+  }
+  void slip_contact(LaneStep& step, double dt, double T0) {
+    if (!problem.options.junctions && problem.layout.num_friction_states == 0) return;
+    if (!advance_contact(contact_limit(problem, soft, pressure(), dt, contact, nullptr), step.slip, T0, contact))
+      step.stress = std::numeric_limits<double>::quiet_NaN();
   }
 
   // Solves one substep, after its conduction. T_all: rows of both bodies, to which the heat of plastic work is added.
   LaneStep substep(const HeatOperator& heat, const LaneStep& before, double* T_all) {
-    if (pressure() <= 0.0) return open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
+    if (pressure() <= 0.0) {
+      LaneStep open = open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
+      slip_contact(open, heat.dt, T[lane]);
+      return open;
+    }
     double* B_work = work_heat != nullptr ? work_heat->shorter() : nullptr;
     if (work_heat != nullptr) work_heat->begin_substep(heat, lane, shape);
     const std::size_t strains = problem.layout.num_strain_vertices * kLanes;
@@ -174,8 +182,8 @@ struct FlowingLane {
       add_work(inputs, lane, flow_work(soft.flow_law) * search.sums[lane] * problem.grid.num_vertices());
     }
     while (!step.done()) step.update(0.0);
-    const FlowingSlip::Answer answer = step.answer(search.slip[lane]);
-    finish(answer, strain_old, heat.dt);
+    FlowingSlip::Answer answer = step.answer(search.slip[lane]);
+    finish(answer, strain_old, heat.dt, start_of_step.layer.T(0, answer.step.flux, answer.work));
     if (work_heat != nullptr) add_spread_lane(heat, work_heat->spread(), lane, answer.work, B_work, T_all);
     return answer.step;
   }
@@ -213,11 +221,8 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   LaneStep before[kLanes];
   const LaneMaterials soft_at(soft, inputs);
   const auto lane_at = [&](int l) {
-    return FlowingLane{problem,    soft_at,
-                       soft_at(l), inputs,
-                       work,       T,
-                       strain_new, shape_new,
-                       l,          problem.options.junctions ? committed[layout.junction_strain + l] : 0.0,
+    return FlowingLane{problem, soft_at,    soft_at(l), inputs, work,
+                       T,       strain_new, shape_new,  l,      contact_before(problem, committed, l),
                        0.0};
   };
   const double* B_work = work != nullptr ? work->response() : nullptr;
@@ -253,17 +258,20 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     FlowingLane lane = at_start;
     LaneStep whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
     if (inputs.pressure[l] > 0.0) {
-      const FlowingSlip::Answer answer = lanes[l]->answer(searches.slip[l]);
-      whole = answer.step;
+      FlowingSlip::Answer answer = lanes[l]->answer(searches.slip[l]);
       power[l] = answer.work;
-      lane.finish(answer, strain, heat.dt);
+      const Heated layer{T + l, heat.layer_response(), 1, 1, work != nullptr ? work->response() + l : nullptr};
+      lane.finish(answer, strain, heat.dt, layer.T(0, answer.step.flux, answer.work));
+      whole = answer.step;
+    } else {
+      lane.slip_contact(whole, heat.dt, T[l]);
     }
     LaneResult result = step_or_divide(
         whole, heat_of, operators.max_halvings(), {l, before[l], n, T_old, T_all},
         [&] {
           copy_lane(strain, strain_new, strains, l);
           if (work_heats) copy_lane(shape, shape_new, strains, l);
-          lane.junction_strain = at_start.junction_strain;
+          lane.contact = at_start.contact;
           lane.heat_of_work = power[l] = 0.0;
         },
         [&](const HeatOperator& shorter, const LaneStep& last) { return lane.substep(shorter, last, T_all); });
@@ -277,7 +285,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     add_work(inputs, l, n + weight * (searches.sums[l] + 1.0) * problem.grid.num_vertices());
     write_answer(result, layout, l, trial, outputs);
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
-    if (problem.options.junctions) trial[layout.junction_strain + l] = lane.junction_strain;
+    store_contact(problem, lane.contact, trial, l);
   }
 
   // 5. Add the heat of this step to the temperatures: T = T_ad + q B, and the work times B_phi.

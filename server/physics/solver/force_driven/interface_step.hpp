@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
+#include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/force_driven/sudden_change.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -18,13 +20,20 @@ inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int 
   return forcing;
 }
 
+// The least slip velocity for which the friction law is asked.
+inline double least_slip(const Problem& problem, const TrialSlip& trial) {
+  return problem.layout.num_friction_states > 0 ? trial.least_slip() : 0.0;
+}
+
 class InterfaceStep {
  public:
   InterfaceStep(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
                 int lane)
-      : junction_strain(problem.options.junctions ? committed[problem.layout.junction_strain + lane] : 0.0),
+      : contact(contact_before(problem, committed, lane)),
         problem_(problem),
-        strength_(interface_strength(problem.interface, soft, inputs.pressure[lane], inputs.effort)),
+        soft_(soft),
+        pressure_(inputs.pressure[lane]),
+        effort_(inputs.effort),
         forcing_(forcing_of(problem, inputs, lane)) {}
 
   // The state of a lane before the step: its stress, jump, regime, and whether it sticks.
@@ -43,12 +52,15 @@ class InterfaceStep {
 
   // The step of length dt after the step `last`. B0: rise of T0 per heat flux; T_ad: T0 without friction in this step.
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
-    if (strength_.pressure <= 0.0) return open_step(forcing_, dt, last.jump_new);
-    form_junctions(dt);
-    const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
-    const LaneStep step =
-        rigid_slip(strength_, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
-    junction_strain = strength_.junctions.strain(std::abs(step.slip));
+    StressLimit strength = limit(dt);
+    LaneStep step = open_step(forcing_, dt, last.jump_new);
+    if (pressure_ > 0.0) {
+      const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
+      strength.least_slip = least_slip(problem_, trial_slip);
+      step = rigid_slip(strength, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
+    }
+    if (!advance_contact(strength, step.slip, T_ad + B0 * step.flux, contact))
+      step.stress = std::numeric_limits<double>::quiet_NaN();
     return step;
   }
 
@@ -61,23 +73,23 @@ class InterfaceStep {
 
   // Whether `step`, which from() would return, changes suddenly.
   bool changes_suddenly(const LaneStep& last, const LaneStep& step, double dt, double B0, double T_ad) {
-    if (strength_.pressure <= 0.0) return false;
-    form_junctions(dt);
+    if (pressure_ <= 0.0) return false;
     const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
-    return physics::changes_suddenly(strength_, trial_slip, trial_slip.slipping(T_ad, problem_.heat_partition * B0),
+    StressLimit strength = limit(dt);
+    strength.least_slip = least_slip(problem_, trial_slip);
+    return physics::changes_suddenly(strength, trial_slip, trial_slip.slipping(T_ad, problem_.heat_partition * B0),
                                      last, step);
   }
 
-  double junction_strain;  // plastic strain ep_a of the junctions before the next step or substep; from() updates it
+  ContactState contact;  // states of the contact before the next step or substep; from() updates them
 
  private:
-  void form_junctions(double dt) {
-    strength_.junctions =
-        junctions_of(problem_.options.junctions ? &*problem_.options.junctions : nullptr, junction_strain, dt);
-  }
+  StressLimit limit(double dt) const { return contact_limit(problem_, soft_, pressure_, dt, contact, effort_); }
 
   const Problem& problem_;
-  StressLimit strength_;
+  const Material& soft_;
+  double pressure_;
+  SearchEffort* effort_;
   Forcing forcing_;
 };
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "server/physics/solver/force_driven/wide_slip.hpp"
@@ -35,45 +34,39 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
                     double guess, bool stuck) {
   if (const auto quick = quick_slip(strength, trial, heat_partition, B0, T_ad, guess)) return *quick;
   const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
-  // Friction that depends on slip is solved first. In the rest of the step this friction is a constant, with one value
-  // for a sliding interface and another value for a sticking interface.
-  const std::optional<SlidingFriction> by_slip = strength.friction_of_step(heating.c, heating.b, trial.stress_stick);
 
   // 1. Stick: no slip at the end of the step, if the interface carries the stress that sticking needs. (With the
   // condition [V]mid = 0 instead the jump would oscillate.)
   const double a_stick = trial.stress_stick;
-  StressLimit resolved;  // the limit `strength`, with the friction that is constant in this step
-  if (by_slip) resolved = strength.with_friction(by_slip->holding);
-  const StressLimit& limit = by_slip ? resolved : strength;
-  const bool can_stick = spare_strength(limit, heating, a_stick) >= 0.0;
+  const bool can_stick = spare_strength(strength, heating, a_stick) >= 0.0;
 
-  // 2. Slip: the stress equals the limit at the temperature that it causes. Where several answers exist the node
-  //    continues as before: a sticking node sticks, a slipping node has the answer with the most slip.
-  if (by_slip) resolved.coulomb = by_slip->sliding;
-  const auto yield = [&] { return strength.with_friction(std::numeric_limits<double>::infinity()); };
-  const bool friction_returns = by_slip && by_slip->exceeds_again < a_stick &&
-                                by_slip->exceeds_again < yield().at(T_ad, heating.slip(0.0)).stress;
-  const bool unique = !friction_returns && slip_is_unique(limit, heating, a_stick);
+  // 2. Slip: the stress equals the limit at the temperature and the slip that it causes. Where several answers exist the
+  //    node continues as before: a sticking node sticks, a slipping node has the answer with the most slip.
+  const bool falls = strength.falls_with_slip();
+  SlipSearch slipping{};
+  bool unique = !falls && slip_is_unique(strength, heating, a_stick);
+  if (!unique) {
+    slipping = most_slip_stress(strength, heating, a_stick);
+    unique = falls && !slipping.several && !(slipping.found && can_stick);
+  }
   bool stick = can_stick;
   bool several = false;
   double a = a_stick;
-  if (unique) {
-    if (!can_stick) a = slip_stress(limit, heating, a_stick, guess);
-  } else {
-    const SlipSearch slip = most_slip_stress(limit, heating, a_stick);
-    const bool returns = friction_returns && spare_strength(yield(), heating, by_slip->exceeds_again) > 0.0;
-    several = slip.several || (slip.found && (can_stick || returns));
-    const bool rests = friction_returns && trial.jump_old == 0.0;  // an interface without a jump sticks if it can
-    stick = can_stick && (stuck || rests || !slip.found);
-    if (!stick) a = slip.stress;
+  if (unique && !can_stick) {
+    a = falls ? slipping.stress : slip_stress(strength, heating, a_stick, guess);
+  } else if (!unique) {
+    several = slipping.several || (slipping.found && can_stick);
+    const bool rests = falls && trial.jump_old == 0.0;  // an interface without a jump sticks if it can
+    stick = can_stick && (stuck || rests || !slipping.found);
+    if (!stick) a = slipping.stress;
   }
-  if (!stick) a = below_melting(limit, heating, heat_partition, B0, a);
+  if (!stick) a = below_melting(strength, heating, heat_partition, B0, a);
 
   // 3. Answer. If the jump changes its sign in the step, a slip against the stress is set to 0: no heat, no work.
   const double slip = stick ? std::max(0.0, 0.5 * (trial.jump_old + trial.drive)) : heating.slip(a);
   const double flux = heat_partition * (a * slip);
   const double jump_new = stick ? 0.0 - trial.direction * trial.drive : trial.jump_new(a);
-  const Regime regime = stick ? Regime::kStick : slip_regime(limit, T_ad + flux * B0, slip);
+  const Regime regime = stick ? Regime::kStick : slip_regime(strength, T_ad + flux * B0, slip);
   return {trial.direction * a, trial.direction * slip, jump_new, flux, regime, stick, unique, several};
 }
 

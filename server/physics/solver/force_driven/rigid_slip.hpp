@@ -28,6 +28,13 @@ struct TrialSlip {
   // The jump [V]new after the step under the stress magnitude a, signed  [m/s].
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }
 
+  // The least slip velocity for which a friction law with a state is asked, since it may vanish at rest: that at which
+  // the slip before a turn of the jump stops, and what is rest  [m/s].
+  double least_slip() const {
+    const double stopping = -0.5 * jump_old, at_rest = kAtRest * (direction * jump_free + drive);
+    return stopping > at_rest ? stopping : at_rest;
+  }
+
   double jump_free;     // jump after the step without friction, signed               [m/s]
   double per_stress;    // reduction of the velocity jump per stress of the interface           [m/(s Pa)]
   double direction;     // sign (+1 or -1) of the jump without friction, or of the old stress if that jump is 0

@@ -67,7 +67,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
     found = slip_of_tile(problem, slip, max_halvings > 0, committed, trial, outputs, answer);
   for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
-    const double junction_strain_old = interface_step.junction_strain;
+    const ContactState contact_old = interface_step.contact;
     const LaneStep before = InterfaceStep::before(layout, inputs, committed, lane);
     const auto step_from = [&](const auto& heat, const LaneStep& last) {
       add_work(inputs, lane, n + kSearchWork);
@@ -78,15 +78,15 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
     // shortest substeps are reached.
     const LaneStep whole = step_from(heat_of(0), before);
     LaneResult result = step_or_divide(
-        whole, heat_of, max_halvings, {lane, before, n, T_old, T},
-        [&] { interface_step.junction_strain = junction_strain_old; }, step_from);
+        whole, heat_of, max_halvings, {lane, before, n, T_old, T}, [&] { interface_step.contact = contact_old; },
+        step_from);
     if (max_halvings > 0 && whole.unique &&
         InterfaceStep(problem, inputs, committed, soft_at(lane), lane)
             .changes_suddenly(before, whole, heat_of(0).dt, *heat_of(0).layer_response(), T0[lane]))
       result.outcome |= kSudden;
     flux[lane] = result.flux;
     write_answer(result, layout, lane, trial, outputs);
-    if (problem.options.junctions) trial[layout.junction_strain + lane] = interface_step.junction_strain;
+    store_contact(problem, interface_step.contact, trial, lane);
   }
 
   // 4. Add the friction heat: T = T_ad + q B, with T_ad from 1., the heat flux q and the response B to a unit flux.

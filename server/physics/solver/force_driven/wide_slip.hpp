@@ -34,7 +34,10 @@ struct WideInterface {
                 const double* committed);
 
   // Whether the kernels have all forms of the model's interface.
-  bool has_forms() const { return yields_finitely && !std::holds_alternative<NoForm>(friction); }
+  bool has_forms() const {
+    return yields_finitely && !std::holds_alternative<NoForm>(friction) &&
+           !(junctions && std::holds_alternative<FallsWithSlip>(friction));
+  }
   // Whether there are no junctions and friction does not depend on temperature.
   bool is_plain() const { return !junctions && !std::holds_alternative<FallsWithTemperature>(friction); }
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
 
 namespace shearbus::physics {
@@ -22,8 +22,11 @@ std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, 
   if (pressure <= 0.0) return resting(0.0, jump, Regime::kOpen, false);
   const ElasticTrial trial = elastic_trial(problem, soft, inputs, lane, operators.dt(),
                                            stress_before(problem.layout, inputs, committed, lane));
-  const double friction = interface_strength(problem.interface, soft, pressure, nullptr).friction(T0).stress;
-  if (trial.heats() || !velocity_driven_may_rest(problem, inputs, lane) || friction < std::abs(trial.stress))
+  const double limit =
+      contact_limit(problem, soft, pressure, operators.dt(), contact_before(problem, committed, lane), nullptr)
+          .at(T0)
+          .stress;
+  if (trial.heats() || !velocity_driven_may_rest(problem, inputs, lane) || limit < std::abs(trial.stress))
     return std::nullopt;
   // The slip is 0 with the sign that solve_balance() gives it, so that both functions give the same bits.
   const double slip = problem.options.drive == Drive::kLayerShear ? std::copysign(0.0, trial.direction) : 0.0;

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <optional>
 
-#include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/flow/heated.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/flow/plastic_heat.hpp"
@@ -14,6 +14,7 @@
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/elastic_trial.hpp"
 #include "server/physics/solver/velocity_driven/mean_stress.hpp"
+#include "server/physics/solver/velocity_driven/sliding.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -27,27 +28,6 @@ constexpr double kLeastGuess = 1e-12;  // smallest useful starting stress, relat
 constexpr int kNewtonIterations = 16;
 constexpr int kMaxIterations = 300;  // largest number of iterations of a lane (node); one that needs more has failed
 
-// What sets the upper end of the bracket in which the stress of a step is sought. That stress may equal the bound,
-// unless the bound is of the kind kNotAnAnswer.
-enum class Bound { kElastic, kCoulomb, kCeiling, kNotAnAnswer };
-
-// The balance of one lane in magnitudes along the trial direction:
-//   F(a) = a + compliance * integral(dep)(a) - a_trial = 0,   q = heating a
-struct Lane {
-  double direction = 1.0;         // direction of the trial stress, 1 or -1
-  double a_trial = 0.0;           // magnitude of the elastic trial stress, |s_old + G0 dt w / h|  [Pa]
-  double heating = 0.0;           // heat flux per stress: beta_T max([V] direction, 0)           [m/s]
-  double lo = 0.0, hi = 0.0;      // bracket of the root, F(lo) < 0                                  [Pa]
-  double a = 0.0;                 // stress magnitude: the iterate, at the end the answer           [Pa]
-  Bound bound = Bound::kElastic;  // kind of the bound `hi`; has no meaning once hi_seen is true
-  int sums = 0;                   // number of sums of the flow over the layer that the search has needed
-  int hottest = 0;                // vertex whose ceiling Y_max g(T) a rising stress reaches first
-  bool loaded = false;            // the trial stress is not 0
-  bool hi_seen = false;           // the balance F at `hi` has been evaluated and is not negative
-  bool done = false;
-  bool at_bound = false;  // the answer is the bound `hi`, of the kind `bound`
-};
-
 // The stress from which the step starts. With INTERFACE_SLIP the jump is slip of the interface: the stress starts at
 // the yield stress when slip begins, and again when the jump turns against the stress (DLP, section 5.2).
 double starting_stress(const Problem& problem, double s_old, double jump, double pressure, double T0, double ep0) {
@@ -58,9 +38,10 @@ double starting_stress(const Problem& problem, double s_old, double jump, double
 }
 
 // Finds trial stress, direction, heating and the bracket of the stress of one lane. `rate`: change of the stress in the
-// last step over its length, with which the search starts  [Pa/s].
+// last step over its length, with which the search starts  [Pa/s]. `contact`: null where the limit neither depends on slip
+// nor has a state.
 Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inputs, int lane, double dt,
-             const Heated& heated, double s_start, double rate, const double* strain) {
+             const Heated& heated, double s_start, double rate, const double* strain, const Sliding* contact) {
   const double h = problem.options.grid.thickness;
   const double pressure = inputs.pressure[lane];
   const ElasticTrial trial = elastic_trial(problem, soft, inputs, lane, dt, s_start);
@@ -92,11 +73,11 @@ Lane prepare(const Problem& problem, const Material& soft, const TileInputs& inp
       state.bound = Bound::kCeiling;
     }
   }
-  const double rubbing =
-      interface_strength(problem.interface, soft, pressure, nullptr).friction(heated.T(0, 0.0)).stress;
-  if (rubbing < state.hi) {
+  if (const double rubbing = limit_without_slip(problem, soft, pressure, inputs.velocity_jump[lane], heated, state,
+                                                contact, std::abs(s_start));
+      rubbing < state.hi) {
     state.hi = rubbing;
-    state.bound = Bound::kCoulomb;
+    state.bound = Bound::kContact;
   }
   // Two more bounds of the bracket from above, which are never answers: above the first the hottest vertex alone would
   // flow by more than the whole slip; above the second a vertex would be molten. An explicit flow is solved from a good
@@ -215,16 +196,17 @@ void find_roots(LayerFlow& flow, const TileInputs& inputs, double compliance, La
   }
 }
 
-// The mean stress of a step whose balance is solved, signed  [Pa]. `slips`: slip of layer and interface in the step.
+// The mean stress of a step whose balance is solved, signed  [Pa]. `friction`: limit of the interface at the temperature
+// before the step. `slips`: slip of layer and interface in the step.
 double mean_stress(const Problem& problem, const Material& soft, const TileInputs& inputs, int l, const Lane& lane,
-                   double dt, double s_start, const double* committed, const double* trial, bool slips) {
+                   double dt, double s_start, const double* committed, const double* trial, double friction,
+                   bool slips) {
   const TileLayout& layout = problem.layout;
   const StressPath path{lane.direction * s_start, lane.a_trial, lane.loaded ? lane.a : 0.0};
   if (!slips) return lane.direction * mean_of(path);
   const double pressure = inputs.pressure[l];
   const FlowedLayer layer{committed + layout.temperature + l, committed + layout.plastic_strain + l,
                           trial + layout.plastic_strain + l};
-  const double friction = interface_strength(problem.interface, soft, pressure, nullptr).friction(*layer.T_old).stress;
   return lane.direction * mean_of(path, onset_of_flow(problem.grid, soft, pressure, dt, layer, friction));
 }
 
@@ -232,6 +214,10 @@ struct Answer {
   double slip;  // sliding velocity [v], signed  [m/s]
   Regime regime;
 };
+
+Regime yielding_at(const Material& soft, double T) {
+  return T >= kMeltingShare * soft.melting_temperature ? Regime::kMelting : Regime::kTresca;
+}
 
 // Computes the sliding velocity [v] and the regime from the solved balance.
 Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane, double layer_slip,
@@ -247,8 +233,8 @@ Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane,
     slips = flows || slip != 0.0;
   }
   if (!slips) return {slip, Regime::kStick};
-  if (lane.at_bound && lane.bound == Bound::kCoulomb) return {slip, Regime::kCoulomb};
-  return {slip, T_hottest >= kMeltingShare * soft.melting_temperature ? Regime::kMelting : Regime::kTresca};
+  if (lane.at_bound && lane.bound == Bound::kContact) return {slip, Regime::kCoulomb};
+  return {slip, yielding_at(soft, T_hottest)};
 }
 
 }  // namespace
@@ -298,14 +284,26 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   Lane lanes[kLanes];
   double s_start[kLanes] = {};
   const LaneMaterials soft_at(soft, inputs);
+  std::optional<Contacts> contacts;
+  if (limit_follows_slip(problem)) contacts.emplace();
   for (int l = 0; l < kLanes; ++l) {
     const bool active = contains(inputs.active, l);
     const double pressure = active ? inputs.pressure[l] : 0.0;
+    Sliding* contact = contacts ? &contacts->of[l] : nullptr;
+    if (active && contact != nullptr) {
+      contact->state = contact_before(problem, committed, l);
+      contact->limit = contact_limit(problem, soft_at(l), pressure, dt, contact->state, inputs.effort);
+      contact->stuck = layout.sticking != TileLayout::kAbsent && committed[layout.sticking + l] != 0.0;
+    }
     if (active && pressure > 0.0) {
       s_start[l] = starting_stress(problem, stress_before(layout, inputs, committed, l), inputs.velocity_jump[l],
                                    pressure, committed[layout.temperature + l], strain[l]);
       lanes[l] = prepare(problem, soft_at(l), inputs, l, dt, heated(l), s_start[l], committed[layout.stress_rate + l],
-                         strain + l);
+                         strain + l, contact);
+      if (contact != nullptr) {
+        contact->T_ad = T[l];
+        contact->T_per_stress = lanes[l].heating * heated(l).response(0);
+      }
     }
     lanes[l].done = !lanes[l].loaded;
     loaded = loaded || lanes[l].loaded;
@@ -318,6 +316,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
 
   // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
   double slip[kLanes] = {};
+  Sliding(*slides)[kLanes] = contacts && problem.options.drive == Drive::kLayerShear ? &contacts->of : nullptr;
   if (layer_hardens && loaded) {
     LayerFlow flow({&soft, &grid, B, T, strain, dt, B_spread},
                    scratch_tile(Scratch::kFlow, LayerFlow::size_of_rows(grid)));
@@ -326,9 +325,11 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       flow.load(l, soft_at(l), pressure, lanes[l].a, lanes[l].heating);
     }
     find_roots(flow, inputs, compliance, lanes, strain_new);
+    if (slides != nullptr) slide(&flow, compliance, dt, lanes, *slides, strain_new);
     std::copy_n(flow.slip, kLanes, slip);
   } else {
     std::copy_n(strain, static_cast<std::size_t>(grid.num_vertices()) * kLanes, strain_new);
+    if (slides != nullptr) slide(nullptr, compliance, dt, lanes, *slides, strain_new);
   }
 
   double flux_of[kLanes];
@@ -366,10 +367,28 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     const double T_hottest = heated(l).T(heated(l).hottest(0.0), 0.0);
     // If no root was found the stress is NaN, from which the caller concludes that the lane has failed (kFailed).
     const double found = lane.done ? lane.a : std::numeric_limits<double>::quiet_NaN();
-    const double s = lane.loaded ? lane.direction * found : 0.0;
-    const Answer answer = open ? Answer{jump, Regime::kOpen}
-                               : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
-                                           driving_velocity(problem, inputs, l), dt);
+    double s = lane.loaded ? lane.direction * found : 0.0;
+    Answer answer = open ? Answer{jump, Regime::kOpen}
+                         : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
+                                     driving_velocity(problem, inputs, l), dt);
+    outputs.outcome[l] = outside_domain(answer.slip, jump);
+    double friction = std::numeric_limits<double>::infinity();  // limit of the interface at the old temperature
+    if (contacts) {
+      Sliding& own = contacts->of[l];
+      const bool known = open || problem.options.drive == Drive::kInterfaceSlip;
+      const double v = known ? std::abs(jump) : interface_slip / dt;
+      if (answer.regime == Regime::kCoulomb && !own.limit.at(T[l], v).is_coulomb)
+        answer.regime = yielding_at(soft_at(l), T[l]);
+      friction = own.limit.at(committed[layout.temperature + l], v).stress;
+      if (own.several) outputs.outcome[l] |= kMultipleRoots;
+      if (!advance_contact(own.limit, v, T[l], own.state)) s = std::numeric_limits<double>::quiet_NaN();
+      store_contact(problem, own.state, trial, l);
+      if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + l] = open || v > 0.0 ? 0.0 : 1.0;
+    } else if (inputs.wants_mean_stress && !open) {
+      friction = interface_strength(problem.interface, soft_at(l), inputs.pressure[l], nullptr)
+                     .friction(committed[layout.temperature + l])
+                     .stress;
+    }
     outputs.shear_stress[l] = s;
     outputs.sliding_velocity[l] = answer.slip;
     outputs.interface_temperature[l] = T[l];
@@ -380,11 +399,10 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     if (spreads)
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
     outputs.regime[l] = answer.regime;
-    outputs.outcome[l] = outside_domain(answer.slip, jump);
     if (inputs.wants_mean_stress)
       outputs.mean_shear_stress[l] = open ? 0.0
                                           : mean_stress(problem, soft_at(l), inputs, l, lane, dt, s_start[l], committed,
-                                                        trial, layer_slip > 0.0 || interface_slip > 0.0);
+                                                        trial, friction, layer_slip > 0.0 || interface_slip > 0.0);
     trial[layout.shear_stress + l] = s;
     trial[layout.stress_rate + l] = layer_slip > 0.0 ? (s - s_start[l]) / dt : 0.0;
     trial[layout.regime + l] = static_cast<double>(answer.regime);

@@ -1,0 +1,125 @@
+"""A friction law of the user's own: compiled against the header of the package, loaded by the administrator of a server, named
+in a scene, in both strategies. Laws that break their word fail their nodes, and the server lives. Needs --server and --source."""
+import argparse
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import numpy as np
+
+parser = argparse.ArgumentParser()
+for option in ("server", "source"):
+    parser.add_argument(f"--{option}", required=True)
+OPTIONS, REST = parser.parse_known_args()
+SOURCE = pathlib.Path(OPTIONS.source)
+sys.path.insert(0, str(SOURCE / "client" / "python"))
+import shearbus  # noqa: E402
+
+PATIENCE_S = 60.0
+BODIES = '[soft]\nmaterial = "aluminium_dlp"\n[hard]\nmaterial = "steel_dlp"\n[layer]\ncells = 20\ngrading = 1.2\nfar_boundary = "half_space"\n'
+# Bad laws in C++, by name: what limit() does where the pressure is above 200 MPa.
+BAD = {"throws": "throw 1;", "no_number": "return 0.0 / 0.0 * point->slip;", "negative": "return -1.0;",
+       "not_monotone": "return mu * (point->slip < 1.0 ? 1.0 : 0.5);"}
+BAD_LAW = """#include <shearbus/friction_law.h>
+static double limit(const shearbus_contact_point* point) {
+  const double mu = point->friction_coefficient * point->pressure;
+  if (point->pressure > 2e8) { %s }
+  return mu;
+}
+extern "C" const shearbus_friction_law shearbus_friction_law_of_library;
+const shearbus_friction_law shearbus_friction_law_of_library = {SHEARBUS_FRICTION_LAW_VERSION, 0, SHEARBUS_CONSTANT, SHEARBUS_CONSTANT, 0, limit, nullptr};
+"""
+
+
+def scene(law, strategy="force_driven"):
+    strength = "yield_strength_pa = 10e9\n" if strategy == "force_driven" else ""
+    return (f'name = "own law"\nstrategy = "{strategy}"\n' + BODIES +
+            f'[interface]\nfriction_coefficient = 0.1\n{strength}friction_law = "own:{law}"\n')
+
+
+class OwnFrictionLaw(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory(prefix="shearbus-own-")
+        cls.path = pathlib.Path(cls.scratch.name)
+        (cls.path / "include/shearbus").mkdir(parents=True)  # where the package puts the header
+        shutil.copy(SOURCE / "server/physics/interface/friction_law.h", cls.path / "include/shearbus")
+        include = f"-I{cls.path / 'include'}"
+        cls.laws = ["--friction-law", f"slip_weakening={cls.path / 'good.so'}"]
+        subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", include, "-o", cls.path / "good.so", SOURCE / "client/examples/friction_law.c"], check=True)
+        for name, body in BAD.items():
+            (cls.path / f"{name}.cpp").write_text(BAD_LAW % body)
+            subprocess.run(["c++", "-shared", "-fPIC", "-Werror", include, "-o", cls.path / f"{name}.so", cls.path / f"{name}.cpp"], check=True)
+            cls.laws += ["--friction-law", f"{name}={cls.path / name}.so"]
+        cls.bus = f"ipc://{cls.path}/bus"
+        cls.log = open(cls.path / "log", "w+", encoding="utf8")
+        cls.server = subprocess.Popen([OPTIONS.server, "--bind", cls.bus, *cls.laws], stderr=cls.log, stdout=cls.log)
+        end = time.monotonic() + PATIENCE_S
+        while "listening on" not in (cls.path / "log").read_text(encoding="utf8"):
+            assert cls.server.poll() is None and time.monotonic() < end, (cls.path / "log").read_text(encoding="utf8")
+            time.sleep(0.05)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.server.kill()
+        cls.server.wait()
+        cls.log.close()
+        cls.scratch.cleanup()
+
+    def open(self, text, nodes=4, **options):
+        session = shearbus.open(text, nodes=range(nodes), endpoint=self.bus, reply_deadline=PATIENCE_S, **options)
+        self.addCleanup(session.leave)
+        return session
+
+    def forced(self, session, pressure):
+        n = len(pressure)
+        return session.step(1e-9, jump=np.full(n, 10.0), pressure=pressure, stress_soft=np.zeros(n), stress_hard=np.zeros(n),
+                            mass_soft=np.full(n, 1e9), mass_hard=np.full(n, 1e9))
+
+    def test_the_example_weakens_along_its_slip(self):
+        session = self.open(scene("slip_weakening"))
+        for step in range(1, 151):
+            answer = self.forced(session, np.full(4, 1e8))
+            expected = 0.1 * 1e8 * (1 - 0.5 * min(1.0, step * 1e-8 / 1e-6))
+            np.testing.assert_allclose(answer.stress, expected, rtol=1e-9)
+
+    def test_the_example_is_solved_velocity_driven(self):
+        session = self.open(scene("slip_weakening", "velocity_driven"))
+        for _ in range(300):
+            answer = session.step(1e-9, jump=np.full(4, 20.0), pressure=np.full(4, 1e8))
+        np.testing.assert_allclose(answer.stress, 0.05 * 1e8, rtol=1e-7)
+
+    def test_a_law_that_breaks_its_word_fails_its_node_and_the_server_lives(self):
+        for name in BAD:
+            with self.subTest(name):
+                session = self.open(scene(name))
+                self.forced(session, np.full(4, 1e8))
+                pressure = np.array([1e8, 3e8, 1e8, 1e8])
+                answer = self.forced(session, pressure)
+                failed = (np.asarray(answer.outcome) & int(shearbus.Outcome.FAILED)) != 0
+                if name != "not_monotone":  # that law breaks its word where the slip is about 1 m/s
+                    self.assertEqual(failed.tolist(), [False, True, False, False])
+                np.testing.assert_allclose(answer.stress[[0, 2, 3]], 1e7, rtol=1e-9)
+                self.assertIsNone(self.server.poll())
+
+    def test_a_law_that_is_not_loaded_is_refused_with_a_remedy(self):
+        with self.assertRaises(shearbus.Error) as refused:
+            self.open(scene("nobody"))
+        self.assertIn("own:nobody", str(refused.exception))
+        self.assertIn("--friction-law NAME=", str(refused.exception))
+        self.assertIsNone(self.server.poll())
+
+    def test_a_library_without_a_law_stops_the_start(self):
+        for given, told in ((f"x={self.path}/none.so", "none.so"), ("x", "NAME=FILE"), ("x=libm.so.6", "shearbus_friction_law_of_library")):
+            run = subprocess.run([OPTIONS.server, "--bind", f"ipc://{self.path}/other", "--friction-law", given],
+                                 capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+            self.assertEqual(run.returncode, 1, run.stderr)
+            self.assertIn(told, run.stderr + run.stdout)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *REST])
