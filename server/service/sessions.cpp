@@ -136,7 +136,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& 
   const std::string line =
       fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
                   member->identity, printable(member->scene_name), open.domain.empty() ? "" : ", domain ",
-                  printable(open.domain), shard.nodes().size(), shard.bytes_per_node());
+                  printable(open.domain), shard.nodes().size(), body.bytes_per_node);
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
   made_member.emplace(open.session_id, std::move(member));
