@@ -475,6 +475,20 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
   return !has_payload || send_frame(batch.bytes(), false);
 }
 
+// Finds the socket empty before it has been found full too often. Late replies to repeated requests are dropped.
+void SocketConnection::look() {
+  while (socket_ && frames_read_ > kFramesBeforeLook / 2) {
+    zmq::message_t late;
+    if (frames_read_ > kFramesBeforeLook) return drop_socket();
+    if (wire::uninterrupted([&] { return zmq_msg_recv(late.handle(), socket_.get(), ZMQ_DONTWAIT); }) >= 0)
+      ++frames_read_;
+    else if (zmq_errno() == EAGAIN)
+      frames_read_ = 0;
+    else
+      unreachable(where_, zmq_strerror(zmq_errno()));
+  }
+}
+
 // Waits for the reply to `request_id` and skips replies to earlier requests. Returns false if `until` passed first, or
 // if the request must be sent again on a fresh socket.
 //
@@ -482,7 +496,7 @@ bool SocketConnection::send(const std::string& header, const wire::Batch& batch)
 // that the connection is lost: with ZMQ_IMMEDIATE it then gives up the rest of the message. While messages arrive it
 // looks for such notices at every hundredth call of zmq_msg_recv() on a socket, counted from the last call that found
 // nothing. So each message is preceded by a call that finds nothing; where one never does, the socket is replaced in
-// time.
+// time. Between two calls nothing is to come, so look() finds nothing and the socket stays.
 bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until, Received& received) {
   for (;;) {
     if (frames_read_ > kFramesBeforeLook) return false;
@@ -584,7 +598,10 @@ Received SocketConnection::exchange(const wire::Request& request, std::chrono::m
   bool under_way = posted_ && posted_->request_id == request.request_id;
   const auto asked = under_way ? posted_->at : started;
   posted_.reset();
-  if (!under_way) behind_.reset();
+  if (!under_way) {
+    behind_.reset();
+    look();
+  }
   bool sent = under_way;
   for (;;) {
     while (!socket_ && !connect()) {

@@ -150,6 +150,7 @@ class SocketConnection final : public Connection {
   void say(const std::string& line) const;
   void notice(short events);
   bool host_ends_call();
+  void look();
   bool send(const std::string& header, const wire::Batch& batch);
   void read_handshakes();
   Received exchange(const wire::Request& request, std::chrono::milliseconds deadline);

@@ -124,7 +124,8 @@ class Restart(unittest.TestCase):
             if process.returncode == 0:
                 break
             self.assertEqual(process.returncode, -signal.SIGKILL, printed)
-            self.assertFalse((out / "summary.json").exists())
+            if (out / "summary.json").exists():  # it was killed behind its end
+                break
         self.assertGreater(killed, 1)
         if (out / "restart").exists():
             out, process = self.hydro(*arguments)
