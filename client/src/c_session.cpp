@@ -143,7 +143,7 @@ void shearbus_session::opened(Session&& now, bool resuming) {
 void shearbus_session::tell_opening() const {
   if (!log.wanted()) {
     for (const std::string& warning : session->warnings())
-      if (!warning.starts_with(wire::kNote)) fmt::print(stderr, "shearbus: warning: {}\n", warning);
+      if (!warning.starts_with(wire::kNote)) write_line({}, "warning: " + warning);
     return;
   }
   log(fmt::format("session of {} nodes, scene \"{}\", server {}", session->node_ids().size(),
@@ -167,7 +167,7 @@ void tell(const shearbus_session& handle, const std::string& line) {
   if (handle.log.wanted())
     handle.log(line);
   else
-    fmt::print(stderr, "shearbus: {}\n", line);
+    write_line({}, line);
 }
 
 void refuse_no_session() {

@@ -65,7 +65,8 @@ struct ClientOptions {
   bool wait_for_recovery = true;  // a call to a server that recovers its sessions waits as long as that takes
   CheckClosure check_closure = CheckClosure::kWarn;
   // Called from inside a call that has waited for 2 s, then after 4, 8, ... s, with what the call waits for; and with
-  // "warning: " followed by a warning about a step. Without a log function the warnings go to standard error.
+  // "warning: " followed by a warning about a step. Without a log function warnings go to standard error, and from 10 s
+  // on so does what a call waits for.
   std::function<void(const std::string& line)> log;
   // Called from inside a call that waits, every 0.1 s and after each signal. True: the call ends as if its deadline had
   // passed.
@@ -73,6 +74,9 @@ struct ClientOptions {
   // A directory or a new file that gets event logs of this client's sessions (proto/files/event_log.md); empty: none.
   std::string record;
 };
+
+// Gives a line to a log, or without one to standard error.
+void write_line(const std::function<void(const std::string& line)>& log, const std::string& line);
 
 // A new pair of CURVE keys, each of 40 characters.
 struct KeyPair {

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
@@ -36,13 +35,6 @@ double coming(const Batch& request, double dt, std::size_t component, std::size_
 
 }  // namespace
 
-void show_warning(const std::function<void(const std::string&)>& log, const std::string& warning) {
-  if (log)
-    log("warning: " + warning);
-  else
-    fmt::print(stderr, "shearbus: warning: {}\n", warning);
-}
-
 ClosureCheck::ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> log)
     : mode_(mode), log_(std::move(log)) {}
 
@@ -66,7 +58,7 @@ std::string ClosureCheck::text_of(const Difference& found) const {
 
 void ClosureCheck::warn_once(const Difference& found) {
   done_ = true;
-  show_warning(log_, text_of(found));
+  write_line(log_, "warning: " + text_of(found));
   waiting_.reset();
   last_ = trial_ = {};
 }
@@ -109,7 +101,7 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     if (skips_clock_ && field == "time_s") continue;
     if (mode_ == CheckClosure::kOff || std::ranges::find(warned_, field) != warned_.end()) continue;
     warned_.push_back(field);
-    show_warning(log_, warning);
+    write_line(log_, "warning: " + warning);
   }
   skips_clock_ = false;
   if (!watches()) return;

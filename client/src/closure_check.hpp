@@ -15,9 +15,6 @@
 
 namespace shearbus {
 
-// Shows a warning: to `log`, or without it on standard error.
-void show_warning(const std::function<void(const std::string&)>& log, const std::string& warning);
-
 class ClosureCheck {
  public:
   // `log` receives each warning; without it warnings go to standard error. kError compares every step and throws at a

@@ -174,6 +174,11 @@ void SocketConnection::record(const std::string& header, const wire::Batch& batc
 
 SocketConnection::~SocketConnection() = default;
 
+void write_line(const std::function<void(const std::string& line)>& log, const std::string& line) {
+  if (log) return log(line);
+  fmt::print(stderr, "shearbus: {}\n", line);
+}
+
 KeyPair make_key_pair() {
   std::array<char, files::kKeyCharacters + 1> public_key{};
   std::array<char, files::kKeyCharacters + 1> secret_key{};
@@ -429,11 +434,6 @@ std::chrono::seconds SocketConnection::first_notice() const {
   return options().log ? kFirstNotice : kFirstNoticeOnScreen;
 }
 
-void SocketConnection::say(const std::string& line) const {
-  if (options().log) return options().log(line);
-  fmt::print(stderr, "shearbus: {}\n", line);
-}
-
 // Says for what the call waits, when it is time to.
 void SocketConnection::notice(short events) {
   if (Clock::now() < waiting_.next_notice) return;
@@ -441,10 +441,11 @@ void SocketConnection::notice(short events) {
   waiting_.next_notice = waiting_.since + 2 * waited;
   const double seconds = std::chrono::duration<double>(waited).count();
   if (events == ZMQ_POLLOUT)
-    say(fmt::format("waiting for a server at {} to connect to, since {:.0f} s{}{}", where_, seconds,
-                    file_fault_.empty() ? "" : "; ", file_fault_));
+    write_line(options().log, fmt::format("waiting for a server at {} to connect to, since {:.0f} s{}{}", where_,
+                                          seconds, file_fault_.empty() ? "" : "; ", file_fault_));
   else
-    say(fmt::format("waiting for the answer of {} to {}, since {:.0f} s", where_, waiting_.verb, seconds));
+    write_line(options().log,
+               fmt::format("waiting for the answer of {} to {}, since {:.0f} s", where_, waiting_.verb, seconds));
 }
 
 // A message of these bytes, which are copied unless it keeps their memory: they belong to the caller, and libzmq may keep
@@ -652,7 +653,7 @@ void SocketConnection::recovering(const wire::Status& status) {
   if (host_ends_call()) refused(true);
   if (Clock::now() < waiting_.next_notice) return;
   waiting_.next_notice = Clock::now() + first_notice();
-  say(fmt::format("waiting for the server at {}: {}", where_, status.text));
+  write_line(options().log, fmt::format("waiting for the server at {}: {}", where_, status.text));
 }
 
 void SocketConnection::give_up(bool sent, Clock::duration waited) const {

@@ -147,7 +147,6 @@ class SocketConnection final : public Connection {
   bool wait(short events, Clock::time_point until);
   std::pair<bool, bool> sleep(short events, long wait_ms);
   std::chrono::seconds first_notice() const;
-  void say(const std::string& line) const;
   void notice(short events);
   bool host_ends_call();
   void look();

@@ -300,7 +300,7 @@ void Session::Impl::check_answered(const Batch& request, const wire::Reply& repl
   closure->answered(request, reply.batch, std::get<wire::Upscale>(reply.body), step_options, mode);
   if (!inputs) return;
   for (const std::string& warning : inputs->add(request, step_options.dt_s))
-    show_warning(connection->options().log, warning);
+    write_line(connection->options().log, "warning: " + warning);
   if (inputs->doubts_units()) closure->doubt_units();
 } catch (const std::exception&) {
 }
@@ -308,7 +308,7 @@ void Session::Impl::check_answered(const Batch& request, const wire::Reply& repl
 void Session::Impl::end_checks() noexcept try {
   if (closure) closure->ended();
   if (!inputs) return;
-  for (const std::string& warning : inputs->end()) show_warning(connection->options().log, warning);
+  for (const std::string& warning : inputs->end()) write_line(connection->options().log, "warning: " + warning);
 } catch (const std::exception&) {
 }
 

@@ -17,6 +17,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -62,7 +63,7 @@ class ContactLaw {
                           " dimensions, and the scene has tangential_components = " + std::to_string(components) +
                           "; expected one component in two dimensions, and two in three");
     components_ = components;
-    for (const std::uint64_t id : session_.node_ids()) append(id);
+    for (const std::uint64_t id : session_.node_ids()) nodes_.emplace(id, Node{});
   }
 
   void touch(std::uint64_t id, const Contact& at) {
@@ -131,7 +132,6 @@ class ContactLaw {
   enum { kJump, kFirst, kSecond, kVectors };           // the stress of the soft side or the stick stress; the hard one
   enum { kPressure, kMassSoft, kMassHard, kScalars };  // the mass of the soft side or the impedance; the hard one
   struct Node {
-    std::uint64_t id = 0;
     std::uint64_t step = 0;  // in which it was touched last
     std::size_t row = 0;
     std::array<Vector, 2> tangent{};
@@ -151,28 +151,6 @@ class ContactLaw {
     ids_.clear();
   }
 
-  // The place of an id in slots_: that of its node, or the empty one in which it belongs. At most half of the slots are
-  // taken; the golden ratio spreads ids that count up, or up in steps.
-  std::size_t slot_of(std::uint64_t id) const {
-    std::size_t at = static_cast<std::size_t>((id * 0x9e3779b97f4a7c15U) >> 32U) & (slots_.size() - 1);
-    while (slots_[at] != 0 && nodes_[slots_[at] - 1].id != id) at = (at + 1) & (slots_.size() - 1);
-    return at;
-  }
-  // Of the session's nodes, or of those that are registered with the next solve(); nullptr: not among them.
-  const Node* find(std::uint64_t id) const {
-    const std::uint32_t number = slots_[slot_of(id)];
-    return number == 0 ? nullptr : &nodes_[number - 1];
-  }
-  Node& append(std::uint64_t id) {
-    nodes_.emplace_back().id = id;
-    if (2 * nodes_.size() > slots_.size()) {
-      slots_.assign(2 * slots_.size(), 0);
-      for (std::uint32_t number = 1; number < nodes_.size(); ++number) slots_[slot_of(nodes_[number - 1].id)] = number;
-    }
-    slots_[slot_of(id)] = static_cast<std::uint32_t>(nodes_.size());
-    return nodes_.back();
-  }
-
   // Columns for one row more than there are.
   void make_room() {
     if (ids_.size() < outcome_.size()) return;
@@ -187,7 +165,7 @@ class ContactLaw {
     for (auto& [column, values] : wanted_) values.resize(rows);
   }
 
-  // Adds a row for the node. The result is valid until the next node is added.
+  // Adds a row for the node. The result stays valid.
   const Node& add(std::uint64_t id, const Vector& normal, bool sticks) {
     begin();
     if (!ids_.empty() && sticks != sticks_)
@@ -200,13 +178,13 @@ class ContactLaw {
       throw Error::of(SHEARBUS_INVALID_VALUE, "normal",
                       "node " + std::to_string(id) + ": the normal has the length " +
                           std::to_string(std::sqrt(square)) + ", expected 1");
-    const std::uint32_t number = slots_[slot_of(id)];
-    if (number != 0 && nodes_[number - 1].step == step_)
+    const auto found = nodes_.find(id);
+    if (found != nodes_.end() && found->second.step == step_)
       throw Error::of(SHEARBUS_DUPLICATE_NODE, "node_id",
                       "node " + std::to_string(id) + " is touched twice in a step: give each contact an id of its own");
     make_room();
-    if (number == 0) new_.push_back(id);
-    Node& node = number != 0 ? nodes_[number - 1] : append(id);
+    if (found == nodes_.end()) new_.push_back(id);
+    Node& node = found != nodes_.end() ? found->second : nodes_[id];
     sticks_ = sticks;
     node.step = step_;
     node.row = ids_.size();
@@ -281,8 +259,8 @@ class ContactLaw {
     if (!solved_)
       throw Error::of(SHEARBUS_INVALID_VALUE, "node_id",
                       "solve() first: the nodes that were touched have no answer yet");
-    const Node* node = find(id);
-    return node == nullptr || node->step != step_ ? nullptr : node;
+    const auto found = nodes_.find(id);
+    return found == nodes_.end() || found->second.step != step_ ? nullptr : &found->second;
   }
   std::size_t row_of(std::uint64_t id) const {
     const Node* node = touched(id);
@@ -296,8 +274,7 @@ class ContactLaw {
   bool sticks_ = false;
   bool solved_ = false;     // true from solve() to the next touch()
   std::uint64_t step_ = 1;  // number of the present step
-  std::vector<Node> nodes_;
-  std::vector<std::uint32_t> slots_ = std::vector<std::uint32_t>(16);  // 1 + places in nodes_; 0: empty
+  std::unordered_map<std::uint64_t, Node> nodes_;
   Ids ids_, new_;  // nodes of the rows of this step; nodes that the session does not have yet
   // As many rows as make_room() has made, of which those of ids_ are in use.
   std::array<std::array<Column, 2>, kVectors> vectors_;
