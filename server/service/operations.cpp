@@ -123,11 +123,9 @@ Service::ReplyPtr Service::inspect(const wire::Inspect& inspect, Arrival& arriva
   const wire::Request& request = arrival.request;
   auto& answer = reply->body.emplace<wire::Inspected>();
   if (request.session_id != wire::SessionId{}) {
-    const auto found = members_.find(request.session_id);
-    if (found == members_.end() || !found->second->shard)
-      throw Error({.code = Code::kUnknownSession, .text = "no open session has this id"});
-    answer.sessions.push_back(info_of(*found->second));
-    top_nodes(*found->second, inspect, *reply);
+    Member& member = open_member(request.session_id);
+    answer.sessions.push_back(info_of(member));
+    top_nodes(member, inspect, *reply);
     return reply;
   }
   for (auto member = members_.upper_bound(inspect.after); member != members_.end(); ++member) {

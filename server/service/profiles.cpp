@@ -65,12 +65,7 @@ void profiles_of(const wire::Batch& asked, const shard::Rows& rows, const shard:
 
 Service::ReplyPtr Service::read_profiles(const wire::ReadProfiles& /*asked*/, Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
-  const auto found = members_.find(request.session_id);
-  if (found == members_.end() || !found->second->shard)
-    throw Error({.code = Code::kUnknownSession,
-                 .text = "no open session has this id",
-                 .remedy = "Open a session, or resume one with its token."});
-  Member& member = *found->second;
+  Member& member = open_member(request.session_id);
   check_identity(member, arrival.caller);
   member.last_request_ns = arrival.started_ns;
   check_epoch(request, &member);

@@ -174,6 +174,7 @@ class Service : private store::Recovery {
   ReplyPtr tell_status(const wire::ServerStatusQuery& asked, Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr open_session(const wire::OpenSession& open, Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr resume(const wire::ResumeSession& resume, Arrival& arrival, const ReplyPtr& reply);
+  Member& open_member(const wire::SessionId& id) const;  // throws UNKNOWN_SESSION, which says what has become of it
   void check_identity(const Member& member, const Caller& caller) const;
   void check_operator(const Caller& caller) const;
   ReplyPtr checkpoint_now(const wire::Checkpoint& asked, Arrival& arrival, const ReplyPtr& reply);

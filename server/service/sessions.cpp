@@ -243,23 +243,7 @@ void Service::grant(Member& member, const wire::ResumeSession& resume, const Arr
 
 Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
-  const auto found = members_.find(request.session_id);
-  if (found == members_.end())
-    throw Error({.code = Code::kUnknownSession,
-                 .text = fmt::format("no session has this id{}",
-                                     store_ == nullptr ? ": this server keeps none after its end (it has no state "
-                                                         "directory)"
-                                                       : " in the state directory of this server"),
-                 .remedy =
-                     "Give the server, or its state directory, with which the run was begun. A new session has cold "
-                     "layers: with it the run begins anew."});
-  if (!found->second->shard)
-    throw Error({.code = Code::kUnknownSession,
-                 .text = "the session was closed, and a closed session has no layers",
-                 .remedy =
-                     "A new session has cold layers: with it the run begins anew. A run that may go on later leaves "
-                     "its session open in place of closing it."});
-  Member& member = *found->second;
+  Member& member = open_member(request.session_id);
   check_identity(member, arrival.caller);
   if (must_wait(member)) return reply;
   if (member.resume_token == wire::ResumeToken{} || !same_token(member.resume_token, resume.resume_token))
