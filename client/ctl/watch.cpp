@@ -35,8 +35,9 @@ constexpr std::size_t kHottest = 3;
 constexpr std::size_t kSessionsAsked = 8;  // sessions whose hottest nodes are asked for: those with the most nodes
 
 // How the regimes are shown: colours of the 256 of terminals, or letters.
-constexpr std::array<int, wire::kRegimeCount> kColours = {255, 67, 36, 178, 52};
+constexpr std::array kColours = {255, 67, 36, 178, 52};
 constexpr std::string_view kLetters = ".-CT#";
+static_assert(kColours.size() == wire::kRegimeCount && kLetters.size() == wire::kRegimeCount, "a colour and a letter each");
 
 struct HotNode {
   std::string session;  // name of its scene, and the first digits of its id
