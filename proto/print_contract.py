@@ -297,12 +297,6 @@ def contract_py(what):
 # ---- WIRE.md ----
 
 
-def wire_columns(what):
-    lines = ["| no. | field | element | unit | meaning |", "|---|---|---|---|---|"]
-    return lines + [f"| {c.number} | `{c.name}` | {c.element.lower()} | {c.unit}{' ' if c.unit else ''}| {c.meaning}{'; tangential' if c.tangential else ''} |"
-                    for c in sorted(what.columns, key=lambda column: column.number)]
-
-
 def wire_codes(what):
     """Returns the codes by class; cause and remedy of each stand in the schema."""
     lines, rows = ["| class | codes | cause | what to do |", "|---|---|---|---|"], [("", [], "the request was run", "")]
@@ -323,7 +317,7 @@ PARTS = {
     "client/fortran/shearbus.f90": {
         "numbers": fortran_numbers, "sizes": fortran_sizes, "columns": lambda what: fortran_members(what, STEP, "(:)"),
         "columns of a profile": lambda what: fortran_members(what, LAYER, "(:, :)"), "places": fortran_places, "visits": fortran_visits, "profiles": fortran_profiles},
-    "proto/WIRE.md": {"columns": wire_columns, "codes": wire_codes},
+    "proto/WIRE.md": {"codes": wire_codes},
 }
 
 

@@ -103,9 +103,7 @@ class Additions(unittest.TestCase):
                 "Python": run("env", f"PYTHONPATH={work}/client/python", sys.executable, "-B", "-c", PYTHON),
         }.items():
             self.assertEqual(fault, "", language)
-        wire = (work / "proto/WIRE.md").read_text()
-        for row in ("| 64 | `damage_j_per_m3` | float64 | J/m3 | damage of the interface; tangential |", ", 410 BUSY, "):
-            self.assertIn(row, wire)
+        self.assertIn(", 410 BUSY, ", (work / "proto/WIRE.md").read_text())
 
     def test_a_column_without_its_number_is_refused(self):
         file = OPTIONS.work / "proto/wire/columns.inc"
