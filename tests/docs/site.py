@@ -21,7 +21,7 @@ EXPECTED = {
     "github/CONTRIBUTING.html": "compile_commands.json",
     "tutorials/couple.html": "shearbus_open",
     "howto/errors.html": "NODE_OWNED (304)",
-    "howto/host_errors.html": "stress_soft has the wrong sign",
+    "howto/host_errors.html": "usual mistake, cure",
     "howto/batch.html": "several_nodes.sbatch",
     "howto/capsule.html": "--capsule",
     "reference/scene.html": "friction_coefficient",
