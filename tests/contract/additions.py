@@ -13,7 +13,7 @@ import unittest
 
 OPTIONS = None
 # Of the tree: what is printed, and what the compilers need to read it.
-COPIED = ("proto", "client/include", "client/fortran", "client/python/shearbus", "client/report/style.py", "client/ctl/watch.cpp", "server/physics",
+COPIED = ("proto", "client/include", "client/fortran", "client/python/shearbus", "client/report/style.py", "client/ctl/watch_screen.cpp", "server/physics",
           ".github/CONTRIBUTING.md")
 COLUMN = """OUTPUT(kDamage, 64, damage_j_per_m3, damage, "J/m3", Float64, Tangential, OnRequest, OnRequest, "damage of the interface")
 """
@@ -26,7 +26,7 @@ ADDITIONS = {
     "a regime, a bit of the outcome": {
         "proto/shearbus/v1/downscale.proto": ("or a melt film carries the stress\n", "  REGIME_WELDED = 5;    // no slip any more\n"),
         "client/report/style.py": ('"MELTING": ("Tresca, melting", "#4a0012"),\n', '    "WELDED": ("welded", "#aa3377"),\n'),
-        "client/ctl/watch.cpp": ("178, 52", ", 133"),
+        "client/ctl/watch_screen.cpp": ("178, 52", ", 133"),
     },
     "a status code": {
         "proto/shearbus/v1/envelope.proto": ("  CODE_NO_SPACE = 402;", "\n  // too many requests\n  // Remedy: wait\n  CODE_BUSY = 410;"),
@@ -92,7 +92,7 @@ class Additions(unittest.TestCase):
         self.assertEqual(print_contract(), "")
         self.assertEqual(print_contract("--check"), "")
         work = OPTIONS.work
-        colours = re.search(r"^constexpr std::array kColours = .*?;$", (work / "client/ctl/watch.cpp").read_text(), re.M)[0]
+        colours = re.search(r"^constexpr std::array kColours = .*?;$", (work / "client/ctl/watch_screen.cpp").read_text(), re.M)[0]
         watch = CPP + colours + "\nstatic_assert(kColours.size() == wire::kRegimeCount);\n"
         for language, fault in {
                 "C++": run(OPTIONS.cxx, "-std=c++20", "-fsyntax-only", f"-I{work}", "-x", "c++", "-", text=watch),
