@@ -25,7 +25,7 @@ ADDITIONS = {
     },
     "a regime, a bit of the outcome": {
         "proto/shearbus/v1/downscale.proto": ("or a melt film carries the stress\n", "  REGIME_WELDED = 5;    // no slip any more\n"),
-        "client/report/style.py": ('"MELTING": ("Tresca, melting", "#4a0012"),\n', '    "WELDED": ("welded", "#aa3377"),\n'),
+        "client/report/style.py": ('"MELTING": ("Tresca, melting", "#4a' '0012"),\n', '    "WELDED": ("welded", "#aa3377"),\n'),
         "client/ctl/watch_screen.cpp": ("178, 52", ", 133"),
     },
     "a status code": {
