@@ -91,7 +91,7 @@ void ShardedSession::adopt(Session::Impl& session, const wire::Request& request,
     body_of<wire::Upscale>(received);
   } else if (std::holds_alternative<wire::Commit>(request.body)) {
     body_of<wire::Committed>(received);
-  } else {
+  } else if (std::holds_alternative<wire::Mark>(request.body)) {
     body_of<wire::Marked>(received);
   }
 }

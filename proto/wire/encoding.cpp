@@ -37,11 +37,13 @@ bool Decoder::read_varint(std::uint64_t& value) {
   return fail();
 }
 
-bool Decoder::read_fixed(std::size_t size, std::uint64_t& value) {
-  if (message_.size() - at_ < size) return fail();
-  value = 0;
-  std::memcpy(&value, message_.data() + at_, size);
-  at_ += size;
+template <typename Number>
+bool Decoder::read_fixed(std::uint64_t& value) {
+  Number number;
+  if (message_.size() - at_ < sizeof number) return fail();
+  std::memcpy(&number, message_.data() + at_, sizeof number);
+  at_ += sizeof number;
+  value = number;
   return true;
 }
 
@@ -50,7 +52,7 @@ bool Decoder::next_varint(std::uint64_t& value) {
 }
 
 bool Decoder::next_fixed64(std::uint64_t& value) {
-  return at_ < message_.size() && !fault_ && read_fixed(sizeof value, value);
+  return at_ < message_.size() && !fault_ && read_fixed<std::uint64_t>(value);
 }
 
 bool Decoder::next(EncodedField& field) {
@@ -62,9 +64,9 @@ bool Decoder::next(EncodedField& field) {
     case WireType::kVarint:
       return read_varint(field.value);
     case WireType::kFixed64:
-      return read_fixed(8, field.value);
+      return read_fixed<std::uint64_t>(field.value);
     case WireType::kFixed32:
-      return read_fixed(4, field.value);
+      return read_fixed<std::uint32_t>(field.value);
     case WireType::kLength:
       if (!read_varint(field.value) || field.value > message_.size() - at_) return fail();
       field.bytes = message_.subspan(at_, field.value);

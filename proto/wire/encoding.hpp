@@ -124,7 +124,8 @@ class Decoder {
     return false;
   }
   bool read_varint(std::uint64_t& value);
-  bool read_fixed(std::size_t size, std::uint64_t& value);
+  template <typename Number>
+  bool read_fixed(std::uint64_t& value);
 
   std::span<const std::byte> message_;
   std::size_t at_ = 0;
