@@ -27,18 +27,20 @@ std::string text_of(const std::string& file) {
 }
 
 const char* name_of(Element element) {
-  return element == Element::kFloat64 ? "float64" : element == Element::kUint64 ? "uint64" : "uint8";
+  return element == Element::kFloat64 ? "Float64" : element == Element::kUint64 ? "Uint64" : "Uint8";
 }
 
-// The table of WIRE.md, "The payload", must have one line for each row of column_rows().
-TEST(Columns, StandInTheContractAsInTheirRows) {
-  const std::string page = text_of("proto/WIRE.md");
+// What proto/print_contract.py reads of columns.inc is what the compiler reads, as far as Python's table has it.
+TEST(Columns, ArePrintedAsTheirRowsAre) {
+  const std::string table = text_of("client/python/shearbus/_contract.py");
   for (const ColumnRow& row : column_rows()) {
-    const std::string unit = *row.unit == '\0' ? "" : std::string(row.unit) + " ";
     const std::string line =
-        fmt::format("\n| {} | `{}` | {} | {}| {}{} |\n", static_cast<std::uint32_t>(row.field), row.name,
-                    name_of(row.element), unit, row.meaning, row.tangential ? "; tangential" : "");
-    EXPECT_NE(page.find(line), std::string::npos) << line;
+        fmt::format("\n    ({}, \"{}\", \"{}\", \"{}\", \"{}\", \"", static_cast<std::uint32_t>(row.field), row.name,
+                    row.quantity, row.unit, name_of(row.element));
+    const std::size_t at = table.find(line);
+    ASSERT_NE(at, std::string::npos) << line;
+    const std::size_t behind_kind = table.find("\", ", at + line.size()) + 3;
+    EXPECT_EQ(table.substr(behind_kind, 4), row.tangential ? "True" : "Fals") << line;
   }
 }
 
