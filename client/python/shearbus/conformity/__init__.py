@@ -1,4 +1,4 @@
-"""The conformity kit: plays two problems with exact answers into the coupling routine of a host, and holds it to the
+"""The conformity kit: plays problems with exact answers into the coupling routine of a host, and holds it to the
 protocol and to closure. `shearbus-ctl rehearse` runs it, as does `python3 -m shearbus.conformity`."""
 import os
 import subprocess
@@ -15,10 +15,14 @@ SCENARIOS = {
     "finite_plate": ("finite_plate", PROBLEM_CHECKS),
     "losses": ("two_half_spaces", mock_server.REPEATED + ["sequence", "closure", "jump", "closed"]),
     "restart": ("two_half_spaces", mock_server.RESTARTED + ["sequence", "closure", "jump", "closed"]),
+    "softening_friction": ("softening_friction", PROBLEM_CHECKS),
     "stick_slip_brake": ("stick_slip_brake", PROBLEM_CHECKS + ["rest"]),
+    "flash_to_melting": ("flash_to_melting", PROBLEM_CHECKS),
     "opening_and_closing": ("opening_and_closing", PROBLEM_CHECKS),
+    "turned_line": ("turned_line", PROBLEM_CHECKS),
+    "without_strength": ("without_strength", PROBLEM_CHECKS + ["far_stresses", "rest"]),
 }
-DEFAULT = ("two_half_spaces", "finite_plate", "losses", "restart")  # the others need a host whose pressure changes with time
+DEFAULT = ("two_half_spaces", "finite_plate", "losses", "restart")  # the others need a host whose start or pressure can be chosen
 
 
 def play(scenario, client, delay):
