@@ -46,9 +46,19 @@ def weights(soft, hard):
     ends = np.sort(np.concatenate([xs, xh]) % PERIOD)
     half = np.diff(np.append(ends, ends[0] + PERIOD)) / 2
     points = np.concatenate([ends + half * (1 - 3**-0.5), ends + half * (1 + 3**-0.5)])
-    values = [np.array([np.interp(points, x, unit, period=PERIOD) for unit in np.eye(len(x))]) for x in (xs, xh)]
-    shared = values[0] * np.tile(half, 2) @ values[1].T
-    return shared / shared.sum(1)[:, None], shared.sum(1), shared.sum(0)
+    shared = hats(xs, points).multiply(np.tile(half, 2)) @ hats(xh, points).T
+    area, area_hard = np.asarray(shared.sum(1)).ravel(), np.asarray(shared.sum(0)).ravel()
+    return sparse.diags(1 / area) @ shared, area, area_hard
+
+
+def hats(x, points):
+    """Returns the values of the shape functions of nodes at x in points, of which each lies between two nodes."""
+    order = np.argsort(x % PERIOD)
+    right = np.searchsorted(x[order] % PERIOD, points) % len(x)
+    left, right = order[right - 1], order[right]
+    share = (points - x[left]) % PERIOD / ((x[right] - x[left]) % PERIOD)
+    columns = np.arange(len(points))
+    return sparse.csr_matrix((np.append(1 - share, share), (np.append(left, right), np.append(columns, columns))), (len(x), len(points)))
 
 
 def run(soft, hard, steps, form, scene, **opening):

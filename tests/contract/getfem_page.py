@@ -26,7 +26,7 @@ import tomllib  # noqa: E402
 
 FORMS = ("far_field", "stick")
 WRONG = {  # mistake -> what the host has, and what the wrong host has instead
-    "weights in the wrong order": ("shared / shared.sum(1)[:, None]", "(shared / shared.sum(1)[:, None])[:, ::-1]"),
+    "weights in the wrong order": ("sparse.diags(1 / area) @ shared,", "(sparse.diags(1 / area) @ shared)[:, ::-1],"),
     "mass of whole zones": ("1 / (w @ (area_hard / m_hard))", "2 / (w @ (area_hard / m_hard))"),
     "stick stress without forces": ('"stick_stress": impedance * free[:, X]', '"stick_stress": impedance * jump[:, X]'),
     "another density": ("depth, 2703.0", "depth, 2900.0"),
@@ -56,7 +56,7 @@ class Run:
         # No uniform problem sees to which hard node a weight belongs: the weighted place of the hard nodes is that of the soft one.
         x = [block.x + block.u[0, :, 0] for block in blocks]
         apart = (x[1] - x[0][:, None] + host.PERIOD / 2) % host.PERIOD - host.PERIOD / 2
-        self.misplaced = abs((host.weights(soft, hard)[0] * apart).sum(1)).max()
+        self.misplaced = abs((host.weights(soft, hard)[0].toarray() * apart).sum(1)).max()
         self.end = f"{time * 1e9:.1f} ns: [V] {abs(self.jump[-1]):.2f} m/s, s {self.stress[-1] / 1e6:.2f} MPa, T0 up to {self.highest[-1]:.1f} K"
 
     def mean(self, values, start, end):
