@@ -30,7 +30,7 @@ WRONG = {  # mistake -> what the host has, and what the wrong host has instead
     "mass of whole zones": ("1 / (w @ (area_hard / m_hard))", "2 / (w @ (area_hard / m_hard))"),
     "stick stress without forces": ('"stick_stress": impedance * free[:, X]', '"stick_stress": impedance * jump[:, X]'),
     "another density": ("depth, 2703.0", "depth, 2900.0"),
-    "friction on one side": ("f_hard[0] -= w.T @ traction", "f_hard[0, :, Z] -= (w.T @ traction)[:, Z]"),
+    "friction on one side": ("f_hard -= w.T @ traction", "f_hard[:, Z] -= (w.T @ traction)[:, Z]"),
 }
 PROBLEMS = {"two_half_spaces": "constant_friction", "finite_plate": "finite_plate", "brake": "stick_slip_brake", "hot_spot": "softening_friction"}
 
@@ -51,7 +51,8 @@ class Run:
         self.time, self.jump, self.stress, self.temperature, self.spread, self.hottest, self.spot, self.highest = numpy.array(rows).T
         for block in blocks:  # kinetic, elastic, and that of the initial stress
             energy -= (block.mass * (block.v**2).sum(2)).sum() / 2
-            energy -= (block.u - host.DT * block.v).ravel() @ (block.stiffness @ block.u.ravel()) / 2 - block.push * block.u[0, :, 1].sum()
+            force = numpy.concatenate([block.forces(part) for part in (block.at_interface, block.behind)])
+            energy -= -((block.u - host.DT * block.v) * force).sum() / 2 + block.push * block.u[0, :, 1].sum()
         self.lost = energy
         # No uniform problem sees to which hard node a weight belongs: the weighted place of the hard nodes is that of the soft one.
         x = [block.x + block.u[0, :, 0] for block in blocks]

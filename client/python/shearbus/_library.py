@@ -77,7 +77,7 @@ FUNCTIONS = {  # name -> (type of the result, types of the arguments)
     "effective_scene": (Text, [Address]), "warnings": (Text, [Address]), "text": (Text, [Address, Whole]),
     "columns": (Size, [Address, Whole, Size, Address]), "offers": (Size, [Address, Size, Address]), "leave": (None, [Address]),
     **{name: (Whole, [Address] * count) for name, count in {
-        "open_nodes": 4, "resume_nodes": 5, "end": 3, "ticket": 3, "resumed_nodes": 3, "step": 4, "commit": 2, "rollback": 2,
+        "open_nodes": 4, "resume_nodes": 5, "end": 3, "ticket": 3, "resumed_nodes": 3, "step": 4, "start": 3, "finish": 3, "commit": 2, "rollback": 2,
         "mark": 3, "rollback_to": 3, "register_nodes": 3, "inspect": 3, "accept": 3, "count_fallbacks": 3, "set_fallback": 4}.items()},
     "set_reply_deadline": (Whole, [Address, Double, Address]), "retire": (Whole, [Address, Size, Address, Address]),
     "offer": (Whole, [Address, Size, Address, Address, Address]),
