@@ -92,6 +92,7 @@ CHECKS = {
     "claim": "a claim has the number of the last claim plus one, a claimant, and the epoch of the question",
     "busy": "after SHUTTING_DOWN of a durable server the same bytes come again",
 }
+UNSEEN = "never seen"
 PROTOCOL = [name for name in CHECKS if name not in ("restart", "claim", "busy", "repeats", "fresh_socket", "rest")]
 REPEATED = ["repeats", "fresh_socket"]  # where a message was lost
 RESTARTED = ["restart", "claim", "busy"]  # where the server was restarted
@@ -112,7 +113,7 @@ class Report:
 
     def results(self, names):
         """Returns {name: None, or why it failed}."""
-        return {name: self.failed.get(name) if name in self.seen else "never seen" for name in names}
+        return {name: self.failed.get(name) if name in self.seen else UNSEEN for name in names}
 
 
 def xxh3(data):
