@@ -151,7 +151,16 @@ class Cone(unittest.TestCase):
                 summary = json.loads((out / "summary.json").read_text())
                 self.assertLess(abs(summary["energy_residual"]), 1e-12)
                 hottest[depth] = summary["peak_interface_temperature_k"]
+                self.assertEqual(done.stderr, "", "nothing melts")
             self.assertGreater(hottest["zone"] - 300, 1.2 * (hottest["diffusion"] - 300))
+
+    def test_a_run_whose_law_5_melts_thin_zones_says_so_once(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = scene(directory, "cone_al_steel", first_zone_m="5e-6", zone_width_m="2e-3", end_time_s="2e-6", flyer_speed_m_per_s="568.0")
+            done = run(path, "--interface-law", "coulomb_tresca", "--out", pathlib.Path(directory) / "out", "--no-plot")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertRegex(done.stderr, r"^shearbus-hydro: warning: hydro.cone_target.first_zone_m: law \(5\) has melted soft zones at the interface, 5 um thick, "
+                             r"by 1\.\d+ us; .*raise first_zone_m or set hydro.coulomb_tresca.heat_depth = \"diffusion\"[^\n]*\n$")
 
     def test_layers_that_start_at_the_temperature_of_the_shocked_zones(self):
         with tempfile.TemporaryDirectory() as directory:
