@@ -108,6 +108,18 @@ class FrictionEnergy(served.Served):
             sums, heats, _ = self.step(session)
             self.assertTrue((sums == expected + heats).all())
 
+    def test_nodes_that_move_to_another_session_take_their_sums_along(self):
+        with self.open(summing(ONE_SIDED), domain="run") as giver, self.open(summing(ONE_SIDED), nodes=(7,), domain="run") as taker:
+            for _ in range(4):
+                given, _, _ = self.step(giver)
+                kept, _, _ = self.step(taker)
+            taker.accept(giver.offer([2, 3]))
+            self.assertEqual((list(giver.nodes), list(taker.nodes)), ([1], [7, 2, 3]))
+            sums, heats, _ = self.step(giver)
+            self.assertTrue((sums == given[:, :1] + heats).all())
+            sums, heats, _ = self.step(taker)
+            self.assertTrue((sums == np.hstack([kept, given[:, 1:]]) + heats).all())
+
     def test_a_scene_without_the_key_has_no_sums(self):
         with self.assertRaisesRegex(shearbus.Error, "friction_energy"):
             with self.open(ONE_SIDED) as session:
