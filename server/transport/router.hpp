@@ -78,9 +78,10 @@ struct Pulse {
 
 struct RouterOptions {
   std::size_t max_frame_bytes = std::size_t{16} << 20;  // a peer that sends a larger frame is disconnected
-  int queued_messages_per_peer = 4;                     // most messages queued for a peer: a request and its repeats
-  Authorise authorise;                                  // decides who may connect by ipc and tcp
-  std::vector<std::uint32_t> ipc_users;                 // users who may reach an ipc socket besides the server's own
+  // Most messages queued for a peer. libzmq wakes the other side whenever half of them were taken.
+  int queued_messages_per_peer = 8;
+  Authorise authorise;                   // decides who may connect by ipc and tcp
+  std::vector<std::uint32_t> ipc_users;  // users who may reach an ipc socket besides the server's own
   std::string curve_secret_key;     // the server's secret key in Z85; tcp peers then need keys, too; empty: no keys
   bool insecure_plaintext = false;  // allows tcp without keys, which is refused otherwise
   std::function<void(const std::string&)> log;         // gets a line per undeliverable answer; may be empty
