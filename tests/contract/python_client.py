@@ -938,7 +938,7 @@ class Processes(Live):
             other = pathlib.Path(directory, "libshearbus.so.1")
             source = "const char* shearbus_version(void) { return \"0.0.9\"; }\n"
             for names, text in (((), "has no shearbus_"), (FUNCTIONS, "is version 0.0.9, and this package is")):
-                lines = [source, *(f"void shearbus_{name}(void) {{}}" for name in names if name != "version")]
+                lines = [source, *(f"void shearbus_{name}(void) {{}}" for name, *_ in names if name != "version")]
                 subprocess.run(["cc", "-shared", "-fPIC", "-x", "c", "-", "-o", other], input="\n".join(lines), text=True, check=True)
                 told = self.run_program(program.replace("import", f"import os; os.environ['SHEARBUS_LIBRARY'] = '{other}'; import", 1)).stderr
                 self.assertIn(text, told.splitlines()[-1])
