@@ -110,8 +110,8 @@ class InterfaceHistory {
   HistoryRows rows_;
   InterfaceFacts facts_;
   NodeTotals totals_;
-  std::array<double, 5> regimes_{};      // number of node-steps in each regime
-  std::array<double, 5> regime_slip_{};  // integral of the slip distance over the interface in each regime  [m2]
+  std::array<double, wire::kRegimeCount> regimes_{};      // number of node-steps in each regime
+  std::array<double, wire::kRegimeCount> regime_slip_{};  // integral of the slip distance over the interface in each regime  [m2]
   std::array<double, 3> peaks_{};        // largest temperature [K], pressure [Pa] and share of the bound so far
   files::EnergyTotals energy_;
 };

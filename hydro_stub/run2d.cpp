@@ -238,9 +238,11 @@ class Run {
                                .output = seconds(output_),
                                .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
                                .law = law_.time_spent()}};
+    summary.omitted = law_.omitted_cost();
     files::write_whole(options_.out / "summary.json", files::kSummaryFile, summary.json());
+    dumps_.note_end();
     fmt::print("{}", summary.text());
-    law_.close();
+    law_.close();  // counts the node-steps that were asleep
     summary.omitted = law_.omitted_cost();
     for (const auto& [label, value] : summary.omitted.lines) fmt::print("  {:<24}{}\n", label, value);
     files::write_whole(options_.out / "summary.json", files::kSummaryFile, summary.json());

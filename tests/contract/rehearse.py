@@ -43,6 +43,7 @@ def faults(page, examples, endpoint):
     hosts = {name: (language, one_pressure(source)) for name, language, source, _ in page.sources() if name in ("cpp", "fortran newmark")}
     runs = {name: (by_hand, lambda host=host: page.play(*host, examples, endpoint)) for name, host in hosts.items()}
     runs["plate"] = plate, lambda: coupling_page.run(*KIT_HOST.split(), endpoint, "finite_plate")
+    runs["all problems"] = f"rehearse {DELAY}--scenario all -- {KIT_HOST} @endpoint @problem stick_form", None
     runs["started"] = started.replace("your_host --server @endpoint --problem @problem", f"{KIT_HOST} @endpoint @problem").replace(
         "rehearse ", "rehearse " + DELAY), None
     # Velocities at whole steps, in cells: both forms, and steps shorter than the time that a wave takes across a cell.
