@@ -278,7 +278,7 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
     case Phase::kSlipLow:
       low_value_ = slip_balance(slip);
       if (low_value_ < 0.0) return ask_slip(Phase::kSlipHigh, high_);
-      if (low_ == 0.0) return end_slip(low_);
+      if (low_ == 0.0) return melts(load_) && !stuck_below_limit_ ? stick_below(load_.stress) : end_slip(low_);
       high_ = low_;
       low_ = 0.0;
       return ask_slip(Phase::kSlipLow, low_);
@@ -456,6 +456,17 @@ void FlowingSlip::bound_slip_by_layer() {
 
 double FlowingSlip::slip_balance(double slip) const {
   return slip_ - (slipping_.c - slipping_.b * load_.stress - kSqrt3 * slip / start_.dt);
+}
+
+// Plastic work heats most under half the stress that sticks. So there may be two stresses at which the interface sticks,
+// and where it cannot carry the larger one it sticks at the smaller one, if its layer would melt under the stress `high`.
+void FlowingSlip::stick_below(double high) {
+  stuck_below_limit_ = true;
+  low_ = 0.0;
+  low_value_ = -trial_.stress_stick;
+  high_ = high;
+  high_is_ceiling_ = false;
+  ask_stick(Phase::kStickEnd, high_);
 }
 
 void FlowingSlip::end_slip(double v) {

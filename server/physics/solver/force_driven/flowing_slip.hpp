@@ -78,6 +78,7 @@ class FlowingSlip {
   void guess_stick(double slip, const NearbyFlow& nearby);
   void end_stick(double a);
   void begin_slip();
+  void stick_below(double high);
   void end_slip(double v);
   const LaneStep& rigid();
   bool rigid_holds(double slip);
@@ -126,6 +127,7 @@ class FlowingSlip {
   bool rigid_is_known_ = false;
   bool surely_flows_ = false;  // flows_beside_any_rigid_answer()
   bool stick_was_searched_ = false;
+  bool stuck_below_limit_ = false;  // stick_below() was called
   bool several_ = false;            // another answer satisfies the equations of the step too
 };
 
