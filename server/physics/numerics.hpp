@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 7;
+inline constexpr std::uint16_t kNumericsVersion = 8;
 
 }  // namespace shearbus::physics

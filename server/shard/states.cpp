@@ -71,22 +71,24 @@ States Shard::trial_states() const {
 void Shard::check_states(const States& states, std::size_t nodes) const {
   const std::span<const physics::State> known = layout_.states();
   const std::vector<PairColumn>& of_pair = pairs_.columns();
-  if (states.columns.size() != known.size() + of_pair.size())
-    throw std::invalid_argument("states of " + std::to_string(states.columns.size()) + " columns; the model has " +
-                                std::to_string(known.size() + of_pair.size()));
-  for (std::size_t i = 0; i < of_pair.size(); ++i)
-    if (const StateColumn& column = states.columns[known.size() + i];
-        column.name != of_pair[i].name || column.width != 1 || column.values.size() != states.rows.size())
-      throw std::invalid_argument("state column " + column.name + " is not the column of pairs " + of_pair[i].name);
-  for (std::size_t i = 0; i < known.size(); ++i) {
-    const physics::State& state = known[i];
-    const StateColumn& column = states.columns[i];
-    if (column.name != state.name || column.width != state.width ||
-        column.values.size() != states.rows.size() * state.width)
+  std::size_t next = 0;
+  for (const physics::State& state : known) {
+    const bool there = next < states.columns.size() && states.columns[next].name == state.name;
+    if (!there && state.from_zero) continue;
+    if (next++ == states.columns.size()) break;  // the number is wrong
+    const StateColumn& column = states.columns[next - 1];
+    if (!there || column.width != state.width || column.values.size() != states.rows.size() * state.width)
       throw std::invalid_argument("state column " + column.name + " [" + std::to_string(column.values.size()) +
                                   " values] is not the model's " + state.name + " [" +
                                   std::to_string(states.rows.size()) + "][" + std::to_string(state.width) + "]");
   }
+  if (states.columns.size() != next + of_pair.size())
+    throw std::invalid_argument("states of " + std::to_string(states.columns.size()) + " columns; the model has " +
+                                std::to_string(known.size() + of_pair.size()));
+  for (std::size_t i = 0; i < of_pair.size(); ++i)
+    if (const StateColumn& column = states.columns[next + i];
+        column.name != of_pair[i].name || column.width != 1 || column.values.size() != states.rows.size())
+      throw std::invalid_argument("state column " + column.name + " is not the column of pairs " + of_pair[i].name);
   for (const std::uint32_t row : states.rows)
     if (row >= nodes) throw std::invalid_argument("states of row " + std::to_string(row) + ", which does not exist");
 }

@@ -32,17 +32,20 @@ class TileMap;
 void add_pair_columns(const PairTable& pairs, const TileMap& map, std::span<const std::uint32_t> slots, States& states);
 
 // Writes the values of `states` into tiles. `states` must begin with one column for each entry of `known`, in the same
-// order; columns that tell the pairs of the nodes may follow, of which no tile has a copy;
-// `state_of(i)` points at the place in a tile where the state of node states.rows[i] begins.
+// order, but may lack those that begin at 0; columns that tell the pairs of the nodes may follow, of which no tile has a
+// copy; `state_of(i)` points at the place in a tile where the state of node states.rows[i] begins.
 template <typename StateOf>
 void write_states(const States& states, std::span<const physics::State> known, const StateOf& state_of) {
-  for (std::size_t state = 0; state < known.size(); ++state)
+  auto column = states.columns.begin();
+  for (const physics::State& state : known) {
+    const bool there = column != states.columns.end() && column->name == state.name;
     for (std::size_t row = 0; row < states.rows.size(); ++row) {
-      const std::size_t width = known[state].width;
-      const double* from = states.columns[state].values.data() + row * width;
-      double* to = state_of(row) + known[state].offset;
-      for (std::size_t i = 0; i < width; ++i) to[i * physics::kLanes] = from[i];
+      double* to = state_of(row) + state.offset;
+      for (std::size_t i = 0; i < state.width; ++i)
+        to[i * physics::kLanes] = there ? column->values[row * state.width + i] : 0.0;
     }
+    if (there) ++column;
+  }
 }
 
 }  // namespace shearbus::shard

@@ -2,12 +2,14 @@
 //   shearbus-bench-steps CASE STEPS
 // Velocity-driven cases: layer_shear, interface_slip, inertia, and the flow laws johnson_cook and
 // preston_tonks_wallace. All other cases are force-driven: profile, modes, sdirk2, sdirk2_modes, plastic_layer, which
-// flows, junctions, and the friction laws "weakening" and "softening" with the options that follow in the name;
+// flows, plastic_layer_pulled, which flows on because far stresses pull thick zones, the same with a tolerance of 1e-3,
+// plastic_layer_pulled_1e-3, junctions, and the friction laws "weakening" and "softening" with the options that follow in the name;
 // "yields": under the paper's pressure.
 // "velocity_driven: KEY" and "force_driven: KEY" are the steps of a model with one option of
 // server/physics/solver/parts.cpp, force-driven under a jump that melts a film, and "velocity_driven without: KEY" the
 // same without it; "options" lists these keys, one a line.
 // Ends with 77 on a machine without registers of four doubles, for which the counts are not meant.
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <optional>
@@ -30,6 +32,8 @@ struct Case {
   ModelOptions options;
   double pressure = 11.2e9;
   double jump = 100.0;
+  double half_zone = 2.5e-6;  // half the width of the zones of the host  [m]
+  double pull = 0.0;  // far stress of both zones; not 0: each step begins with the jump of the step before  [Pa]
 };
 
 void set_modes(ModelOptions& options) {
@@ -46,10 +50,15 @@ Case case_of(std::string_view name) {
   if (name == "johnson_cook") options.soft = make_material("copper_ofhc_jc", {}).material;
   if (name == "preston_tonks_wallace") options.soft = make_material("copper_ofhc_ptw", {}).material;
   options.inertia = name == "inertia";
-  if (name == "plastic_layer") {
+  if (name.starts_with("plastic_layer")) {
     options.plastic_layer = true;
     options.interface.yield_strength = 400e6;
   }
+  if (name.starts_with("plastic_layer_pulled")) {
+    own.half_zone = 2.5e-4;
+    own.pull = 3e8;
+  }
+  if (name == "plastic_layer_pulled_1e-3") options = discretised(options, 1e-3);
   if (name == "modes" || name == "sdirk2_modes") set_modes(options);
   if (name == "sdirk2" || name == "sdirk2_modes" || name == "softening_sdirk2")
     options.time_integrator = TimeIntegrator::kSdirk2;
@@ -106,10 +115,14 @@ int main(int argc, char** argv) {
   Rig rig(own.options);
   rig.set_all(own.jump, own.pressure);
   for (int l = 0; l < kLanes; ++l) {
-    rig.inputs.mass_soft[l] = 2703 * 2.5e-6;
-    rig.inputs.mass_hard[l] = 7900 * 2.5e-6;
+    rig.inputs.mass_soft[l] = 2703 * own.half_zone;
+    rig.inputs.mass_hard[l] = 7900 * own.half_zone;
+    rig.inputs.stress_soft[l] = rig.inputs.stress_hard[l] = own.pull;
     rig.inputs.velocity_jump[l] += l;
   }
-  for (int n = std::atoi(argv[2]); n > 0; --n) rig.step(1e-9);
+  for (int n = std::atoi(argv[2]); n > 0; --n) {
+    rig.step(1e-9);
+    if (own.pull != 0.0) std::ranges::copy(rig.outputs.velocity_jump_new, rig.inputs.velocity_jump);
+  }
   return 0;
 }

@@ -80,8 +80,9 @@ TEST(PhysicsPlasticLayer, StateIsThereOnlyWhenAskedFor) {
   const TileLayout without = Model(options).layout();
   EXPECT_EQ(without.plastic_strain, TileLayout::kAbsent);
   EXPECT_EQ(without.sticking, TileLayout::kAbsent);
+  EXPECT_EQ(without.stress_rate, TileLayout::kAbsent);
   EXPECT_EQ(without.doubles, std::size_t{61 + 2} * kLanes);  // doubles per lane: T at 61 vertices, s, regime
-  EXPECT_EQ(with.doubles, without.doubles + std::size_t{61 + 1} * kLanes);
+  EXPECT_EQ(with.doubles, without.doubles + std::size_t{61 + 2} * kLanes);  // ep, sticking, rate of s
 }
 
 // Heavy bodies keep their jump, so the force-driven layer must flow like the velocity-driven layer. The interface is

@@ -69,8 +69,9 @@ TEST(PhysicsStates, HaveTheNamesOfCheckpoints) {
   EXPECT_THAT(names_of(with_modes()),
               ElementsAre("heat_modes_k", "temperature_k", "shear_stress_pa", "second_shear_stress_pa", "regime"));
   EXPECT_THAT(names_of(flowing_sleeper()),
-              ElementsAre("hard_temperature_k", "temperature_k", "plastic_strain", "shear_stress_pa", "regime",
-                          "sticking", "resting", "hottest_at_rest_k", "least_strain_at_rest"));
+              ElementsAre("hard_temperature_k", "temperature_k", "plastic_strain", "shear_stress_pa",
+                          "shear_stress_rate_pa_per_s", "regime", "sticking", "resting", "hottest_at_rest_k",
+                          "least_strain_at_rest"));
   EXPECT_THAT(names_of(with_inertia()),
               ElementsAre("temperature_k", "plastic_strain", "shear_stress_pa", "layer_velocity_m_per_s", "regime"));
   EXPECT_THAT(names_of(with_heated_layer()),

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -111,6 +112,36 @@ TEST_P(SavedStates, ARestoredShardGoesOnWithTheSameBits) {
   const States here = shard.committed_states(), there = restored.committed_states();
   for (std::size_t i = 0; i < here.columns.size(); ++i)
     EXPECT_EQ(there.columns[i].values, here.columns[i].values) << here.columns[i].name;
+}
+
+// States that were saved before a layer under force kept the rate of its stress are read; those that lack anything else
+// are not.
+TEST(SavedBefore, MayLackTheRateOfTheStressAlone) {
+  TaskPool pool(1);
+  ModelOptions options = shearbus::testing::graded(shearbus::testing::paper_options(physics::Strategy::kForceDriven));
+  options.plastic_layer = true;
+  options.interface.yield_strength = 400e6;
+  Shard shard = make_shard(options, pool);
+  advance(shard, 20);
+  const auto without = [&](const std::string& name) {
+    States states = shard.committed_states();
+    EXPECT_EQ(std::erase_if(states.columns, [&](const StateColumn& column) { return column.name == name; }), 1) << name;
+    return states;
+  };
+  const std::string rate = "shear_stress_rate_pa_per_s";
+  Shard restored = make_shard(options, pool);
+  restored.restore(without(rate), nullptr, shard.state_version());
+  const States here = shard.committed_states(), there = restored.committed_states();
+  for (std::size_t i = 0; i < here.columns.size(); ++i) {
+    const bool lost = here.columns[i].name == rate;
+    EXPECT_EQ(there.columns[i].values == here.columns[i].values, !lost) << here.columns[i].name;
+    if (lost) {
+      EXPECT_EQ(there.columns[i].values, std::vector<double>(kNodes, 0.0));
+    } else {
+      EXPECT_THROW(restored.restore(without(here.columns[i].name), nullptr, shard.state_version()),
+                   std::invalid_argument);
+    }
+  }
 }
 
 // A shard takes over four nodes of the shard `giver`, with all their states. Afterwards a trial of `giver` is rolled

@@ -4,9 +4,9 @@
 
 namespace shearbus::physics {
 
-std::size_t StateList::add(const char* name, const char* unit, std::size_t width) {
+std::size_t StateList::add(const char* name, const char* unit, std::size_t width, bool from_zero) {
   if (width == 0) return kAbsent;
-  states_.push_back({name, unit, doubles, width});
+  states_.push_back({name, unit, doubles, width, from_zero});
   doubles += width * kLanes;
   return states_.back().offset;
 }

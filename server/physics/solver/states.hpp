@@ -15,10 +15,11 @@
 namespace shearbus::physics {
 
 struct State {
-  const char* name;    // name of the checkpoint column
-  const char* unit;    // unit in the notation of UDUNITS
-  std::size_t offset;  // where the values of the state begin in a tile; they are an array [width][kLanes]
-  std::size_t width;   // number of values per node
+  const char* name;        // name of the checkpoint column
+  const char* unit;        // unit in the notation of UDUNITS
+  std::size_t offset;      // where the values of the state begin in a tile; they are an array [width][kLanes]
+  std::size_t width;       // number of values per node
+  bool from_zero = false;  // saved states may lack it: it is then 0, and the next step finds it
 };
 
 class StateList {
@@ -31,7 +32,7 @@ class StateList {
  protected:
   // Adds a state behind the others and returns its offset. A width of 0 adds nothing and returns kAbsent: this model
   // does not have the state.
-  std::size_t add(const char* name, const char* unit, std::size_t width);
+  std::size_t add(const char* name, const char* unit, std::size_t width, bool from_zero = false);
   // Adds each state that a law declares, with one value per node. Returns the offset of the first of these states, or
   // kAbsent if the law declares none.
   std::size_t add(std::span<const StateVariable> of_law);
@@ -71,8 +72,8 @@ class TileLayout : public StateList {
   std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
   std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);  // shear stress s, signed
   // Change of the shear stress in the last step over its length, 0 if the layer did not flow: start of the next search.
-  std::size_t stress_rate = add("shear_stress_rate_pa_per_s", "Pa s-1",
-                                options_->strategy == Strategy::kVelocityDriven && !options_->inertia);
+  std::size_t stress_rate =
+      add("shear_stress_rate_pa_per_s", "Pa s-1", num_strain_vertices > 0 && !options_->inertia, true);
   std::size_t layer_velocity = add("layer_velocity_m_per_s", "m s-1", num_velocity_cells);  // relative to the hard body
   std::size_t second_stress = add("second_shear_stress_pa", "Pa", options_->tangential_components == 2);
   std::size_t regime = add("regime", "1", 1);  // Regime of the last step, as a double

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "server/physics/solver/melting/melt_film.hpp"
 #include "tests/support/invariants/answered.hpp"
@@ -37,10 +38,11 @@ inline void require_film(const Rig& rig, const Answered& a, int lane, double con
   const double T_melt = soft.melting_temperature;
   const double latent = latent_rise(film, soft), diffused = soft.diffusivity * a.dt;
   const auto interface = static_cast<std::size_t>(rig.heat_grid().interface);
+  const std::vector<double> before = rig.temperatures(rig.trial, lane), after = rig.temperatures(rig.committed, lane);
   double compliance = 0.0, grain = 0.0;
   for (std::size_t i = 0; i < rig.model.layout().num_vertices; ++i) {
     const int vertex = static_cast<int>(i);
-    const double T = std::max(T_melt, rig.trial[place(rig.model.layout().temperature, vertex, lane)]);
+    const double T = std::max(T_melt, before[interface + i]);
     const double eta = film.viscosity * std::exp(film.activation_energy / 8.31446261815324 * (1.0 / T - 1.0 / T_melt));
     const double weight = rig.heat_grid().weight[interface + i];
     compliance += weight * rig.liquid(vertex, lane) / eta;
@@ -48,7 +50,7 @@ inline void require_film(const Rig& rig, const Answered& a, int lane, double con
     // it is conducted in the step.
     const double conducts =
         diffused / (weight * rig.heat_grid().width[std::min(interface + i, rig.heat_grid().width.size() - 1)]);
-    const double hottest = std::max(T, rig.T(vertex, lane));
+    const double hottest = std::max(T, after[interface + i]);
     if (rig.liquid(vertex, lane) > 0.0) grain += weight / eta * kDigits * hottest / latent * (1.0 + conducts);
   }
   grain += kDigits * a.heat / (soft.density * film.latent_heat * film.viscosity);

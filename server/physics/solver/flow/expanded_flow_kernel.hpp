@@ -81,6 +81,26 @@ struct Following {
   return static_cast<std::ptrdiff_t>(most);
 }
 
+// Finds the bounds of the lanes of a register.
+[[gnu::noinline]] inline void find_bounds(LayerFlow& flow, int lane) {
+  const FlowProblem& problem = flow.problem;
+  FlowBounds& bounds = flow.expanded.bounds;
+  std::ptrdiff_t i = problem.grid->num_vertices() - 1;
+  Register T = load(problem.T_ad + i * kLanes + lane), strain = load(problem.strain + i * kLanes + lane), spread{};
+  for (std::ptrdiff_t block = i / bounds.rows; block > 0; --block) {
+    for (; i >= block * bounds.rows; --i) {
+      const std::ptrdiff_t row = i * kLanes + lane;
+      T = larger(T, load(problem.T_ad + row));
+      strain = smaller(strain, load(problem.strain + row));
+      if (problem.spread_response != nullptr) spread = larger(spread, load(problem.spread_response + row));
+    }
+    store(T, bounds.T_ad[block] + lane);
+    store(strain, bounds.strain[block] + lane);
+    store(spread, bounds.spread[block] + lane);
+  }
+  flow.bounds_known |= ((1u << kWidth) - 1u) << lane;
+}
+
 // Expands the vertices of the lanes of a register about `base`, sums their flow there and writes the strain.
 template <class Law, bool kSpread>
 [[gnu::always_inline]] inline void expand(LayerFlow& flow, bool limited, int lane, double* strain_new) {
@@ -120,14 +140,15 @@ template <class Law, bool kSpread>
     num_yielding = where(may_yield & inside, number, num_yielding);
     if (end == n) break;
     inside = number < limit;
-    if (!limited) {
+    // A lane with a known limit needs all vertices up to it, whatever its stress now.
+    const Mask skips = without(inside), open = (limit >= kUnlimited) & (vertex.growth < kSteep);
+    const Register hottest = kMargin * vertex.hot * (1.0 + kHotter + kHotter * vertex.growth);
+    if (!limited && everywhere((open & (hottest < cold)) | skips)) {
+      if ((flow.bounds_known >> lane & 1u) == 0) find_bounds(flow, lane);
       const Register most_rise = flux * (kSpread ? load(bounds.spread[block] + lane) : all(problem.response[end]));
       const Mask colder = (T >= load(bounds.T_ad[block] + lane) + most_rise) & (rise >= most_rise);
-      const Register hottest = vertex.hot * (1.0 + kHotter + kHotter * vertex.growth);
-      const Mask harder = hottest * kMargin < fresh + load(bounds.strain[block] + lane);
-      // A lane with a known limit needs all vertices up to it, whatever its stress now.
-      const Mask unknown = limit >= kUnlimited;
-      if (everywhere((colder & harder & (vertex.growth < kSteep) & unknown) | without(inside))) break;
+      const Mask harder = hottest < fresh + load(bounds.strain[block] + lane);
+      if (everywhere((colder & harder & open) | skips)) break;
     }
     may_yield = Mask{};
     steepest_here = Register{};
@@ -197,29 +218,5 @@ inline void find_roots(const LayerFlow& flow, double compliance, const double* a
     }
     const Mask reached = (sums.m0 > 0.0) & (magnitude(hot - sums.m0) <= kMostChange * sums.m0);
     store(where(reached, base * (1.0 + u), all(-1.0)), root + lane);
-  }
-}
-
-// Finds the bounds of the lanes from `first` to the one before `end`.
-inline void find_bounds(LayerFlow& flow, int first, int end) {
-  const FlowProblem& problem = flow.problem;
-  FlowBounds& bounds = flow.expanded.bounds;
-  const std::ptrdiff_t n = problem.grid->num_vertices();
-  bounds.rows = (n + FlowBounds::kBlocks - 1) / FlowBounds::kBlocks;
-  for (int lane = first; lane < end; lane += kWidth) {
-    std::ptrdiff_t i = n - 1;
-    Register T = load(problem.T_ad + i * kLanes + lane), strain = load(problem.strain + i * kLanes + lane);
-    Register spread{};
-    for (std::ptrdiff_t block = i / bounds.rows; block > 0; --block) {
-      for (; i >= block * bounds.rows; --i) {
-        const std::ptrdiff_t row = i * kLanes + lane;
-        T = larger(T, load(problem.T_ad + row));
-        strain = smaller(strain, load(problem.strain + row));
-        if (problem.spread_response != nullptr) spread = larger(spread, load(problem.spread_response + row));
-      }
-      store(T, bounds.T_ad[block] + lane);
-      store(strain, bounds.strain[block] + lane);
-      store(spread, bounds.spread[block] + lane);
-    }
   }
 }

@@ -16,10 +16,19 @@ NearbyFlow::Slip NearbyFlow::at(double stress, double flux) const {
   const double w = base_flux > 0.0 ? flux / base_flux - 1.0 : 0.0;
   const double hot = moment[0] + w * (moment[1] + w * (moment[2] + w * moment[3]));
   const double hotter = moment[1] + w * (2.0 * moment[2] + w * (3.0 * moment[3]));
-  const double v = logarithm(stress / base);
-  const double y = exponential(v * (exponent + curvature * v));
+  const double v = stress == base ? 0.0 : logarithm(stress / base);
+  const double y = v == 0.0 ? 1.0 : exponential(v * (exponent + curvature * v));
   return {y * hot + constant, (exponent + 2.0 * curvature * v) * y * hot / stress,
           base_flux > 0.0 ? y * hotter / base_flux : 0.0};
+}
+
+void find_first_vertices(const LaneMaterials& soft_at, std::uint32_t lanes, const double* pressure, const double* T,
+                         const double* strain, FirstVertices& found) {
+  if (soft_at.uniform() && !is_one_lane(lanes)) {
+    SHEARBUS_CALL(find_first_vertices, soft_at(0), 0, kLanes, pressure, T, strain, found);
+  } else {
+    for (const int l : lanes_of(lanes)) one::find_first_vertices(soft_at(l), l, l + 1, pressure, T, strain, found);
+  }
 }
 
 bool is_balanced(double a, double left, double compliance, double slip, const FlowAccuracy& accuracy) {
@@ -38,6 +47,7 @@ LayerFlow::LayerFlow(const FlowProblem& layers, double* rows)
     if constexpr (ExplicitFlow<Law>) exponent = Law::exponent(*problem.soft);
   });
   searched.summed = false;
+  expanded.bounds.rows = (problem.grid->num_vertices() + FlowBounds::kBlocks - 1) / FlowBounds::kBlocks;
   std::fill_n(searched.stress, kLanes, 0.0);
   std::fill_n(expanded.base, kLanes, 0.0);
   std::fill_n(expanded.base_heating, kLanes, 0.0);
@@ -54,23 +64,15 @@ void LayerFlow::load(int lane, const Material& at_pressure, double pressure, dou
 }
 
 void LayerFlow::forget(int lane) {
-  bounds_are_known = false;
+  bounds_known &= ~(1u << lane);
   expanded.origin[lane] = -1.0;
   expanded.origin_flux[lane] = expanded.steepest[lane] = 0.0;
   searched.last_flux[lane] = -1.0;
 }
 
 void LayerFlow::sum(std::uint32_t lanes, double* strain_new) {
-  const bool alone = std::has_single_bit(lanes);
+  const bool alone = is_one_lane(lanes);
   const int first = alone ? std::countr_zero(lanes) : 0, end = alone ? first + 1 : kLanes;
-  if (is_explicit && !bounds_are_known) {
-    if (alone) {
-      one::find_bounds(*this, first, end);
-    } else {
-      SHEARBUS_CALL(find_bounds, *this, first, end);
-    }
-    bounds_are_known = true;
-  }
   if (alone) {
     one::sum_flow(*this, first, end, strain_new);
   } else {

@@ -7,9 +7,15 @@
 
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
+#include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/tile.hpp"
 
 namespace shearbus::physics {
+
+// As std::has_single_bit(), without the call that it costs where the processor may lack the instruction.
+constexpr bool is_one_lane(std::uint32_t lanes) {
+  return lanes != 0 && (lanes & (lanes - 1)) == 0;
+}
 
 // The layers of a tile at the start of a step. Arrays are [vertex][lane].
 struct FlowProblem {
@@ -57,12 +63,21 @@ bool is_balanced(double a, double left, double compliance, double slip, const Fl
 // Bounds of what lies farther out in the layer, for blocks of vertices. Where even the hottest of the vertices from a
 // block on would not yield with the least strain of them, none does, and an expansion ends.
 struct FlowBounds {
-  static constexpr int kBlocks = 16;
+  static constexpr int kBlocks = 8;
   std::ptrdiff_t rows;                         // number of vertices of each block but the last
   alignas(64) double T_ad[kBlocks][kLanes];    // the highest temperature T_ad of the vertices from the block on  [K]
   alignas(64) double strain[kBlocks][kLanes];  // their least plastic strain
   alignas(64) double spread[kBlocks][kLanes];  // their largest response B_phi, if heat is released in the layer
 };
+
+// The metal at z = 0 before a step: its strength H, if the law is separable, at the rate 0  [Pa]; its softening g.
+struct FirstVertices {
+  alignas(64) double strength[kLanes];
+  alignas(64) double g[kLanes];
+};
+// Finds those of `lanes`. `T`, `strain`: rows of the vertices at z = 0, [lane].
+void find_first_vertices(const LaneMaterials& soft_at, std::uint32_t lanes, const double* pressure, const double* T,
+                         const double* strain, FirstVertices& found);
 
 // The flow of laws whose strain increment is explicit. One sum over the layer gives the flow under a stress and, as a
 // series, the flow under stresses nearby. Under the stress a = base (1 + u) and a flux of 1 + w times that at the base
@@ -138,7 +153,7 @@ class LayerFlow {
   alignas(64) double T_melt[kLanes] = {};   // melting temperature at the lane's pressure  [K]
   double exponent = 0.0;                    // of the stress in an explicit flow
   bool is_explicit;
-  bool bounds_are_known = false;
+  std::uint32_t bounds_known = 0;  // lanes whose expanded.bounds are known, one bit per lane
   ExpandedLoads expanded;
   SearchedLoads searched;
 };

@@ -19,3 +19,18 @@ inline void sum_flow(LayerFlow& flow, int first, int end, double* strain_new) {
     }
   });
 }
+
+// Finds the strength H of a metal that does not flow yet, and its softening g, at z = 0 in the lanes from `first` to the
+// one before `end`.
+inline void find_first_vertices(const Material& soft, int first, int end, const double* pressure, const double* T,
+                                const double* strain, FirstVertices& found) {
+  FlowLaws::with(soft.flow_law, [&](auto own) {
+    using Law = typename decltype(own)::type;
+    for (int lane = first; lane < end; lane += kWidth) {
+      const Register P = load(pressure + lane), T0 = load(T + lane);
+      if constexpr (Law::kSeparable)
+        store(Law::hardened(soft, load(strain + lane), all(0.0), P, T0), found.strength + lane);
+      store(Law::softening(soft, P, T0).g, found.g + lane);
+    }
+  });
+}

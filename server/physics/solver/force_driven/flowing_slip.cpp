@@ -24,6 +24,11 @@ constexpr double kBeyond = 1e-10;        // relative margin added to an upper bo
 
 }  // namespace
 
+bool softens_alike(const StressLimit& limit) {
+  const bool is_constant = limit.varying == nullptr && limit.junctions.options == nullptr;
+  return is_constant && properties_of(limit.soft->flow_law).separable;
+}
+
 FlowingSlip::FlowingSlip(const FlowingStart& start)
     : start_(start), trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress) {
   const double T_ad = start.layer.T(0, 0.0);
@@ -152,19 +157,13 @@ bool FlowingSlip::rigid_holds(double slip) {
 }
 
 // Whether the layer flows at z = 0 whatever the answer for a rigid layer is: under the stress that sticks, and where it
-// is softest, because its yield stress is below the limit of the interface at all temperatures. The softening of both is
-// the same, and friction is a constant.
+// is softest, because its yield stress is below the limit of the interface at all temperatures.
 bool FlowingSlip::flows_beside_any_rigid_answer() const {
-  constexpr double kClearly = 1.01;  // far above rounding, and above the error of an answer near melting
-  const StressLimit& limit = start_.limit;
-  const bool is_constant = limit.varying == nullptr && limit.junctions.options == nullptr;
-  if (!start_.hardens || !is_constant || !properties_of(limit.soft->flow_law).separable) return false;
-  const double T_ad = start_.layer.T(0, 0.0);
-  const double strength =
-      kClearly * hardened_strength(*limit.soft, start_.first_strain, 0.0, limit.pressure, T_ad) / kSqrt3;
-  if (!(limit.tresca > strength)) return false;
-  const double g = softening(*limit.soft, limit.pressure, T_ad).g;
-  return g > 0.0 && std::min(trial_.stress_stick, limit.coulomb) > strength * g;
+  constexpr double kClearly = 1.01 / kSqrt3;  // far above rounding, and above the error of an answer near melting
+  if (!start_.hardens || !softens_alike(start_.limit)) return false;
+  const double strength = kClearly * start_.first_strength, g = start_.first_g;
+  return start_.limit.tresca > strength && g > 0.0 &&
+         std::min(trial_.stress_stick, start_.limit.coulomb) > strength * g;
 }
 
 // Whether the layer flows at z = 0 under the stress of the answer for a rigid layer, which needs no sum to be seen.
@@ -178,10 +177,11 @@ bool FlowingSlip::rigid_layer_flows() {
 
 // ---- The flow nearby
 
-// Whether the stress under which the flow was summed is the answer of the stuck balance.
-bool FlowingSlip::stick_is_met(double slip, const NearbyFlow& nearby) const {
-  return nearby.base > 0.0 &&
-         is_balanced(load_.stress, trial_.stress_stick - load_.stress, compliance_, slip, nearby.accuracy);
+bool FlowingSlip::ends_stuck(double slip, const FlowAccuracy& accuracy) {
+  if ((phase_ != Phase::kStickGuess && phase_ != Phase::kStick) || !(load_.stress > 0.0)) return false;
+  if (!is_balanced(load_.stress, trial_.stress_stick - load_.stress, compliance_, slip, accuracy)) return false;
+  end_stick(load_.stress);
+  return true;
 }
 
 // The stress that meets the stuck balance with the flow nearby, by Halley's method; -1 where that is not known.
@@ -272,14 +272,13 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
       return ask_stick(Phase::kStick, search_.at());
     }
     case Phase::kStick:
-      if (stick_is_met(slip, nearby)) return end_stick(load_.stress);
       if (search_.update(stick_balance(slip))) return end_stick(search_.at());
       search_.prefer(nearby_stick(nearby));
       return ask_stick(Phase::kStick, search_.at());
     case Phase::kSlipLow:
       low_value_ = slip_balance(slip);
       if (low_value_ < 0.0) return ask_slip(Phase::kSlipHigh, high_);
-      if (low_ == 0.0) return end_slip(low_);
+      if (low_ == 0.0) return melts(load_) && !stuck_below_limit_ ? stick_below(load_.stress) : end_slip(low_);
       high_ = low_;
       low_ = 0.0;
       return ask_slip(Phase::kSlipLow, low_);
@@ -334,9 +333,9 @@ double FlowingSlip::ceiling_of_stick(double high) const {
 void FlowingSlip::begin_stick() {
   stick_was_searched_ = true;
   const Material& soft = *start_.limit.soft;
-  const double P = start_.limit.pressure, T_ad = start_.layer.T(0, 0.0);
   const int hottest_ad = hottest({});
-  const double g_hottest = softening(soft, P, T(hottest_ad, {})).g;
+  const double g_hottest =
+      hottest_ad == 0 ? start_.first_g : softening(soft, start_.limit.pressure, T(hottest_ad, {})).g;
   double high = trial_.stress_stick;
   high_is_ceiling_ = false;
   if (g_hottest <= 0.0) {
@@ -347,18 +346,19 @@ void FlowingSlip::begin_stick() {
     high_is_ceiling_ = most < high;
     high = std::min(high, most);
   }
-  const double guess = trial_.direction * start_.before.stress;
-  const auto starts_inside = [&] { return guess > kLeastGuess * high && guess < high; };
+  const auto inside = [&](double a) { return a > kLeastGuess * high_ && a < high_; };
   low_ = 0.0;
   low_value_ = -trial_.stress_stick;
   high_ = high;
   guesses_ = 0;
   // An explicit flow is solved from a good guess without the third bound, unless melting is near or the guess is too low.
   first_vertex_bounds_ = g_hottest > 0.0 && start_.hardens;
-  if (!starts_inside() || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, T_ad))
+  const double last = trial_.direction * start_.before.stress, next = trial_.direction * start_.next_stress;
+  const double guess = inside(next) ? next : last;
+  if (!inside(guess) || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, start_.layer.T(0, 0.0)))
     bound_stick_by_first_vertex();
-  const bool inside = guess > kLeastGuess * high_ && guess < high_;
-  ask_stick(inside ? Phase::kStickGuess : Phase::kStickEnd, inside ? guess : high_);
+  const bool starts_inside = inside(guess);
+  ask_stick(starts_inside ? Phase::kStickGuess : Phase::kStickEnd, starts_inside ? guess : high_);
 }
 
 // The third bound, where it is not applied yet.
@@ -369,8 +369,7 @@ void FlowingSlip::bound_stick_by_first_vertex() {
   const double P = start_.limit.pressure, T_ad = start_.layer.T(0, 0.0);
   const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
   const double rate = (most_strain - start_.first_strain) / start_.dt;
-  const double beyond =
-      hardened_strength(soft, most_strain, rate, P, T_ad) * softening(soft, P, T_ad).g / kSqrt3 * (1.0 + kBeyond);
+  const double beyond = hardened_strength(soft, most_strain, rate, P, T_ad) * start_.first_g / kSqrt3 * (1.0 + kBeyond);
   if (beyond >= high_) return;
   high_ = beyond;
   high_is_ceiling_ = false;
@@ -380,7 +379,6 @@ void FlowingSlip::bound_stick_by_first_vertex() {
 // is evaluated only where no guess lies above the root.
 void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
   const double balance = stick_balance(slip), a = load_.stress;
-  if (stick_is_met(slip, nearby)) return end_stick(a);
   const double next = nearby_stick(nearby);
   if (balance > 0.0) {
     search_ = RootSearch(low_, low_value_, a, balance, trial_.stress_stick, next);
@@ -388,30 +386,37 @@ void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
   }
   low_ = a;
   low_value_ = balance;
-  bound_stick_by_first_vertex();
+  if (guesses_ > 0) bound_stick_by_first_vertex();
   if (next > a && next < high_ && ++guesses_ < kMostGuesses) return ask_stick(Phase::kStickGuess, next);
+  bound_stick_by_first_vertex();
   ask_stick(Phase::kStickEnd, high_);
 }
 
 void FlowingSlip::end_stick(double a) {
-  a = not_molten(a, [&](double stress) { return stick_load(stress); });
+  LayerLoad load = stick_load(a);
+  if (melts(load)) {
+    a = not_molten(a, [&](double stress) { return stick_load(stress); });
+    load = stick_load(a);
+  }
   a_stick_ = a;
   stick_at_ceiling_ = at_ceiling_;
   // If the stress is the layer's ceiling at z = 0, and the interface's yield limit is not below that ceiling, then only
   // friction can keep the interface from sticking. The stress is not compared with the yield limit: near melting, limit
   // and ceiling differ by less than the effect of a rounding error of T0.
-  const LayerLoad load = stick_load(a);
   const double T0 = T(0, load);
-  const StressLimit limit = start_.limit.at_slip(stopping_.slip(a));
-  const bool below_yield = at_ceiling_ && start_.ceiling <= limit.tresca && hottest(load) == 0;
-  const double carried = below_yield ? limit.friction(T0).stress : limit.at(T0).stress;
+  const auto carried_by = [&](const StressLimit& limit) {
+    const bool below_yield = at_ceiling_ && start_.ceiling <= limit.tresca && hottest(load) == 0;
+    return below_yield ? limit.friction(T0).stress : limit.at(T0).stress;
+  };
+  const double carried =
+      start_.limit.depends_on_slip() ? carried_by(start_.limit.at_slip(stopping_.slip(a))) : carried_by(start_.limit);
   // An interface that would stick next to a rigid layer sticks next to one that takes a part of the slip, unless its
   // limit follows the slip or the work of the layer heats it.
   const auto surely = [&] { return !heats_by_work() && !start_.limit.depends_on_slip() && rigid().sticks; };
   if (carried >= a || surely()) {
     kind_ = Kind::kStick;
     if (start_.before.sticks && !rigid_layer_flows() && !rigid().sticks) return ask_rigid(Phase::kOtherAnswer);
-    return ask(Phase::kDone, solid(stick_load(a)));
+    return ask(Phase::kDone, load.work > 0.0 ? solid(load) : load);
   }
   at_ceiling_ = false;
   if (start_.before.sticks && !rigid_layer_flows() && !rigid().sticks) return ask_rigid(Phase::kRigid);
@@ -451,6 +456,17 @@ void FlowingSlip::bound_slip_by_layer() {
 
 double FlowingSlip::slip_balance(double slip) const {
   return slip_ - (slipping_.c - slipping_.b * load_.stress - kSqrt3 * slip / start_.dt);
+}
+
+// Plastic work heats most under half the stress that sticks. So there may be two stresses at which the interface sticks,
+// and where it cannot carry the larger one it sticks at the smaller one, if its layer would melt under the stress `high`.
+void FlowingSlip::stick_below(double high) {
+  stuck_below_limit_ = true;
+  low_ = 0.0;
+  low_value_ = -trial_.stress_stick;
+  high_ = high;
+  high_is_ceiling_ = false;
+  ask_stick(Phase::kStickEnd, high_);
 }
 
 void FlowingSlip::end_slip(double v) {

@@ -13,19 +13,25 @@ namespace shearbus::physics {
 
 // A lane (one of 8 nodes stepped together) at the start of a step, with its contact closed.
 struct FlowingStart {
-  StressLimit limit;    // stress limit s_lim(T0, [v]) of the interface
-  double ceiling;       // stress that the fully hardened layer carries where g = 1; infinity: no ceiling  [Pa]
-  bool hardens;         // false: the strength of the layer does not grow, and it flows only at its ceiling
-  double first_weight;  // length along z that belongs to the vertex at z = 0  [m]
-  double first_strain;  // plastic strain at z = 0 before the step
-  Heated layer;         // temperatures of the layer as functions of the heat
+  StressLimit limit;      // stress limit s_lim(T0, [v]) of the interface
+  double ceiling;         // stress that the fully hardened layer carries where g = 1; infinity: no ceiling  [Pa]
+  bool hardens;           // false: the strength of the layer does not grow, and it flows only at its ceiling
+  double first_weight;    // length along z that belongs to the vertex at z = 0  [m]
+  double first_strain;    // plastic strain at z = 0 before the step
+  double first_strength;  // strength H there, at the rate 0; only read if softens_alike()  [Pa]
+  double first_g;         // softening g there, after conduction
+  Heated layer;           // temperatures of the layer as functions of the heat
   // Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid, 1 if both
   // are.
   double heat_partition;
   double dt;
   Forcing forcing;
-  LaneStep before;  // the state before the step; only stress, jump_new and sticks are read
+  LaneStep before;     // the state before the step; only stress, jump_new and sticks are read
+  double next_stress;  // the stress at which the search for that of the step starts, if it can be  [Pa]
 };
+
+// Whether the interface softens as the layer does: friction is a constant, and the limit has the law's g as a factor.
+bool softens_alike(const StressLimit& limit);
 
 // The load on the layer of one lane.
 struct LayerLoad {
@@ -39,7 +45,7 @@ struct LayerLoad {
 
 class FlowingSlip {
  public:
-  explicit FlowingSlip(const FlowingStart& start);
+  explicit FlowingSlip(const FlowingStart& start);  // `start` must outlive the search
 
   bool done() const { return phase_ == Phase::kDone; }
   // The load under which update() needs the layer's flow; once done(), the load found.
@@ -47,6 +53,9 @@ class FlowingSlip {
   // `slip`: plastic slip across the layer, integral(dep), under this load  [m]. `nearby`: the flow under other loads,
   // with the flux load().heat().
   void update(double slip, const NearbyFlow& nearby = {});
+  // To be asked before update(): the same where the flow meets the balance of an interface that sticks, else returns
+  // false.
+  bool ends_stuck(double slip, const FlowAccuracy& accuracy);
 
   struct Answer {
     LaneStep step;
@@ -69,6 +78,7 @@ class FlowingSlip {
   void guess_stick(double slip, const NearbyFlow& nearby);
   void end_stick(double a);
   void begin_slip();
+  void stick_below(double high);
   void end_slip(double v);
   const LaneStep& rigid();
   bool rigid_holds(double slip);
@@ -89,12 +99,11 @@ class FlowingSlip {
   bool layer_holds(double v) const;
   void bound_slip_by_layer();
   double stick_balance(double slip) const { return load_.stress + compliance_ * slip - trial_.stress_stick; }
-  bool stick_is_met(double slip, const NearbyFlow& nearby) const;
   double nearby_stick(const NearbyFlow& nearby) const;
   double nearby_slip(const NearbyFlow& nearby) const;
   double slip_balance(double slip) const;
 
-  FlowingStart start_{};
+  const FlowingStart& start_;
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
   FrictionHeating stopping_{};  // friction heating, if the interface sticks at the end of the step
   FrictionHeating slipping_{};  // friction heating, if the interface slips at the end of the step
@@ -118,7 +127,8 @@ class FlowingSlip {
   bool rigid_is_known_ = false;
   bool surely_flows_ = false;  // flows_beside_any_rigid_answer()
   bool stick_was_searched_ = false;
-  bool several_ = false;  // another answer satisfies the equations of the step too
+  bool stuck_below_limit_ = false;  // stick_below() was called
+  bool several_ = false;            // another answer satisfies the equations of the step too
 };
 
 }  // namespace shearbus::physics

@@ -1,8 +1,8 @@
 #include "server/physics/solver/force_driven/flowing_step.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <limits>
+#include <memory>
 #include <optional>
 
 #include "server/physics/solver/contact.hpp"
@@ -87,13 +87,19 @@ struct Searches {
         FlowingSlip& lane = *lanes[l];
         if (lane.done()) continue;
         ++sums[l];
-        const LayerLoad before = lane.load();
-        lane.update(flow.slip[l], flow.nearby(l));
+        const double work_before = lane.load().work;
+        const bool known = flow.is_explicit || flow.slip[l] > 0.0;
+        const bool ended = known && lane.ends_stuck(flow.slip[l], flow.accuracy(l));
+        if (!ended || !flow.is_explicit) {
+          const NearbyFlow nearby = flow.nearby(l);
+          if (!ended) lane.update(flow.slip[l], nearby);
+        }
         const LayerLoad& load = lane.load();
-        flow.load(l, load.stress, load.heat_per_stress());
-        const bool heats_elsewhere = load.flux != before.flux || load.work != before.work;
-        moved = moved || !lane.done() || load.stress != before.stress || heats_elsewhere;
-        if (work_heat == nullptr || !heats_elsewhere) continue;
+        const double heating = load.heat_per_stress();
+        const bool changed = load.stress != flow.stress[l] || heating != flow.heating[l] || load.work != work_before;
+        moved = moved || changed || !lane.done();
+        flow.load(l, load.stress, heating);
+        if (work_heat == nullptr || !changed) continue;
         combine(layers.response, l);
         flow.forget(l);
       }
@@ -123,23 +129,32 @@ struct FlowingLane {
 
   double pressure() const { return inputs.pressure[lane]; }
 
-  // The start of a step with the operator `heat`. `strain_old`: plastic strain before the step.
-  FlowingStart start(const HeatOperator& heat, const double* strain_old, const LaneStep& before,
-                     const double* B_work) const {
-    FlowingStart start{};
-    start.limit = contact_limit(problem, soft, pressure(), heat.dt, contact, inputs.effort);
-    start.ceiling = strength_ceiling(soft) / kSqrt3;
-    start.hardens = hardens(soft);
-    start.first_weight = problem.grid.weight[0];
-    start.first_strain = strain_old[lane];
-    start.layer = {T + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1,
-                   B_work != nullptr ? B_work + lane : nullptr};
-    start.heat_partition = problem.heat_partition;
-    start.dt = heat.dt;
-    start.forcing = forcing_of(problem, inputs, lane);
-    start.before = before;
-    start.limit.least_slip = least_slip(problem, TrialSlip(start.forcing, heat.dt, before.jump_new, before.stress));
-    return start;
+  // The start of a step with the operator `heat`. `strain_old`: plastic strain before the step. `stress_rate`: change of
+  // the stress in the step before, over its length  [Pa/s].
+  FlowingStart start(const HeatOperator& heat, const double* strain_old, const FirstVertices& first,
+                     const LaneStep& before, double stress_rate, const double* B_work) const {
+    return {
+        .limit = limit_at_start(heat.dt, before),
+        .ceiling = strength_ceiling(soft) / kSqrt3,
+        .hardens = hardens(soft),
+        .first_weight = problem.grid.weight[0],
+        .first_strain = strain_old[lane],
+        .first_strength = first.strength[lane],
+        .first_g = first.g[lane],
+        .layer = {T + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1,
+                  B_work != nullptr ? B_work + lane : nullptr},
+        .heat_partition = problem.heat_partition,
+        .dt = heat.dt,
+        .forcing = forcing_of(problem, inputs, lane),
+        .before = before,
+        .next_stress = before.stress + stress_rate * heat.dt,
+    };
+  }
+  StressLimit limit_at_start(double dt, const LaneStep& before) const {
+    StressLimit limit = contact_limit(problem, soft, pressure(), dt, contact, inputs.effort);
+    if (problem.layout.num_friction_states > 0)
+      limit.least_slip = TrialSlip(forcing_of(problem, inputs, lane), dt, before.jump_new, before.stress).least_slip();
+    return limit;
   }
 
   // What follows from the answer of a step of length dt: the surplus of plastic slip, the shape of its heat, the
@@ -171,7 +186,9 @@ struct FlowingLane {
     const std::size_t strains = problem.layout.num_strain_vertices * kLanes;
     double* strain_old = scratch_tile(Scratch::kStrain, strains);
     copy_lane(strain, strain_old, strains, lane);
-    const FlowingStart start_of_step = start(heat, strain_old, before, B_work);
+    FirstVertices first;
+    find_first_vertices(soft_at, 1u << lane, inputs.pressure, T, strain_old, first);
+    const FlowingStart start_of_step = start(heat, strain_old, first, before, 0.0, B_work);
     FlowingSlip step(start_of_step);
     Searches search{inputs, soft_at, work_heat, B_work};
     search.lanes[lane] = &step;
@@ -226,64 +243,81 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
                        0.0};
   };
   const double* B_work = work != nullptr ? work->response() : nullptr;
-  std::optional<FlowingSlip> lanes[kLanes];
+  struct Search {
+    FlowingLane lane;
+    FlowingStart start;
+    FlowingSlip slip;
+  };
+  union Slot {  // without the zeros that a compiler writes into an array of std::optional
+    Slot() {}
+    Search search;
+  } slots[kLanes];
   Searches searches{inputs, soft_at, work, B_work};
   std::uint32_t closed = 0;
+  for (const int l : lanes_of(inputs.active)) closed |= inputs.pressure[l] > 0.0 ? 1u << l : 0u;
+  FirstVertices first;
+  find_first_vertices(soft_at, closed, inputs.pressure, T, strain, first);
   for (const int l : lanes_of(inputs.active)) {
     before[l] = InterfaceStep::before(layout, inputs, committed, l);
-    if (!(inputs.pressure[l] > 0.0)) continue;
-    closed |= 1u << l;
-    searches.lanes[l] = &lanes[l].emplace(lane_at(l).start(heat, strain, before[l], B_work));
+    Search& search = slots[l].search;
+    new (&search.lane) FlowingLane(lane_at(l));
+    if (!contains(closed, l)) continue;
+    const double rate = committed[layout.stress_rate + l];
+    new (&search.start) FlowingStart(search.lane.start(heat, strain, first, before[l], rate, B_work));
+    searches.lanes[l] = std::construct_at(&search.slip, search.start);
   }
 
   // 3. Find stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
   const bool flows = closed != 0 && hardens(soft);
-  if (!flows || std::has_single_bit(closed)) std::copy_n(strain, strains, strain_new);
+  if (!flows || is_one_lane(closed)) std::copy_n(strain, strains, strain_new);
   if (flows) {
     const double* spread_response = work != nullptr ? work->combined() : nullptr;
     searches.run({&soft, &problem.grid, heat.layer_response(), T, strain, heat.dt, spread_response}, closed,
                  strain_new);
   }
   for (const int l : lanes_of(closed)) {
-    while (!lanes[l]->done()) lanes[l]->update(0.0);
+    while (!searches.lanes[l]->done()) searches.lanes[l]->update(0.0);
   }
 
   // 4. Answers, lane by lane. A step that may have several answers is divided into shorter substeps until each has a
   // unique answer or the shortest substeps are reached.
   const double weight = flow_work(soft.flow_law);
+  const int halvings = operators.max_halvings();
   double flux[kLanes] = {}, power[kLanes] = {};
   const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {
-    const FlowingLane at_start = lane_at(l);
-    FlowingLane lane = at_start;
-    LaneStep whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
-    if (inputs.pressure[l] > 0.0) {
-      FlowingSlip::Answer answer = lanes[l]->answer(searches.slip[l]);
+    FlowingLane& lane = slots[l].search.lane;
+    LaneStep whole;
+    if (contains(closed, l)) {
+      FlowingSlip::Answer answer = searches.lanes[l]->answer(searches.slip[l]);
       power[l] = answer.work;
       const Heated layer{T + l, heat.layer_response(), 1, 1, work != nullptr ? work->response() + l : nullptr};
       lane.finish(answer, strain, heat.dt, layer.T(0, answer.step.flux, answer.work));
       whole = answer.step;
     } else {
+      whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
       lane.slip_contact(whole, heat.dt, T[l]);
     }
     LaneResult result = step_or_divide(
-        whole, heat_of, operators.max_halvings(), {l, before[l], n, T_old, T_all},
+        whole, heat_of, halvings, {l, before[l], n, T_old, T_all},
         [&] {
           copy_lane(strain, strain_new, strains, l);
           if (work_heats) copy_lane(shape, shape_new, strains, l);
-          lane.contact = at_start.contact;
+          lane.contact = contact_before(problem, committed, l);
           lane.heat_of_work = power[l] = 0.0;
         },
         [&](const HeatOperator& shorter, const LaneStep& last) { return lane.substep(shorter, last, T_all); });
     result.heat += lane.heat_of_work;
     // Next to a layer that does not flow the step is that of InterfaceStep.
-    if (operators.max_halvings() > 0 && whole.unique && searches.slip[l] == 0.0 &&
+    if (halvings > 0 && whole.unique && searches.slip[l] == 0.0 &&
         InterfaceStep(problem, inputs, committed, soft_at(l), l)
             .changes_suddenly(before[l], whole, heat.dt, *heat.layer_response(), T[l]))
       result.outcome |= kSudden;
     flux[l] = result.flux;
     add_work(inputs, l, n + weight * (searches.sums[l] + 1.0) * problem.grid.num_vertices());
     write_answer(result, layout, l, trial, outputs);
+    const bool whole_step = (result.outcome & kSubstepped) == 0 && searches.slip[l] > 0.0;
+    trial[layout.stress_rate + l] = whole_step ? (result.step.stress - before[l].stress) / heat.dt : 0.0;
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
     store_contact(problem, lane.contact, trial, l);
   }
