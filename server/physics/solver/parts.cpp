@@ -158,7 +158,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.junctions.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.junctions = on ? std::optional(typical_junctions(o)) : std::nullopt; },
          .goes_with = kEitherStrategy | kEitherHardBody |
-                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kPlasticLayer},
+                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kInertia, kPlasticLayer},
          .equation = "DLP (49)-(54)",
          .adds = "real contact through junctions that harden with the slip",
          .when = "rough contact, small slip",
@@ -170,7 +170,7 @@ constexpr std::array kParts = {
                return has_friction(o) && properties_of(o.interface.friction_law).depends_on_slip();
              },
          .goes_with = kEitherStrategy | kEitherHardBody |
-                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions},
+                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kInertia, kPlasticLayer, kJunctions},
          .law_with = "friction law that depends on slip"},
     Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
@@ -273,13 +273,13 @@ constexpr std::array kParts = {
                return has_friction(o) && properties_of(o.interface.friction_law).depends_on_temperature;
              },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents},
+                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents},
          .law_with = "friction law that depends on temperature"},
     Part{.property = kFrictionWithState,
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return has_friction(o) && !states_of(o.interface.friction_law).empty(); },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kSecondOrder, kModes, kTolerance, kTwoComponents,
+                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kTolerance, kTwoComponents,
                                  kTemperatureDependentFriction},
          .law_with = "friction law with a state of its own"},
     Part{.property = kIsothermalEnd,
@@ -420,9 +420,6 @@ constexpr std::array kExclusions = {
         {kMeltFilm},
         {kJunctions, kSlipDependentFriction, kFrictionWithState},
         "the film carries the stress on the whole area, by the slip of a liquid, of which dry friction tells nothing"},
-    Exclusion{{kJunctions, kSlipDependentFriction, kTemperatureDependentFriction, kFrictionWithState},
-              {kInertia},
-              "the waves in the layer meet a contact of one friction stress a step"},
     Exclusion{{kFrictionWithState}, {kSleep}, "the state of a contact at rest goes on: it heals"},
 };
 
