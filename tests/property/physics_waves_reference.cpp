@@ -90,7 +90,7 @@ TEST_P(PhysicsWavesReference, FastAndSlowAgree) {
   Worst worst;
   int compared = 0, open = 0, coulomb = 0, flowing = 0, melting = 0, stages = 0;
   const bool rates = GetParam() == Scenes::kLawsWithARate, laws = GetParam() == Scenes::kContactLaws;
-  const int scenes = rates ? 12 : laws ? 60 : 25;  // the reference inverts a law with a rate by bisection
+  const int scenes = rates ? 12 : laws ? 30 : 25;  // the reference inverts a law with a rate by bisection
   for (int scene = 0; scene < scenes; ++scene) {
     ModelOptions options = laws ? random_inertia_contact_options(draw, false) : random_inertia_options(draw, false);
     options.grid.cells = draw.integer(1, 8);

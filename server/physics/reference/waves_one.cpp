@@ -258,7 +258,8 @@ NodeOutputs open_contact(const ModelOptions& options, double dt, const NodeInput
   heat_up(state, heat.T_ad, 0.0, heat.B);
   state.shear_stress = 0.0;
   state.sticking = false;
-  state.friction_state = friction_state_after(options, in.pressure, std::abs(in.velocity_jump), dt, state.friction_state);
+  state.friction_state =
+      friction_state_after(options, in.pressure, std::abs(in.velocity_jump), dt, state.friction_state);
   out.velocity_jump_new = out.sliding_velocity = in.velocity_jump;
   out.interface_temperature = state.temperature[0];
   out.regime = state.regime = Regime::kOpen;

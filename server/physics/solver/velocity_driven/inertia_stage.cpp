@@ -28,8 +28,8 @@ void scatter(const double* values, int count, double* rows) {
 
 // Backward Euler of one lane over the length of `heat`, from the state in `trial`, whose temperatures have been
 // conducted already. Returns false if no answer was found.
-bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double limit, double* trial,
-                 int l, Found& found) {
+bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double limit,
+                 double* trial, int l, Found& found) {
   const TileLayout& layout = problem.layout;
   const Grid& grid = problem.grid;
   const int n = grid.num_cells();
@@ -263,7 +263,8 @@ std::uint32_t solve_under_slip(const Problem& problem, const HeatOperator& heat,
   }
 
   // 3. The answer, where the last stress of the search was another one.
-  constexpr double kClose = 1e-12;  // a slip under a stress as close to that of the stick is cut off by the layer's ceiling
+  constexpr double kClose =
+      1e-12;  // a slip under a stress as close to that of the stick is cut off by the layer's ceiling
   std::uint32_t again = 0, cut = 0;
   for (const int l : lanes_of(slipping & ~lost)) {
     Sought& own = sought[l];
@@ -311,9 +312,8 @@ std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, cons
       limit[l] = interface_strength(problem.interface, problem.options.soft, inputs.pressure[l], nullptr).coulomb;
     return solve_waves(problem, heat, inputs, lanes, limit, trial, found);
   }
-  return limit_follows_slip(problem)
-             ? solve_under_slip(problem, heat, inputs, lanes, *contacts, trial, found)
-             : solve_under_temperature(problem, heat, inputs, lanes, *contacts, trial, found);
+  return limit_follows_slip(problem) ? solve_under_slip(problem, heat, inputs, lanes, *contacts, trial, found)
+                                     : solve_under_temperature(problem, heat, inputs, lanes, *contacts, trial, found);
 }
 
 }  // namespace shearbus::physics
