@@ -185,19 +185,10 @@ struct Sought {
   }
 };
 
-// The slip velocity at which a contact that rises with slip carries the stress of the point `stick`.
-double slip_at_ceiling(const StressLimit& limit, const SlipPoint& stick, double most) {
-  double lo = 0.0, hi = most;
-  for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi))
-    (limit.at(stick.T, mid).stress < stick.a ? lo : hi) = mid;
-  return hi;
-}
-
-// A layer that is fully hardened at z = 0 flows there by any amount under its ceiling. A contact that would slip away
-// under less, but gains strength by slip, takes of that flow the slip at which it carries the ceiling.
-void slip_under_ceiling(const Problem& problem, double dt, const Sought& own, const StressLimit& limit, double* trial,
-                        int l, Found& found) {
-  const double v = slip_at_ceiling(limit, own.stick, own.below.v);
+// Of the flow at z = 0 of a layer at its ceiling, the interface takes its own slip.
+void share_ceiling(const Problem& problem, double dt, const Sought& own, const StressLimit& limit, double* trial, int l,
+                   Found& found) {
+  const double v = slip_under_ceiling(limit, own.stick.a, own.stick.T, own.below.v);
   if (!(v > kAtRest * own.most_slip)) return;
   trial[problem.layout.plastic_strain + l] -= v * dt / (kSqrt3 * problem.grid.weight[0]);
   found.interface_slip = own.direction * v;
@@ -263,8 +254,6 @@ std::uint32_t solve_under_slip(const Problem& problem, const HeatOperator& heat,
   }
 
   // 3. The answer, where the last stress of the search was another one.
-  constexpr double kClose =
-      1e-12;  // a slip under a stress as close to that of the stick is cut off by the layer's ceiling
   std::uint32_t again = 0, cut = 0;
   for (const int l : lanes_of(slipping & ~lost)) {
     Sought& own = sought[l];
@@ -273,13 +262,14 @@ std::uint32_t solve_under_slip(const Problem& problem, const HeatOperator& heat,
     const bool slides = own.zero.found() && answer.v > kAtRest * own.most_slip;
     own.several = own.several && slides;
     const double a = slides ? answer.a : kInfinity;
-    if (!slides && own.below.v > kAtRest * own.most_slip && own.below.a >= own.stick.a * (1.0 - kClose)) cut |= 1u << l;
+    if (!slides && own.below.v > kAtRest * own.most_slip && own.below.a >= own.stick.a * (1.0 - kNextToCeiling))
+      cut |= 1u << l;
     if (limit[l] != a) again |= 1u << l;
     limit[l] = a;
   }
   solve(again & ~lost);
   for (const int l : lanes_of(cut & ~lost))
-    slip_under_ceiling(problem, heat.dt, sought[l], contacts[l].limit, trial, l, found[l]);
+    share_ceiling(problem, heat.dt, sought[l], contacts[l].limit, trial, l, found[l]);
   for (const int l : lanes_of(slipping & ~lost)) found[l].several = sought[l].several;
   return lost;
 }
