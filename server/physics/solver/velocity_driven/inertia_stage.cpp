@@ -16,6 +16,8 @@
 namespace shearbus::physics {
 namespace {
 
+// Newton steps of the kernel in a search for the stress of the contact, which tries stresses far from the last answer.
+constexpr int kStepsOfSearch = 25;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 void gather(const double* rows, int count, double* values) {
@@ -29,7 +31,7 @@ void scatter(const double* values, int count, double* rows) {
 // Backward Euler of one lane over the length of `heat`, from the state in `trial`, whose temperatures have been
 // conducted already. Returns false if no answer was found.
 bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double limit,
-                 double* trial, int l, Found& found) {
+                 const double* guess, double* trial, int l, Found& found) {
   const TileLayout& layout = problem.layout;
   const Grid& grid = problem.grid;
   const int n = grid.num_cells();
@@ -48,6 +50,8 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
   gather(trial + layout.shear_stress + l, n + 1, fields.stress);
   gather(trial + layout.layer_velocity + l, n, fields.velocity);
 
+  if (guess != nullptr) gather(guess + l, n, fields.guess);
+  fields.has_guess = guess != nullptr;
   const WaveAnswer answer = advance_waves(step, fields);
   if (inputs.effort != nullptr) {
     inputs.effort->newton_steps += answer.iterations;
@@ -74,9 +78,11 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
 }
 
 // The same of several lanes: by Newton's method in all of them at once, and by search_lane() where that has not found an
-// answer. `limit`: the largest stress that the contact of each lane carries. Returns the lanes that have no answer.
+// answer. `limit`: the largest stress that the contact of each lane carries. `guess`: rows of velocities from which to
+// start; null: those before the step. Returns the lanes that have no answer.
 std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                          std::uint32_t lanes, const double (&limit)[kLanes], double* trial, Found (&found)[kLanes]) {
+                          std::uint32_t lanes, const double (&limit)[kLanes], const double* guess, double* trial,
+                          Found (&found)[kLanes]) {
   if (lanes == 0) return 0;
   const TileLayout& layout = problem.layout;
   const int n = problem.grid.num_cells();
@@ -84,7 +90,7 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
   if (!properties_of(any.flow_law).has_wave_return) {
     std::uint32_t unsolved = 0;
     for (const int l : lanes_of(lanes))
-      if (!search_lane(problem, heat, inputs, limit[l], trial, l, found[l])) unsolved |= 1u << l;
+      if (!search_lane(problem, heat, inputs, limit[l], guess, trial, l, found[l])) unsolved |= 1u << l;
     return unsolved;
   }
   WideWaveStep step{.soft = &any,
@@ -99,7 +105,10 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
                     .T_ad = trial + layout.temperature,
                     .strain = trial + layout.plastic_strain,
                     .stress = trial + layout.shear_stress,
-                    .velocity = trial + layout.layer_velocity};
+                    .velocity = trial + layout.layer_velocity,
+                    .guess = guess,
+                    .most_steps = guess != nullptr ? kStepsOfSearch : WideWaveStep{}.most_steps,
+                    .tries_limit = guess != nullptr};
   for (const int l : lanes_of(lanes)) {
     const Material soft = at_pressure(any, inputs.pressure[l]);
     step.T_melt[l] = soft.melting_temperature;
@@ -113,7 +122,7 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
   std::uint32_t lost = 0;
   for (const int l : lanes_of(lanes)) {
     if (!contains(solved, l)) {
-      if (!search_lane(problem, heat, inputs, limit[l], trial, l, found[l])) lost |= 1u << l;
+      if (!search_lane(problem, heat, inputs, limit[l], guess, trial, l, found[l])) lost |= 1u << l;
       continue;
     }
     if (inputs.effort != nullptr) inputs.effort->newton_steps += static_cast<int>(answer.iterations[l]);
@@ -160,7 +169,7 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
     limit[l] = rise > 0.0 ? slip_stress(contacts[l].limit, heating, kInfinity, 0.0)
                           : contacts[l].limit.at(heating.T_ad).stress;
   }
-  std::uint32_t lost = solve_waves(problem, heat, inputs, lanes, limit, trial, found);
+  std::uint32_t lost = solve_waves(problem, heat, inputs, lanes, limit, nullptr, trial, found);
   std::uint32_t against = 0;
   for (const int l : lanes_of(lanes & ~lost)) {
     if (!found[l].interface_slips || direction_of(trial, layout.shear_stress + l) * inputs.velocity_jump[l] >= 0.0)
@@ -169,14 +178,15 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
     copy_lane(start, trial, layout.doubles, l);
     against |= 1u << l;
   }
-  lost |= solve_waves(problem, heat, inputs, against, limit, trial, found);
+  lost |= solve_waves(problem, heat, inputs, against, limit, nullptr, trial, found);
   return lost;
 }
 
 // The search of one lane for the stress that its contact carries.
 struct Sought {
   EdgeZero zero;
-  SlipPoint stick{}, below{};  // below: the slip under the largest stress tried at which the contact could carry more
+  SlipPoint end{};    // of the search: where the interface sticks, or can only carry less
+  SlipPoint below{};  // the slip under the largest stress tried at which the contact could carry more
   double direction = 1.0, T_ad = 0.0, T_per_stress = 0.0, most_slip = 0.0;
   bool several = false;
 
@@ -188,7 +198,7 @@ struct Sought {
 // Of the flow at z = 0 of a layer at its ceiling, the interface takes its own slip.
 void share_ceiling(const Problem& problem, double dt, const Sought& own, const StressLimit& limit, double* trial, int l,
                    Found& found) {
-  const double v = slip_under_ceiling(limit, own.stick.a, own.stick.T, own.below.v);
+  const double v = slip_under_ceiling(limit, own.end.a, own.end.T, own.below.v);
   if (!(v > kAtRest * own.most_slip)) return;
   trial[problem.layout.plastic_strain + l] -= v * dt / (kSqrt3 * problem.grid.weight[0]);
   found.interface_slip = own.direction * v;
@@ -200,35 +210,68 @@ std::uint32_t solve_under_slip(const Problem& problem, const HeatOperator& heat,
                                std::uint32_t lanes, const WaveContacts& contacts, double* trial,
                                Found (&found)[kLanes]) {
   const TileLayout& layout = problem.layout;
-  double* start = scratch_tile(Scratch::kWaves, layout.doubles);
+  // The state before the step, and the velocities under the last stress, from which the search under the next one starts.
+  const std::size_t velocities = layout.num_velocity_cells * kLanes;
+  double* start = scratch_tile(Scratch::kWaves, layout.doubles + velocities);
+  double* guess = start + layout.doubles;
   std::copy_n(trial, layout.doubles, start);
+  std::copy_n(trial + layout.layer_velocity, velocities, guess);
   double limit[kLanes];
   std::fill_n(limit, kLanes, kInfinity);
   std::uint32_t lost = 0;
   const auto solve = [&](std::uint32_t these) {
     for (const int l : lanes_of(these)) copy_lane(start, trial, layout.doubles, l);
-    lost |= solve_waves(problem, heat, inputs, these & ~lost, limit, trial, found);
+    lost |= solve_waves(problem, heat, inputs, these & ~lost, limit, guess, trial, found);
+    for (const int l : lanes_of(these & ~lost)) copy_lane(trial + layout.layer_velocity, guess, velocities, l);
   };
 
-  // 1. The interface that sticks, and whether it can.
-  solve(lanes);
+  // 1. An interface that has stuck sticks while it can.
   Sought sought[kLanes];
-  std::uint32_t slipping = 0;
-  for (const int l : lanes_of(lanes & ~lost)) {
+  std::uint32_t slipping = 0, held = 0;
+  const auto see_stick = [&](int l) {
     Sought& own = sought[l];
     const StressLimit& contact = contacts[l].limit;
     own.direction = direction_of(trial, layout.shear_stress + l);
-    own.T_ad = start[layout.temperature + l];
     own.T_per_stress = heat_per_stress(problem, inputs, l, own.direction) * heat.layer_response()[0];
-    own.stick = own.point(std::abs(trial[layout.shear_stress + l]), {});
-    own.several = contact.at(own.stick.T, 0.0).stress >= own.stick.a;
-    if (own.stick.a == 0.0 || (own.several && (contacts[l].stuck || !contact.falls_with_slip()))) continue;
-    slipping |= 1u << l;
-    limit[l] = 0.0;
+    own.end = own.point(std::abs(trial[layout.shear_stress + l]), {});
+    own.several = contact.at(own.end.T, 0.0).stress >= own.end.a;
+    return own.end.a == 0.0 || (own.several && (contacts[l].stuck || !contact.falls_with_slip()));
+  };
+  for (const int l : lanes_of(lanes)) {
+    sought[l].T_ad = start[layout.temperature + l];
+    if (contacts[l].stuck) held |= 1u << l;
   }
+  solve(held);
+  for (const int l : lanes_of(held & ~lost))
+    if (!see_stick(l)) slipping |= 1u << l;
+  slipping |= lanes & ~held;
 
-  // 2. The slip under no stress, and from there on the search.
+  // 2. The slip under no stress, with which the contact carries the most, and from there on the search: up to that limit,
+  // or to the stress at which the interface sticks, if it is less.
+  for (const int l : lanes_of(slipping)) limit[l] = 0.0;
   solve(slipping);
+  std::uint32_t ends = 0;
+  SlipPoint free[kLanes];
+  for (const int l : lanes_of(slipping & ~lost)) {
+    Sought& own = sought[l];
+    if (!contains(held, l)) own.direction = direction_of(trial, layout.shear_stress + l);
+    free[l] = own.point(0.0, found[l]);
+    own.most_slip = free[l].v;
+    if (contains(held, l)) continue;
+    limit[l] = contacts[l].limit.at(own.T_ad, {own.most_slip, 0.0}).stress;
+    ends |= 1u << l;
+  }
+  solve(ends);
+  for (const int l : lanes_of(ends & ~lost)) {
+    if (!found[l].interface_slips) {
+      if (see_stick(l)) slipping &= ~(1u << l);
+      continue;
+    }
+    Sought& own = sought[l];
+    own.direction = direction_of(trial, layout.shear_stress + l);
+    own.T_per_stress = heat_per_stress(problem, inputs, l, own.direction) * heat.layer_response()[0];
+    own.end = own.point(limit[l], found[l]);
+  }
   const auto unsolved = [&] {
     std::uint32_t these = 0;
     for (const int l : lanes_of(slipping & ~lost)) {
@@ -238,12 +281,8 @@ std::uint32_t solve_under_slip(const Problem& problem, const HeatOperator& heat,
     }
     return these;
   };
-  for (const int l : lanes_of(slipping & ~lost)) {
-    Sought& own = sought[l];
-    const SlipPoint free = own.point(0.0, found[l]);
-    own.most_slip = free.v;
-    own.zero = EdgeZero(contacts[l].limit, free, own.stick, own.stick);
-  }
+  for (const int l : lanes_of(slipping & ~lost))
+    sought[l].zero = EdgeZero(contacts[l].limit, free[l], sought[l].end, sought[l].end);
   for (std::uint32_t these = unsolved(); these != 0; these = unsolved()) {
     solve(these);
     for (const int l : lanes_of(these & ~lost)) {
@@ -262,7 +301,7 @@ std::uint32_t solve_under_slip(const Problem& problem, const HeatOperator& heat,
     const bool slides = own.zero.found() && answer.v > kAtRest * own.most_slip;
     own.several = own.several && slides;
     const double a = slides ? answer.a : kInfinity;
-    if (!slides && own.below.v > kAtRest * own.most_slip && own.below.a >= own.stick.a * (1.0 - kNextToCeiling))
+    if (!slides && own.below.v > kAtRest * own.most_slip && own.below.a >= own.end.a * (1.0 - kNextToCeiling))
       cut |= 1u << l;
     if (limit[l] != a) again |= 1u << l;
     limit[l] = a;
@@ -300,7 +339,7 @@ std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, cons
     double limit[kLanes];
     for (const int l : lanes_of(lanes))
       limit[l] = interface_strength(problem.interface, problem.options.soft, inputs.pressure[l], nullptr).coulomb;
-    return solve_waves(problem, heat, inputs, lanes, limit, trial, found);
+    return solve_waves(problem, heat, inputs, lanes, limit, nullptr, trial, found);
   }
   return limit_follows_slip(problem) ? solve_under_slip(problem, heat, inputs, lanes, *contacts, trial, found)
                                      : solve_under_temperature(problem, heat, inputs, lanes, *contacts, trial, found);
