@@ -89,6 +89,7 @@ class InterfaceHistory {
   double mean_friction_impulse() const { return mean(totals_.friction_impulse); }
   const std::vector<double>& lengths() const { return line_.lengths(); }  // each node's part of the interface  [m]
   double most_bound_used() const { return peaks_[kBoundUsed]; }           // of all nodes and times
+  bool has_melted() const { return regimes_[static_cast<std::size_t>(wire::Regime::kMelting)] > 0.0; }
   double share(wire::Regime regime) const;          // share of all node-steps so far that were in this regime
   double share_of_slip(wire::Regime regime) const;  // share of the mean slip distance
   const files::EnergyTotals& energy() const { return energy_; }
@@ -109,9 +110,10 @@ class InterfaceHistory {
   HistoryRows rows_;
   InterfaceFacts facts_;
   NodeTotals totals_;
-  std::array<double, 5> regimes_{};      // number of node-steps in each regime
-  std::array<double, 5> regime_slip_{};  // integral of the slip distance over the interface in each regime  [m2]
-  std::array<double, 3> peaks_{};        // largest temperature [K], pressure [Pa] and share of the bound so far
+  std::array<double, wire::kRegimeCount> regimes_{};  // number of node-steps in each regime
+  std::array<double, wire::kRegimeCount>
+      regime_slip_{};              // integral of the slip distance over the interface in each regime  [m2]
+  std::array<double, 3> peaks_{};  // largest temperature [K], pressure [Pa] and share of the bound so far
   files::EnergyTotals energy_;
 };
 

@@ -113,7 +113,7 @@ class InterfaceLaw {
   // Ends the run: saved states may be deleted.
   virtual void close() {}
   // Returns the optional physics that the scene left switched off, and the memory per node without and with all of
-  // it. May be called only after close().
+  // it. The share of node-steps that were asleep is known only after close().
   virtual OmittedCost omitted_cost() const { return {}; }
 };
 

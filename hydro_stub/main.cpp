@@ -79,6 +79,12 @@ void couple(const SceneFile& file, Problem2d& problem) {
                                               problem.hard.diffusivity);
 }
 
+// Finishes a run that was killed between the end of its session and the removal of its dumps.
+void tidy_up(const RunOptions& run) {
+  RestartDumps(run.out, run.dumps).remove();
+  fmt::print("{}: the run had ended, and its results are whole\n", program::shown(run.out));
+}
+
 void carry_out_2d(const Options& options, const SceneFile& file, const files::DumpReader* from) {
   const guest::HydroScene& scene = file.scene;
   const bool cone = scene.hydro().has_cone_target();
@@ -115,15 +121,22 @@ void carry_out_2d(const Options& options, const SceneFile& file, const files::Du
   }
   if (shocked) problem.start_temperature = temperature;
   if (shocked && problem.heat_bound) problem.heat_bound->start_temperature = *std::ranges::min_element(temperature);
-  const std::unique_ptr<InterfaceLaw> law =
-      make_law_2d(file, problem, temperature, server, from != nullptr ? from->text("kept") : "");
+  std::unique_ptr<InterfaceLaw> law;
+  try {
+    law = make_law_2d(file, problem, temperature, server, from != nullptr ? from->text("kept") : "");
+  } catch (const wire::Error& fault) {
+    if (from == nullptr || fault.status().code != wire::Code::kUnknownSession || !has_ended(run.out)) throw;
+  }
   if (options.check) {
     profile_record(scene, interface_nodes(problem.bodies), *law);
     fmt::print("{}: in order; {} zones, {} interface nodes, interface law {}\n", file.document.file,
                problem.bodies.mesh.num_zones(), interface_nodes(problem.bodies), name(scene.hydro().interface_law()));
     return;
   }
-  run_problem2d(file, effective_scene(scene), std::move(problem), *law, run, from);
+  if (law != nullptr)
+    run_problem2d(file, effective_scene(scene), std::move(problem), *law, run, from);
+  else
+    tidy_up(run);
   if (options.plot && cone) plot_cone(run.out);
   fmt::print("  {:<24}{}\n", "results", program::shown(run.out));
 }

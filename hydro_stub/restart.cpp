@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <fstream>
 #include <vector>
 
 #include "proto/wire/status.hpp"
@@ -26,10 +27,18 @@ std::vector<fs::path> dumps_of(const fs::path& run) {
   return found;
 }
 
+fs::path end_note(const fs::path& run) {
+  return restart_directory(run) / "ended";
+}
+
 }  // namespace
 
 fs::path restart_directory(const fs::path& run) {
   return run / "restart";
+}
+
+bool has_ended(const fs::path& run) {
+  return fs::exists(end_note(run));
 }
 
 files::DumpReader newest_dump(const fs::path& run) {
@@ -79,7 +88,13 @@ void RestartDumps::write(std::uint64_t steps, const std::function<void(const std
   last_ = std::chrono::steady_clock::now();
 }
 
+void RestartDumps::note_end() const {
+  if (fs::exists(restart_directory(run_))) std::ofstream(end_note(run_)).flush();
+}
+
+// Deletes the dumps before the note of the end: a kill in between leaves nothing that looks like a run to be continued.
 void RestartDumps::remove() const {
+  for (const fs::path& dump : dumps_of(run_)) fs::remove(dump);
   fs::remove_all(restart_directory(run_));
 }
 

@@ -35,6 +35,9 @@ std::filesystem::path server_directory(const std::filesystem::path& run);
 // Returns the newest complete dump of a run; reports damaged dumps on stderr. Throws wire::Error if there is none.
 files::DumpReader newest_dump(const std::filesystem::path& run);
 
+// Says whether the results of a run with dumps are whole (note_end).
+bool has_ended(const std::filesystem::path& run);
+
 // Prepares the directory of a new run for its dumps. Throws wire::Error if dumps of a stopped run are there.
 void make_room_for_dumps(const std::filesystem::path& run);
 
@@ -45,6 +48,8 @@ class RestartDumps {
   bool due(std::uint64_t steps) const;
   // Writes a dump: calls `fill` with the name of the dump and the writer that takes its contents.
   void write(std::uint64_t steps, const std::function<void(const std::string&, files::DumpWriter&)>& fill);
+  // Notes that the results are whole: from here on the session may be closed, and a run that is killed needs no restart.
+  void note_end() const;
   void remove() const;  // deletes the dumps after the end of the run
 
  private:

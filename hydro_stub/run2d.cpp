@@ -20,6 +20,7 @@
 #include "hydro_stub/law_name.hpp"
 #include "hydro_stub/profiles.hpp"
 #include "hydro_stub/summary2d.hpp"
+#include "hydro_stub/wall_zones.hpp"
 #include "proto/files/fields.hpp"
 #include "proto/files/whole_file.hpp"
 #include "proto/program/interrupt.hpp"
@@ -98,6 +99,8 @@ class Run {
         start_temperature_(std::move(problem.start_temperature)),
         layer_thickness_(std::move(problem.layer_thickness)),
         strength_(problem.strength),
+        half_zone_(half_wall_zones(problem.bodies)),
+        warns_of_melting_(file.scene.hydro().interface_law() == guest::INTERFACE_LAW_COULOMB_TRESCA),
         interface_(InterfaceLine(problem.bodies), facts_of(problem)),
         surface_(problem.free_surface),
         profiles_(profile_record(file.scene, interface_.nodes(), law)),
@@ -115,6 +118,12 @@ class Run {
     if (fields_.times_s().empty()) timed([&] { write_fields(fields_, cycle_); });
     while (cycle_.state().time < end_time_) {
       step();
+      if (warns_of_melting_ && interface_.has_melted()) {
+        bar.clear();
+        fmt::print(stderr, "shearbus-hydro: warning: {}\n",
+                   melted_zones_warning(file_.scene, half_zone_, cycle_.state().time));
+        warns_of_melting_ = false;
+      }
       bar.show([&](double elapsed_s) {
         return program::extent_of_time({.begun_s = begun_s,
                                         .now_s = cycle_.state().time,
@@ -229,9 +238,11 @@ class Run {
                                .output = seconds(output_),
                                .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
                                .law = law_.time_spent()}};
+    summary.omitted = law_.omitted_cost();
     files::write_whole(options_.out / "summary.json", files::kSummaryFile, summary.json());
+    dumps_.note_end();
     fmt::print("{}", summary.text());
-    law_.close();
+    law_.close();  // counts the node-steps that were asleep
     summary.omitted = law_.omitted_cost();
     for (const auto& [label, value] : summary.omitted.lines) fmt::print("  {:<24}{}\n", label, value);
     files::write_whole(options_.out / "summary.json", files::kSummaryFile, summary.json());
@@ -252,6 +263,8 @@ class Run {
   std::vector<double> start_temperature_;  // of each node's layer, where it is not that of the scene  [K]
   std::vector<double> layer_thickness_;    // of each node's layer, where it is not that of the scene  [m]
   std::optional<InterfaceStrength> strength_;
+  std::vector<double> half_zone_;  // half the thickness of the soft zones at each interface node  [m]
+  bool warns_of_melting_;          // law (5) has not melted a zone yet
   InterfaceHistory interface_;
   SurfaceHistory surface_;
   files::ProfileRecord profiles_;

@@ -15,8 +15,6 @@
 namespace shearbus::hydro {
 namespace {
 
-constexpr std::array<const char*, 5> kRegimeNames = {"open", "stick", "Coulomb", "Tresca", "melting"};
-
 constexpr auto kCoulomb = static_cast<std::size_t>(wire::Regime::kCoulomb);
 
 double length_of(const BodyMesh& mesh) {
@@ -143,8 +141,9 @@ std::string Summary::text() const {
   }
   line("friction impulse", range(friction_impulse_, 1.0, "Pa s"));
   std::string shares;
-  for (const std::size_t r : {1U, 2U, 3U, 4U, 0U}) {
-    const char* regime = r == kCoulomb && slips_freely() ? "free slip" : kRegimeNames[r];
+  for (std::size_t i = 1; i <= regime_count_.size(); ++i) {
+    const std::size_t r = i % regime_count_.size();  // 0, open, last
+    const std::string regime = r == kCoulomb && slips_freely() ? "free slip" : wire::regime_name(r);
     shares += fmt::format("{}{} {:.1f} %", shares.empty() ? "" : ", ", regime,
                           100.0 * static_cast<double>(regime_count_[r]) / node_steps);
   }

@@ -74,7 +74,7 @@ class Summary {
   std::array<Band, kBands.size()> bands_;
   std::vector<double> friction_impulse_;  // integral of s dt of each column  [Pa s]
   bool yields_;
-  std::array<std::uint64_t, 5> regime_count_{};
+  std::array<std::uint64_t, wire::kRegimeCount> regime_count_{};
   double heat_ = 0.0;  // friction heat that entered the soft bodies, sum over nodes  [J/m2]
   files::EnergyTotals energy_;
   OmittedCost omitted_;

@@ -35,7 +35,7 @@ struct Summary2d {
   std::optional<Envelope> published;
   std::vector<Comparison> comparisons;
   RunTime2d time;
-  OmittedCost omitted = {};  // options left off and the memory they would need; empty before InterfaceLaw::close()
+  OmittedCost omitted = {};  // options left off and the memory they would need
 
   std::string text() const;
   std::string json() const;

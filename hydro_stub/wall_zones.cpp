@@ -78,4 +78,18 @@ std::string strength_warning(const InterfaceStrength& strength) {
       *strength.cold, strength.metal.stress);
 }
 
+std::string melted_zones_warning(const guest::HydroScene& scene, const std::vector<double>& half_zone, double time) {
+  const guest::Hydro& hydro = scene.hydro();
+  const bool cone = hydro.has_cone_target();
+  const bool graded = cone ? hydro.cone_target().has_first_zone_m() : hydro.sliding_plates().has_first_zone_m();
+  const bool deep = hydro.coulomb_tresca().heat_depth() == guest::HEAT_DEPTH_DIFFUSION;
+  return fmt::format(
+      "hydro.{}.{}: law (5) has melted soft zones at the interface, {:.4g} um thick, by {:.4g} us; they carry no "
+      "friction "
+      "any more. Its heat stays {}: thicker zones heat less; raise {}{}, or use the subgrid law, which conducts",
+      cone ? "cone_target" : "sliding_plates", graded ? "first_zone_m" : "zone_width_m",
+      2e6 * *std::ranges::min_element(half_zone), 1e6 * time, deep ? "near them" : "in them",
+      graded ? "first_zone_m" : "zone_width_m", deep ? "" : " or set hydro.coulomb_tresca.heat_depth = \"diffusion\"");
+}
+
 }  // namespace shearbus::hydro

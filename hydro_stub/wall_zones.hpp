@@ -6,6 +6,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "hydro_stub/problem2d.hpp"
@@ -26,5 +27,8 @@ InterfaceStrength interface_strength(const guest::HydroScene& scene, const physi
 
 // Returns a warning for an interface that slips on coarse zones only; empty: there is nothing to warn of.
 std::string strength_warning(const InterfaceStrength& strength);
+
+// Returns the warning that law (5) has melted zones by `time`; `half_zone` is that of half_wall_zones().
+std::string melted_zones_warning(const guest::HydroScene& scene, const std::vector<double>& half_zone, double time);
 
 }  // namespace shearbus::hydro

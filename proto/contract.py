@@ -65,6 +65,7 @@ class Contract:
         files = schema(proto, protoc)
         for file in files:
             self._read(file)
+        self.functions = list(functions((proto.parent / "client/include/shearbus/shearbus.h").read_text(encoding="utf-8")))
         numbers = {value.name.lower(): value.number for value in self.enums.pop("Field").values if value.number}
         rows = {column.name: column.number for column in self.columns}
         if numbers != rows:
@@ -93,6 +94,18 @@ def columns(file):
         given = dict(zip(parameters, arguments(body)))
         row = dict(zip(names, (given.get(word, word) for word in expansion)))
         yield Column(**{**row, "number": int(row["number"])}, macro=macro)
+
+
+def functions(header):
+    """Yields (name, result, arguments) of the functions that a header declares: names of types of ctypes, as _library.py calls them."""
+    kinds = {"size_t": "Size", "double": "Double", "int": "Whole", "uint32_t": "Word", "shearbus_fallback_fn": "Address"}
+
+    def kind(declared):
+        return "Address" if "*" in declared or "[" in declared else kinds[declared.replace("const ", "").split()[0]]
+
+    for result, name, given in re.findall(r"^SHEARBUS_API ([\w *]+?)\s*\bshearbus_(\w+)\(([^;]*)\);", header, re.M):
+        of_result = "Text" if result == "const char*" else "" if result == "void" else kind(result)
+        yield name, of_result, " ".join(kind(word.strip()) for word in re.split(r",(?![^(]*\))", given) if word.strip() != "void")
 
 
 def arguments(text):

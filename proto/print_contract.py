@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 """Prints what lists the contract, from shearbus/v1/*.proto and wire/columns.inc: the messages and enums of C++, the tables of shearbus.h,
-Fortran and Python, the regimes and outcomes of the physics, and the tables of WIRE.md. What is printed is committed.
+Fortran and Python, the regimes and outcomes of the physics, and the codes of WIRE.md; and from shearbus.h what Python calls. What is printed is committed.
 
 print_contract.py              writes the files
 print_contract.py --check      fails where a file is not as printed, and shows the difference
@@ -284,8 +284,10 @@ def contract_py(what):
         lines += ["", "", f"class {name}:", f'    """{text}"""', ""]
         lines += [f"    {v.name} = {v.number}" + (f"  # {plain(v.text)}" if v.text else "") for v in
                   (outcomes_of(what) if name == "Outcome" else what.enums[name].values)]
+    lines += ["", "", "# name without shearbus_, types of result and arguments, of the functions of shearbus.h", "FUNCTIONS = ("]
+    lines += [f'    ("{name}", "{result}", "{arguments}"),' for name, result, arguments in what.functions]
     strategies = ", ".join(f'{v.number}: "{v.name.lower()}"' for v in what.enums["Strategy"].values if v.number)
-    lines += ["", "", f"STRATEGY = {{{strategies}}}", f"FAR_FIELD_FORM = {FAR_FIELD_FORM}".replace("'", '"'),
+    lines += [")", "", f"STRATEGY = {{{strategies}}}", f"FAR_FIELD_FORM = {FAR_FIELD_FORM}".replace("'", '"'),
               "# number, name on the wire, quantity, unit, element, kind, tangential, short name", "COLUMNS = ("]
     for c in what.columns:
         kind = "Stick" if c.macro == "STICK" else c.kind
@@ -295,12 +297,6 @@ def contract_py(what):
 
 
 # ---- WIRE.md ----
-
-
-def wire_columns(what):
-    lines = ["| no. | field | element | unit | meaning |", "|---|---|---|---|---|"]
-    return lines + [f"| {c.number} | `{c.name}` | {c.element.lower()} | {c.unit}{' ' if c.unit else ''}| {c.meaning}{'; tangential' if c.tangential else ''} |"
-                    for c in sorted(what.columns, key=lambda column: column.number)]
 
 
 def wire_codes(what):
@@ -323,7 +319,7 @@ PARTS = {
     "client/fortran/shearbus.f90": {
         "numbers": fortran_numbers, "sizes": fortran_sizes, "columns": lambda what: fortran_members(what, STEP, "(:)"),
         "columns of a profile": lambda what: fortran_members(what, LAYER, "(:, :)"), "places": fortran_places, "visits": fortran_visits, "profiles": fortran_profiles},
-    "proto/WIRE.md": {"columns": wire_columns, "codes": wire_codes},
+    "proto/WIRE.md": {"codes": wire_codes},
 }
 
 
@@ -359,16 +355,16 @@ def self_test(what):
     for file, text, new in printed(what, ROOT):
         if text != new:
             faults.append(f"{file} is not as printed")
-    first = next(iter(what.columns))
-    what.columns.remove(first)
+    at = next(i for i, column in enumerate(what.columns) if column.kind == "Output")
+    gone = what.columns.pop(at)
     fewer = {file for file, text, new in printed(what, ROOT) if text != new}
-    what.columns.insert(0, first)
+    what.columns.insert(at, gone)
     what.enums["Regime"].values.append(contract.Value("NEW", 9, "", "", ()))
     more = {file for file, text, new in printed(what, ROOT) if text != new}
-    expected = {ROOT / "client/python/shearbus/_contract.py", ROOT / "proto/WIRE.md"}
-    if not expected <= fewer:
+    header, fortran = ROOT / "client/include/shearbus/shearbus.h", ROOT / "client/fortran/shearbus.f90"
+    if not {ROOT / "client/python/shearbus/_contract.py", header, fortran} <= fewer:
         faults.append(f"a column less changes {fewer}")
-    if not {ROOT / "server/physics/solver/tile.hpp", ROOT / "client/include/shearbus/shearbus.h", ROOT / "client/fortran/shearbus.f90"} <= more:
+    if not {ROOT / "server/physics/solver/tile.hpp", header, fortran} <= more:
         faults.append(f"a regime more changes {more}")
     return faults
 

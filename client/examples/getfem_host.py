@@ -26,7 +26,8 @@ class Block:
         place = np.rint(abs(z) / depth * rows) * columns + np.rint(x / PERIOD * columns) % columns  # ties x = PERIOD to x = 0
         tie = sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), (2 * place + np.arange(len(x)) % 2).astype(int))))
         pointers, indices = stiffness.csc_ind()
-        self.stiffness = tie.T @ sparse.csc_matrix((stiffness.csc_val(), indices, pointers)) @ tie
+        stiffness = (tie.T @ sparse.csc_matrix((stiffness.csc_val(), indices, pointers)) @ tie).tocsr()
+        self.at_interface, self.behind = stiffness[:2 * columns], stiffness[2 * columns:]
         shape = rows + 1, columns, 2
         self.mass = (tie.T @ mass).reshape(shape)[..., X]
         self.x = np.arange(columns) * PERIOD / columns
@@ -34,10 +35,9 @@ class Block:
         self.v[..., X] = velocity
         self.push = -side * pressure * PERIOD / columns  # of the initial stress on the interface nodes, in balance until friction acts
 
-    def forces(self):
-        force = -(self.stiffness @ self.u.ravel()).reshape(self.u.shape)
-        force[0, :, Z] += self.push
-        return force
+    def forces(self, rows):
+        """Returns the forces of the nodes of one of the two parts."""
+        return -(rows @ self.u.ravel()).reshape(-1, *self.u.shape[1:])
 
 
 def weights(soft, hard):
@@ -46,9 +46,19 @@ def weights(soft, hard):
     ends = np.sort(np.concatenate([xs, xh]) % PERIOD)
     half = np.diff(np.append(ends, ends[0] + PERIOD)) / 2
     points = np.concatenate([ends + half * (1 - 3**-0.5), ends + half * (1 + 3**-0.5)])
-    values = [np.array([np.interp(points, x, unit, period=PERIOD) for unit in np.eye(len(x))]) for x in (xs, xh)]
-    shared = values[0] * np.tile(half, 2) @ values[1].T
-    return shared / shared.sum(1)[:, None], shared.sum(1), shared.sum(0)
+    shared = hats(xs, points).multiply(np.tile(half, 2)) @ hats(xh, points).T
+    area, area_hard = np.asarray(shared.sum(1)).ravel(), np.asarray(shared.sum(0)).ravel()
+    return sparse.diags(1 / area) @ shared, area, area_hard
+
+
+def hats(x, points):
+    """Returns the values of the shape functions of nodes at x in points, of which each lies between two nodes."""
+    order = np.argsort(x % PERIOD)
+    right = np.searchsorted(x[order] % PERIOD, points) % len(x)
+    left, right = order[right - 1], order[right]
+    share = (points - x[left]) % PERIOD / ((x[right] - x[left]) % PERIOD)
+    columns = np.arange(len(points))
+    return sparse.csr_matrix((np.append(1 - share, share), (np.append(left, right), np.append(columns, columns))), (len(x), len(points)))
 
 
 def run(soft, hard, steps, form, scene, **opening):
@@ -57,10 +67,10 @@ def run(soft, hard, steps, form, scene, **opening):
         for step in range(steps):
             dt = DT if step else DT / 2  # velocities live half a step before displacements
             w, area, area_hard = weights(soft, hard)
-            f_soft, f_hard = soft.forces(), hard.forces()
+            f_soft, f_hard = (block.forces(block.at_interface)[0] + [0, block.push] for block in (soft, hard))
             m_soft, m_hard = soft.mass[0], hard.mass[0]
             jump = soft.v[0] - w @ hard.v[0]
-            a_soft, a_hard = f_soft[0] / m_soft[:, None], w @ (f_hard[0] / m_hard[:, None])
+            a_soft, a_hard = f_soft / m_soft[:, None], w @ (f_hard / m_hard[:, None])
             free = jump + dt * (a_soft - a_hard)  # the jump after this step without contact
             mass_hard = 1 / (w @ (area_hard / m_hard))
             impedance = 1 / (dt * (area / m_soft + 1 / mass_hard))
@@ -69,13 +79,16 @@ def run(soft, hard, steps, form, scene, **opening):
             if form == "stick":
                 inputs = {"impedance": impedance, "stick_stress": impedance * free[:, X]}
             else:
-                inputs = {"stress_soft": f_soft[0, :, X] / area, "stress_hard": -mass_hard * a_hard[:, X], "mass_soft": m_soft / area, "mass_hard": mass_hard}
-            answer = bus.step(dt, time=(step + 0.5) * DT, jump=jump[:, X], pressure=pressure, **inputs)
+                inputs = {"stress_soft": f_soft[:, X] / area, "stress_hard": -mass_hard * a_hard[:, X], "mass_soft": m_soft / area, "mass_hard": mass_hard}
+            bus.start(dt, time=(step + 0.5) * DT, jump=jump[:, X], pressure=pressure, **inputs)
+            for block in (soft, hard):  # while the server steps the layers
+                block.v[1:] += dt * block.forces(block.behind) / block.mass[1:, :, None]
+            answer = bus.finish()
             traction = np.stack([-answer.stress, pressure], 1) * area[:, None]  # on the soft nodes
-            f_soft[0] += traction
-            f_hard[0] -= w.T @ traction
+            f_soft += traction
+            f_hard -= w.T @ traction
             for block, force in ((soft, f_soft), (hard, f_hard)):
-                block.v += dt * force / block.mass[..., None]
+                block.v[0] += dt * force / block.mass[0, :, None]
                 block.u += DT * block.v
             yield (step + 0.5) * DT, area, (soft.v[0] - w @ hard.v[0])[:, X], answer
 

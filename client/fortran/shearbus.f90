@@ -186,6 +186,7 @@ module shearbus
     type(c_funptr), private :: step_of_all = c_null_funptr
     logical, private :: flags = .false.  ! an outcome may be other than 0
     integer(c_int8_t), allocatable, private :: bytes(:, :)  ! outcomes of the last answer, and regimes of masked rows
+    type(columns_of_step), pointer, private :: started => null()  ! of a step between start and finish
   contains
     procedure, private :: open_32, open_64, step_plain, step_32, step_64, register_32, register_64, retire_32, retire_64, &
                           offer_32, offer_64, profiles_32, profiles_64, copy
@@ -195,6 +196,10 @@ module shearbus
     procedure :: resume
     ! Makes one step of length dt with the columns of the interface.
     generic :: step => step_plain, step_32, step_64
+    ! The same in two halves, for a host with other work to do while the server steps the layers: `start` sends the step, `finish` waits for
+    ! the answer. Between the two no other call on the session but close and leave; the inputs may change, no column may be allocated anew.
+    procedure :: start
+    procedure :: finish
     ! Allocates columns by their names, such as 'mean_shear_stress', so that every answer brings them; 'ledger': those of the
     ! energy ledger.
     procedure :: want
@@ -479,6 +484,10 @@ module shearbus
     type(c_column) :: inputs(columns_of_steps), outputs(columns_of_steps + 2)
     type(column_pointer) :: answers(columns_of_steps)
     real(c_double) :: nothing                          ! address of a column without rows
+    logical :: direct                                  ! regimes are written where they stay
+    integer(c_int64_t), allocatable :: ids(:)
+    type(c_request) :: request
+    type(c_result) :: answer
     integer(c_int) :: code
     type(c_status) :: status
   contains
@@ -534,6 +543,20 @@ module shearbus
       import
       type(c_ptr), intent(inout) :: session
     end subroutine
+    function c_start(session, request, status) bind(c, name='shearbus_start') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_request), intent(in) :: request
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
+    function c_finish(session, result, status) bind(c, name='shearbus_finish') result(code)
+      import
+      type(c_ptr), value :: session
+      type(c_result), intent(inout) :: result
+      type(c_status), intent(inout) :: status
+      integer(c_int) :: code
+    end function
     function c_step(session, request, result, status) bind(c, name='shearbus_step') result(code)
       import
       type(c_ptr), value :: session
@@ -1170,13 +1193,17 @@ contains
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(c_status) :: status
+    integer(c_int) :: code
     call clear(status)
-    call report(c_close(self%handle, status), status, stat, msg)
+    code = c_close(self%handle, status)
+    if (associated(self%started)) deallocate (self%started)
+    call report(code, status, stat, msg)
   end subroutine
 
   subroutine leave(self)
     class(shearbus_interface), intent(inout) :: self
     call c_leave(self%handle)
+    if (associated(self%started)) deallocate (self%started)
   end subroutine
 
   impure elemental subroutine finalise(self)
@@ -1188,6 +1215,7 @@ contains
   subroutine drop(self)
     class(shearbus_interface), intent(inout) :: self
     call c_leave(self%handle)
+    if (associated(self%started)) deallocate (self%started)
     if (associated(self%fell_back)) deallocate (self%fell_back)
     self%law => null()
   end subroutine
@@ -1264,11 +1292,67 @@ contains
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(columns_of_step), target :: columns
-    integer(c_int64_t), allocatable, target :: ids(:)
-    type(c_request) :: request
-    type(c_result) :: answer
     procedure(step_of_all_ranks), pointer :: step_all
-    logical :: direct
+    call prepare(self, columns, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent)
+    if (c_associated(self%step_of_all)) then
+      call c_f_procpointer(self%step_of_all, step_all)
+      columns%code = step_all(self%ranks, self%handle, columns%code, columns%request, columns%answer, columns%status)
+    else if (columns%code == 0) then
+      columns%code = c_step(self%handle, columns%request, columns%answer, columns%status)
+    end if
+    if (columns%code == 0) call adopt(self, columns)
+    if (columns%code == 0 .and. associated(self%fell_back)) then
+      if (self%fell_back /= 0) call self%law(self)
+      self%fell_back = 0
+    end if
+    call report(columns%code, columns%status, stat, msg)
+  end subroutine
+
+  subroutine start(self, dt, time, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    real(real64), intent(in) :: dt
+    real(real64), intent(in), optional :: time
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(columns_of_step), pointer :: columns
+    real(real64) :: end_time
+    end_time = 0
+    if (present(time)) end_time = time
+    allocate (columns)
+    call prepare(self, columns, dt, end_time, 0_int64, trial, commit_previous, all_or_nothing, mask, open_absent)
+    if (c_associated(self%step_of_all)) call refuse_text(columns%code, columns%status, 'a session of all ranks steps in one call')
+    if (columns%code == 0) columns%code = c_start(self%handle, columns%request, columns%status)
+    if (columns%code == 0) self%started => columns
+    call report(columns%code, columns%status, stat, msg)
+    if (columns%code /= 0) deallocate (columns)
+  end subroutine
+
+  subroutine finish(self, stat, msg)
+    class(shearbus_interface), intent(inout), target :: self
+    integer, intent(out), optional :: stat
+    character(len=*), intent(inout), optional :: msg
+    type(columns_of_step), pointer :: columns
+    columns => self%started
+    if (.not. associated(columns)) then  ! the library refuses it
+      allocate (columns)
+      call clear(columns%status)
+      columns%answer%size = c_sizeof(columns%answer)
+    end if
+    nullify (self%started)
+    columns%code = c_finish(self%handle, columns%answer, columns%status)
+    if (columns%code == 0) call adopt(self, columns)
+    call report(columns%code, columns%status, stat, msg)
+    deallocate (columns)
+  end subroutine
+
+  ! Makes the request of a step of the interface.
+  subroutine prepare(self, columns, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent)
+    class(shearbus_interface), intent(inout), target :: self
+    type(columns_of_step), intent(inout), target :: columns
+    real(real64), intent(in) :: dt, time
+    integer(int64), intent(in) :: n
+    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
     integer :: i
     call clear(columns%status)
     columns%code = 0
@@ -1285,79 +1369,71 @@ contains
       if (allocated(columns%rows)) columns%count = size(columns%rows)
       allocate (columns%in(max(columns%count, 1), columns_of_steps), columns%out(max(columns%count, 1), columns_of_steps))
     end if
-    if (allocated(self%bytes)) then
+    if (allocated(self%bytes) .and. .not. associated(self%started)) then
       if (size(self%bytes, 1) < columns%count) deallocate (self%bytes)
     end if
     if (.not. allocated(self%bytes)) allocate (self%bytes(max(columns%count, 1), 2))
-    direct = .not. columns%masked .and. self%n > 0 .and. allocated(self%regime)
-    if (direct) direct = size(self%regime) == self%n
-    request%size = c_sizeof(request)
-    request%dt_s = dt
-    request%time_s = time
-    request%step = n
-    request%attempt = 0
-    request%mode = number_of(trial)
-    request%commit_previous = number_of(commit_previous)
-    request%all_or_nothing = number_of(all_or_nothing)
-    request%open_absent = number_of(open_absent)
-    request%n = int(columns%count, c_size_t)
-    request%node_ids = c_null_ptr
-    if (allocated(columns%rows)) then
-      ids = [self%nodes(columns%rows), 0_c_int64_t]  ! one more, since an array without elements has no address
-      request%node_ids = c_loc(ids)
-    end if
-    call each_column(self, columns)
-    columns%outputs(columns%n_out + 1) = c_column(outcome_column, 0, c_loc(self%bytes(1, 1)), 0)
-    columns%outputs(columns%n_out + 2) = c_column(regime_column, 0, c_loc(self%bytes(1, 2)), 0)
-    if (direct) columns%outputs(columns%n_out + 2)%values = c_loc(self%regime(1))
-    request%inputs = c_loc(columns%inputs)
-    request%n_inputs = int(columns%n_in, c_size_t)
-    request%outputs = c_loc(columns%outputs)
-    request%n_outputs = int(columns%n_out + 2, c_size_t)
-    answer%size = c_sizeof(answer)
-    if (c_associated(self%step_of_all)) then
-      call c_f_procpointer(self%step_of_all, step_all)
-      columns%code = step_all(self%ranks, self%handle, columns%code, request, answer, columns%status)
-    else if (columns%code == 0) then
-      columns%code = c_step(self%handle, request, answer, columns%status)
-    end if
-    if (columns%code == 0) call adopt()
-    if (columns%code == 0 .and. associated(self%fell_back)) then
-      if (self%fell_back /= 0) call self%law(self)
-      self%fell_back = 0
-    end if
-    call report(columns%code, columns%status, stat, msg)
-  contains
-    function number_of(flag) result(number)
-      logical, intent(in), optional :: flag
-      integer(c_int) :: number
-      number = 0
-      if (.not. present(flag)) return
-      if (flag) number = 1
-    end function
-
-    ! Rows that were not stepped keep their former answers.
-    subroutine adopt()
-      self%flagged = int(answer%flagged_nodes)
-      self%largest_closure = answer%largest_closure
-      self%layer_time = answer%layer_time
-      if (.not. columns%masked) then
-        if (.not. direct) self%regime = self%bytes(:columns%count, 2)
-        if (self%flagged > 0) then
-          self%outcome = iand(int(self%bytes(:columns%count, 1)), 255)
-        else if (self%flags) then
-          self%outcome = 0
-        end if
-        self%flags = self%flagged > 0
-        return
+    columns%direct = .not. columns%masked .and. self%n > 0 .and. allocated(self%regime)
+    if (columns%direct) columns%direct = size(self%regime) == self%n
+    associate (request => columns%request)
+      request%size = c_sizeof(request)
+      request%dt_s = dt
+      request%time_s = time
+      request%step = n
+      request%attempt = 0
+      request%mode = number_of(trial)
+      request%commit_previous = number_of(commit_previous)
+      request%all_or_nothing = number_of(all_or_nothing)
+      request%open_absent = number_of(open_absent)
+      request%n = int(columns%count, c_size_t)
+      request%node_ids = c_null_ptr
+      if (allocated(columns%rows)) then
+        columns%ids = [self%nodes(columns%rows), 0_c_int64_t]  ! one more, since an array without elements has no address
+        request%node_ids = c_loc(columns%ids)
       end if
-      self%regime(columns%rows) = self%bytes(:columns%count, 2)
-      self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 1)), 255)
-      self%flags = self%flags .or. self%flagged > 0
-      do i = 1, columns%n_out
-        columns%answers(i)%values(columns%rows) = columns%out(:columns%count, i)
-      end do
-    end subroutine
+      call each_column(self, columns)
+      columns%outputs(columns%n_out + 1) = c_column(outcome_column, 0, c_loc(self%bytes(1, 1)), 0)
+      columns%outputs(columns%n_out + 2) = c_column(regime_column, 0, c_loc(self%bytes(1, 2)), 0)
+      if (columns%direct) columns%outputs(columns%n_out + 2)%values = c_loc(self%regime(1))
+      request%inputs = c_loc(columns%inputs)
+      request%n_inputs = int(columns%n_in, c_size_t)
+      request%outputs = c_loc(columns%outputs)
+      request%n_outputs = int(columns%n_out + 2, c_size_t)
+    end associate
+    columns%answer%size = c_sizeof(columns%answer)
+  end subroutine
+
+  integer(c_int) function number_of(flag)
+    logical, intent(in), optional :: flag
+    number_of = 0
+    if (.not. present(flag)) return
+    if (flag) number_of = 1
+  end function
+
+  ! Takes over an answer. Rows that were not stepped keep their former answers.
+  subroutine adopt(self, columns)
+    class(shearbus_interface), intent(inout) :: self
+    type(columns_of_step), intent(in) :: columns
+    integer :: i
+    self%flagged = int(columns%answer%flagged_nodes)
+    self%largest_closure = columns%answer%largest_closure
+    self%layer_time = columns%answer%layer_time
+    if (.not. columns%masked) then
+      if (.not. columns%direct) self%regime = self%bytes(:columns%count, 2)
+      if (self%flagged > 0) then
+        self%outcome = iand(int(self%bytes(:columns%count, 1)), 255)
+      else if (self%flags) then
+        self%outcome = 0
+      end if
+      self%flags = self%flagged > 0
+      return
+    end if
+    self%regime(columns%rows) = self%bytes(:columns%count, 2)
+    self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 1)), 255)
+    self%flags = self%flags .or. self%flagged > 0
+    do i = 1, columns%n_out
+      columns%answers(i)%values(columns%rows) = columns%out(:columns%count, i)
+    end do
   end subroutine
 
   subroutine add_to_step(visitor, column)

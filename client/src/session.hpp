@@ -172,6 +172,47 @@ struct Session::Impl {
   void follow_restart(wire::Request& request, const Error& fault);
 };
 
+template <typename Accept>
+Received Session::Impl::exchange(wire::Request&& request, const Accept& accept) {
+  give_id(request);
+  try {
+    Received received = call(request);
+    accept(received);
+    in_doubt.reset();
+    last_sequence = request.sequence;
+    return received;
+  } catch (const Error& fault) {
+    // Codes 4xx mean "not now": after such a refusal the server may still run a second copy of the request that is on
+    // its way.
+    const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
+    if (fault.status().code == Code::kUnknownOutcome || not_now)
+      keep_in_doubt(request);
+    else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
+      in_doubt.reset();
+    if (fault.status().code == Code::kSequenceReused) resynchronise();
+    throw;
+  } catch (...) {  // such as std::bad_alloc, before or after the request was sent
+    keep_in_doubt(request);
+    throw;
+  }
+}
+
+// Calls copy(column, from, to) with the values of each column of a batch, and those of the same column of another.
+template <typename Copy>
+void each_column(const Batch& from, Batch& to, const Copy& copy) {
+  for (const wire::Column& column : to.columns()) {
+    if (column.element == wire::Element::kUint8)
+      copy(column, from.u8(column.field), to.u8(column.field));
+    else if (column.element == wire::Element::kUint64)
+      copy(column, from.u64(column.field), to.u64(column.field));
+    else
+      copy(column, from.f64(column.field, column.component), to.f64(column.field, column.component));
+  }
+}
+
+// Adds what the answer of some rows of a step says of them to that of others, but for state version and times.
+void add_rows(wire::Upscale& sum, const wire::Upscale& some);
+
 // Returns zeroed columns of `rows` values: those of another batch, by field and component.
 Batch columns_of(const Batch& batch, std::size_t rows);
 

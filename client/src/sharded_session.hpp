@@ -4,6 +4,7 @@
 // other completes it first.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -12,6 +13,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/src/session.hpp"
@@ -44,6 +46,18 @@ std::vector<std::vector<std::uint32_t>> rows_of_shards(std::span<const std::uint
 
 // Copies some rows of the columns of a request. Throws Error{kShape} if columns differ in length or lack a component.
 Batch rows_of(const Batch& batch, std::span<const std::uint32_t> rows);
+
+// Throws the Error of a call that cannot be made.
+[[noreturn]] void refuse_call(Code code, std::string text, std::string remedy, Field field = Field::kUnspecified,
+                              std::vector<std::uint64_t> node_ids = {});
+
+inline bool all_equal(std::span<const std::uint64_t> values) {
+  return std::ranges::adjacent_find(values, std::not_equal_to{}) == values.end();
+}
+
+inline bool last_of_step(const wire::Downscale& step) {
+  return step.part == step.parts;
+}
 
 class ShardedSession {
  public:
@@ -137,5 +151,22 @@ class ShardedSession {
   bool previous_committed_ = false;
   std::string torn_;  // why the shards are not at the same step; empty: they are
 };
+
+template <typename Body>
+void ShardedSession::ask(Shard& shard, Body body, Batch batch) {
+  wire::Request request = shard.session->next_request();
+  if (request.request_id == 0) request.request_id = shard.session->connection->next_request_id();
+  request.body = std::move(body);
+  request.batch = std::move(batch);
+  shard.request = std::move(request);
+  shard.open = true;
+  shard.reply.reset();
+  shard.refusal.reset();
+}
+
+template <typename Body>
+void ShardedSession::ask_all(const Body& body) {
+  for (Shard& shard : shards_) ask(shard, body);
+}
 
 }  // namespace shearbus

@@ -21,12 +21,17 @@ import shutil
 import subprocess
 import sys
 import textwrap
+import tomllib
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "proto"))
 import contract  # noqa: E402
 import fortran_page  # noqa: E402
 
 PAGES = "deploy/docs/pages"
+MEASURED, HOST_ERRORS = "tests/measured.toml", "deploy/docs/pages/howto/host_errors.toml"
+OPTIONS, COLUMNS = "server/physics/solver/parts.cpp", "proto/wire/columns.inc"
+# source: the page that shows it
+GENERATED = {MEASURED: "reference/measured", HOST_ERRORS: "howto/host_errors", OPTIONS: "reference/options", COLUMNS: "reference/columns"}
 PYTHON_CLIENT = pathlib.Path(__file__).resolve().parents[2] / "client/python"
 PICTURES = {".png", ".svg"}
 LANGUAGES = {".toml": "toml", ".py": "python", ".c": "c", ".h": "c", ".cpp": "cpp", ".hpp": "cpp", ".f90": "fortran", ".sh": "bash",
@@ -82,6 +87,8 @@ class Site:
         name = posixpath.normpath(posixpath.join(posixpath.dirname(page), path)) if path else page
         if name in self.pages:
             return self.place(name), anchor
+        if name in GENERATED:
+            return GENERATED[name] + ".md", anchor
         if name in self.files:
             if pathlib.Path(name).suffix not in PICTURES:
                 self.wanted.append(name)
@@ -195,14 +202,29 @@ def columns_page(root):
     """Returns the page of the columns, from proto/wire/columns.inc."""
     page = ("# Columns\n\nEvery column of a request or a reply, from `proto/wire/columns.inc`. A column that is *tangential* comes twice in a scene with "
             "`tangential_components = 2`. Python's keywords and attributes are the quantities, but for the short names `jump`, `stress`, `slip`, "
-            "`temperature` and `jump_new`.\n\n| no. | name | unit | kind | tangential | meaning |\n|---|---|---|---|---|---|\n")
+            "`temperature` and `jump_new`.\n\n| no. | name | element | unit | kind | tangential | meaning |\n|---|---|---|---|---|---|---|\n")
     kinds = {"STICK": "input, stick form", "Node": "node", "Input": "input", "Output": "answer", "Ledger": "energy ledger, on request",
              "Profile": "profile of the layer", "OnRequest": "answer on request"}
     for c in sorted(contract.columns(root / "proto/wire/columns.inc"), key=lambda column: column.number):
         on_request = c.kind == "Output" and "OnRequest" in (c.velocity_driven, c.force_driven)
         kind = kinds["OnRequest"] if on_request else kinds.get(c.macro) or kinds[c.kind]
         meaning = c.meaning.replace("|", "\\|")
-        page += f"| {c.number} | `{c.name}` | {c.unit} | {kind} | {'yes' if c.tangential else ''} | {meaning} |\n"
+        page += f"| {c.number} | `{c.name}` | {c.element.lower()} | {c.unit} | {kind} | {'yes' if c.tangential else ''} | {meaning} |\n"
+    return page
+
+
+def tables_page(title, source, text):
+    """Returns the page that a source of parts makes: TOML with a text in front, and in each part a group, a title, a text, a head and rows
+    of as many cells, each of them where there is one."""
+    found = tomllib.loads(text)
+    page = f"# {title}\n\n{found['text']}\n"
+    for part in found["part"]:
+        page += "".join(f"\n{mark} {part[key]}\n" for mark, key in (("##", "group"), ("###", "title")) if key in part)
+        page += f"\n{part['text'].strip()}\n" if "text" in part else ""
+        if head := part.get("head"):
+            if odd := [row for row in part["rows"] if len(row) != len(head)]:
+                sys.exit(f"{source}: a row of {len(head)} cells is expected, found {odd[0]}")
+            page += "\n" + "".join(f"| {' | '.join(row)} |\n" for row in (head, ["---"] * len(head), *part["rows"]))
     return page
 
 
@@ -273,7 +295,10 @@ def main():
                         "".join("\n## " + part for part in of_hydro)),
                        ("reference/materials", materials_page(output_of(programs / "shearbus-ctl", "materials"))),
                        ("reference/programs", programs_page(programs)),
-                       ("reference/columns", columns_page(root)),
+                       (GENERATED[COLUMNS], columns_page(root)),
+                       (GENERATED[OPTIONS], site.linked(OPTIONS, output_of(programs / "shearbus-ctl", "options"), GENERATED[OPTIONS] + ".md")),
+                       *((GENERATED[source], site.linked(source, tables_page(title, source, (root / source).read_text()), GENERATED[source] + ".md"))
+                         for source, title in ((MEASURED, "What was measured"), (HOST_ERRORS, "Errors of a host: as printed, usual mistake, cure"))),
                        ("reference/fortran", site.linked(PAGES + "/reference/fortran" + ".md", fortran_page.page(root / "client/fortran/shearbus.f90"), "reference/fortran" + ".md")),
                        ("reference/python", python_page()),
                        ("howto/errors", errors_page(site))):

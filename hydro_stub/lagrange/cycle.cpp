@@ -109,11 +109,9 @@ bool Cycle::try_step(double dt) {
   // 4. sums them on the nodes and advances the velocities by the momentum balance, with the forces of the pressure
   //    loads, constrained by the walls
   accelerate(dt);
-  // 5. adds the impulses of contact and friction on the slide lines; while the interface law computes, the deviators of
-  //    the zones away from the slide lines are advanced
-  contact_.ask(state_, guides_, dt, steps_ + 1, law_, velocity_new_);
-  advance_stress(dt, Reach::kInner);
-  contact_.answered(state_, guides_, dt, law_, velocity_new_);
+  // 5. adds the impulses of contact and friction on the slide lines; meanwhile, the deviators of the zones away from the
+  //    slide lines are advanced
+  slide(dt);
   // 6. moves the nodes to the end of the step with the mean velocities
   // 7. adds to the energy of each zone the work of its forces with the mean velocities, and the heat of the
   //    slide lines; adds the work of walls and loads to the ledger
@@ -122,19 +120,16 @@ bool Cycle::try_step(double dt) {
     return false;
   }
   state_.energy.swap(energy_new_);
-  contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
-  book_boundaries(dt);
+  state_.volume.swap(volume_new_);
   // 8. advances the deviators of the zones on slide lines; updates density, pressure, sound speed and temperature
-  advance_stress(dt, Reach::kRim);
+  finish_step(dt);
   state_.deviator_xx.swap(xx_new_);
   state_.deviator_yy.swap(yy_new_);
   state_.deviator_xy.swap(xy_new_);
   state_.plastic_strain.swap(plastic_strain_new_);
   state_.position.swap(position_new_);
   state_.velocity.swap(velocity_new_);
-  state_.volume.swap(volume_new_);
   heating_.swap(heating_new_);
-  update_state();
   return true;
 }
 

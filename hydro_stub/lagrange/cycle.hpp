@@ -97,8 +97,11 @@ class Cycle {
   void accelerate(double dt);
   bool go_to_end(double dt);
   enum Reach : std::size_t { kInner, kRim };  // kInner: zones with no node on a slide line; kRim: all others
-  void advance_stress(double dt, Reach reach);
+  void slide(double dt);
+  void finish_step(double dt);
+  void advance_stress(double dt, const Run& run);
   void update_state();
+  void update_run(const Run& run);
   const BodyMaterial& material(const Run& run) const { return bodies_.materials[run.block]; }
 
   void find_rim();

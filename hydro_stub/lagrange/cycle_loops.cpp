@@ -1,8 +1,11 @@
 // The loops of a step over zones and nodes. Each zone and each node is computed by the same operations in the same order
 // for any number of threads.
+#include <omp.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <exception>
 #include <limits>
 #include <vector>
 
@@ -198,7 +201,7 @@ bool Cycle::predict_middle(double dt) {
 #pragma omp for schedule(static)
     for (int n = 0; n < nodes; ++n) middle_position_[n] = state_.position[n] + (0.5 * dt) * state_.velocity[n];
     RunNodes at;
-#pragma omp for schedule(static)
+#pragma omp for schedule(dynamic, kRunsAtOnce)
     for (std::size_t r = 0; r < runs.size(); ++r) {
       mesh.load(middle_position_, runs[r], at);
       measure(mesh.symmetry(), runs[r], at, middle_);
@@ -249,7 +252,6 @@ void Cycle::find_forces() {
 // One thread prepares the contact, which has no parallel loops, and helps the others afterwards.
 #pragma omp single nowait
     contact_.prepare(state_, middle_position_, guides_);
-    constexpr int kRunsAtOnce = 8;
 #pragma omp for schedule(dynamic, kRunsAtOnce)
     for (std::size_t r = 0; r < runs.size(); ++r) {
       mesh.load(middle_position_, runs[r], position);
@@ -274,7 +276,7 @@ void Cycle::accelerate(double dt) {
 #pragma omp parallel if (mesh.num_zones() >= kFewestForThreads)
   {
     std::vector<double> x(mesh.longest_row()), y(mesh.longest_row());
-#pragma omp for schedule(static)
+#pragma omp for schedule(dynamic, kRunsAtOnce)
     for (std::size_t r = 0; r < rows.size(); ++r) {
       const int n = rows[r].first;
       mesh.gather(corner_force_, rows[r], x.data(), y.data());
@@ -313,7 +315,7 @@ bool Cycle::go_to_end(double dt) {
       position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
     }
     RunNodes at;
-#pragma omp for schedule(static)
+#pragma omp for schedule(dynamic, kRunsAtOnce)
     for (std::size_t r = 0; r < runs.size(); ++r) {
       mesh.load(position_new_, runs[r], at);
       measure_volumes(mesh.symmetry(), runs[r], at, volume_new_);
@@ -327,44 +329,80 @@ bool Cycle::go_to_end(double dt) {
   return false;
 }
 
-void Cycle::advance_stress(double dt, Reach reach) {
-  const Mesh& mesh = bodies_.mesh;
-  const std::vector<Run>& runs = runs_[reach];
-#pragma omp parallel if (mesh.num_zones() >= kFewestForThreads)
-  {
-    RunNodes velocity;
-#pragma omp for schedule(static)
-    for (std::size_t r = 0; r < runs.size(); ++r) {
-      const Run& run = runs[r];
-      const int z = run.first;
-      mesh.load(velocity_mean_, run, velocity);
-      find_gradients(run, middle_, velocity, gradient_);
-      add_up(run, gradient_, dilatation_.data());
-      if (!material(run).strength) continue;
-      Strip strip;
-      advance_run(*material(run).strength, strength_state(state_, gradient_, middle_pressure_), run, dt, xx_new_,
-                  yy_new_, xy_new_, strip);
-      for (int i = 0; i < run.count; ++i)
-        plastic_strain_new_[z + i] = state_.plastic_strain[z + i] + strip.increment[i];
+// One thread does the contact, which has no parallel loops, while the others advance the deviators of zones that it does
+// not move; between question and answer of the interface law it helps them.
+void Cycle::slide(double dt) {
+  const std::vector<Run>& runs = runs_[kInner];
+  std::exception_ptr fault;
+  const auto contact = [&](const auto& work) {
+    try {
+      if (!fault) work();
+    } catch (...) {
+      fault = std::current_exception();
     }
+  };
+#pragma omp parallel if (bodies_.mesh.num_zones() >= kFewestForThreads)
+  {
+    // Half of the zones are left for the other threads while one works with the answer.
+    const std::size_t until_answer = omp_get_num_threads() > 1 ? runs.size() / 2 : runs.size();
+#pragma omp master
+    contact([&] { contact_.ask(state_, guides_, dt, steps_ + 1, law_, velocity_new_); });
+#pragma omp for schedule(dynamic, kRunsAtOnce) nowait
+    for (std::size_t r = 0; r < until_answer; ++r) advance_stress(dt, runs[r]);
+#pragma omp master
+    contact([&] { contact_.answered(state_, guides_, dt, law_, velocity_new_); });
+#pragma omp for schedule(dynamic, kRunsAtOnce) nowait
+    for (std::size_t r = until_answer; r < runs.size(); ++r) advance_stress(dt, runs[r]);
+  }
+  if (fault) std::rethrow_exception(fault);
+}
+
+// Ends a step whose zones have their new volumes. Heat of the slide lines and the ledger, of one thread, need none of the
+// deviators.
+void Cycle::finish_step(double dt) {
+  const std::vector<Run>& rim = runs_[kRim];
+  const std::vector<Run>& runs = bodies_.mesh.runs();
+#pragma omp parallel if (bodies_.mesh.num_zones() >= kFewestForThreads)
+  {
+#pragma omp single nowait
+    {
+      contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
+      book_boundaries(dt);
+    }
+#pragma omp for schedule(dynamic, kRunsAtOnce)
+    for (std::size_t r = 0; r < rim.size(); ++r) advance_stress(dt, rim[r]);
+#pragma omp for schedule(dynamic, kRunsAtOnce)
+    for (std::size_t r = 0; r < runs.size(); ++r) update_run(runs[r]);
   }
 }
 
-// Finds density, pressure, sound speed and temperature from volume and energy.
+void Cycle::advance_stress(double dt, const Run& run) {
+  RunNodes velocity;
+  bodies_.mesh.load(velocity_mean_, run, velocity);
+  find_gradients(run, middle_, velocity, gradient_);
+  add_up(run, gradient_, dilatation_.data());
+  if (!material(run).strength) return;
+  Strip strip;
+  advance_run(*material(run).strength, strength_state(state_, gradient_, middle_pressure_), run, dt, xx_new_, yy_new_,
+              xy_new_, strip);
+  const int z = run.first;
+  for (int i = 0; i < run.count; ++i) plastic_strain_new_[z + i] = state_.plastic_strain[z + i] + strip.increment[i];
+}
+
 void Cycle::update_state() {
-  const std::vector<Run>& runs = bodies_.mesh.runs();
-#pragma omp parallel for schedule(static) if (bodies_.mesh.num_zones() >= kFewestForThreads)
-  for (std::size_t r = 0; r < runs.size(); ++r) {
-    const Run& run = runs[r];
-    const BodyMaterial& body = material(run);
-    const int z = run.first;
-    divide(run, state_.mass.data(), state_.volume.data(), state_.density.data());
-    body.eos.evaluate(run.count, &state_.density[z], &state_.energy[z], &state_.pressure[z], &sound_squared_[z]);
-    const double shear_modulus = body.strength ? body.strength->shear_modulus : 0.0;
-    find_sound_speeds(run, 4.0 / 3.0 * shear_modulus, sound_squared_.data(), state_.density.data(),
-                      state_.sound_speed.data());
-    body.eos.find_temperatures(run.count, &state_.density[z], &state_.energy[z], &state_.temperature[z]);
-  }
+  for (const Run& run : bodies_.mesh.runs()) update_run(run);
+}
+
+// Finds density, pressure, sound speed and temperature from volume and energy.
+void Cycle::update_run(const Run& run) {
+  const BodyMaterial& body = material(run);
+  const int z = run.first;
+  divide(run, state_.mass.data(), state_.volume.data(), state_.density.data());
+  body.eos.evaluate(run.count, &state_.density[z], &state_.energy[z], &state_.pressure[z], &sound_squared_[z]);
+  const double shear_modulus = body.strength ? body.strength->shear_modulus : 0.0;
+  find_sound_speeds(run, 4.0 / 3.0 * shear_modulus, sound_squared_.data(), state_.density.data(),
+                    state_.sound_speed.data());
+  body.eos.find_temperatures(run.count, &state_.density[z], &state_.energy[z], &state_.temperature[z]);
 }
 
 }  // namespace shearbus::lagrange

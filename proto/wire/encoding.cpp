@@ -1,68 +1,34 @@
 #include "proto/wire/encoding.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 namespace shearbus::wire {
 static_assert(std::endian::native == std::endian::little, "fixed numbers are sent as they stand in memory");
 
-namespace {
-
-constexpr std::size_t kMaxVarintBytes = 10;
-
-// A varint: seven bits in each byte, the lowest bits first; the top bit is set if another byte follows.
-struct VarintText {
-  explicit VarintText(std::uint64_t value) {
-    for (; value >= 0x80; value >>= 7) bytes[size++] = static_cast<char>(value | 0x80);
-    bytes[size++] = static_cast<char>(value);
-  }
-  std::string_view text() const { return {bytes, size}; }
-
-  char bytes[kMaxVarintBytes];
-  std::size_t size = 0;
-};
-
-}  // namespace
-
-void Encoder::raw_varint(std::uint64_t value) {
-  for (; value >= 0x80; value >>= 7) out_.push_back(static_cast<char>(value | 0x80));
-  out_.push_back(static_cast<char>(value));
+void Encoder::grow(std::size_t bytes) {
+  out_.resize(std::max(2 * out_.size(), end_ + bytes));
 }
 
-void Encoder::raw_fixed64(std::uint64_t value) {
-  out_.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
-void Encoder::tag(std::uint32_t number, WireType type) {
-  raw_varint(std::uint64_t{number} << 3 | static_cast<std::uint32_t>(type));
-}
-
-void Encoder::varint(std::uint32_t number, std::uint64_t value) {
-  tag(number, WireType::kVarint);
-  raw_varint(value);
-}
-
-void Encoder::fixed32(std::uint32_t number, std::uint32_t value) {
-  tag(number, WireType::kFixed32);
-  out_.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
-void Encoder::fixed64(std::uint32_t number, std::uint64_t value) {
-  tag(number, WireType::kFixed64);
-  raw_fixed64(value);
-}
-
-void Encoder::bytes(std::uint32_t number, std::string_view value) {
-  tag(number, WireType::kLength);
-  raw_varint(value.size());
-  out_ += value;
-}
-
-void Encoder::insert_length(std::size_t begin) {
-  out_.insert(begin, VarintText(out_.size() - begin).text());
+// Moves the content that begins there behind its length, which needs more than the one byte in front of it.
+void Encoder::widen_length(std::size_t begin) {
+  const std::size_t length = end_ - begin;
+  room(kMaxVarintBytes);
+  std::size_t more = 0;
+  for (std::size_t rest = length; rest >= 0x80; rest >>= 7) ++more;
+  std::memmove(out_.data() + begin + more, out_.data() + begin, length);
+  end_ = begin - 1;
+  put_varint(length);
+  end_ += length;
 }
 
 bool Decoder::read_varint(std::uint64_t& value) {
+  if (at_ < message_.size() && message_[at_] < std::byte{0x80}) {
+    value = std::to_integer<std::uint64_t>(message_[at_++]);
+    return true;
+  }
   value = 0;
+  constexpr std::size_t kMaxVarintBytes = 10;
   for (std::size_t i = 0; i < kMaxVarintBytes && at_ < message_.size(); ++i) {
     const auto byte = std::to_integer<std::uint64_t>(message_[at_++]);
     value |= (byte & 0x7f) << (7 * i);
@@ -71,11 +37,13 @@ bool Decoder::read_varint(std::uint64_t& value) {
   return fail();
 }
 
-bool Decoder::read_fixed(std::size_t size, std::uint64_t& value) {
-  if (message_.size() - at_ < size) return fail();
-  value = 0;
-  std::memcpy(&value, message_.data() + at_, size);
-  at_ += size;
+template <typename Number>
+bool Decoder::read_fixed(std::uint64_t& value) {
+  Number number;
+  if (message_.size() - at_ < sizeof number) return fail();
+  std::memcpy(&number, message_.data() + at_, sizeof number);
+  at_ += sizeof number;
+  value = number;
   return true;
 }
 
@@ -84,7 +52,7 @@ bool Decoder::next_varint(std::uint64_t& value) {
 }
 
 bool Decoder::next_fixed64(std::uint64_t& value) {
-  return at_ < message_.size() && !fault_ && read_fixed(sizeof value, value);
+  return at_ < message_.size() && !fault_ && read_fixed<std::uint64_t>(value);
 }
 
 bool Decoder::next(EncodedField& field) {
@@ -96,9 +64,9 @@ bool Decoder::next(EncodedField& field) {
     case WireType::kVarint:
       return read_varint(field.value);
     case WireType::kFixed64:
-      return read_fixed(8, field.value);
+      return read_fixed<std::uint64_t>(field.value);
     case WireType::kFixed32:
-      return read_fixed(4, field.value);
+      return read_fixed<std::uint32_t>(field.value);
     case WireType::kLength:
       if (!read_varint(field.value) || field.value > message_.size() - at_) return fail();
       field.bytes = message_.subspan(at_, field.value);

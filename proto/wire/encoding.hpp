@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,36 +19,81 @@ enum class WireType : std::uint32_t { kVarint = 0, kFixed64 = 1, kLength = 2, kF
 class Encoder {
  public:
   // `memory` is overwritten; its capacity is used.
-  explicit Encoder(std::string memory = {}) : out_(std::move(memory)) {
-    out_.clear();
-    out_.reserve(kUsualBytes);
-  }
+  explicit Encoder(std::string memory = {}) : out_(std::move(memory)) { out_.resize(kUsualBytes); }
 
-  void varint(std::uint32_t number, std::uint64_t value);
-  void fixed32(std::uint32_t number, std::uint32_t value);
-  void fixed64(std::uint32_t number, std::uint64_t value);
-  void bytes(std::uint32_t number, std::string_view value);
-  void raw_varint(std::uint64_t value);   // appends an element of a packed list
-  void raw_fixed64(std::uint64_t value);  // appends an element of a packed list
+  void varint(std::uint32_t number, std::uint64_t value) {
+    room(2 * kMaxVarintBytes);
+    tag(number, WireType::kVarint);
+    put_varint(value);
+  }
+  void fixed32(std::uint32_t number, std::uint32_t value) {
+    room(kMaxVarintBytes + sizeof value);
+    tag(number, WireType::kFixed32);
+    put(&value, sizeof value);
+  }
+  void fixed64(std::uint32_t number, std::uint64_t value) {
+    room(kMaxVarintBytes + sizeof value);
+    tag(number, WireType::kFixed64);
+    put(&value, sizeof value);
+  }
+  void bytes(std::uint32_t number, std::string_view value) {
+    room(2 * kMaxVarintBytes + value.size());
+    tag(number, WireType::kLength);
+    put_varint(value.size());
+    put(value.data(), value.size());
+  }
+  // Elements of a packed list.
+  void raw_varint(std::uint64_t value) {
+    room(kMaxVarintBytes);
+    put_varint(value);
+  }
+  void raw_fixed64(std::uint64_t value) {
+    room(sizeof value);
+    put(&value, sizeof value);
+  }
 
   // Appends a field whose content `fill()` appends: a message, or a packed list.
   template <typename Fill>
   void nested(std::uint32_t number, const Fill& fill) {
+    room(kMaxVarintBytes + 1);
     tag(number, WireType::kLength);
-    const std::size_t begin = out_.size();
+    const std::size_t begin = ++end_;  // behind a length of one byte
     fill();
-    insert_length(begin);
+    const std::size_t length = end_ - begin;
+    out_[begin - 1] = static_cast<char>(length);
+    if (length >= 0x80) widen_length(begin);
   }
 
-  std::string take() { return std::move(out_); }
+  std::string take() {
+    out_.resize(end_);
+    return std::move(out_);
+  }
 
  private:
   static constexpr std::size_t kUsualBytes = 512;  // the header of a step or of its reply has fewer
+  static constexpr std::size_t kMaxVarintBytes = 10;
 
-  void tag(std::uint32_t number, WireType type);
-  void insert_length(std::size_t begin);
+  // Makes room for so many bytes at end_; put_varint() and put() do not look for it.
+  void room(std::size_t bytes) {
+    if (out_.size() - end_ < bytes) grow(bytes);
+  }
+  // Seven bits in each byte, the lowest bits first; the top bit is set if another byte follows.
+  void put_varint(std::uint64_t value) {
+    for (; value >= 0x80; value >>= 7) out_[end_++] = static_cast<char>(value | 0x80);
+    out_[end_++] = static_cast<char>(value);
+  }
+  void put(const void* bytes, std::size_t size) {
+    if (size != 0) std::memcpy(out_.data() + end_, bytes, size);
+    end_ += size;
+  }
+  void tag(std::uint32_t number, WireType type) {
+    put_varint(std::uint64_t{number} << 3 | static_cast<std::uint32_t>(type));
+  }
+  void grow(std::size_t bytes);
+  void widen_length(std::size_t begin);
 
-  std::string out_;
+  std::string out_;      // has room behind the message
+  std::size_t end_ = 0;  // of the message
 };
 
 // A field of an encoded message.
@@ -78,7 +124,8 @@ class Decoder {
     return false;
   }
   bool read_varint(std::uint64_t& value);
-  bool read_fixed(std::size_t size, std::uint64_t& value);
+  template <typename Number>
+  bool read_fixed(std::uint64_t& value);
 
   std::span<const std::byte> message_;
   std::size_t at_ = 0;

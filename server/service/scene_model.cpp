@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -18,6 +19,7 @@
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
 #include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/material/caution.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/parts.hpp"
@@ -295,6 +297,10 @@ SceneModel convert_tables(v1::Scene& scene) {
         "friction_energy",
         "friction_energy sums the energy ledger, which a layer with inertia or with an isothermal face does not have",
         "Leave it out.");
+  if (const auto caution = physics::caution_of(scene.soft().material(), options.soft); !caution.empty())
+    made.warnings.push_back(fmt::format(
+        "soft.material = \"{}\": {}. Give soft.temperature_coefficient_per_k of your own if you have hot data",
+        scene.soft().material(), caution));
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
   return made;
@@ -357,7 +363,7 @@ SceneModel convert(v1::Scene& scene) {
     SceneModel made = convert_tables(scene);
     made.effective = scene::to_toml(scene);
     made.scene = std::make_shared<v1::Scene>(scene);
-    made.warnings = scene::unusual_values(scene);
+    std::ranges::copy(scene::unusual_values(scene), std::back_inserter(made.warnings));
     return made;
   }
   const v1::Scene given = scene::without_pairs(scene);
@@ -371,6 +377,7 @@ SceneModel convert(v1::Scene& scene) {
       const SceneModel model = convert_tables(whole);
       std::vector<std::string> warnings =
           check_shape(outside, outside_model, whole, model.options, "pair." + pair.name());
+      std::ranges::copy(model.warnings, std::back_inserter(warnings));
       made.pairs.push_back({pair.name(), model.options, std::move(warnings)});
     } catch (const Refused& refused) {
       if (refused.faults.front().path.starts_with("pair.")) throw;
@@ -385,7 +392,7 @@ SceneModel convert(v1::Scene& scene) {
                        made.effective.size(), wire::kMaxSceneBytes),
            "Divide the pairs over several sessions.");
   made.scene = std::make_shared<v1::Scene>(scene);
-  made.warnings = scene::unusual_values(scene);
+  std::ranges::copy(scene::unusual_values(scene), std::back_inserter(made.warnings));
   return made;
 }
 

@@ -23,6 +23,49 @@ using wire::Code;
 using wire::Error;
 using wire::Field;
 
+namespace {
+
+// number of commits after which a check of what the host sends is over
+constexpr std::uint64_t kWatched = 101;
+
+// Adds a warning to the reply if the layers that flow are not the half zones that move with their interface nodes, in most
+// of the closed contacts. Half zones differ a little from density times thickness: by the curvature of an axisymmetric
+// interface, and where a contact covers a part of a node's area. Without memory for the warning the reply goes without it.
+void report_layers(const shard::Shard& shard, const wire::Batch& batch, const shard::Rows& rows,
+                   wire::Upscale& upscale) noexcept try {
+  if (!shard.model().options().plastic_layer || !batch.has(Field::kMassSoft) || shard.state_version() > kWatched)
+    return;
+  const auto mass = batch.f64(Field::kMassSoft), pressure = batch.f64(Field::kPressure);
+  constexpr double kNear = 1.5;  // ratio of thicknesses from which on they count as different
+  struct Found {
+    std::size_t closed = 0, other = 0;
+    std::uint64_t node = 0;
+    double layer = 0.0, half_zone = 0.0;
+  } found;
+  for (std::size_t row = 0; row < mass.size(); ++row) {
+    if (!(pressure[row] > 0.0)) continue;
+    ++found.closed;
+    const physics::ModelOptions& options =
+        shard.model_of(rows.all ? shard.nodes().slot_of(row) : rows.slots[row]).options();
+    const double half_zone = mass[row] / options.soft.density, layer = options.grid.thickness;
+    if (layer < kNear * half_zone && half_zone < kNear * layer) continue;
+    if (found.other++ != 0) continue;
+    found.node = rows.all ? shard.nodes().ids()[row] : batch.u64(Field::kNodeId)[row];
+    found.layer = layer;
+    found.half_zone = half_zone;
+  }
+  if (2 * found.other <= found.closed) return;
+  upscale.warnings.push_back(fmt::format(
+      "layer.thickness_m: the plastic layer of node {} is {:.4g} m thick, and what moves with its interface node "
+      "{:.4g} m (mass_soft_kg_per_m2 over the density); {} of {} closed nodes differ so. The answer then depends on "
+      "the zones: set layer.thickness_m, or where zones differ the parameter of each node, to half the zone at the "
+      "wall",
+      found.node, found.layer, found.half_zone, found.other, found.closed));
+} catch (const std::exception&) {
+}
+
+}  // namespace
+
 std::span<const std::uint8_t> Service::RunningStep::outcomes() const {
   return unasked.empty() ? std::as_const(reply->batch).u8(Field::kOutcome) : std::span(unasked);
 }
@@ -282,7 +325,10 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
   member.parts = step.part < step.parts ? std::move(running.parts) : std::nullopt;
   if (step.mode == wire::Mode::kAdvance && !member.parts) shard.commit();
   auto& upscale = std::get<wire::Upscale>(reply.body);
-  if (shard.check_closure()) report_closure(member, step, batch, rows, count.closure, upscale);
+  if (shard.check_closure()) {
+    report_closure(member, step, batch, rows, count.closure, upscale);
+    report_layers(shard, batch, rows, upscale);
+  }
   if (count.over_budget != 0) report_budget(member, count.over_budget, upscale);
   upscale.nodes = rows.all ? shard.nodes().size() : rows.slots.size();
   upscale.flagged_nodes = count.flagged;
@@ -319,7 +365,6 @@ void Service::report_closure(const Member& member, const wire::Downscale& step, 
   upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
   upscale.closure_node = node_of(closure.row);
   upscale.layer_time_s = shard.layer_time(rows.all ? shard.nodes().slot_of(closure.row) : rows.slots[closure.row]);
-  constexpr std::uint64_t kWatched = 101;  // number of commits after which the host's time is no longer checked
   if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
   upscale.warnings.push_back(fmt::format(
       "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "

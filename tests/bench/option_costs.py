@@ -3,7 +3,6 @@
 the column "cost" of the page of options; fails where a cost is missing or off by more than a tenth. The case is that of the paper, its first
 microsecond on 60 graded cells, with the option and without it, a companion that the option needs being in both."""
 import argparse
-import pathlib
 import re
 import subprocess
 import sys
@@ -49,15 +48,15 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--valgrind", default="valgrind")
     arguments.add_argument("--program", required=True, help="shearbus-bench-steps")
-    arguments.add_argument("--page", type=pathlib.Path, help="OPTIONS.md; without it the costs are printed")
+    arguments.add_argument("--ctl", help="shearbus-ctl, whose page of options is compared; without it the costs are printed")
     given = arguments.parse_args()
     keys = subprocess.run([given.program, "options"], capture_output=True, text=True, check=True).stdout.splitlines()
-    told = costs(given.page.read_text()) if given.page else {}
+    told = costs(subprocess.run([given.ctl, "options"], capture_output=True, text=True, check=True).stdout) if given.ctl else {}
     wrong = 0
     for key in keys:
         found = measured(given.valgrind, given.program, key)
         print(f"{key}: {text(found)}", flush=True)
-        if not given.page:
+        if not given.ctl:
             continue
         setting = next((s for s in told if s.strip("[]") == key or s == key or (" = " not in key and s.startswith(key + " = "))), None)
         page = told.get(setting, {})

@@ -13,7 +13,8 @@ import unittest
 
 OPTIONS = None
 # Of the tree: what is printed, and what the compilers need to read it.
-COPIED = ("proto", "client/include", "client/fortran", "client/python/shearbus", "server/physics", ".github/CONTRIBUTING.md")
+COPIED = ("proto", "client/include", "client/fortran", "client/python/shearbus", "client/report/style.py", "client/ctl/watch_screen.cpp", "server/physics",
+          ".github/CONTRIBUTING.md")
 COLUMN = """OUTPUT(kDamage, 64, damage_j_per_m3, damage, "J/m3", Float64, Tangential, OnRequest, OnRequest, "damage of the interface")
 """
 # Row of the page: {file: (the text behind which the addition stands, the addition)}
@@ -24,6 +25,8 @@ ADDITIONS = {
     },
     "a regime, a bit of the outcome": {
         "proto/shearbus/v1/downscale.proto": ("or a melt film carries the stress\n", "  REGIME_WELDED = 5;    // no slip any more\n"),
+        "client/report/style.py": ('"MELTING": ("Tresca, melting", "#4a' '0012"),\n', '    "WELDED": ("welded", "#aa3377"),\n'),
+        "client/ctl/watch_screen.cpp": ("178, 52", ", 133"),
     },
     "a status code": {
         "proto/shearbus/v1/envelope.proto": ("  CODE_NO_SPACE = 402;", "\n  // too many requests\n  // Remedy: wait\n  CODE_BUSY = 410;"),
@@ -40,6 +43,9 @@ static_assert(static_cast<int>(Code::kBusy) == 410);
 std::string reason(Drain drain) { return drain.reason; }
 #include "server/physics/solver/tile.hpp"
 static_assert(static_cast<int>(shearbus::physics::Regime::kWelded) == 5);
+#include <array>
+#include <string_view>
+using namespace shearbus;
 """
 C = """#include <shearbus/shearbus.h>
 typedef char column[SHEARBUS_DAMAGE == 64 && SHEARBUS_REGIME_WELDED == 5 && SHEARBUS_BUSY == 410 ? 1 : -1];
@@ -86,17 +92,18 @@ class Additions(unittest.TestCase):
         self.assertEqual(print_contract(), "")
         self.assertEqual(print_contract("--check"), "")
         work = OPTIONS.work
+        colours = re.search(r"^constexpr std::array kColours = .*?;$", (work / "client/ctl/watch_screen.cpp").read_text(), re.M)[0]
+        watch = CPP + colours + "\nstatic_assert(kColours.size() == wire::kRegimeCount);\n"
         for language, fault in {
-                "C++": run(OPTIONS.cxx, "-std=c++20", "-fsyntax-only", f"-I{work}", "-x", "c++", "-", text=CPP),
+                "C++": run(OPTIONS.cxx, "-std=c++20", "-fsyntax-only", f"-I{work}", "-x", "c++", "-", text=watch),
                 "C": run(OPTIONS.cc, "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", f"-I{work}/client/include", "-x", "c", "-", text=C),
                 "Fortran, the module": run(OPTIONS.fc, "-std=f2008", "-Wall", "-Wextra", "-fsyntax-only", f"-J{work}", work / "client/fortran/shearbus.f90"),
                 "Fortran": run(OPTIONS.fc, "-std=f2008", "-fsyntax-only", f"-I{work}", "-x", "f95", "-", text=FORTRAN),
+                "pictures": run(sys.executable, "-B", OPTIONS.source / "tests/tidy/check_pictures.py", "--root", work),
                 "Python": run("env", f"PYTHONPATH={work}/client/python", sys.executable, "-B", "-c", PYTHON),
         }.items():
             self.assertEqual(fault, "", language)
-        wire = (work / "proto/WIRE.md").read_text()
-        for row in ("| 64 | `damage_j_per_m3` | float64 | J/m3 | damage of the interface; tangential |", ", 410 BUSY, "):
-            self.assertIn(row, wire)
+        self.assertIn(", 410 BUSY, ", (work / "proto/WIRE.md").read_text())
 
     def test_a_column_without_its_number_is_refused(self):
         file = OPTIONS.work / "proto/wire/columns.inc"

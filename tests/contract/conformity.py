@@ -5,14 +5,16 @@ conformity.py --self-test [FAULT...]   holds the kit to hosts made wrong on purp
 conformity.py --vectors ENDPOINT       plays the frames of vectors.txt to a server and compares the status of each reply
 conformity.py --write-vectors          makes vectors.txt of the exchange on the page proto/WIRE.md"""
 import argparse
-import csv
 import pathlib
 import re
 import sys
 
+import numpy
 import zmq
 
 import kit_host  # finds the package in the source tree
+import friction_problems
+import problem_answers
 from shearbus.conformity import SCENARIOS, judge, mock_server, play
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -20,14 +22,25 @@ PAGE, VECTORS = HERE.parents[1] / "proto/WIRE.md", HERE / "vectors.txt"
 
 
 def other_answers():
-    """Yields where the kit's exact jump is not that of the tables of client/examples/problems."""
-    for name in mock_server.Problem.NAMES:
-        problem = mock_server.Problem(name)
-        table = HERE.parents[1] / "client/examples/problems" / f"{'constant_friction' if name == 'two_half_spaces' else name}.csv"
-        rows = list(csv.DictReader(table.open()))
-        jumps = [(float(row["jump_m_per_s"]), problem.exact_jump(float(row["time_s"]), problem.friction)) for row in rows]
-        if not any(kit is not None for _, kit in jumps) or any(kit is not None and abs(jump - kit) > 1e-6 for jump, kit in jumps):
+    """Yields where the answers of the mock server, to the host of friction_problems.py in both forms, or the jump that the kit expects are
+    not those of the tables of client/examples/problems."""
+    for problem, table in problem_answers.problems(HERE.parents[1] / "client/examples/problems"):
+        rows = numpy.genfromtxt(table, delimiter=",", names=True)
+        name = "two_half_spaces" if problem["name"] == "constant_friction" else problem["name"]
+        kit = mock_server.Problem(name)
+        jumps = [(row["jump_m_per_s"], kit.exact_jump(row["time_s"], row["shear_stress_pa"])) for row in rows]
+        if not any(exact is not None for _, exact in jumps) or any(exact is not None and abs(jump - exact) > 1e-6 for jump, exact in jumps):
             yield f"the exact jump of {name} is not that of {table.name}"
+        for form in ("far_field", "stick"):
+            def client(endpoint, _):
+                try:
+                    found = friction_problems.errors(problem, rows, friction_problems.run(problem, form, endpoint))
+                except friction_problems.shearbus.Error as error:
+                    return str(error)
+                bounds = friction_problems.BOUNDS[problem["name"]]
+                far = any(not error <= 1.1 * bound for error, bound in zip(found, bounds))
+                return f"errors of V, s and T0 {found}, expected about {bounds}, those of the server, at most" if far else None
+            yield from (f"{name}, {form}, {check}: {fault}" for check, fault in play(name, client, 0.1).items() if fault)
 
 
 def self_test(chosen):
@@ -49,7 +62,7 @@ def self_test(chosen):
         check, scenario = kit_host.FAULTS[fault]
         why = play(scenario, client(fault), delay).get(check)
         print(f"{fault}: {check}: {why}")
-        if why in (None, "never seen") and fault != "never_closes":
+        if why in (None, mock_server.UNSEEN) and fault != "never_closes":
             missed.append(f"{fault} was not noticed by the check {check}")
     print("\n".join(missed
                     ) if missed else f"a right client passes, and {len(chosen or kit_host.FAULTS)} wrong ones do not")

@@ -14,6 +14,7 @@ program fortran_library
   call get_command_argument(3, pid_file)
   call bad_openings()
   call steps()
+  call halves()
   call columns()
   call stick_form()
   call moves()
@@ -162,6 +163,49 @@ contains
     call bus%close(stat, msg)
     call ok('close')
     call check('closed', .not. bus%is_open())
+  end subroutine
+
+  ! A step that is started and finished has the answers of a whole one.
+  subroutine halves()
+    type(shearbus_interface) :: bus, whole
+    logical :: touching(n)
+    integer :: k
+    call open_six(bus, 400_int64)
+    call open_six(whole, 500_int64)
+    touching = [(mod(i, 2) == 0, i=1, n)]
+    do k = 1, 3
+      if (k < 3) then
+        call bus%start(1e-9_real64, 1e-9_real64*k, trial=k == 2, stat=stat, msg=msg)
+        call whole%step(1e-9_real64, 1e-9_real64*k, trial=k == 2)
+      else
+        call bus%start(1e-9_real64, mask=touching, stat=stat, msg=msg)
+        call whole%step(1e-9_real64, mask=touching)
+      end if
+      call ok('start')
+      bus%jump = 0  ! is the host's again
+      call bus%step(1e-9_real64, stat=stat, msg=msg)
+      call refused('a step before the end of another', 301, 'a started step has not been finished')
+      call bus%start(1e-9_real64, stat=stat, msg=msg)
+      call refused('a second start', 301, 'a started step has not been finished')
+      call bus%commit(stat, msg)
+      call refused('a commit before the end of a step', 301, 'a started step has not been finished')
+      call bus%finish(stat, msg)
+      call ok('finish')
+      call check('halves', all(bus%stress == whole%stress .and. bus%temperature == whole%temperature .and. &
+                               bus%regime == whole%regime .and. bus%outcome == whole%outcome))
+      call fill(bus)
+      if (k == 2) then
+        call bus%commit(stat, msg)
+        call ok('commit of halves')
+        call whole%commit()
+      end if
+    end do
+    call bus%finish(stat, msg)
+    call refused('an end without a start', 301, 'a step is finished that was not started')
+    call bus%start(1e-9_real64)
+    call bus%close(stat, msg)
+    call ok('close behind a start')
+    call whole%start(1e-9_real64)  ! and is left so
   end subroutine
 
   ! What an author gets wrong.

@@ -2,7 +2,9 @@
 """Runs client/examples/getfem_host.py, the host of deploy/docs/pages/tutorials/getfem.md, in both request forms, and compares it with exact
 answers and with what the page prints; then the conformity kit on it. Exit code 77 where GetFEM is not installed.
 
-getfem_page.py --build BUILD [--self-test]      with hosts made wrong on purpose"""
+getfem_page.py --build BUILD [--self-test]      with hosts made wrong on purpose
+getfem_page.py --build BUILD --measure COLUMNS ROWS      what a step of the host waits for the server, in both forms, with so many elements
+                                                         along the interface and across the soft block (SHEARBUS_ENDPOINT: of which server)"""
 import argparse
 import importlib.util
 import os
@@ -10,6 +12,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import time
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 PAGE = SOURCE / "deploy/docs/pages/tutorials/getfem.md"
@@ -23,14 +26,15 @@ import numpy  # noqa: E402
 import problem_answers  # noqa: E402
 import shearbus  # noqa: E402
 import tomllib  # noqa: E402
+from shearbus._terminal import whole_number  # noqa: E402
 
 FORMS = ("far_field", "stick")
 WRONG = {  # mistake -> what the host has, and what the wrong host has instead
-    "weights in the wrong order": ("shared / shared.sum(1)[:, None]", "(shared / shared.sum(1)[:, None])[:, ::-1]"),
+    "weights in the wrong order": ("sparse.diags(1 / area) @ shared,", "(sparse.diags(1 / area) @ shared)[:, ::-1],"),
     "mass of whole zones": ("1 / (w @ (area_hard / m_hard))", "2 / (w @ (area_hard / m_hard))"),
     "stick stress without forces": ('"stick_stress": impedance * free[:, X]', '"stick_stress": impedance * jump[:, X]'),
     "another density": ("depth, 2703.0", "depth, 2900.0"),
-    "friction on one side": ("f_hard[0] -= w.T @ traction", "f_hard[0, :, Z] -= (w.T @ traction)[:, Z]"),
+    "friction on one side": ("f_hard -= w.T @ traction", "f_hard[:, Z] -= (w.T @ traction)[:, Z]"),
 }
 PROBLEMS = {"two_half_spaces": "constant_friction", "finite_plate": "finite_plate", "brake": "stick_slip_brake", "hot_spot": "softening_friction"}
 
@@ -51,12 +55,13 @@ class Run:
         self.time, self.jump, self.stress, self.temperature, self.spread, self.hottest, self.spot, self.highest = numpy.array(rows).T
         for block in blocks:  # kinetic, elastic, and that of the initial stress
             energy -= (block.mass * (block.v**2).sum(2)).sum() / 2
-            energy -= (block.u - host.DT * block.v).ravel() @ (block.stiffness @ block.u.ravel()) / 2 - block.push * block.u[0, :, 1].sum()
+            force = numpy.concatenate([block.forces(part) for part in (block.at_interface, block.behind)])
+            energy -= -((block.u - host.DT * block.v) * force).sum() / 2 + block.push * block.u[0, :, 1].sum()
         self.lost = energy
         # No uniform problem sees to which hard node a weight belongs: the weighted place of the hard nodes is that of the soft one.
         x = [block.x + block.u[0, :, 0] for block in blocks]
         apart = (x[1] - x[0][:, None] + host.PERIOD / 2) % host.PERIOD - host.PERIOD / 2
-        self.misplaced = abs((host.weights(soft, hard)[0] * apart).sum(1)).max()
+        self.misplaced = abs((host.weights(soft, hard)[0].toarray() * apart).sum(1)).max()
         self.end = f"{time * 1e9:.1f} ns: [V] {abs(self.jump[-1]):.2f} m/s, s {self.stress[-1] / 1e6:.2f} MPa, T0 up to {self.highest[-1]:.1f} K"
 
     def mean(self, values, start, end):
@@ -116,14 +121,51 @@ def faults(host, path, build):
             yield f"the conformity kit, {form}: {kit.stdout[-2000:]}{kit.stderr[-1000:]}"
 
 
+def loaded(path):
+    spec = importlib.util.spec_from_file_location("getfem_host", path)
+    host = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(host)
+    return host
+
+
 def faults_of_host(source, build):
     with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
         path = pathlib.Path(directory, "getfem_host.py")
         path.write_text(source)
-        spec = importlib.util.spec_from_file_location("getfem_host", path)
-        host = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(host)
-        yield from faults(host, path, build)
+        yield from faults(loaded(path), path, build)
+
+
+def measure(columns, rows, steps=60, first=10):
+    """Prints how long a step of the host is, and how long it is in the calls: its processor time (medians), and time on the clock in the
+    quickest quarter of the steps, which a busy machine disturbs least. The closure check is off, as it is by itself after 100 steps."""
+    host, calls = loaded(HOST), []
+    host.PERIOD = 10e-6 * columns
+
+    def timed(call):
+        def run(*arguments, **values):
+            begun = time.perf_counter(), time.thread_time()
+            answer = call(*arguments, **values)
+            calls.append((time.perf_counter() - begun[0], time.thread_time() - begun[1]))
+            return answer
+        return run
+    for name in ("start", "finish"):
+        setattr(shearbus.Session, name, timed(getattr(shearbus.Session, name)))
+    deep = 17 * rows // 10
+    soft = host.Block(+1, columns, rows, rows * 10e-6, 2703.0, 27.6e9, 1e9, 100.0)
+    hard = host.Block(-1, 3 * columns // 4, deep, deep * 10e-6, 7900.0, 77e9, 1e9)
+    for form in FORMS:
+        calls.clear()
+        ends = []
+        for _ in host.run(soft, hard, steps, form, "client/examples/constant_friction.toml", check_closure="off",
+                          parameters={"interface.friction_coefficient": 0.05}):
+            ends.append((time.perf_counter(), time.thread_time()))
+        inside = numpy.array(calls).reshape(steps, 2, 2).sum(1)[first:]
+        whole = numpy.diff(ends, axis=0)[first - 1:]
+        (wall, _), (waits, _) = (numpy.quantile(times, 0.25, axis=0) for times in (whole, inside))
+        (_, own), (_, spent) = (numpy.median(times, axis=0) for times in (whole, inside))
+        print(f"{columns} x {rows} and {3 * columns // 4} x {deep} elements, {form}: processor time of the host {own * 1e3:.1f} ms a step, in the "
+              f"calls {spent * 1e3:.2f} ms ({spent / own:.1%}); a quarter of the steps takes at most {wall * 1e3:.1f} ms, is in the calls at most "
+              f"{waits * 1e3:.2f} ms ({waits / wall:.1%})", flush=True)
 
 
 def noticed(right, wrong, build):
@@ -146,10 +188,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True)
     parser.add_argument("--self-test", action="store_true")
+    parser.add_argument("--measure", type=whole_number, nargs=2, metavar=("COLUMNS", "ROWS"))
     options = parser.parse_args()
     os.environ.update(environment(options.build))
     os.chdir(SOURCE)  # where the page stands
-    if options.self_test:
+    if options.measure:
+        measure(*options.measure)
+        found = []
+    elif options.self_test:
         found = [f"not noticed: {mistake}" for mistake, (right, wrong) in WRONG.items() if not noticed(right, wrong, options.build)]
         print("\n".join(found) or f"{len(WRONG)} wrong hosts are noticed")
     else:

@@ -12,10 +12,12 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(SOURCE / "client/python"))
 import numpy  # noqa: E402
 import shearbus  # noqa: E402
+from shearbus.conformity.problems import Problem  # noqa: E402
 
-NODES, DT, INITIAL_JUMP, PRESSURE = 3, 1e-9, 100.0, 1e9
+NODES, DT = 3, 1e-9
 DEPTH, PLATE_CELLS = 0.5e-3, 100  # of the plate, m
-STEPS = {"two_half_spaces": 100, "finite_plate": 350}
+STEPS = {"two_half_spaces": 100, "finite_plate": 350, "softening_friction": 100, "stick_slip_brake": 800, "flash_to_melting": 450,
+         "opening_and_closing": 300}
 
 
 class Body:
@@ -47,11 +49,11 @@ class Body:
 
 def run(endpoint, problem, form="far_field", cfl=1.0):
     cells, steps, dt = STEPS[problem], STEPS[problem], DT
-    plate = problem == "finite_plate"
-    if plate:
+    of = Problem(problem)
+    if of.finite:
         dt = cfl * DEPTH / PLATE_CELLS * numpy.sqrt(2703.0 / 27.6e9)
     width = lambda density, modulus: numpy.sqrt(modulus / density) * dt / cfl
-    soft = Body(2703.0, 27.6e9, INITIAL_JUMP, 1, PLATE_CELLS if plate else cells, width(2703.0, 27.6e9))
+    soft = Body(2703.0, 27.6e9, of.jump, 1, PLATE_CELLS if of.finite else cells, width(2703.0, 27.6e9))
     hard = Body(7900.0, 77e9, 0.0, -1, cells, width(7900.0, 77e9))
     with shearbus.open(SOURCE / "client/examples/constant_friction.toml", range(NODES), endpoint, connect_deadline=5.0, reply_deadline=2.0,
                        retry_after=0.1) as bus:
@@ -62,7 +64,8 @@ def run(endpoint, problem, form="far_field", cfl=1.0):
                 impedance = 1 / (1 / soft.z + 1 / hard.z)
                 inputs = {"impedance": numpy.full(NODES, impedance),
                           "stick_stress": impedance * (soft.incoming() / soft.z + hard.incoming() / hard.z)}
-            answer = bus.step(dt, jump=soft.face - hard.face, pressure=numpy.full(NODES, PRESSURE), step=step, time=(step + 1) * dt, **inputs)
+            pressure = numpy.full(NODES, of.pressure((step + 0.5) * dt))
+            answer = bus.step(dt, jump=soft.face - hard.face, pressure=pressure, step=step, time=(step + 1) * dt, **inputs)
             for body in (soft, hard):
                 body.advance(dt, answer.stress)
         jump = soft.face - hard.face

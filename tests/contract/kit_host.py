@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The host of client/examples/host.py on both problems of the conformity kit, and hosts and clients made
+"""The host of client/examples/host.py on the problems of the conformity kit, and hosts and clients made
 wrong on purpose: a client by a proxy that spoils what the right one sends and receives.
 
 kit_host.py ENDPOINT PROBLEM [FAULT]
@@ -18,13 +18,16 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(SOURCE / "client/python"))
 import numpy  # noqa: E402
 import shearbus  # noqa: E402
-from shearbus.conformity.mock_server import EPOCH, OK, Problem, read, varint  # noqa: E402
+from shearbus.conformity.mock_server import EPOCH, OK, read, varint  # noqa: E402
+from shearbus.conformity.problems import Problem  # noqa: E402
 
 spec = importlib.util.spec_from_file_location("host", SOURCE / "client/examples/host.py")
 example = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(example)
 
-STEPS = {"two_half_spaces": 100, "finite_plate": 350, "stick_slip_brake": 1000, "opening_and_closing": 300}
+STEPS = {"two_half_spaces": 100, "finite_plate": 350, "softening_friction": 100, "stick_slip_brake": 1000, "flash_to_melting": 450,
+         "opening_and_closing": 300, "turned_line": 100, "without_strength": 60}
+NODES, ANGLE = 3, numpy.radians(30.0)  # of turned_line, whose columns of zones are those of both components of each node
 DEPTH, PLATE_ZONES = 0.5e-3, 100  # of the plate, m
 RETRY_S = 0.1
 # Fault -> the check of the kit that must notice it, and the scenario that shows it.
@@ -54,30 +57,40 @@ FAULTS = {
     "pressure_of_the_start": ("pressure", "opening_and_closing"),
     "friction_without_stick": ("rest", "stick_slip_brake"),
     "friction_while_open": ("closure", "opening_and_closing"),
+    "friction_of_cold_metal": ("closure", "softening_friction"),
+    "friction_past_melting": ("closure", "flash_to_melting"),
+    "friction_along_x": ("closure", "turned_line"),
+    "masses_of_cells": ("half_zones", "without_strength"),
+    "stress_of_a_solid": ("far_stresses", "without_strength"),
 }
 
 
 def run(endpoint, problem, fault=None):
     """Runs a host on a problem. Raises shearbus.Error if it cannot."""
-    steps, dt = STEPS[problem], example.DT
-    finite = problem in ("finite_plate", "stick_slip_brake")
-    plate = finite and fault != "plate_without_a_back"
-    if finite:
+    steps, dt, of = STEPS[problem], example.DT, Problem(problem)
+    plate = of.finite and fault != "plate_without_a_back"
+    if of.finite:
         dt = DEPTH / PLATE_ZONES * numpy.sqrt(2703.0 / 27.6e9)
     transit = 2 * dt if fault == "whole_first_step_of_long_zones" else dt
-    soft = example.Body(2703.0, 27.6e9, Problem(problem).jump, +1, PLATE_ZONES if plate else steps, transit)
+    tangent = [numpy.cos(ANGLE), numpy.sin(ANGLE)] if problem == "turned_line" else [1.0]
+    example.NODES = NODES * len(tangent)
+    soft = example.Body(2703.0, 27.6e9, of.jump, +1, PLATE_ZONES if plate else steps, transit)
     hard = example.Body(7900.0, 77e9, 0.0, -1, steps, transit)
-    masses = [body.half_mass * (2 if fault == "masses_of_whole_zones" else 1) for body in (soft, hard)]
+    soft.velocity *= numpy.tile(tangent, NODES)[:, None]
+    if of.masses:
+        soft.half_mass, hard.half_mass = of.masses
+    masses = [body.half_mass * (2 if fault in ("masses_of_whole_zones", "masses_of_cells") else 1) for body in (soft, hard)]
     area = 0.9 if fault == "small_area" else 1.0  # that the host takes for the area of a node, relative to the true one
     masses = [mass / area for mass in masses]
     if fault == "sides_swapped":
         masses.reverse()
+    scene = f"tangential_components = {len(tangent)}\n" + example.SCENE.read_text()
     with contextlib.ExitStack() as stack:
         if fault in Spoiler.FAULTS:
             endpoint = stack.enter_context(Spoiler(endpoint, fault)).endpoint
-        bus = shearbus.open(example.SCENE, range(3), endpoint, connect_deadline=5.0, reply_deadline=2.0, retry_after=RETRY_S,
+        bus = shearbus.open(scene, range(NODES), endpoint, connect_deadline=5.0, reply_deadline=2.0, retry_after=RETRY_S,
                             check_closure="off")
-        play(bus, problem, fault, steps, dt, soft, hard, masses, area)
+        play(bus, of, fault, steps, dt, soft, hard, masses, area)
         if fault == "never_closes":
             bus.leave()
         bus.__exit__(None)
@@ -85,13 +98,14 @@ def run(endpoint, problem, fault=None):
 
 def play(bus, problem, fault, steps, dt, soft, hard, masses, area):
     """Plays a run of a host into a session."""
-    pressure_at = Problem("two_half_spaces" if fault == "pressure_of_the_start" else problem).pressure
-    nodes, first = slice(0, 3), None
+    pressure_at = Problem("two_half_spaces").pressure if fault == "pressure_of_the_start" else problem.pressure
+    shaped = lambda rows: rows.reshape(NODES, 2) if bus.components == 2 else rows
+    first = None
     for step in range(steps):
         length = dt if step > 0 or (fault or "").startswith("whole_first_step") else dt / 2
-        jump = (soft.velocity[:, 0] - hard.velocity[:, 0])[nodes]
-        inputs = {"stress_soft": soft.stress[nodes, 0] / area * (-1 if fault == "sign_of_a_stress" else 1),
-                  "stress_hard": hard.stress[nodes, 0] / area, "mass_soft": masses[0], "mass_hard": masses[1]}
+        jump = shaped(soft.velocity[:, 0] - hard.velocity[:, 0])
+        inputs = {"stress_soft": shaped(soft.stress[:, 0]) / area * (-1 if fault == "sign_of_a_stress" else 1),
+                  "stress_hard": shaped(hard.stress[:, 0]) / area, "mass_soft": masses[0], "mass_hard": masses[1]}
         if fault in ("stick_form", "impedance_of_one_side", "stick_stress_without_jump"):
             z = 1 / (length * (1 / masses[0] + 1 / masses[1]))
             free = length * (inputs["stress_soft"] / masses[0] + inputs["stress_hard"] / masses[1])
@@ -99,17 +113,20 @@ def play(bus, problem, fault, steps, dt, soft, hard, masses, area):
                       "impedance": masses[0] / length if fault == "impedance_of_one_side" else z}
         answer = bus.step(length, jump=-jump if fault == "sign_of_the_jump" else jump,
                           pressure=1.0 if fault == "pressure_in_gpa" else pressure_at(step * dt), step=step, **inputs)
-        first = answer.stress[0] if first is None else first
-        stress = answer.stress[0] if fault != "stress_of_the_first_step_for_ever" else first * 1.01
-        if fault == "friction_without_stick" and abs(stress) > 0:
+        first = answer.stress if first is None else first
+        stress = answer.stress if fault != "stress_of_the_first_step_for_ever" else first * 1.01
+        if fault == "friction_without_stick" and abs(stress[0]) > 0:
             stress = numpy.copysign(example.FRICTION * 0.5e9, stress)
-        if fault == "friction_while_open":
+        if fault in ("friction_while_open", "friction_of_cold_metal", "friction_past_melting"):
             stress = first
-        stress = stress * area
+        if fault == "friction_along_x":
+            stress = stress * [1, 0]
+        stress = stress.reshape(-1) * area
         soft.accelerate(length, stress)
         hard.accelerate(length, 0.0 if fault == "one_side_only" else stress)
-        for body in (soft, hard):
-            body.deform(dt)
+        if problem.masses is None or fault == "stress_of_a_solid":
+            for body in (soft, hard):
+                body.deform(dt)
 
 
 def replaced(header, number, value):

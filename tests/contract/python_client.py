@@ -175,6 +175,34 @@ class Steps(Live):
         self.assertEqual(list(rest.nodes), [2**64 - 1, 3])
         self.assertEqual((rest.temperature[1], one.temperature[0], rest.temperature[0]), tuple(expected))
 
+    def test_a_step_in_two_halves_has_the_bits_of_a_whole_one(self):
+        many = numpy.arange(1, 5001)  # which the library reads where they are
+        for nodes in (NODES, many):
+            halves, whole = self.open(nodes=nodes, record=True), self.open(nodes=nodes)
+            for trial in (False, True, False):
+                jump = numpy.linspace(50, 100, len(nodes))
+                self.assertIsNone(halves.start(1e-9, trial=trial, jump=jump, pressure=1e9))
+                expected = (whole.trial if trial else whole.step)(1e-9, jump=jump, pressure=1e9)
+                jump[:] = 0.0  # is the host's again
+                for call in (lambda: halves.step(1e-9, jump=jump, pressure=1e9), lambda: halves.start(1e-9, jump=jump, pressure=1e9),
+                             halves.commit, lambda: halves.mark("m"), lambda: halves.profiles(nodes[:1])):
+                    self.assert_refused(shearbus.ContentError, "INVALID_VALUE", call, text="a started step has not been finished")
+                answer = halves.finish()
+                self.assertEqual((type(answer), answer.state_version), (type(expected), expected.state_version))
+                for name in expected.columns:
+                    numpy.testing.assert_array_equal(getattr(answer, name), getattr(expected, name))
+                if trial:
+                    halves.commit(), whole.commit()
+            self.assert_refused(shearbus.ContentError, "INVALID_VALUE", halves.finish, text="a step is finished that was not started")
+            self.assertEqual(len(halves.history.dt), 3)
+            halves.start(1e-9, jump=1.0, pressure=1e9)
+            self.assertEqual(halves.close().node_steps, 4 * len(nodes))
+            whole.start(1e-9, jump=1.0, pressure=1e9)
+            ticket = whole.ticket
+            whole.leave()
+            with shearbus.resume(ticket, OPTIONS.endpoint) as successor:
+                self.assertEqual(successor.step(1e-9, jump=1.0, pressure=1e9).state_version, 5)
+
     def test_a_step_of_more_rows_than_a_message_holds_is_divided_into_parts(self):
         scene = {"name": "parts", "strategy": "velocity_driven", "soft": {"material": "aluminium_dlp"},
                  "hard": {"material": "steel_dlp"}, "layer": {"thickness_m": 20e-6, "cells": 8, "grading": 1.1}}
@@ -808,6 +836,30 @@ class Processes(Live):
             self.assertEqual(host.returncode, 0, (name, said))
             self.assertNotIn("FATAL", said)
 
+    def test_a_killed_host_leaves_its_layers_and_its_trial_to_a_successor(self):
+        server = self.durable()
+        begin = ("import shearbus, sys; bus = shearbus.open(sys.argv[1], [1, 2, 3], sys.argv[2]); step = dict(jump=[1.0, 2.0, 3.0], pressure=11.2e9)\n"
+                 "bus.step(1e-9, **step); bus.trial(1e-9, **step); print(bus.ticket, flush=True); sys.stdin.readline()\n"
+                 "try: bus.commit()\n"
+                 "except shearbus.SessionError as fault: print(fault)")
+        whole = self.open(nodes=[1, 2, 3], endpoint=server.endpoint)
+        expected = [whole.step(1e-9, **self.STEP) for _ in range(3)][-1]
+        for killed in (True, False):  # a host that only hangs is told when it goes on
+            host = subprocess.Popen([sys.executable, "-B", "-c", begin, VELOCITY_DRIVEN, server.endpoint], stdin=subprocess.PIPE,
+                                    stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+            ticket = host.stdout.readline().strip()
+            if killed:
+                host.kill()
+                server.kill()
+                server.start()
+            successor = shearbus.resume(ticket, server.endpoint)
+            self.assertEqual(successor.commit(), 2)
+            numpy.testing.assert_array_equal(successor.step(1e-9, **self.STEP).temperature, expected.temperature)
+            said, _ = host.communicate(None if killed else "\n", timeout=60)
+            self.assertEqual(said.split(":")[0], "" if killed else "SUPERSEDED")
+            self.assertEqual(successor.step(1e-9, **self.STEP).state_version, 4)
+            successor.close()
+
     def test_a_forked_child_is_told_and_does_not_keep_the_parent(self):
         for endpoint in (None, OPTIONS.endpoint):
             with shearbus.open(VELOCITY_DRIVEN, nodes=NODES, endpoint=endpoint) as bus:
@@ -886,7 +938,7 @@ class Processes(Live):
             other = pathlib.Path(directory, "libshearbus.so.1")
             source = "const char* shearbus_version(void) { return \"0.0.9\"; }\n"
             for names, text in (((), "has no shearbus_"), (FUNCTIONS, "is version 0.0.9, and this package is")):
-                lines = [source, *(f"void shearbus_{name}(void) {{}}" for name in names if name != "version")]
+                lines = [source, *(f"void shearbus_{name}(void) {{}}" for name, *_ in names if name != "version")]
                 subprocess.run(["cc", "-shared", "-fPIC", "-x", "c", "-", "-o", other], input="\n".join(lines), text=True, check=True)
                 told = self.run_program(program.replace("import", f"import os; os.environ['SHEARBUS_LIBRARY'] = '{other}'; import", 1)).stderr
                 self.assertIn(text, told.splitlines()[-1])

@@ -54,8 +54,7 @@ class Tables(unittest.TestCase):
         text = (OPTIONS.source / "client/include/shearbus/shearbus.h").read_text()
         declared = {name: (0 if given == "void" else given.count(",") + 1)
                     for name, given in re.findall(r"SHEARBUS_API [\w\s*]*?shearbus_(\w+)\((.*?)\);", text, re.S)}
-        for name, (_, arguments) in _library.FUNCTIONS.items():
-            self.assertEqual(len(arguments), declared.get(name), name)
+        self.assertEqual({name: len(arguments.split()) for name, _, arguments in _library.FUNCTIONS}, declared)
         for first, last, names in ((r"SHEARBUS_SCENE_NAME", "SHEARBUS_ACCESS", range(8)),):
             listed = re.search(rf"enum {{\s*{first} = 0.*?{last} = \d+", text, re.S)[0]
             self.assertEqual([int(number) for number in re.findall(r" = (\d+)", listed)], list(names))

@@ -43,11 +43,13 @@ def faults(page, examples, endpoint):
     hosts = {name: (language, one_pressure(source)) for name, language, source, _ in page.sources() if name in ("cpp", "fortran newmark")}
     runs = {name: (by_hand, lambda host=host: page.play(*host, examples, endpoint)) for name, host in hosts.items()}
     runs["plate"] = plate, lambda: coupling_page.run(*KIT_HOST.split(), endpoint, "finite_plate")
+    runs["all problems"] = f"rehearse {DELAY}--scenario all -- {KIT_HOST} @endpoint @problem stick_form", None
     runs["started"] = started.replace("your_host --server @endpoint --problem @problem", f"{KIT_HOST} @endpoint @problem").replace(
         "rehearse ", "rehearse " + DELAY), None
     # Velocities at whole steps, in cells: both forms, and steps shorter than the time that a wave takes across a cell.
-    for form, scenarios in (("far_field", ""), ("stick", ""), ("far_field 0.4", "--scenario two_half_spaces ")):
-        runs[f"godunov {form}"] = f"rehearse {DELAY}{scenarios}-- {GODUNOV_HOST} @endpoint @problem {form}", None
+    further = "".join(f"--scenario {name} " for name in ("softening_friction", "stick_slip_brake", "flash_to_melting", "opening_and_closing"))
+    for form, scenarios in (("far_field", ""), ("stick", ""), ("stick", further), ("far_field 0.4", "--scenario two_half_spaces ")):
+        runs[f"godunov {form} {scenarios}"] = f"rehearse {DELAY}{scenarios}-- {GODUNOV_HOST} @endpoint @problem {form}", None
     for name, (words, host) in runs.items():
         code, said = rehearse(page, words.split(), host)
         good = re.search(r"^your client: (\d+) of (\d+)$", said, re.M)

@@ -1,4 +1,4 @@
-// Complete steps of the layer against the values of server/physics/MEASURED.md, "Exact solutions".
+// Complete steps of the layer against the values of tests/measured.toml, "Exact solutions".
 #include <gtest/gtest.h>
 
 #include <algorithm>

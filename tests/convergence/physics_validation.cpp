@@ -1,4 +1,4 @@
-// The model against numbers that others measured or simulated, as server/physics/VALIDATION.md lists them.
+// The model against numbers that others measured or simulated, as tests/measured.toml lists them.
 #include <gtest/gtest.h>
 
 #include <cmath>

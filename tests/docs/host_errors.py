@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Holds the page of errors for authors of hosts (deploy/docs/pages/howto/host_errors.md) to the sources: each message on it is one that the
+"""Holds the page of errors for authors of hosts (deploy/docs/pages/howto/host_errors.toml) to the sources: each message on it is one that the
 code prints, each code on it exists, each diagnosis has a row, and no message of the client library names an identifier of C++, which most of
 its callers do not have.
 
@@ -8,8 +8,9 @@ import argparse
 import pathlib
 import re
 import sys
+import tomllib
 
-PAGE = "deploy/docs/pages/howto/host_errors.md"
+PAGE = "deploy/docs/pages/howto/host_errors.toml"
 PRINTS = ("client/src", "server/service", "server/session", "server/physics/solver", "proto/scene", "proto/wire")
 EVERY_TEXT = {"client/src/diagnosis.cpp": 12, "client/src/input_check.cpp": 70}  # file: length from which a text has a row
 IDENTIFIER = re.compile(r"\w\(\)|::|\bk[A-Z]\w+")
@@ -36,12 +37,12 @@ def pattern(message):
 def faults(page, sources, codes):
     """Yields what is wrong. sources: {file: text}; codes: {(name, number)}."""
     printed = [text for source in sources.values() for text in literals(source)]
-    rows = re.findall(r"^\| (.*) \|$", page, re.M)
-    messages = [message for row in rows for message in re.findall(r"`([^`]+)`", row.split(" | ")[1 if re.match(r"[A-Z_]+ \(\d+\) \|", row) else 0])]
+    rows = [dict(zip(part["head"], row)) for part in tomllib.loads(page)["part"] for row in part["rows"]]
+    messages = [message for row in rows for message in re.findall(r"`([^`]+)`", row["as printed"])]
     for message in messages:
         if not any(pattern(message).search(text) for text in printed):
             yield f"`{message}` is printed by nothing"
-    rows_of_codes = {(name, int(number)) for name, number in re.findall(r"^\| ([A-Z_]+) \((\d+)\) \|", page, re.M)}
+    rows_of_codes = {(name, int(number)) for row in rows for name, number in re.findall(r"^([A-Z_]+) \((\d+)\)$", row.get("code", ""))}
     yield from (f"{name} ({number}) is no code" for name, number in sorted(rows_of_codes - codes))
     for file, length in EVERY_TEXT.items():
         for text in literals(sources[file]):

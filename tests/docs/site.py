@@ -21,12 +21,15 @@ EXPECTED = {
     "github/CONTRIBUTING.html": "compile_commands.json",
     "tutorials/couple.html": "shearbus_open",
     "howto/errors.html": "NODE_OWNED (304)",
+    "howto/host_errors.html": "usual mistake, cure",
     "howto/batch.html": "several_nodes.sbatch",
     "howto/capsule.html": "--capsule",
     "reference/scene.html": "friction_coefficient",
     "reference/hydro.html": "end_time_s",
     "reference/materials.html": "aluminium_dlp",
     "reference/columns.html": "velocity_jump_m_per_s",
+    "reference/options.html": "does not go with",
+    "reference/measured.html": "398.146970801",
     "reference/programs.html": "shearbus-ctl keygen",
     "reference/c.html": "shearbus_rollback_to",
     "reference/cxx.html": "register_nodes",
@@ -104,6 +107,7 @@ def self_test(scratch):
         faults.append(f"self-test: section: {part}")
     refused("a link to a file that does not exist", site.linked, PAGE, f"[x]({md('gone')})", PAGE)
     refused("a section that does not exist", stage.section, "# Page\n", "gone")
+    refused("a row of other length than its head", stage.tables_page, "Title", "file", "text = ''\n[[part]]\nhead = ['a', 'b']\nrows = [['1']]\n")
     # A code without a cure in the schema.
     (tree / "proto/shearbus/v1").mkdir(parents=True)
     schema = tree / "proto/shearbus/v1/envelope.proto"

@@ -1,7 +1,6 @@
 """A server over time and seen by others than its operator: a key that is taken off the list, a socket whose file is
 removed, endpoints and host names that mean nothing, what a user who is no operator is told. Needs --server, --ctl and
 --source."""
-import argparse
 import json
 import os
 import pathlib
@@ -9,42 +8,28 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 import urllib.request
 
-parser = argparse.ArgumentParser()
-for option in ("server", "ctl", "source"):
-    parser.add_argument(f"--{option}", required=True)
-OPTIONS, REST = parser.parse_known_args()
-sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served  # noqa: E402
 import shearbus  # noqa: E402
+
+OPTIONS, REST = served.options("server", "ctl", "source")
 
 SCENE = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
 PATIENCE_S = 30.0
 
 
-class OverTime(unittest.TestCase):
+class OverTime(served.Served):
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-time-")
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
+        super().setUp()
         self.file = self.path / "servers/one"
         self.file.parent.mkdir()
 
     def serve(self, bind, *arguments):
-        log = self.path / "log"
-        with open(log, "w", encoding="utf8") as out:
-            server = subprocess.Popen([OPTIONS.server, "--bind", bind, "--threads", "1", "--endpoint-file", self.file,
-                                       *map(str, arguments)], stdout=out, stderr=out)
-        server.text = lambda: log.read_text(encoding="utf8")
-
-        def end():
-            if server.poll() is None:
-                server.kill()
-            server.wait()
-        self.addCleanup(end)
+        server = served.start(self, self.log(), OPTIONS.server, "--bind", bind, "--threads", "1", "--endpoint-file", self.file, *arguments)
         self.until(lambda: "listening on" in server.text() or server.poll() is not None, server)
         return server
 

@@ -1,22 +1,18 @@
 """The host's own law in Python, while the server is gone: flagged, counted, and only where the user allows it. Needs --server and --source."""
-import argparse
 import os
 import pathlib
 import signal
-import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
 import numpy as np
 
-parser = argparse.ArgumentParser()
-for option in ("server", "source"):
-    parser.add_argument(f"--{option}", required=True)
-OPTIONS, REST = parser.parse_known_args()
-sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served  # noqa: E402
 import shearbus  # noqa: E402
+
+OPTIONS, REST = served.options("server", "source")
 
 SCENE = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
 INPUTS = {"jump": 100.0, "pressure": np.array([1e8, 2e8, 3e8]), "stress_soft": 0.0, "stress_hard": 0.0, "mass_soft": 4e-3, "mass_hard": 12e-3}
@@ -27,22 +23,14 @@ def law(inputs, outputs):
     outputs["temperature"][:] = 300.0
 
 
-class Fallback(unittest.TestCase):
+class Fallback(served.Served):
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-fallback-")
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
+        super().setUp()
         self.addCleanup(os.environ.pop, "SHEARBUS_FALLBACK", None)
         self.serve()
 
     def serve(self):
-        (self.path / "bus").unlink(missing_ok=True)
-        self.server = server = subprocess.Popen([OPTIONS.server, "--bind", f"ipc://{self.path}/bus", "--state-dir", self.path / "state", "--log-level", "error"])
-        self.addCleanup(server.wait)
-        self.addCleanup(lambda: server.poll() is None and server.kill())
-        while not (self.path / "bus").exists():
-            self.assertIsNone(server.poll())
-            time.sleep(0.02)
+        self.server = served.serve(self, self.log(), OPTIONS.server, "--bind", self.bus, "--state-dir", self.path / "state")
 
     def kill(self):
         self.server.send_signal(signal.SIGKILL)

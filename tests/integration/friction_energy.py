@@ -1,22 +1,17 @@
 """The friction energy of nodes over a run (scenes with friction_energy = true): the sums of the ledger's heat of either body, bit by bit, through
 trials, marks, absences, a killed server and a resumed session; refused where the ledger is. Needs --server and --source."""
-import argparse
 import pathlib
 import signal
-import subprocess
 import sys
-import tempfile
-import time
 import unittest
 
 import numpy as np
 
-parser = argparse.ArgumentParser()
-for option in ("server", "source"):
-    parser.add_argument(f"--{option}", required=True)
-OPTIONS, REST = parser.parse_known_args()
-sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served  # noqa: E402
 import shearbus  # noqa: E402
+
+OPTIONS, REST = served.options("server", "source")
 
 ONE_SIDED = (pathlib.Path(OPTIONS.source) / "client/examples/softening_friction.toml").read_text(encoding="utf8")
 TWO_SIDED = ONE_SIDED + '[hard_layer]\nthickness_m = 30e-6\n'
@@ -30,27 +25,13 @@ def summing(scene):
     return "friction_energy = true\n" + scene
 
 
-class FrictionEnergy(unittest.TestCase):
+class FrictionEnergy(served.Served):
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-energy-")
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
-        self.bus = f"ipc://{self.path}/bus"
+        super().setUp()
         self.serve()
 
     def serve(self):
-        (self.path / "bus").unlink(missing_ok=True)
-        self.server = server = subprocess.Popen([OPTIONS.server, "--bind", self.bus, "--threads", "1", "--state-dir", self.path / "state",
-                                                 "--log-level", "error"])
-
-        def end():
-            if server.poll() is None:
-                server.kill()
-            server.wait()
-        self.addCleanup(end)
-        while not (self.path / "bus").exists():
-            self.assertIsNone(server.poll())
-            time.sleep(0.02)
+        self.server = served.serve(self, self.log(), OPTIONS.server, "--bind", self.bus, "--threads", "1", "--state-dir", self.path / "state")
 
     def open(self, scene, nodes=(1, 2, 3), **more):
         return shearbus.open(scene, nodes=list(nodes), endpoint=self.bus, want=WANTED, check_closure="off", **more)
@@ -126,6 +107,18 @@ class FrictionEnergy(unittest.TestCase):
         with shearbus.resume(ticket, endpoint=self.bus, want=WANTED, check_closure="off") as session:
             sums, heats, _ = self.step(session)
             self.assertTrue((sums == expected + heats).all())
+
+    def test_nodes_that_move_to_another_session_take_their_sums_along(self):
+        with self.open(summing(ONE_SIDED), domain="run") as giver, self.open(summing(ONE_SIDED), nodes=(7,), domain="run") as taker:
+            for _ in range(4):
+                given, _, _ = self.step(giver)
+                kept, _, _ = self.step(taker)
+            taker.accept(giver.offer([2, 3]))
+            self.assertEqual((list(giver.nodes), list(taker.nodes)), ([1], [7, 2, 3]))
+            sums, heats, _ = self.step(giver)
+            self.assertTrue((sums == given[:, :1] + heats).all())
+            sums, heats, _ = self.step(taker)
+            self.assertTrue((sums == np.hstack([kept, given[:, 1:]]) + heats).all())
 
     def test_a_scene_without_the_key_has_no_sums(self):
         with self.assertRaisesRegex(shearbus.Error, "friction_energy"):

@@ -7,19 +7,18 @@ import pathlib
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
 import numpy as np
 
-parser = argparse.ArgumentParser()
-for option in ("server", "ctl", "source"):
-    parser.add_argument(f"--{option}", required=True)
-parser.add_argument("--neighbour", nargs=2, metavar=("ENDPOINT", "PID"), help="act as the user of ten nodes until an interrupt")
-OPTIONS, REST = parser.parse_known_args()
-sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served  # noqa: E402
 import shearbus  # noqa: E402
+
+parser = argparse.ArgumentParser()
+parser.add_argument("--neighbour", nargs=2, metavar=("ENDPOINT", "PID"), help="act as the user of ten nodes until an interrupt")
+OPTIONS, REST = served.options("server", "ctl", "source", parser=parser)
 
 PLAIN = 'name = "plain"\nstrategy = "velocity_driven"\n[soft]\nmaterial = "aluminium_dlp"\n[hard]\nmaterial = "steel_dlp"\n'
 CELLS = "[layer]\ncells = 60\n"
@@ -55,24 +54,14 @@ def neighbour(endpoint, pid):
             time.sleep(0.002)
 
 
-class Greedy(unittest.TestCase):
+class Greedy(served.Served):
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-greedy-")
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
-        self.bus = "ipc://" + str(self.path / "bus/s")
+        super().setUp()
+        self.bus += "/s"
         self.failures, self.table = [], []
 
     def serve(self, *arguments):
-        log = self.path / "log"
-        with open(log, "w", encoding="utf8") as out:
-            server = subprocess.Popen([OPTIONS.server, "--bind", self.bus, "--threads", "1", *map(str, arguments)],
-                                      stderr=out, stdout=out)
-        self.addCleanup(server.wait)
-        self.addCleanup(server.kill)
-        while "listening on" not in log.read_text(encoding="utf8"):
-            self.assertIsNone(server.poll(), log.read_text(encoding="utf8"))
-            time.sleep(0.01)
+        server = served.serve(self, self.log(), OPTIONS.server, "--bind", self.bus, "--threads", "1", *arguments)
         other = subprocess.Popen([sys.executable, "-B", __file__, "--server", OPTIONS.server, "--ctl", OPTIONS.ctl, "--source",
                                   OPTIONS.source, "--neighbour", self.bus, str(server.pid)], stdout=subprocess.PIPE, text=True)
         self.assertEqual(other.stdout.readline(), "ready\n")

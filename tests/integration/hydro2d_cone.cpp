@@ -19,7 +19,7 @@ using lagrange::Cycle;
 using lagrange::Ledger;
 
 // The middle of two plates behaves as two half-spaces until a wave arrives from an end of the plates. The expected
-// values of stress, jump and temperature are the exact solution for two half-spaces, server/physics/MEASURED.md, "Exact
+// values of stress, jump and temperature are the exact solution for two half-spaces, tests/measured.toml, "Exact
 // solutions".
 TEST(Hydro2dSubgrid, TwoHalfSpacesSlideAsTheVolterraEquationSays) {
   const hydro::SceneText scene{R"(

@@ -123,6 +123,21 @@ class Cone(unittest.TestCase):
             with h5py.File(out / "interface.h5") as f:
                 numpy.testing.assert_array_equal(f["displacement_one_mm"][-1], nodes["displacement_one_mm_m"])
 
+    def test_halved_zones_change_displacement_and_impulse_by_two_percent(self):
+        # The impulse of the hot scene has more from the front of the shock, which is as wide as five zones (VERIFICATION.md).
+        for name, impulse_bound in (("cone_al_steel", 0.02), ("cone_al_steel_slow", 0.02), ("cone_al_steel_hot", 0.06)):
+            displacement, impulse = [], []
+            for width in ("0.5e-3", "0.25e-3"):
+                with self.subTest(name, width=width), tempfile.TemporaryDirectory() as directory:
+                    path = scene(directory, name, zone_width_m=width, first_zone_m=width, end_time_s="12e-6")
+                    done = run(path, "--out", pathlib.Path(directory) / "out", "--no-plot")
+                    self.assertEqual(done.returncode, 0, done.stderr)
+                    summary = json.loads((pathlib.Path(directory) / "out/summary.json").read_text())
+                    displacement.append(summary["displacement"][1]["mean_m"])
+                    impulse.append(summary["mean_friction_impulse_pa_s"])
+            self.assertAlmostEqual(displacement[0] / displacement[1], 1.0, delta=0.02, msg=name)
+            self.assertAlmostEqual(impulse[0] / impulse[1], 1.0, delta=impulse_bound, msg=name)
+
     def test_an_interface_stronger_than_its_metal_warns_and_a_layer_of_another_thickness_is_refused(self):
         with tempfile.TemporaryDirectory() as directory:
             path = scene(directory)
@@ -151,7 +166,16 @@ class Cone(unittest.TestCase):
                 summary = json.loads((out / "summary.json").read_text())
                 self.assertLess(abs(summary["energy_residual"]), 1e-12)
                 hottest[depth] = summary["peak_interface_temperature_k"]
+                self.assertEqual(done.stderr, "", "nothing melts")
             self.assertGreater(hottest["zone"] - 300, 1.2 * (hottest["diffusion"] - 300))
+
+    def test_a_run_whose_law_5_melts_thin_zones_says_so_once(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = scene(directory, "cone_al_steel", first_zone_m="5e-6", zone_width_m="2e-3", end_time_s="2e-6", flyer_speed_m_per_s="568.0")
+            done = run(path, "--interface-law", "coulomb_tresca", "--out", pathlib.Path(directory) / "out", "--no-plot")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertRegex(done.stderr, r"^shearbus-hydro: warning: hydro.cone_target.first_zone_m: law \(5\) has melted soft zones at the interface, 5 um thick, "
+                             r"by 1\.\d+ us; .*raise first_zone_m or set hydro.coulomb_tresca.heat_depth = \"diffusion\"[^\n]*\n$")
 
     def test_layers_that_start_at_the_temperature_of_the_shocked_zones(self):
         with tempfile.TemporaryDirectory() as directory:

@@ -1,4 +1,4 @@
-"""The experiments of tests/validation/experiments.py with each copper of the catalog: what agrees, and what does not, stays as VALIDATION.md tells."""
+"""The experiments of tests/validation/experiments.py with each copper of the catalog: what agrees, and what does not, stays as tests/measured.toml tells."""
 import argparse
 import pathlib
 import sys
@@ -6,7 +6,7 @@ import tempfile
 import unittest
 
 OPTIONS = None
-# Coarser zones than VALIDATION.md's: 4 across the bar's radius, which makes its foot 0.3 mm smaller, and 20 um in the plates.
+# Coarser zones than those of tests/measured.toml: 4 across the bar's radius, which makes its foot 0.3 mm smaller, and 20 um in the plates.
 COARSER = {"copper_bar": (("zones", "4"),), "copper_plates": (("zones", "200"),)}
 
 
@@ -33,7 +33,7 @@ class Experiments(unittest.TestCase):
         self.assertLess(r["rms_m"], 0.40e-3)
 
     def test_no_copper_of_the_catalog_has_the_bars_length(self):
-        """The failure that VALIDATION.md tells: the bar that was measured is 27.6 mm long. Who mends a copper changes that page."""
+        """The failure that tests/measured.toml tells: the bar that was measured is 27.6 mm long. Who mends a copper changes that table."""
         for metal, r in self.residuals.items():
             with self.subTest(metal=metal):
                 self.assertLess(abs(r["length_m"] / 24.2e-3 - 1.0), 0.03)

@@ -111,6 +111,7 @@ class Restart(unittest.TestCase):
         self.assertEqual(process.returncode, 0, printed)
         self.assertFalse((out / "restart").exists())
         same(self, out, reference)
+        return printed
 
     def killed_again_and_again(self, *arguments):
         reference = self.undisturbed(*(a for a in arguments if a not in ("--server", self.endpoint)))
@@ -232,6 +233,24 @@ class Restart(unittest.TestCase):
         self.assertIn("a restart dump is damaged", printed)
         self.assertEqual(process.returncode, 0, printed)
         same(self, out, reference)
+
+    def test_killed_behind_the_end_of_its_session(self):
+        """Kills a run at the removal of its only dump: its session is closed by then."""
+        if subprocess.run(["strace", "-o", "/dev/null", "true"], check=False, capture_output=True).returncode != 0:
+            self.skipTest("strace is not installed or may not trace")
+        reference = self.undisturbed()
+        self.serve()
+        for where, server in (("embedded", ()), ("served", ("--server", self.endpoint))):
+            with self.subTest(where):
+                out = self.path / where
+                dump = out / "restart/dump-000000000100.h5"
+                killed = self.start("strace", "-f", "-o", "/dev/null", "-P", dump, "-e", "inject=unlink:signal=KILL",
+                                    OPTIONS.hydro, self.scene, "--out", out, *server, "--no-plot", "--dump-every", 100)
+                printed, _ = killed.communicate(timeout=120)
+                self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
+                self.assertTrue(dump.exists(), printed)
+                printed = self.finished(out, self.start(OPTIONS.hydro, "--restart", out, "--no-plot"), reference)
+                self.assertIn("the run had ended, and its results are whole", printed)
 
     def test_restart_of_nothing(self):
         done = subprocess.run([OPTIONS.hydro, "--restart", str(self.path / "none")], capture_output=True, text=True)

@@ -7,16 +7,14 @@ import signal
 import struct
 import subprocess
 import sys
-import time
-import unittest
 
-import h5py
 import numpy as np
 import replay_support as support
 from replay_support import EXAMPLES
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client" / "python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 sys.dont_write_bytecode = True
+import served
 import shearbus
 from shearbus.conformity.mock_server import read, xxh3
 
@@ -67,23 +65,9 @@ class RecordTest(support.ReplayTest):
     def serve(self, *arguments, limit=None):
         """Starts a server that can be killed. Its process gets the member `text`, a function that returns its log."""
         self.starts += 1
-        log = self.path / f"log{self.starts}"
         limited = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))) if limit else None
-        with open(log, "w", encoding="utf8") as out:
-            server = subprocess.Popen([support.PROGRAMS["server"], "--bind", self.bus, "--threads", "1", *map(str, arguments)],
-                                      stdout=out, stderr=out, preexec_fn=limited)
-        server.text = lambda: log.read_text(encoding="utf8")
-
-        def end():
-            server.kill()
-            server.wait()
-        self.addCleanup(end)
-        deadline = time.monotonic() + 30
-        while "listening on" not in server.text():
-            self.assertIsNone(server.poll(), server.text())
-            self.assertLess(time.monotonic(), deadline)
-            time.sleep(0.01)
-        return server
+        return served.serve(self, self.path / f"log{self.starts}", support.PROGRAMS["server"], "--bind", self.bus, "--threads", "1", *arguments,
+                            preexec_fn=limited)
 
     def logs(self):
         return sorted(self.records.glob("session-*.log"))

@@ -1,4 +1,4 @@
-"""Checks the numbers of replays: the paper's velocity-driven case (server/physics/MEASURED.md, "Exact solutions"), loops, restarts."""
+"""Checks the numbers of replays: the paper's velocity-driven case (tests/measured.toml, "Exact solutions"), loops, restarts."""
 import re
 import subprocess
 import unittest

@@ -6,10 +6,12 @@ import resource
 import shutil
 import signal
 import subprocess
-import time
-import unittest
+import sys
 
 import replay_support as support
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
 
 
 class StateDirectory(support.ReplayTest):
@@ -23,27 +25,12 @@ class StateDirectory(support.ReplayTest):
     def start(self, *arguments, bus=None, state=None, preexec=None):
         """Starts a server. Its process gets the members `text`, a function that returns its log."""
         self.starts += 1
-        log = self.path / f"log{self.starts}"
-        with open(log, "w", encoding="utf8") as out:
-            server = subprocess.Popen(
-                [support.PROGRAMS["server"], "--bind", bus or self.bus, "--threads", "1", "--state-dir",
-                 str(state or self.state), *arguments], stderr=out, stdout=out, preexec_fn=preexec)
-        server.text = lambda: log.read_text(encoding="utf8")
-
-        def end():
-            if server.poll() is None:
-                server.kill()
-            server.wait()
-        self.addCleanup(end)
-        return server
+        return served.start(self, self.path / f"log{self.starts}", support.PROGRAMS["server"], "--bind", bus or self.bus, "--threads", "1",
+                            "--state-dir", state or self.state, *arguments, preexec_fn=preexec)
 
     def serve(self, *arguments, **options):
         server = self.start(*arguments, **options)
-        end = time.monotonic() + 20
-        while "listening on" not in server.text():
-            self.assertIsNone(server.poll(), server.text())
-            self.assertLess(time.monotonic(), end)
-            time.sleep(0.01)
+        served.until(self, lambda: "listening on" in server.text(), server)
         return server
 
     def refused(self, *arguments, words=(), **options):

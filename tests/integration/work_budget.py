@@ -1,24 +1,21 @@
 """A server in the way of one request that needs very much work: the others are answered meanwhile, it can be stopped,
 and a start that finds the request in the journal can be stopped, too, tells how far it is, and can leave its session
 out. Needs --server, --ctl and --source."""
-import argparse
 import pathlib
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import unittest
 
 import numpy as np
 
-parser = argparse.ArgumentParser()
-for option in ("server", "ctl", "source"):
-    parser.add_argument(f"--{option}", required=True)
-OPTIONS, REST = parser.parse_known_args()
-sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served  # noqa: E402
 import shearbus  # noqa: E402
+
+OPTIONS, REST = served.options("server", "ctl", "source")
 
 BODIES = '[soft]\nmaterial = "copper_ofhc_jc"\n[hard]\nmaterial = "steel_dlp"\n[layer]\nfar_boundary = "half_space"\n'
 HARD_WORK = 'name = "hard work"\nstrategy = "velocity_driven"\ntolerance = 1e-6\n'
@@ -33,37 +30,13 @@ def step(session, nodes, dt=DT):
     return session.step(dt, jump=np.linspace(100.0, 300.0, nodes), pressure=np.full(nodes, 5e9))
 
 
-class Work(unittest.TestCase):
-    def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-work-")
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
-        self.bus = "ipc://" + str(self.path / "bus")
-        self.starts = 0
-
+class Work(served.Served):
     def serve(self, *arguments, durable=True, ready="listening on"):
-        self.starts += 1
-        log = self.path / f"log{self.starts}"
-        state = ["--state-dir", str(self.path / "state")] if durable else []
-        with open(log, "w", encoding="utf8") as out:
-            server = subprocess.Popen([OPTIONS.server, "--bind", self.bus, "--threads", "1", *state, *arguments],
-                                      stderr=out, stdout=out)
-        server.text = lambda: log.read_text(encoding="utf8")
-
-        def end():
-            if server.poll() is None:
-                server.kill()
-            server.wait()
-        self.addCleanup(end)
-        self.until(lambda: ready in server.text(), server)
-        return server
+        state = ["--state-dir", self.path / "state"] if durable else []
+        return served.serve(self, self.log(), OPTIONS.server, "--bind", self.bus, "--threads", "1", *state, *arguments, ready=ready)
 
     def until(self, holds, server):
-        end = time.monotonic() + PATIENCE_S
-        while not holds():
-            self.assertIsNone(server.poll(), server.text())
-            self.assertLess(time.monotonic(), end, server.text())
-            time.sleep(0.01)
+        served.until(self, holds, server, PATIENCE_S)
 
     def open(self, scene, nodes, **options):
         session = shearbus.open(scene, nodes=nodes, endpoint=self.bus, **{"reply_deadline": PATIENCE_S, **options})

@@ -1,5 +1,5 @@
 // Two elastic half-spaces that slide on each other under an interface law that softens with the interface temperature
-// (server/physics/MEASURED.md, "Exact solutions"), written as one Volterra equation and solved to high accuracy. The
+// (tests/measured.toml, "Exact solutions"), written as one Volterra equation and solved to high accuracy. The
 // solution shares no code with the layer, the hydrocode or the bus.
 #pragma once
 

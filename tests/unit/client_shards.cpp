@@ -1,10 +1,14 @@
 // Sessions over several servers: which lists of endpoints are accepted, which shard has a node, and what is refused.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <deque>
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "client/src/sharded_connection.hpp"
 #include "client/src/shards.hpp"
@@ -82,8 +86,11 @@ class ServerConnection final : public Connection {
  public:
   ServerConnection(support::DurableServer& server, std::string endpoint)
       : Connection({.endpoint = std::move(endpoint)}), server_(server) {}
+  void post(const wire::Request& request) override { note("post", request); }
+  void post_behind(const wire::Request& request) override { note("behind", request); }
   Received call(const wire::Request& request, std::chrono::milliseconds) override {
     ++calls;
+    note("call", request);
     if (is_gone) throw Error({.code = Code::kUnreachable, .text = "gone"});
     auto answer = std::make_shared<support::Answer>(server_.ask(request));
     Received received{.payload_frame = answer, .reply = {}};
@@ -93,15 +100,24 @@ class ServerConnection final : public Connection {
     if (!received.reply.status.ok()) throw Error(received.reply.status);
     if (auto* welcome = std::get_if<wire::Welcome>(&received.reply.body); welcome != nullptr && !version.empty())
       welcome->server_version = version;
+    if (auto* welcome = std::get_if<wire::Welcome>(&received.reply.body); welcome != nullptr && rows_of_message > 0)
+      welcome->limits.max_rows_per_message = rows_of_message;
     return received;
   }
   void say(const wire::Request&) noexcept override {}
 
   std::string version;
+  std::uint64_t rows_of_message = 0;  // 0: as many as the server says
   bool is_gone = false;
   int calls = 0;
+  std::vector<std::string> parts;  // of steps, such as "post 1"
 
  private:
+  void note(const std::string& what, const wire::Request& request) {
+    if (const auto* step = std::get_if<wire::Downscale>(&request.body))
+      parts.push_back(what + " " + std::to_string(step->part));
+  }
+
   support::DurableServer& server_;
 };
 
@@ -116,6 +132,7 @@ struct Servers {
     connections.clear();
     for (const unsigned k : numbers) {
       connections.push_back(std::make_shared<ServerConnection>(servers[k], "server " + std::to_string(k)));
+      connections.back()->rows_of_message = rows_of_message;
       shards.push_back(connections.back());
     }
     connections.back()->version = version_of_last;
@@ -125,6 +142,7 @@ struct Servers {
   std::deque<support::MemoryStorage> disks;
   std::deque<support::DurableServer> servers;
   std::vector<std::shared_ptr<ServerConnection>> connections;
+  std::uint64_t rows_of_message = 0;
 };
 
 const auto kNodes = support::node_ids(12);
@@ -256,6 +274,22 @@ TEST(Shards, ThatAreMissingLeaveTheCallToBeRepeated) {
   EXPECT_EQ(fault_of([&] { session.trial(columns, {.dt_s = 1e-9}); }).code, Code::kUnreachable);
   servers.connections[0]->is_gone = servers.connections[1]->is_gone = false;
   EXPECT_EQ(fault_of([&] { session.commit(); }).code, Code::kNothingToCommit);
+}
+
+TEST(Shards, GetEachPartBeforeTheyHaveAnsweredThePartBefore) {
+  Servers servers(3);
+  Client alone = servers.client({2});
+  Session whole = open(alone);
+  servers.rows_of_message = 5;
+  Client client = servers.client({0, 1});
+  Session session = open(client);
+  const Batch columns = support::step_columns(Strategy::kVelocityDriven, kNodes, 0);
+  const auto stress = session.advance(columns, {.dt_s = 1e-9}).shear_stress_pa();
+  EXPECT_TRUE(std::ranges::equal(stress, whole.advance(columns, {.dt_s = 1e-9}).shear_stress_pa()));
+  for (const auto& connection : servers.connections) {
+    EXPECT_THAT(connection->parts,
+                testing::ElementsAre("post 1", "behind 2", "call 1", "behind 3", "call 2", "call 3"));
+  }
 }
 
 // A step was refused by one shard after it had committed the trial before: all shards are at that step, and say so.

@@ -83,7 +83,7 @@ TEST(PhysicsForceDriven, TheStoppingStepTurnsTheKineticEnergyIntoWork) {
   EXPECT_NEAR(rig.outputs.friction_heat[0] / (beta_T * 0.5 * reduced * 4.0), 1.0, 1e-13);
 }
 
-// The step of server/physics/MEASURED.md, "Exact solutions", that has three answers: zones of 5 um, dt = 1 ns, T_ad =
+// The step of tests/measured.toml, "Exact solutions", that has three answers: zones of 5 um, dt = 1 ns, T_ad =
 // 1215 K before the heat of the step, mean jump without friction [V]mid = 33.888 m/s, interface yield strength 0.68
 // GPa.
 struct ThreeRoots {
@@ -94,7 +94,7 @@ struct ThreeRoots {
   }
   StressLimit limit() const { return {0.3 * 11.2e9, 0.68e9 / kSqrt3, 11.2e9, &options.soft}; }
   FrictionHeating heating() const {
-    // MEASURED.md computes B0, the temperature rise per unit flux at z = 0, for a half-space without a grid.
+    // measured.toml computes B0, the temperature rise per unit flux at z = 0, for a half-space without a grid.
     const double B0 = std::sqrt(options.soft.diffusivity * 1e-9) / options.soft.conductivity;
     const double b = 0.5 * 1e-9 * (1 / (2703 * 2.5e-6) + 1 / (7900 * 2.5e-6));
     return {1215.0, heat_partition(options.soft, options.hard) * B0, 33.888, b};

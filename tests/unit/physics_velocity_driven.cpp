@@ -25,7 +25,7 @@ void expect_history(const ModelOptions& options, const std::vector<Point>& point
   }
 }
 
-// Interface temperatures and stresses of server/physics/MEASURED.md, "Exact solutions": 500 uniform cells, dt = 1 ns,
+// Interface temperatures and stresses of tests/measured.toml, "Exact solutions": 500 uniform cells, dt = 1 ns,
 // reproduced to rounding.
 TEST(PhysicsVelocityDriven, PaperCaseToTenDigits) {
   expect_history(paper_options(), {{10, 398.146970801, 229.2063259e6},

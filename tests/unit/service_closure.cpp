@@ -221,6 +221,35 @@ TEST(Closure, CostsNothingWhereItIsNotChecked) {
   }
 }
 
+TEST(Closure, ALayerThatFlowsIsTheHalfZoneOfItsNode) {
+  ServiceHarness harness;
+  constexpr double kDensity = 2700.0, kHalfZone = 125e-6;
+  // Layers as thick as the half zone, as the whole zone, and half zones whose masses differ by a tenth.
+  const struct {
+    double layer, mass;
+    bool warns;
+  } cases[] = {{kHalfZone, 1.0, false}, {2.0 * kHalfZone, 1.0, true}, {20e-6, 1.0, true}, {kHalfZone, 1.1, false}};
+  std::uint8_t session = 0;
+  for (const auto& [layer, mass, warns] : cases) {
+    v1::Scene scene = scene_of(1);
+    scene.mutable_soft()->set_density_kg_per_m3(kDensity);
+    scene.mutable_interface()->set_plastic_layer(true);
+    scene.mutable_layer()->set_thickness_m(layer);
+    ASSERT_TRUE(harness.ask(opening(scene, true, ++session)).reply.status.ok());
+    Host host;
+    for (std::uint64_t sequence = 1; sequence <= 2; ++sequence) {
+      wire::Batch batch = host.request(1, sequence == 2);
+      std::ranges::fill(batch.f64(Field::kMassSoft), mass * kDensity * kHalfZone);
+      const Answer answer = harness.ask(step_of(sequence, std::move(batch), 0.0, wire::Mode::kAdvance, session));
+      ASSERT_TRUE(answer.reply.status.ok()) << answer.reply.status.text;
+      ASSERT_EQ(upscale(answer).warnings.size(), warns ? 1U : 0U) << layer;
+      if (!warns) continue;
+      EXPECT_THAT(upscale(answer).warnings[0], StartsWith("layer.thickness_m: the plastic layer of node 100 is "));
+      EXPECT_THAT(upscale(answer).warnings[0], HasSubstr("0.000125 m (mass_soft_kg_per_m2 over the density)"));
+    }
+  }
+}
+
 TEST(Closure, TheHostsTimeMustGrowByTheStep) {
   ServiceHarness harness;
   for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}})

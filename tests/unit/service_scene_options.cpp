@@ -597,9 +597,27 @@ TEST(UsualValues, NoMaterialAndNoDefaultIsUnusual) {
     SCOPED_TRACE(entry.name);
     for (v1::Scene scene : {support::velocity_scene(), support::force_scene()}) {
       scene.mutable_soft()->set_material(std::string(entry.name));
+      if (entry.name == "titanium_6al_4v") continue;  // has a caution
       EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
     }
   }
+}
+
+TEST(UsualValues, AMetalThatIsWeakerHotThanItsConstantsSaysSo) {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_soft()->set_material("titanium_6al_4v");
+  const auto cautions = ElementsAre(HasSubstr("soft.material = \"titanium_6al_4v\": its strength agrees with"));
+  const SceneModel made = scene_model(scene);
+  EXPECT_THAT(made.warnings, cautions);
+  EXPECT_THAT(scene_model(made.effective, "effective").warnings, cautions);
+  scene.mutable_soft()->set_temperature_coefficient_per_k(9e-4);
+  EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
+  EXPECT_THAT(
+      scene_model(support::text_of(support::force_scene()) + "[pair.hot.soft]\nmaterial = \"titanium_6al_4v\"\n",
+                  "pairs")
+          .pairs.front()
+          .warnings,
+      ::testing::Contains(HasSubstr("soft.material = \"titanium_6al_4v\"")));
 }
 
 TEST(UsualValues, OtherUnitsAreNamedWithKeyValueAndRange) {

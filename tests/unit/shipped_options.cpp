@@ -51,7 +51,7 @@ TEST(ShippedScenes, ShowEveryOptionAndEveryLaw) {
     }
   }
   for (const physics::Part& part : physics::parts()) {
-    if (part.adds.empty()) continue;  // no row of OPTIONS.md
+    if (part.adds.empty()) continue;  // no row on the page of the options
     EXPECT_TRUE(options.contains(part.property))
         << "no shipped scene has " << physics::unique_key(part) << ": write one that shows what it does";
   }

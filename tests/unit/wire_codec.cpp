@@ -174,10 +174,9 @@ TEST(Codec, ARequiredFieldOfAnotherTypeIsMissing) {
 }
 
 TEST(Codec, VerbOfALaterVersionIsUnsupported) {
-  for (const std::uint32_t number : {33U, 47U}) {
-    EXPECT_EQ(code_of(envelope() + field(number, std::string())), Code::kUnsupported);
-    EXPECT_EQ(code_of(envelope(1, 9) + field(number, std::string())), Code::kUnsupported);
-  }
+  constexpr std::uint32_t kLast = 47;  // of the numbers that are reserved for them
+  EXPECT_EQ(code_of(envelope() + field(kLast, std::string())), Code::kUnsupported);
+  EXPECT_EQ(code_of(envelope(1, 9) + field(kLast, std::string())), Code::kUnsupported);
 }
 
 TEST(Codec, IdentityIsLeftForTheAnswer) {

@@ -5,7 +5,7 @@
 
 Plates: velocity of the free surface: its plateau, the time at which half of it is reached, the foot before the
 shock. Bar: radius of the side at rest, foot and root mean square. Prints a row for each metal; --picture draws the
-curves. server/physics/VALIDATION.md has the numbers, integration.hydro_experiments holds them."""
+curves. tests/measured.toml has the numbers, integration.hydro_experiments holds them."""
 import json
 import pathlib
 import re

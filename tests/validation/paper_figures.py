@@ -8,7 +8,7 @@ F. Dambakizi, P. Le Tallec, J.-P. Perlat, "Multiscale thermomechanical modeling 
 figure_NN.png, the runs (runs/NAME, kept, and used again by the next call with the same options and programs) and figures.json: a list of
 {"figure", "title", "file", "scene", "agrees", "differs"}, whose last two are lists of sentences computed from the runs. --coarse: wide zones
 and few steps, for a look in a minute. The paper gives no curve of Figs 12 to 22 in numbers: compared are its statements, and, for Figs 13 and
-14, the independent solution of server/physics/MEASURED.md."""
+14, the independent solution of tests/measured.toml."""
 import csv
 import hashlib
 import json
@@ -191,7 +191,7 @@ def fastest_slip(run):
 # -- figures: each returns the figure, the scene and the sentences (agrees, differs) --
 
 PROFILE_TIMES = (2e-8, 1e-7, 2.8e-7, 6e-7, 1e-6)
-# The paper's case, steps of 1 ns: an independent solution of the same discrete equations (server/physics/MEASURED.md, "Exact solutions").
+# The paper's case, steps of 1 ns: an independent solution of the same discrete equations (tests/measured.toml, "Exact solutions").
 EXACT = {"T0_K": 1218.945925353, "stress_Pa": 142.6492093e6, "steps": 1000}
 NO_CURVE = "The paper's curve is not published in numbers: its shape alone can be compared."
 

@@ -75,6 +75,52 @@ class Outcome:
     FALLBACK = 160  # FAILED with ASLEEP: the host's own law answered (shearbus_set_fallback)
 
 
+# name without shearbus_, types of result and arguments, of the functions of shearbus.h
+FUNCTIONS = (
+    ("fault_text", "Text", ""),
+    ("code_name", "Text", "Whole"),
+    ("field_name", "Text", "Word"),
+    ("field_number", "Word", "Address"),
+    ("open", "Whole", "Address Address Size Address Address Address"),
+    ("open_nodes", "Whole", "Address Address Address Address"),
+    ("close", "Whole", "Address Address"),
+    ("end", "Whole", "Address Address Address"),
+    ("leave", "", "Address"),
+    ("ticket", "Whole", "Address Address Address"),
+    ("resume", "Whole", "Address Address Address Address"),
+    ("resume_nodes", "Whole", "Address Address Address Address Address"),
+    ("resumed_nodes", "Whole", "Address Address Address"),
+    ("set_reply_deadline", "Whole", "Address Double Address"),
+    ("step", "Whole", "Address Address Address Address"),
+    ("set_fallback", "Whole", "Address Address Address Address"),
+    ("count_fallbacks", "Whole", "Address Address Address"),
+    ("start", "Whole", "Address Address Address"),
+    ("finish", "Whole", "Address Address Address"),
+    ("commit", "Whole", "Address Address"),
+    ("rollback", "Whole", "Address Address"),
+    ("mark", "Whole", "Address Address Address"),
+    ("rollback_to", "Whole", "Address Address Address"),
+    ("profiles", "Whole", "Address Size Address Address Address Size Address Address"),
+    ("register", "Whole", "Address Size Address Address Address"),
+    ("register_nodes", "Whole", "Address Address Address"),
+    ("retire", "Whole", "Address Size Address Address"),
+    ("offer", "Whole", "Address Size Address Address Address"),
+    ("accept", "Whole", "Address Address Address"),
+    ("offers", "Size", "Address Size Address"),
+    ("node_count", "Size", "Address"),
+    ("node_ids", "Address", "Address"),
+    ("effective_scene", "Text", "Address"),
+    ("warnings", "Text", "Address"),
+    ("inspect", "Whole", "Address Address Address"),
+    ("text", "Text", "Address Whole"),
+    ("columns", "Size", "Address Whole Size Address"),
+    ("connect", "Whole", "Address Address Address"),
+    ("disconnect", "", "Address"),
+    ("ask", "Whole", "Address Address Address Address"),
+    ("make_keys", "Whole", "Address Address Address"),
+    ("version", "Text", ""),
+)
+
 STRATEGY = {1: "velocity_driven", 2: "force_driven"}
 FAR_FIELD_FORM = ("stress_soft", "stress_hard", "mass_soft", "mass_hard")
 # number, name on the wire, quantity, unit, element, kind, tangential, short name

@@ -13,6 +13,7 @@ import time
 import warnings
 import weakref
 
+from ._contract import FUNCTIONS
 from .columns import COLUMNS
 from .errors import ClosureWarning, Code, LibraryError, error
 
@@ -72,17 +73,6 @@ Fallbacks = _struct("shearbus_fallbacks", [(Size, "size"), (Number, "steps node_
                                            (Whole, "allowed")])
 Totals = _struct("shearbus_totals", [(Size, "size"), (Number, "requests node_steps solver_ns asleep_node_steps")])
 
-FUNCTIONS = {  # name -> (type of the result, types of the arguments)
-    "version": (Text, []), "fault_text": (Text, []), "node_count": (Size, [Address]), "node_ids": (Address, [Address]),
-    "effective_scene": (Text, [Address]), "warnings": (Text, [Address]), "text": (Text, [Address, Whole]),
-    "columns": (Size, [Address, Whole, Size, Address]), "offers": (Size, [Address, Size, Address]), "leave": (None, [Address]),
-    **{name: (Whole, [Address] * count) for name, count in {
-        "open_nodes": 4, "resume_nodes": 5, "end": 3, "ticket": 3, "resumed_nodes": 3, "step": 4, "commit": 2, "rollback": 2,
-        "mark": 3, "rollback_to": 3, "register_nodes": 3, "inspect": 3, "accept": 3, "count_fallbacks": 3, "set_fallback": 4}.items()},
-    "set_reply_deadline": (Whole, [Address, Double, Address]), "retire": (Whole, [Address, Size, Address, Address]),
-    "offer": (Whole, [Address, Size, Address, Address, Address]),
-    "profiles": (Whole, [Address, Size, Address, Address, Address, Size, Address, Address])}
-
 
 def places():
     """Yields the files that may be the library, most wanted first: that of the environment alone, if it names one; in the
@@ -111,12 +101,13 @@ def library():
             loaded = ctypes.CDLL(os.fspath(place))
         except OSError as fault:
             raise LibraryError(Code.LIBRARY_FAULT, f"the library of the Python client cannot be loaded: {fault}", REMEDY) from None
-        for name, (result, arguments) in FUNCTIONS.items():
+        kinds = {"": None, "Size": Size, "Double": Double, "Text": Text, "Address": Address, "Whole": Whole, "Word": Word}
+        for name, result, arguments in FUNCTIONS:
             function = getattr(loaded, f"shearbus_{name}", None)
             if function is None:
                 raise LibraryError(Code.LIBRARY_FAULT, f"{place} has no shearbus_{name}: it is older than this package, {VERSION}",
                                    REMEDY)
-            function.restype, function.argtypes = result, arguments
+            function.restype, function.argtypes = kinds[result], [kinds[kind] for kind in arguments.split()]
         if (version := loaded.shearbus_version().decode()) != VERSION:
             raise LibraryError(Code.LIBRARY_FAULT, f"{place} is version {version}, and this package is {VERSION}",
                                "Install both from one build.")

@@ -18,7 +18,7 @@ from ._plan import Plan
 from ._values import count, frozen, given_nodes, node_ids, number
 from .answer import Answer, Profiles, Trial, html_table
 from .columns import BY_NAME, BY_NUMBER, FAR_FIELD_FORM, LEDGER, PROFILE, STICK_FORM
-from .errors import (Code, Error, MessageError, SceneWarning, SessionError, UnknownOutcome, Unreachable, WrongType,
+from .errors import (Code, ContentError, Error, MessageError, SceneWarning, SessionError, UnknownOutcome, Unreachable, WrongType,
                      WrongValue)
 from .history import History
 from .scene import scene_of
@@ -178,6 +178,7 @@ class Session:
         self._endpoint = os.environ.get("SHEARBUS_ENDPOINT") or (options.endpoint or b"").decode()
         self._reply_deadline = options.reply_deadline_s or 60.0
         self._plans, self._vertices, self._transfer_in_doubt = {}, 0, None
+        self._started = None  # mode, plan, rows and room of the answer of a step between start() and finish()
         self.resumed_pair, self.resumed_parameters = None, {}
         self.history = History() if record else None
         self._read_facts()
@@ -245,15 +246,18 @@ class Session:
 
     # -- calls of the library --
 
-    def _begin(self):
+    def _begin(self, started=False):
         """Takes the turn of a call, which must end with self._turn.release(): the library refuses a second thread, but not
-        before that has changed what the two share here."""
+        before that has changed what the two share here. started: the call may stand behind start()."""
         if not self._turn.acquire(False):
             raise SessionError(Code.IN_USE, "another thread is inside a call on this session",
                                "Make one call at a time on a session: guard it with a lock, or open a session per thread.")
         if self._handle is None:
             self._turn.release()
             raise SessionError(Code.UNKNOWN_SESSION, "this session is closed", "Open another one.")
+        if self._started and not started:
+            self._turn.release()
+            raise ContentError(Code.INVALID_VALUE, "a started step has not been finished", "Finish it before any other call.")
 
     def _call(self, name, *arguments):
         """Makes a call of the library on this session. Raises its fault."""
@@ -337,8 +341,9 @@ class Session:
         plan = self._plans[key] = Plan(places, self.components, wanted, self.history is not None)
         return plan
 
-    def _step(self, mode, dt, values):
-        if self._handle is None or not self._turn.acquire(False):
+    def _step(self, mode, dt, values, start=None):
+        """Makes a step, or sends it by the function `start`, which takes the place of the library's step."""
+        if self._handle is None or self._started or not self._turn.acquire(False):
             self._begin()  # refuses the call
         try:
             options, nodes = PLAIN, None
@@ -359,14 +364,22 @@ class Session:
                 self._say(plan.request, mode, rows, *options)
                 plan.said = options
             block = plan.room()
-            code = self._step_call(self._handle, plan.by_request, plan.by_result, self._by_status)
+            code = (start or self._step_call)(self._handle, plan.by_request, plan.by_result, self._by_status)
             del kept
+            if start:
+                if not code:
+                    self._started = mode, plan, rows, block
+                return self._settle(code)
             if code or self._host.lines or self._host.raised:
                 self._settle(code)
             answer = (Answer if mode == ADVANCE else Trial)(rows, plan.layout, plan.block.tobytes() if block is None else frozen(block),
                                                             bytes(plan.result))
         finally:
             self._turn.release()
+        return answer if mode == ADVANCE and self.history is None else self._noted(answer, mode, plan)
+
+    def _noted(self, answer, mode, plan):
+        """Ends what an answer is the last part of: a trial knows its session, a history has its steps."""
         if mode == TRIAL:
             answer._session = self
         if self.history is not None:
@@ -405,6 +418,26 @@ class Session:
         or call commit() or rollback() of the session; another trial replaces it. commit_previous: first commits the
         trial that stands. The other arguments are those of step()."""
         return self._step(TRIAL, dt, values)
+
+    def start(self, dt, *, trial=False, **values):
+        """Sends a step, or with `trial` a trial, and returns at once: the host does other work while the server steps the layers, and
+        finish() gets the answer. The arguments are those of step(); their arrays are the host's again. Between the two no other
+        call on the session but close() and leave()."""
+        send = self._library.shearbus_start
+        self._step(TRIAL if trial else ADVANCE, dt, values, lambda handle, request, _, status: send(handle, request, status))
+
+    def finish(self):
+        """Waits for the answer to the step that start() has sent. Returns an Answer or a Trial. After an error, step() with the same
+        values sends the same request."""
+        self._begin(started=True)
+        try:
+            (mode, plan, rows, block), self._started = self._started or (ADVANCE, None, None, None), None
+            self._settle(self._library.shearbus_finish(self._handle, plan and plan.by_result, self._by_status))
+            answer = (Answer if mode == ADVANCE else Trial)(rows, plan.layout, plan.block.tobytes() if block is None else frozen(block),
+                                                            bytes(plan.result))
+        finally:
+            self._turn.release()
+        return self._noted(answer, mode, plan)
 
     # To match each column with the names of options costs a call as much as the rest of it: they are told here.
     step.__signature__, trial.__signature__ = (
@@ -546,6 +579,9 @@ class Session:
         this client's: call close() again, or leave()."""
         if self._handle is None:
             return self._totals
+        if self._started:
+            with contextlib.suppress(Error):  # a refused step does not keep the session open
+                self.finish()
         totals = _library.Totals()
         try:
             self._call("end", ctypes.byref(totals))
@@ -562,7 +598,7 @@ class Session:
         """Leaves the session open on the server, to be resumed by its ticket, and disconnects."""
         if self._handle is None:
             return
-        self._begin()
+        self._begin(started=True)
         try:
             self._handle = None
             self._end()

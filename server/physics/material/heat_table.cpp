@@ -1,20 +1,32 @@
 #include "server/physics/material/heat_table.hpp"
 
 #include <algorithm>
+#include <cstddef>
+#include <vector>
 
 namespace shearbus::physics {
 
+namespace {
+
+// The row after a temperature, for one of several rows: 0 below the first, their number from the last on.
+std::size_t row_after(const std::vector<double>& temperature, double T) {
+  std::size_t row = 0;
+  while (row < temperature.size() && temperature[row] <= T) ++row;
+  return row;
+}
+
+}  // namespace
+
 double HeatTable::at(double T) const {
-  if (!(T > temperature.front())) return share.front();
-  if (T >= temperature.back()) return share.back();
-  const auto next =
-      static_cast<std::size_t>(std::upper_bound(temperature.begin(), temperature.end(), T) - temperature.begin());
-  const double part = (T - temperature[next - 1]) / (temperature[next] - temperature[next - 1]);
-  return share[next - 1] + part * (share[next] - share[next - 1]);
+  const std::size_t row = row_after(temperature, T);
+  if (row == 0 || row == temperature.size()) return row == 0 ? share.front() : share.back();
+  const double part = (T - temperature[row - 1]) / (temperature[row] - temperature[row - 1]);
+  return share[row - 1] + part * (share[row] - share[row - 1]);
 }
 
 double HeatTable::mean(double T_1, double T_2) const {
   const auto [from, to] = std::minmax(T_1, T_2);
+  if (row_after(temperature, from) == row_after(temperature, to)) return at(0.5 * (from + to));  // linear between them
   double T = from, value = at(from);
   double sum = 0.0;
   for (std::size_t i = 0; i < temperature.size() && to > from; ++i) {

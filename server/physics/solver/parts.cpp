@@ -374,7 +374,7 @@ constexpr std::array kParts = {
          .equation = "k (1 + a (T - 300 K)) or a table, c likewise",
          .adds = "conductivity and heat capacity follow the temperature",
          .when = "metals that warm by hundreds of kelvins, of which both are known",
-         .cost = "velocity-driven x 23, force-driven x 118"},
+         .cost = "velocity-driven x 30, force-driven x 164"},
 };
 static_assert(kParts.size() == kProperties);
 static_assert([] {

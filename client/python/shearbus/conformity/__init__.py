@@ -1,4 +1,4 @@
-"""The conformity kit: plays two problems with exact answers into the coupling routine of a host, and holds it to the
+"""The conformity kit: plays problems with exact answers into the coupling routine of a host, and holds it to the
 protocol and to closure. `shearbus-ctl rehearse` runs it, as does `python3 -m shearbus.conformity`."""
 import os
 import subprocess
@@ -15,10 +15,14 @@ SCENARIOS = {
     "finite_plate": ("finite_plate", PROBLEM_CHECKS),
     "losses": ("two_half_spaces", mock_server.REPEATED + ["sequence", "closure", "jump", "closed"]),
     "restart": ("two_half_spaces", mock_server.RESTARTED + ["sequence", "closure", "jump", "closed"]),
+    "softening_friction": ("softening_friction", PROBLEM_CHECKS),
     "stick_slip_brake": ("stick_slip_brake", PROBLEM_CHECKS + ["rest"]),
+    "flash_to_melting": ("flash_to_melting", PROBLEM_CHECKS),
     "opening_and_closing": ("opening_and_closing", PROBLEM_CHECKS),
+    "turned_line": ("turned_line", PROBLEM_CHECKS),
+    "without_strength": ("without_strength", PROBLEM_CHECKS + ["far_stresses", "rest"]),
 }
-DEFAULT = ("two_half_spaces", "finite_plate", "losses", "restart")  # the others need a host whose pressure changes with time
+DEFAULT = ("two_half_spaces", "finite_plate", "losses", "restart")  # the others need a host whose start or pressure can be chosen
 
 
 def play(scenario, client, delay):
@@ -73,10 +77,8 @@ def judge(client, delay, server=None, scenarios=DEFAULT):
     that hold, checks)."""
     good = total = 0
     for scenario in scenarios:
-        for check, why in play(scenario, client, delay).items():
-            good, total = good + (why is None), total + 1
-            if why is not None:
-                print(f"{scenario}, {check}: {mock_server.CHECKS.get(check, 'the host gets to its end')}; {why}")
+        results = play(scenario, client, delay)
+        good, total = good + tell(results, f"{scenario}, "), total + len(results)
     if server:
         for problem in dict.fromkeys(SCENARIOS[scenario][0] for scenario in scenarios):
             why = client(server, problem)
@@ -85,6 +87,18 @@ def judge(client, delay, server=None, scenarios=DEFAULT):
                 print(f"real server, {problem}: the host gets to its end; {why}")
     print(f"your client: {good} of {total}")
     return good, total
+
+
+def tell(results, scenario=""):
+    """Prints what failed, {check: None, or why it failed}. Returns the number of checks that hold."""
+    unseen = [check for check, why in results.items() if why == mock_server.UNSEEN]
+    for check, why in results.items():
+        if why is not None and check not in unseen:
+            print(f"{scenario}{check}: {mock_server.CHECKS.get(check, 'the host gets to its end')}; {why}")
+    if unseen:
+        sent = set(results) - {*unseen, "exit", "survival"}
+        print(f"{scenario}{'never seen: ' + ', '.join(unseen) if sent else 'the host sent no request to the endpoint that it was given'}")
+    return sum(why is None for why in results.values())
 
 
 def await_host(endpoint, problem):
@@ -97,9 +111,6 @@ def await_host(endpoint, problem):
     except KeyboardInterrupt:
         print()
     results = server.report.results(SCENARIOS[problem][1])
-    for check, why in results.items():
-        if why is not None:
-            print(f"{check}: {mock_server.CHECKS[check]}; {why}")
-    good = sum(why is None for why in results.values())
+    good = tell(results)
     print(f"your client: {good} of {len(results)}")
     return good, len(results)
