@@ -196,8 +196,9 @@ module shearbus
     procedure :: resume
     ! Makes one step of length dt with the columns of the interface.
     generic :: step => step_plain, step_32, step_64
-    ! The same in two halves, for a host with other work to do while the server steps the layers: `start` sends the step, `finish` waits for
-    ! the answer. Between the two no other call on the session but close and leave; the inputs may change, no column may be allocated anew.
+    ! The same in two halves, for a host with other work to do while the server steps the layers: `start` sends the step,
+    ! `finish` waits for the answer. Between the two no other call on the session but close and leave; the inputs may
+    ! change, no column may be allocated anew. A step that was started and then left may run or not.
     procedure :: start
     procedure :: finish
     ! Allocates columns by their names, such as 'mean_shear_stress', so that every answer brings them; 'ledger': those of the

@@ -260,8 +260,9 @@ int shearbus_close(shearbus_session** session, shearbus_status* status) {
     if (std::exchange(handle->started, false)) {
       try {
         handle->session->finish_trial();
-      } catch (const Error&) {
-        // If the step was refused, the session is closed all the same.
+      } catch (const Error& fault) {
+        // If the step was refused, the session is closed all the same. A server that does not answer is not asked again.
+        if (Fallback::is_gone(fault.status().code)) throw;
       }
     }
     handle->session->close();

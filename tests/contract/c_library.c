@@ -511,6 +511,18 @@ static void stick_form(void) {
   OK(shearbus_close(&session, &status));
 }
 
+/* A session with a short deadline, which counts the lines that the library says. */
+static shearbus_session* open_with_lines(void) {
+  shearbus_session* session = NULL;
+  shearbus_options options = options_of();
+  options.reply_deadline_s = 2.6; /* s; the library says after 2 s what it waits for */
+  options.log = on_line;
+  options.log_user = &lines_told;
+  reset();
+  OK(shearbus_open(&session, &options, N, ids, NULL, &status));
+  return session;
+}
+
 /* A server that hangs, and one that is killed: the same call again is the same request, and the bits are those of a run
  * that nothing happened to. */
 static void interruptions(pid_t* server) {
@@ -521,13 +533,7 @@ static void interruptions(pid_t* server) {
   keep(undisturbed);
   OK(shearbus_close(&calm, &status));
 
-  shearbus_session* session = NULL;
-  shearbus_options options = options_of();
-  options.reply_deadline_s = 2.6;
-  options.log = on_line;
-  options.log_user = &lines_told;
-  reset();
-  OK(shearbus_open(&session, &options, N, ids, NULL, &status));
+  shearbus_session* session = open_with_lines();
   const int told_before = lines_told;
   kill(*server, SIGSTOP);
   struct timespec before, after;
@@ -549,13 +555,26 @@ static void interruptions(pid_t* server) {
 
   stop(*server, SIGKILL);
   *server = start_server();
-  options = options_of();
+  shearbus_options options = options_of();
   OK(shearbus_resume(&session, &options, ticket, &status));
   if (session == NULL) return;
   OK(shearbus_step(session, &request, NULL, &status));
   keep(disturbed);
   CHECK(same_bits(disturbed, undisturbed));
   OK(shearbus_close(&session, &status));
+}
+
+/* The close behind a started step waits once for a server that hangs: it does not ask the server to close, too. */
+static void close_behind_a_start(pid_t server) {
+  shearbus_request request = request_of(SHEARBUS_ADVANCE);
+  shearbus_session* session = open_with_lines();
+  const int told_before = lines_told;
+  kill(server, SIGSTOP);
+  OK(shearbus_start(session, &request, &status));
+  REFUSED(shearbus_close(&session, &status), SHEARBUS_UNKNOWN_OUTCOME, "");
+  kill(server, SIGCONT);
+  CHECK(session == NULL);
+  CHECK(lines_told == told_before + 1 && strstr(last_line, "downscale") != NULL);
 }
 
 /* What a session tells of itself and of its server; the end of it by shearbus_end(). */
@@ -680,7 +699,8 @@ static void inputs_of_the_other_strategy(void) {
   const shearbus_request request = request_of(SHEARBUS_ADVANCE);
   options.scene_file = NULL;
   options.scene_text =
-      "name = 'driven'\nstrategy = 'velocity_driven'\n[soft]\nmaterial = 'aluminium_dlp'\n[hard]\nmaterial = 'steel_dlp'\n"
+      "name = 'driven'\nstrategy = 'velocity_driven'\n[soft]\nmaterial = 'aluminium_dlp'\n[hard]\nmaterial = "
+      "'steel_dlp'\n"
       "[layer]\nthickness_m = 20e-6\ncells = 4\n";
   reset();
   OK(shearbus_open(&session, &options, N, ids, NULL, &status));
@@ -737,6 +757,7 @@ int main(int argc, char** argv) {
   operators();
   interrupted(server);
   interruptions(&server);
+  close_behind_a_start(server);
   const int code = stop(server, SIGTERM);
   CHECK(WIFEXITED(code) && WEXITSTATUS(code) == 0);
   char remove[96];

@@ -354,7 +354,8 @@ class Session {
 
   shearbus_result step(const Step& step) { return run(step, SHEARBUS_ADVANCE); }  // commits the new states
   shearbus_result trial(const Step& step) { return run(step, SHEARBUS_TRIAL); }   // commit() or rollback() follows
-  // start() sends a step, finish() waits for its answer. The arrays of the outputs must exist until finish() returns.
+  // start() sends a step, finish() waits for its answer. The arrays of the outputs must exist until finish() returns. A
+  // step that was started and then left may run or not.
   void start(const Step& step, int mode = SHEARBUS_ADVANCE) {
     const shearbus_request request = step.request(mode);
     call(shearbus_start, handle_, &request);

@@ -475,7 +475,7 @@ SHEARBUS_API int shearbus_count_fallbacks(const shearbus_session* session, shear
 /* shearbus_step() in two halves, for a host with other work to do while the server steps the layers. Between the two
  * the caller makes no other call on the session but close and leave. shearbus_start() copies the inputs; the memory
  * of the outputs must last until shearbus_finish(). If shearbus_finish() fails, shearbus_step() with the same values
- * sends the same request. */
+ * sends the same request. A step that was started and then left may run or not. */
 SHEARBUS_API int shearbus_start(shearbus_session* session, const shearbus_request* request, shearbus_status* status);
 SHEARBUS_API int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus_status* status);
 

@@ -248,7 +248,7 @@ class Session:
 
     def _begin(self, started=False):
         """Takes the turn of a call, which must end with self._turn.release(): the library refuses a second thread, but not
-        before that has changed what the two share here. started: the call may stand behind start()."""
+        before that has changed what the two share here. started: the call may come after start()."""
         if not self._turn.acquire(False):
             raise SessionError(Code.IN_USE, "another thread is inside a call on this session",
                                "Make one call at a time on a session: guard it with a lock, or open a session per thread.")
@@ -364,16 +364,17 @@ class Session:
                 self._say(plan.request, mode, rows, *options)
                 plan.said = options
             block = plan.room()
+            if start:  # before the call: a signal's handler may raise an exception as soon as the library has returned
+                self._started = mode, plan, rows, block
             code = (start or self._step_call)(self._handle, plan.by_request, plan.by_result, self._by_status)
             del kept
             if start:
-                if not code:
-                    self._started = mode, plan, rows, block
+                if code:
+                    self._started = None
                 return self._settle(code)
             if code or self._host.lines or self._host.raised:
                 self._settle(code)
-            answer = (Answer if mode == ADVANCE else Trial)(rows, plan.layout, plan.block.tobytes() if block is None else frozen(block),
-                                                            bytes(plan.result))
+            answer = _answer(mode, plan, rows, block)
         finally:
             self._turn.release()
         return answer if mode == ADVANCE and self.history is None else self._noted(answer, mode, plan)
@@ -422,19 +423,20 @@ class Session:
     def start(self, dt, *, trial=False, **values):
         """Sends a step, or with `trial` a trial, and returns at once: the host does other work while the server steps the layers, and
         finish() gets the answer. The arguments are those of step(); their arrays are the host's again. Between the two no other
-        call on the session but close() and leave()."""
+        call on the session but close() and leave(). A step that was started and then left may run or not."""
         send = self._library.shearbus_start
         self._step(TRIAL if trial else ADVANCE, dt, values, lambda handle, request, _, status: send(handle, request, status))
 
     def finish(self):
-        """Waits for the answer to the step that start() has sent. Returns an Answer or a Trial. After an error, step() with the same
-        values sends the same request."""
+        """Waits for the answer to the step that start() has sent. Returns an Answer or a Trial. After an error the whole call with
+        the same values, step() or trial(), sends the same request."""
         self._begin(started=True)
         try:
-            (mode, plan, rows, block), self._started = self._started or (ADVANCE, None, None, None), None
-            self._settle(self._library.shearbus_finish(self._handle, plan and plan.by_result, self._by_status))
-            answer = (Answer if mode == ADVANCE else Trial)(rows, plan.layout, plan.block.tobytes() if block is None else frozen(block),
-                                                            bytes(plan.result))
+            mode, plan, rows, block = self._started or (ADVANCE, None, None, None)
+            code = self._library.shearbus_finish(self._handle, plan and plan.by_result, self._by_status)
+            self._started = None  # after the call: an exception of a signal's handler before it leaves the step started
+            self._settle(code)
+            answer = _answer(mode, plan, rows, block)
         finally:
             self._turn.release()
         return self._noted(answer, mode, plan)
@@ -580,8 +582,12 @@ class Session:
         if self._handle is None:
             return self._totals
         if self._started:
-            with contextlib.suppress(Error):  # a refused step does not keep the session open
+            try:
                 self.finish()
+            except (Unreachable, UnknownOutcome):
+                raise  # the server does not answer: to ask it once more would only cost the host another deadline
+            except Error:
+                pass  # a refused step does not keep the session open
         totals = _library.Totals()
         try:
             self._call("end", ctypes.byref(totals))
@@ -638,6 +644,12 @@ class Session:
                 ("columns of an answer", ", ".join(self.reply_columns)), ("on request", ", ".join(self.columns_on_request)),
                 *(("warning", warning) for warning in self.warnings)]
         return html_table(f"shearbus.Session {self.name}", [("", self.name), *rows])
+
+
+def _answer(mode, plan, rows, block):
+    """Returns the answer that the library has written to the plan, or to the room of its own."""
+    return (Answer if mode == ADVANCE else Trial)(rows, plan.layout, plan.block.tobytes() if block is None else frozen(block),
+                                                  bytes(plan.result))
 
 
 def _leave(handle, host):
