@@ -28,7 +28,7 @@ def rehearse(page, words, host=None):
         if "waiting at" not in said:
             return kit.wait(10), said + kit.stdout.read()
         host()
-    said = kit.communicate(timeout=100)[0]
+    said = kit.communicate(timeout=300)[0]
     return kit.returncode, said
 
 

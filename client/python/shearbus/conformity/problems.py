@@ -6,9 +6,17 @@ import numpy
 
 PLATE = {"depth": 0.5e-3, "near": 78e-9, "least": 470e-9}  # m, with a free back
 SOFTENING = {"yield": 200e6, "per_pa": 6.52e-11, "per_k": 6.16e-4, "melting": 1220.0}  # Pa, 1/Pa, 1/K, K
-# What a problem has other than two half-spaces: jump (m/s) and pressures ((from s, Pa), ...) of the host; coefficient of friction, and
-# melting (K), at which friction is what keeps T0 there; masses (kg/m2) of bodies without strength; rest (from, until s), in which nothing
-# slides; least (s), which a run has to last; near (s): so close to a front, which a host smears, its jump is not looked at.
+# What a problem has other than two half-spaces:
+#   jump         (m/s) of the host at the start
+#   pressures    ((from s, Pa), ...) of the host
+#   coefficient  of friction
+#   melting      (K) temperature at which friction is what keeps T0 there
+#   softening    strength of the soft body, which limits the friction in place of `coefficient`
+#   masses       (kg/m2) of bodies without strength
+#   depth        (m) of the soft body, whose back is free
+#   rest         (from, until s) in which nothing slides
+#   least        (s) that a run has to last
+#   near         (s) from a front, which a host smears: the jump is not checked there
 CASES = {
     "two_half_spaces": {},
     "finite_plate": PLATE,
@@ -105,16 +113,23 @@ class Heat:
     """T0 of nodes between two half-spaces, from the power of each step: T_start + 1/(E sqrt(pi)) times the integral of q / sqrt(t - x)."""
 
     def __init__(self, nodes):
-        self.ends, self.powers, self.scale = [0.0], [], 2 / (sum(Problem.effusivity) * math.sqrt(math.pi))
         self.row = {node: row for row, node in enumerate(nodes)}
+        self.scale = 2 / (sum(Problem.effusivity) * math.sqrt(math.pi))
+        self.steps = 0  # the arrays have room for more
+        self.ends, self.powers = numpy.zeros(2), numpy.zeros((1, len(self.row)))
 
     def begin(self, dt):
         """Returns {node: T0 at the end of a step of length dt without power}, and what a power of 1 W/m2 in it adds."""
-        roots = numpy.sqrt(self.ends[-1] + dt - numpy.array(self.ends))
-        known = Problem.start + self.scale * ((roots[:-1] - roots[1:]) @ numpy.reshape(self.powers, (-1, len(self.row))))
+        ends = self.ends[:self.steps + 1]
+        roots = numpy.sqrt(ends[-1] + dt - ends)
+        known = Problem.start + self.scale * ((roots[:-1] - roots[1:]) @ self.powers[:self.steps])
         return {node: known[row] for node, row in self.row.items()}, self.scale * math.sqrt(dt)
 
     def accept(self, dt, powers):
         """Ends a step with {node: its power}; the nodes that it does not name had none."""
-        self.ends.append(self.ends[-1] + dt)
-        self.powers.append(numpy.array([powers.get(node, 0.0) for node in self.row]))
+        if self.steps == len(self.powers):
+            self.powers = numpy.concatenate((self.powers, numpy.zeros_like(self.powers)))
+            self.ends = numpy.concatenate((self.ends, numpy.zeros(self.steps)))
+        self.powers[self.steps] = [powers.get(node, 0.0) for node in self.row]
+        self.ends[self.steps + 1] = self.ends[self.steps] + dt
+        self.steps += 1
