@@ -95,10 +95,9 @@ void ShearColumn::heat_zones() {
 // Refuses answers of the interface law that are not finite or have an unknown regime. Without this check the fault
 // would be noticed only some steps later.
 void ShearColumn::check_answer() const {
-  constexpr auto kLastRegime = static_cast<std::uint8_t>(wire::Regime::kMelting);
   for (std::size_t i = 0; i < answer_.shear_stress.size(); ++i) {
     if (std::isfinite(answer_.shear_stress[i]) && std::isfinite(answer_.velocity_jump_new[i]) &&
-        std::isfinite(answer_.interface_temperature[i]) && answer_.regime[i] <= kLastRegime) {
+        std::isfinite(answer_.interface_temperature[i]) && answer_.regime[i] < wire::kRegimeCount) {
       continue;
     }
     throw wire::Error(

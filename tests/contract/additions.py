@@ -17,7 +17,7 @@ COPIED = ("proto", "client/include", "client/fortran", "client/python/shearbus",
           ".github/CONTRIBUTING.md")
 COLUMN = """OUTPUT(kDamage, 64, damage_j_per_m3, damage, "J/m3", Float64, Tangential, OnRequest, OnRequest, "damage of the interface")
 """
-# Row of the page: {file: (the text behind which the addition stands, the addition)}
+# Row of the page: {file: (text, addition, ...)}: each addition goes behind the text before it.
 ADDITIONS = {
     "a column of the protocol": {
         "proto/wire/columns.inc": ("scenes with inertia\")\n", COLUMN),
@@ -26,7 +26,7 @@ ADDITIONS = {
     "a regime, a bit of the outcome": {
         "proto/shearbus/v1/downscale.proto": ("or a melt film carries the stress\n", "  REGIME_WELDED = 5;    // no slip any more\n"),
         "client/report/style.py": ('"MELTING": ("Tresca, melting", "#4a' '0012"),\n', '    "WELDED": ("welded", "#aa3377"),\n'),
-        "client/ctl/watch_screen.cpp": ("178, 52", ", 133"),
+        "client/ctl/watch_screen.cpp": ("178, 52", ", 133", '".-CT#', "W"),
     },
     "a status code": {
         "proto/shearbus/v1/envelope.proto": ("  CODE_NO_SPACE = 402;", "\n  // too many requests\n  // Remedy: wait\n  CODE_BUSY = 410;"),
@@ -81,19 +81,21 @@ class Additions(unittest.TestCase):
             row = re.search(rf"^\| {re.escape(kind)} \| (.*) \|$", page, re.M)
             self.assertIsNotNone(row, f"the page has no row {kind!r}")
             self.assertIn("proto/print_contract.py", row[1])
-            for name, (behind, text) in places.items():
+            for name, additions in places.items():
                 self.assertTrue(name in row[1] or name.startswith("proto/shearbus/v1/") and "proto/shearbus/v1/*.proto" in row[1],
                                 f"{kind}: the page does not name {name}")
                 file = OPTIONS.work / name
-                found = file.read_text()
-                self.assertEqual(found.count(behind), 1, f"{name}: {behind}")
-                file.write_text(found.replace(behind, behind + text))
+                for behind, text in zip(additions[::2], additions[1::2]):
+                    found = file.read_text()
+                    self.assertEqual(found.count(behind), 1, f"{name}: {behind}")
+                    file.write_text(found.replace(behind, behind + text))
         self.assertNotEqual(print_contract("--check"), "", "what was added must be printed")
         self.assertEqual(print_contract(), "")
         self.assertEqual(print_contract("--check"), "")
         work = OPTIONS.work
-        colours = re.search(r"^constexpr std::array kColours = .*?;$", (work / "client/ctl/watch_screen.cpp").read_text(), re.M)[0]
-        watch = CPP + colours + "\nstatic_assert(kColours.size() == wire::kRegimeCount);\n"
+        drawn = re.search(r"^constexpr std::array kColours.*?^static_assert\(.*?;$", (work / "client/ctl/watch_screen.cpp").read_text(), re.M | re.S)
+        self.assertIn("kLetters.size() == wire::kRegimeCount", drawn[0])
+        watch = CPP + drawn[0]
         for language, fault in {
                 "C++": run(OPTIONS.cxx, "-std=c++20", "-fsyntax-only", f"-I{work}", "-x", "c++", "-", text=watch),
                 "C": run(OPTIONS.cc, "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", f"-I{work}/client/include", "-x", "c", "-", text=C),
