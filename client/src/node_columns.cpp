@@ -7,16 +7,6 @@
 
 namespace shearbus {
 
-Batch columns_of(const Batch& batch, std::size_t rows) {
-  std::vector<Field> fields;
-  std::uint32_t components = 1;
-  for (const wire::Column& column : batch.columns()) {
-    if (column.component == 0) fields.push_back(column.field);
-    components = std::max(components, column.component + 1);
-  }
-  return Batch::of(fields, rows, components);
-}
-
 wire::Batch named_nodes(std::span<const std::uint64_t> node_ids) {
   return new_nodes(node_ids, {}, {});
 }

@@ -6,6 +6,17 @@
 #include "proto/wire/columns.hpp"
 
 namespace shearbus {
+
+Batch columns_of(const Batch& batch, std::size_t rows) {
+  std::vector<Field> fields;
+  std::uint32_t components = 1;
+  for (const wire::Column& column : batch.columns()) {
+    if (column.component == 0) fields.push_back(column.field);
+    components = std::max(components, column.component + 1);
+  }
+  return Batch::of(fields, rows, components);
+}
+
 namespace {
 
 // The columns of numbers in memory of their own, which outlives the received frame.

@@ -10,7 +10,7 @@ void Encoder::grow(std::size_t bytes) {
   out_.resize(std::max(2 * out_.size(), end_ + bytes));
 }
 
-// Moves the content that begins there behind its length, which needs more than the one byte in front of it.
+// Moves the content from `begin` on behind its length, which needs more than the one byte in front of it.
 void Encoder::widen_length(std::size_t begin) {
   const std::size_t length = end_ - begin;
   room(kMaxVarintBytes);
@@ -28,7 +28,6 @@ bool Decoder::read_varint(std::uint64_t& value) {
     return true;
   }
   value = 0;
-  constexpr std::size_t kMaxVarintBytes = 10;
   for (std::size_t i = 0; i < kMaxVarintBytes && at_ < message_.size(); ++i) {
     const auto byte = std::to_integer<std::uint64_t>(message_[at_++]);
     value |= (byte & 0x7f) << (7 * i);

@@ -15,6 +15,8 @@ namespace shearbus::wire {
 
 enum class WireType : std::uint32_t { kVarint = 0, kFixed64 = 1, kLength = 2, kFixed32 = 5 };
 
+inline constexpr std::size_t kMaxVarintBytes = 10;  // of 64 bits, seven in each
+
 // Appends fields to a message.
 class Encoder {
  public:
@@ -71,7 +73,6 @@ class Encoder {
 
  private:
   static constexpr std::size_t kUsualBytes = 512;  // the header of a step or of its reply has fewer
-  static constexpr std::size_t kMaxVarintBytes = 10;
 
   // Makes room for so many bytes at end_; put_varint() and put() do not look for it.
   void room(std::size_t bytes) {

@@ -42,9 +42,8 @@ void Service::leave_capsules(const Member& member, const RunningStep& running, c
   std::size_t room = store_->capsule_room();
   for (std::size_t row = 0; row < failed.outcomes.size() && room > 0; ++row) {
     if ((failed.outcomes[row] & wire::kFailed) == 0) continue;
-    const std::uint32_t slot = rows.all ? shard.nodes().slot_of(row) : rows.slots[row];
-    const auto named = running.request.batch.u64(wire::Field::kNodeId);
-    const std::uint64_t node = rows.all ? shard.nodes().ids()[row] : named[row];
+    const std::uint64_t node = node_of(shard.nodes(), rows, running.request.batch, row);
+    const std::uint32_t slot = slot_of(shard.nodes(), rows, row);
     const std::string file = store_->leave_capsule(
         {.server_version = options_.server_version,
          .session = member.id,

@@ -2,6 +2,8 @@
 // request and of its reply. A shard moves the values between columns and tiles.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -11,6 +13,15 @@
 #include "server/shard/shard.hpp"
 
 namespace shearbus::service {
+
+// The node in a row of a step, and the slot of its state.
+inline std::uint64_t node_of(const shard::NodeTable& nodes, const shard::Rows& rows, const wire::Batch& batch,
+                             std::size_t row) {
+  return rows.all ? nodes.ids()[row] : batch.u64(wire::Field::kNodeId)[row];
+}
+inline std::uint32_t slot_of(const shard::NodeTable& nodes, const shard::Rows& rows, std::size_t row) {
+  return rows.all ? nodes.slot_of(row) : rows.slots[row];
+}
 
 // Whether the column is a sum that only nodes of a scene with friction_energy = true keep.
 inline bool is_friction_energy(wire::Field field) {

@@ -28,9 +28,10 @@ namespace {
 // number of commits after which a check of what the host sends is over
 constexpr std::uint64_t kWatched = 101;
 
-// Adds a warning to the reply if the layers that flow are not the half zones that move with their interface nodes, in most
-// of the closed contacts. Half zones differ a little from density times thickness: by the curvature of an axisymmetric
-// interface, and where a contact covers a part of a node's area. Without memory for the warning the reply goes without it.
+// Adds a warning to the reply if the layers that flow are not the half zones that move with their interface nodes, in
+// most of the closed contacts. Half zones differ a little from density times thickness: by the curvature of an
+// axisymmetric interface, and where a contact covers a part of a node's area. Without memory for the warning the reply
+// goes without it.
 void report_layers(const shard::Shard& shard, const wire::Batch& batch, const shard::Rows& rows,
                    wire::Upscale& upscale) noexcept try {
   if (!shard.model().options().plastic_layer || !batch.has(Field::kMassSoft) || shard.state_version() > kWatched)
@@ -45,12 +46,11 @@ void report_layers(const shard::Shard& shard, const wire::Batch& batch, const sh
   for (std::size_t row = 0; row < mass.size(); ++row) {
     if (!(pressure[row] > 0.0)) continue;
     ++found.closed;
-    const physics::ModelOptions& options =
-        shard.model_of(rows.all ? shard.nodes().slot_of(row) : rows.slots[row]).options();
+    const physics::ModelOptions& options = shard.model_of(slot_of(shard.nodes(), rows, row)).options();
     const double half_zone = mass[row] / options.soft.density, layer = options.grid.thickness;
     if (layer < kNear * half_zone && half_zone < kNear * layer) continue;
     if (found.other++ != 0) continue;
-    found.node = rows.all ? shard.nodes().ids()[row] : batch.u64(Field::kNodeId)[row];
+    found.node = node_of(shard.nodes(), rows, batch, row);
     found.layer = layer;
     found.half_zone = half_zone;
   }
@@ -359,20 +359,17 @@ void Service::report_closure(const Member& member, const wire::Downscale& step, 
   const shard::Shard& shard = *member.shard;
   const std::uint64_t version = shard.state_version();
   if (rows.all ? shard.nodes().size() == 0 : rows.slots.empty()) return;
-  const auto node_of = [&](std::size_t row) {
-    return rows.all ? shard.nodes().ids()[row] : batch.u64(Field::kNodeId)[row];
-  };
   upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
-  upscale.closure_node = node_of(closure.row);
-  upscale.layer_time_s = shard.layer_time(rows.all ? shard.nodes().slot_of(closure.row) : rows.slots[closure.row]);
+  upscale.closure_node = node_of(shard.nodes(), rows, batch, closure.row);
+  upscale.layer_time_s = shard.layer_time(slot_of(shard.nodes(), rows, closure.row));
   if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
   upscale.warnings.push_back(fmt::format(
       "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
       "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
       "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
       "impedance",
-      closure.host_time_step, node_of(closure.time_row), step.dt_s, upscale.closure_node, upscale.layer_time_s,
-      step.time_s));
+      closure.host_time_step, node_of(shard.nodes(), rows, batch, closure.time_row), step.dt_s, upscale.closure_node,
+      upscale.layer_time_s, step.time_s));
 } catch (const std::exception&) {
 }
 

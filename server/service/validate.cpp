@@ -226,7 +226,6 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
 
 // Refuses values of a request that are outside of the bounds of their columns.
 void check_inputs(const wire::Batch& batch, const shard::Rows& rows, const shard::NodeTable& nodes) {
-  const auto row_ids = batch.u64(Field::kNodeId);
   bool faults = false;
   for (const wire::Column& column : batch.columns()) {
     const wire::ColumnRow& row = wire::column_row(column.field);
@@ -241,7 +240,7 @@ void check_inputs(const wire::Batch& batch, const shard::Rows& rows, const shard
           row.field, batch.f64(row.field, component),
           [&] { return fmt::format("a number from {:g} to {:g} {}", row.lowest, row.highest, row.unit); },
           [&](double value) { return value >= row.lowest && value <= row.highest; },
-          [&](std::size_t at) { return rows.all ? nodes.ids()[at] : row_ids[at]; });
+          [&](std::size_t at) { return node_of(nodes, rows, batch, at); });
 }
 
 // The node_id column of an opening or of a change of nodes. The column may be empty only if `needed` is null; else

@@ -19,7 +19,6 @@ import shearbus  # noqa: E402
 OPTIONS, REST = served.options("server", "ctl", "source")
 
 SCENE = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
-PATIENCE_S = 30.0
 
 
 class OverTime(served.Served):
@@ -29,15 +28,7 @@ class OverTime(served.Served):
         self.file.parent.mkdir()
 
     def serve(self, bind, *arguments):
-        server = served.start(self, self.log(), OPTIONS.server, "--bind", bind, "--threads", "1", "--endpoint-file", self.file, *arguments)
-        self.until(lambda: "listening on" in server.text() or server.poll() is not None, server)
-        return server
-
-    def until(self, holds, server):
-        end = time.monotonic() + PATIENCE_S
-        while not holds():
-            self.assertLess(time.monotonic(), end, server.text())
-            time.sleep(0.02)
+        return served.serve(self, self.log(), OPTIONS.server, "--bind", bind, "--threads", "1", "--endpoint-file", self.file, *arguments)
 
     def run_ctl(self, *words):
         return subprocess.run([OPTIONS.ctl, *map(str, words)], capture_output=True, text=True, timeout=60, check=False)
@@ -64,7 +55,7 @@ class OverTime(served.Served):
 
     def open(self, endpoint=None, **options):
         session = shearbus.open(SCENE, range(4), endpoint or f"file://{self.file}", check_closure="off",
-                                **{"reply_deadline": PATIENCE_S, **options})
+                                **{"reply_deadline": served.PATIENCE_S, **options})
         self.addCleanup(session.leave)
         return session
 
@@ -82,12 +73,12 @@ class OverTime(served.Served):
         user, other = self.open(secret_key_file=self.path / "user.secret"), self.open(secret_key_file=self.path / "operator.secret")
         self.step(user), self.step(other)
         self.authorise("operator")
-        self.until(lambda: "1 connections of revoked keys were closed" in server.text(), server)  # it was idle
+        served.until(self, lambda: "1 connections of revoked keys were closed" in server.text(), server)  # it was idle
         self.assertIn("was revoked", server.text())
         with self.assertRaises(shearbus.Error) as fault:
             self.step(user)
         self.assertEqual(fault.exception.code, shearbus.Code.AUTH)
-        self.until(lambda: self.connections(server) == 1, server)
+        served.until(self, lambda: self.connections(server) == 1, server)
         self.step(other)
         # The states are as they were, and the key may come back.
         self.authorise("operator", "user")
@@ -99,7 +90,7 @@ class OverTime(served.Served):
         server = self.serve("tcp://127.0.0.1:*", *self.keys())
         user = self.open(secret_key_file=self.path / "user.secret")
         (self.path / "keys").chmod(0o666)
-        self.until(lambda: "ALARM: no key is admitted" in server.text(), server)
+        served.until(self, lambda: "ALARM: no key is admitted" in server.text(), server)
         self.step(user)
         (self.path / "keys").chmod(0o600)
         time.sleep(1.5)
@@ -135,12 +126,12 @@ class OverTime(served.Served):
             self.assertNotEqual(refused.returncode, 0, address)
             if address:
                 self.assertIn("127.0.0.1:9464", refused.stderr, address)
-        served = subprocess.Popen([OPTIONS.ctl, "metrics", "--server", f"file://{self.file}", "--listen", "127.0.0.1:0"],
-                                  stdout=subprocess.PIPE, text=True)
-        self.addCleanup(served.stdout.close)
-        self.addCleanup(served.wait)
-        self.addCleanup(served.terminate)
-        port = int(served.stdout.readline().split()[3].rstrip(","))
+        exporter = subprocess.Popen([OPTIONS.ctl, "metrics", "--server", f"file://{self.file}", "--listen", "127.0.0.1:0"],
+                                    stdout=subprocess.PIPE, text=True)
+        self.addCleanup(exporter.stdout.close)
+        self.addCleanup(exporter.wait)
+        self.addCleanup(exporter.terminate)
+        port = int(exporter.stdout.readline().split()[3].rstrip(","))
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30) as answer:
             self.assertIn("shearbus_sessions", answer.read().decode())
 
@@ -152,7 +143,7 @@ class OverTime(served.Served):
         for remove in (socket.unlink, lambda: shutil.rmtree(socket.parent)):
             made = socket.stat().st_ino
             remove()
-            self.until(lambda: socket.exists() and socket.stat().st_ino != made, server)
+            served.until(self, lambda: socket.exists() and socket.stat().st_ino != made, server)
             self.assertIn("was removed", server.text())
             self.step(before)
             with self.open() as after:
@@ -165,7 +156,7 @@ class OverTime(served.Served):
         self.assertEqual(server.text().count("ALARM"), 2)
         self.assertRegex(server.text(), r"(?m)^\d{4}-\d\d-\d\dT[\d:.]+[+-]\d\d:\d\d info listening on")  # a time with its zone
         server.send_signal(signal.SIGTERM)
-        self.assertEqual(server.wait(timeout=PATIENCE_S), 0)
+        self.assertEqual(server.wait(timeout=served.PATIENCE_S), 0)
         self.assertFalse(socket.exists())
 
     def test_what_stands_in_the_place_of_a_removed_socket_is_left_alone(self):
@@ -174,12 +165,12 @@ class OverTime(served.Served):
         before = self.open()
         socket.unlink()
         socket.write_text("a file of somebody")
-        self.until(lambda: "cannot be made again" in server.text(), server)
+        served.until(self, lambda: "cannot be made again" in server.text(), server)
         time.sleep(2.5)
         self.step(before)
         self.assertEqual(server.text().count("cannot be made again"), 1)
         server.send_signal(signal.SIGTERM)
-        self.assertEqual(server.wait(timeout=PATIENCE_S), 0)
+        self.assertEqual(server.wait(timeout=served.PATIENCE_S), 0)
         self.assertEqual(socket.read_text(), "a file of somebody")
 
     def test_a_host_name_is_no_address_to_listen_on(self):
