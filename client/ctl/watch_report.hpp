@@ -1,4 +1,4 @@
-// What shearbus-ctl watch shows of a look at a server, and the lines that tell it.
+// State of a server as shearbus-ctl watch prints it.
 #pragma once
 
 #include <cstdint>

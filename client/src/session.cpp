@@ -1,5 +1,5 @@
-// How a session sends its requests: in the order of their sequence numbers, across restarts of the server, each until its
-// reply has come.
+// How a session sends its requests: in the order of their sequence numbers, across restarts of the server, each until
+// its reply has come.
 #include "client/src/session.hpp"
 
 #include <fmt/ranges.h>

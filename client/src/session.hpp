@@ -197,6 +197,9 @@ Received Session::Impl::exchange(wire::Request&& request, const Accept& accept) 
   }
 }
 
+// Returns zeroed columns of `rows` values: those of another batch, by field and component.
+Batch columns_of(const Batch& batch, std::size_t rows);
+
 // Calls copy(column, from, to) with the values of each column of a batch, and those of the same column of another.
 template <typename Copy>
 void each_column(const Batch& from, Batch& to, const Copy& copy) {
@@ -210,10 +213,7 @@ void each_column(const Batch& from, Batch& to, const Copy& copy) {
   }
 }
 
-// Adds what the answer of some rows of a step says of them to that of others, but for state version and times.
+// Adds counts, largest closure and warnings of one answer to `sum`; not state version or times.
 void add_rows(wire::Upscale& sum, const wire::Upscale& some);
-
-// Returns zeroed columns of `rows` values: those of another batch, by field and component.
-Batch columns_of(const Batch& batch, std::size_t rows);
 
 }  // namespace shearbus

@@ -100,10 +100,10 @@ void Session::Impl::add_part(const Received& part) {
   ++in_parts->answered;
 }
 
-// A step of more rows than a message holds. While the server computes a part, the rows of the next part are gathered and
-// sent, if the server takes parts ahead, and the answers of the part before it are copied. If a part has no answer in
-// time, a repetition of the call goes on with that part, and sends what was sent before with the same bytes. If a part
-// is refused, the parts before it are dropped; the part behind it was refused, too, because it follows that part.
+// A step of more rows than a message holds. While the server computes a part, the rows of the next part are gathered
+// and sent, if the server takes parts ahead, and the answers of the part before it are copied. If a part has no answer
+// in time, a repetition of the call goes on with that part, and sends what was sent before with the same bytes. If a
+// part is refused, the parts before it are dropped; the part behind it was refused, too, because it follows that part.
 // `first`: part 1, if it was posted.
 const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
                                                std::optional<wire::Request> first) {
