@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -79,10 +80,15 @@ void couple(const SceneFile& file, Problem2d& problem) {
                                               problem.hard.diffusivity);
 }
 
-// Finishes a run that was killed between the end of its session and the removal of its dumps.
-void tidy_up(const RunOptions& run) {
-  RestartDumps(run.out, run.dumps).remove();
-  fmt::print("{}: the run had ended, and its results are whole\n", program::shown(run.out));
+// Ends a run that was killed after its results were whole: closes its session, if that is open still, and deletes the
+// dumps. `resume`: makes the interface law that goes on from the dump.
+void end_run(const std::filesystem::path& run, const std::function<std::unique_ptr<InterfaceLaw>()>& resume) {
+  try {
+    resume()->close();
+  } catch (const wire::Error& fault) {
+    if (fault.status().code != wire::Code::kUnknownSession) throw;
+  }
+  RestartDumps(run, {}).remove();
 }
 
 void carry_out_2d(const Options& options, const SceneFile& file, const files::DumpReader* from) {
@@ -121,22 +127,21 @@ void carry_out_2d(const Options& options, const SceneFile& file, const files::Du
   }
   if (shocked) problem.start_temperature = temperature;
   if (shocked && problem.heat_bound) problem.heat_bound->start_temperature = *std::ranges::min_element(temperature);
-  std::unique_ptr<InterfaceLaw> law;
-  try {
-    law = make_law_2d(file, problem, temperature, server, from != nullptr ? from->text("kept") : "");
-  } catch (const wire::Error& fault) {
-    if (from == nullptr || fault.status().code != wire::Code::kUnknownSession || !has_ended(run.out)) throw;
+  const auto make = [&] {
+    return make_law_2d(file, problem, temperature, server, from != nullptr ? from->text("kept") : "");
+  };
+  if (from != nullptr && has_ended(run.out)) {
+    if (!options.check) end_run(run.out, make);
+    return fmt::print("{}: the run had ended, and its results are whole\n", program::shown(run.out));
   }
+  const std::unique_ptr<InterfaceLaw> law = make();
   if (options.check) {
     profile_record(scene, interface_nodes(problem.bodies), *law);
     fmt::print("{}: in order; {} zones, {} interface nodes, interface law {}\n", file.document.file,
                problem.bodies.mesh.num_zones(), interface_nodes(problem.bodies), name(scene.hydro().interface_law()));
     return;
   }
-  if (law != nullptr)
-    run_problem2d(file, effective_scene(scene), std::move(problem), *law, run, from);
-  else
-    tidy_up(run);
+  run_problem2d(file, effective_scene(scene), std::move(problem), *law, run, from);
   if (options.plot && cone) plot_cone(run.out);
   fmt::print("  {:<24}{}\n", "results", program::shown(run.out));
 }

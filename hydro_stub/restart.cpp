@@ -50,7 +50,8 @@ files::DumpReader newest_dump(const fs::path& run) {
     }
   }
   throw wire::Error({.code = wire::Code::kInvalidValue,
-                     .text = fmt::format("{} holds no restart dump that can be read", restart_directory(run).string()),
+                     .text = fmt::format("{} holds no restart dump that can be read{}", restart_directory(run).string(),
+                                         has_ended(run) ? ": the run has ended, and its results are whole" : ""),
                      .remedy = "Give the directory of a run that was stopped."});
 }
 

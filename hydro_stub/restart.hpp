@@ -48,7 +48,7 @@ class RestartDumps {
   bool due(std::uint64_t steps) const;
   // Writes a dump: calls `fill` with the name of the dump and the writer that takes its contents.
   void write(std::uint64_t steps, const std::function<void(const std::string&, files::DumpWriter&)>& fill);
-  // Notes that the results are whole: from here on the session may be closed, and a run that is killed needs no restart.
+  // Notes that the results are whole. From here on the session may be closed, and a restart only tidies up.
   void note_end() const;
   void remove() const;  // deletes the dumps after the end of the run
 

@@ -127,7 +127,8 @@ def section_6(axis, replay):
 
 def steady(axis, replay):
     scene, history = EXAMPLES / "steady_sliding.toml", ("imposed", "--velocity", 100, "--pressure", 1e9, "--dt", 4e-9)
-    slopes = [f"{body}.{key}_slope_per_k=0" for body in ("soft", "hard") for key in ("thermal_conductivity", "specific_heat")]
+    eight = {key: f"[{','.join([value] * 8)}]" for key, value in (("thermal_conductivity_table_w_per_m_k", "15"), ("specific_heat_table_j_per_kg_k", "477"))}
+    slopes = ["soft.thermal_conductivity_slope_per_k=0", "soft.specific_heat_slope_per_k=0", *(f"hard.{key}={values}" for key, values in eight.items())]
     for run, label, dashes, colour in ((replay(scene, history), "as the scene", "-", WITH), (replay(scene, history, *slopes), "k, c constant", "--", WITHOUT),
                                        (replay(scene, history, "layer.far_boundary=half_space"), "half-spaces", ":", style.RUNS[2])):
         lines(axis, run, "interface_temperature", 1.0, [label, None], colour, dashes, nodes=[0, 3])

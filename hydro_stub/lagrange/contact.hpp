@@ -26,7 +26,7 @@
 namespace shearbus::lagrange {
 
 struct ContactOptions {
-  // The thread that asks the interface law advances zones off the slide lines until the law answers. Other threads do so
+  // The thread that asks the interface law advances zones off the slide lines until it answers. Other threads do so
   // in either case. Changes no result.
   bool overlap = true;
   double soft_share = 0.5;                   // share of the friction heat that enters the soft body

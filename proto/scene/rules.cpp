@@ -137,8 +137,14 @@ void add_unusual(const Message& table, const std::string& path, std::vector<std:
       }
     } else if (is_table(field)) {
       if (reflection.HasField(table, &field)) add_unusual(reflection.GetMessage(table, &field), name, found);
-    } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && !field.is_repeated() &&
-               reflection.HasField(table, &field)) {
+    } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && field.is_repeated()) {
+      for (int at = 0; at < reflection.FieldSize(table, &field); ++at) {
+        const double value = reflection.GetRepeatedDouble(table, &field, at);
+        if (is_usual(field, value)) continue;
+        found.push_back(unusual_text(field, name, value));
+        break;  // one warning for a list
+      }
+    } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE && reflection.HasField(table, &field)) {
       const double value = reflection.GetDouble(table, &field);
       if (!is_usual(field, value)) found.push_back(unusual_text(field, name, value));
     }

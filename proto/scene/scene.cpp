@@ -210,12 +210,48 @@ void check_yield_strength(const v1::Scene& scene, Findings& findings) {
                  "junctions yields as its layer does");
 }
 
+// A table of k(T) or c(T): two lists of one length, the first of rising temperatures.
+template <typename List>
+void check_table(const std::string& body, const std::string& quantity, const std::string& unit, bool has_slope,
+                 const List& temperatures, const List& values, Findings& findings) {
+  constexpr int kMostRows = 100;
+  const std::string T = fmt::format("{}.{}_table_temperature_k", body, quantity);
+  const std::string of_T = fmt::format("{}.{}_table_{}", body, quantity, unit);
+  if (!findings.sound(T) || !findings.sound(of_T) || (temperatures.empty() && values.empty())) return;
+  const int rows = temperatures.size();
+  if (rows == 0 || values.empty())
+    return findings.add(rows == 0 ? of_T : T, fmt::format("{} is one column of a table: give {}, too",
+                                                          rows == 0 ? of_T : T, rows == 0 ? T : of_T));
+  if (values.size() != rows)
+    return findings.add(
+        of_T, fmt::format("{} has {} values for {} temperatures: expected as many", of_T, values.size(), rows));
+  if (rows < 2 || rows > kMostRows)
+    return findings.add(T, fmt::format("{} has {} values, expected 2 to {}", T, rows, kMostRows));
+  for (int i = 1; i < rows; ++i)
+    if (!(temperatures[i] > temperatures[i - 1]))
+      return findings.add(T, fmt::format("{}[{}] = {} K is not above the temperature before it, {} K: sort the rows", T,
+                                         i, number_text(temperatures[i]), number_text(temperatures[i - 1])));
+  const std::string slope = fmt::format("{}.{}_slope_per_k", body, quantity);
+  if (has_slope)
+    findings.add(slope,
+                 fmt::format("{} and {} both say how it follows the temperature: leave out one of them", slope, of_T));
+}
+
+void check_heat_tables(const v1::Body& body, const std::string& name, Findings& findings) {
+  check_table(name, "thermal_conductivity", "w_per_m_k", body.has_thermal_conductivity_slope_per_k(),
+              body.thermal_conductivity_table_temperature_k(), body.thermal_conductivity_table_w_per_m_k(), findings);
+  check_table(name, "specific_heat", "j_per_kg_k", body.has_specific_heat_slope_per_k(),
+              body.specific_heat_table_temperature_k(), body.specific_heat_table_j_per_kg_k(), findings);
+}
+
 }  // namespace
 
 void check_scene(const v1::Scene& scene, Findings& findings) {
   if (scene.strategy() == v1::STRATEGY_FORCE_DRIVEN && !scene.has_interface() && findings.sound("interface"))
     findings.add("strategy", "strategy force_driven needs the table [interface], which is missing");
   check_yield_strength(scene, findings);
+  check_heat_tables(scene.soft(), "soft", findings);
+  check_heat_tables(scene.hard(), "hard", findings);
   check_grids(scene, findings);
   const auto soft_only = [&](bool given, const std::string& key) {
     if (given)

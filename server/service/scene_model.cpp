@@ -7,6 +7,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -59,6 +60,45 @@ physics::Material material_of(const v1::Body& body, const std::string& table) {
   if (body.pressure_term() == v1::PRESSURE_TERM_COMPRESSED)
     made.material.pressure_term = physics::PressureTerm::kCompressed;
   return made.material;
+}
+
+// A table of k(T) or c(T) in parts of the body's constant `of` at `key`; empty where the scene has none.
+template <typename List>
+physics::HeatTable heat_table_of(const List& temperatures, const List& values, double of, const std::string& key,
+                                 const std::string& constant) {
+  constexpr double kMost = 20.0;
+  physics::HeatTable table{{temperatures.begin(), temperatures.end()}, {}};
+  for (const double value : values) {
+    const double share = value / of;
+    if (!(share >= physics::Material::kLeastHeatShare && share <= kMost))
+      refuse(
+          key,
+          fmt::format("{} has the value {}, expected a twentieth to {} times {} = {}", key, value, kMost, constant, of),
+          "Give both in one unit, and the constant in the middle of the table.");
+    table.share.push_back(share);
+  }
+  return table;
+}
+
+std::shared_ptr<const physics::HeatTables> heat_tables_of(const v1::Scene& scene,
+                                                          const physics::ModelOptions& options) {
+  const auto conductivity = [](const v1::Body& body, const physics::Material& made, const std::string& name) {
+    return heat_table_of(body.thermal_conductivity_table_temperature_k(), body.thermal_conductivity_table_w_per_m_k(),
+                         made.conductivity, name + ".thermal_conductivity_table_w_per_m_k",
+                         name + ".thermal_conductivity_w_per_m_k");
+  };
+  const auto heat = [](const v1::Body& body, const physics::Material& made, const std::string& name) {
+    return heat_table_of(body.specific_heat_table_temperature_k(), body.specific_heat_table_j_per_kg_k(),
+                         made.specific_heat, name + ".specific_heat_table_j_per_kg_k",
+                         name + ".specific_heat_j_per_kg_k");
+  };
+  physics::HeatTables tables{conductivity(scene.soft(), options.soft, "soft"), heat(scene.soft(), options.soft, "soft"),
+                             conductivity(scene.hard(), options.hard, "hard"),
+                             heat(scene.hard(), options.hard, "hard")};
+  if (tables.soft_conductivity.empty() && tables.soft_heat.empty() && tables.hard_conductivity.empty() &&
+      tables.hard_heat.empty())
+    return nullptr;
+  return std::make_shared<const physics::HeatTables>(std::move(tables));
 }
 
 physics::FarBoundary far_boundary_of(v1::FarBoundary boundary) {
@@ -215,6 +255,7 @@ SceneModel convert_tables(v1::Scene& scene) {
   physics::ModelOptions& options = made.options;
   options.soft = material_of(scene.soft(), "soft");
   options.hard = material_of(scene.hard(), "hard");
+  options.heat_tables = heat_tables_of(scene, options);
   options.strategy = scene.strategy() == v1::STRATEGY_FORCE_DRIVEN ? physics::Strategy::kForceDriven
                                                                    : physics::Strategy::kVelocityDriven;
   options.tangential_components = static_cast<int>(scene.tangential_components());

@@ -87,6 +87,16 @@ std::vector<Physics> all_physics() {
   inertia.inertia = true;
   ModelOptions waves_and_friction = under_pressure(friction);
   waves_and_friction.inertia = true;
+  ModelOptions waves_and_junctions = inertia;
+  waves_and_junctions.friction_coefficient = 0.02;
+  waves_and_junctions.interface = {.friction_coefficient = 0.02,
+                                   .yield_strength = 200e6,
+                                   .friction_law = FrictionLaws::place<RateAndState>(),
+                                   .slip_length = 1e-6,
+                                   .reference_velocity = 1.0,
+                                   .direct_effect = 4e-4,
+                                   .evolution_effect = 6e-4};
+  waves_and_junctions.junctions = {0.5, 1e-7, inertia.soft};
 
   ModelOptions insulated = force;
   insulated.grid.far_boundary = FarBoundary::kInsulated;
@@ -133,6 +143,7 @@ std::vector<Physics> all_physics() {
                               {"plastic heating", plastic_heating},
                               {"inertia", inertia},
                               {"inertia, Coulomb, T_melt(P)", waves_and_friction},
+                              {"inertia, rate and state, junctions", waves_and_junctions},
                               {"T_melt(P), compressed", under_pressure(velocity)},
                               {"Johnson-Cook", johnson_cook(velocity)},
                               {"Preston-Tonks-Wallace", preston(velocity)},

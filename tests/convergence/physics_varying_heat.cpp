@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <numbers>
 
 #include "tests/support/physics_rig.hpp"
@@ -90,23 +91,103 @@ TEST(PhysicsVaryingHeat, ASteadyFluxBetweenHeldFacesIsExact) {
   EXPECT_NEAR(T0_after(options, 400e-6, 400, kSlow), exact, 1e-8 * exact);
 }
 
-// A body stores what enters, as the integral of c(T).
-TEST(PhysicsVaryingHeat, TheHeatThatEntersIsTheGrowthOfTheEnthalpy) {
-  const ModelOptions options = equal_bodies(-4e-4, 1e-3, FarBoundary::kInsulated, 60, 1.08);
-  Rig rig(options, 1);
-  rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
-  rig.set_all(kJump, kPressure);
-  TileLedger ledger;
-  double entered = 0.0, left = 0.0;
-  for (int n = 0; n < 200; ++n) {
-    rig.step(1e-9);
-    rig.model.record_energy(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
-    entered += rig.outputs.friction_heat[0];
-    left += ledger(LedgerTerm::kHeatResidual, 0);
+// ---- Tables ----
+
+// k or c of both bodies with two kinks, over its value at 300 K.
+const HeatTable kKinked{{300.0, 450.0, 700.0, 1e5}, {1.0, 0.7, 1.6, 1.6}};
+
+ModelOptions with_tables(ModelOptions options, const HeatTable& conductivity, const HeatTable& heat) {
+  options.heat_tables = std::make_shared<const HeatTables>(HeatTables{conductivity, heat, conductivity, heat});
+  return options;
+}
+
+// The temperature at which the integral of kKinked from 300 K is `sum`: Kirchhoff's transform, quadratic between rows.
+double kinked_temperature_of(double sum) {
+  for (std::size_t i = 1;; ++i) {
+    const double T = kKinked.temperature[i - 1], width = kKinked.temperature[i] - T, first = kKinked.share[i - 1];
+    const double slope = (kKinked.share[i] - first) / width, whole = 0.5 * width * (first + kKinked.share[i]);
+    if (sum <= whole) return T + 2.0 * sum / (first + std::sqrt(first * first + 2.0 * slope * sum));
+    sum -= whole;
   }
-  EXPECT_GT(rig.T(0), 600.0);
-  std::printf("heat of 200 steps that is missing: %.1e of it\n", left / entered);
-  EXPECT_LT(std::abs(left), 1e-8 * entered);
+}
+
+TEST(PhysicsHeatTables, HalfSpacesUnderAConstantFluxFollowKirchhoffsTransform) {
+  const ModelOptions options =
+      with_tables(equal_bodies(kNotGiven, kNotGiven, FarBoundary::kHalfSpace, 600, 1.01), kKinked, kKinked);
+  const Material& m = options.soft;
+  const double t = 400e-9;
+  const double linear = 2.0 * flux_of_body(kJump) / m.conductivity * std::sqrt(m.diffusivity * t / std::numbers::pi);
+  const double exact = kinked_temperature_of(linear);
+  EXPECT_GT(exact, 700.0);  // beyond both kinks
+  EXPECT_GT(std::abs(exact - kStart - linear), 0.05 * linear);
+  std::printf("tables, T0 to %.1f K (constant k and c: %.1f K): steps, error [K], order\n", exact, kStart + linear);
+  double before = 0.0;
+  for (const int steps : {16, 32, 64}) {
+    const double error = std::abs(T0_after(options, t, steps) - exact);
+    const double order = before > 0.0 ? std::log2(before / error) : NAN;
+    std::printf("  %5d  %10.3e  %6.3f\n", steps, error, order);
+    if (before > 0.0) {
+      EXPECT_GT(order, 0.85);
+    }
+    before = error;
+  }
+  EXPECT_LT(before, 4e-3 * (exact - kStart));
+}
+
+TEST(PhysicsHeatTables, ASteadyFluxBetweenHeldFacesIsExact) {
+  const ModelOptions options = with_tables(equal_bodies(kNotGiven, kNotGiven, FarBoundary::kIsothermal, 40, 1.05),
+                                           kKinked, {{0.0, 500.0, 1e5}, {1.0, 1.5, 2.0}});
+  constexpr double kSlow = 100.0;
+  const double exact = kinked_temperature_of(flux_of_body(kSlow) * options.grid.thickness / options.soft.conductivity);
+  EXPECT_GT(exact, 650.0);
+  EXPECT_NEAR(T0_after(options, 400e-6, 400, kSlow), exact, 1e-8 * exact);
+}
+
+// A table along a straight line is a slope.
+TEST(PhysicsHeatTables, AStraightTableIsASlope) {
+  const auto line = [](double slope) {
+    HeatTable table{{50.0, 320.0, 410.0, 600.0, 2000.0}, {}};
+    for (const double T : table.temperature) table.share.push_back(1.0 + slope * (T - 300.0));
+    table.temperature.push_back(1e5);  // to melting, which is not reached
+    table.share.push_back(table.share.back());
+    return table;
+  };
+  Rig slopes(equal_bodies(-2e-4, 5e-4, FarBoundary::kInsulated, 20, 1.1), 1);
+  Rig tables(with_tables(equal_bodies(kNotGiven, kNotGiven, FarBoundary::kInsulated, 20, 1.1), line(-2e-4), line(5e-4)),
+             1);
+  for (int n = 0; n < 50; ++n) {
+    for (Rig* rig : {&slopes, &tables}) {
+      rig->inputs.mass_soft[0] = rig->inputs.mass_hard[0] = 1e12;
+      rig->set_all(kJump, kPressure);
+      rig->step(2e-9);
+    }
+    ASSERT_NEAR(tables.T(0), slopes.T(0), 1e-10 * slopes.T(0)) << n;
+  }
+  EXPECT_GT(slopes.T(0), 500.0);
+}
+
+// A body stores what enters, as the integral of c(T): of a slope, and of a table with kinks.
+TEST(PhysicsVaryingHeat, TheHeatThatEntersIsTheGrowthOfTheEnthalpy) {
+  const ModelOptions by_slopes = equal_bodies(-4e-4, 1e-3, FarBoundary::kInsulated, 60, 1.08);
+  const ModelOptions by_tables =
+      with_tables(equal_bodies(kNotGiven, kNotGiven, FarBoundary::kInsulated, 60, 1.08), kKinked, kKinked);
+  for (const ModelOptions& options : {by_slopes, by_tables}) {
+    Rig rig(options, 1);
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
+    rig.set_all(kJump, kPressure);
+    TileLedger ledger;
+    double entered = 0.0, left = 0.0;
+    for (int n = 0; n < 200; ++n) {
+      rig.step(1e-9);
+      rig.model.record_energy(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
+      entered += rig.outputs.friction_heat[0];
+      left += ledger(LedgerTerm::kHeatResidual, 0);
+    }
+    EXPECT_GT(rig.T(0), 600.0);
+    std::printf("heat of 200 steps that is missing: %.1e of it\n", left / entered);
+    EXPECT_LT(std::abs(left), 1e-8 * entered);
+    EXPECT_NEAR(rig.stored_heat(kStart), entered, 1e-8 * entered);
+  }
 }
 
 // A slope of 0 is a body of constant k and c, to the last bit.

@@ -234,23 +234,28 @@ class Restart(unittest.TestCase):
         self.assertEqual(process.returncode, 0, printed)
         same(self, out, reference)
 
-    def test_killed_behind_the_end_of_its_session(self):
-        """Kills a run at the removal of its only dump: its session is closed by then."""
+    def test_killed_after_its_results_were_whole(self):
+        """Kills a run before it closes its session, and at the removal of its only dump, when the session is closed."""
         if subprocess.run(["strace", "-o", "/dev/null", "true"], check=False, capture_output=True).returncode != 0:
             self.skipTest("strace is not installed or may not trace")
         reference = self.undisturbed()
         self.serve()
-        for where, server in (("embedded", ()), ("served", ("--server", self.endpoint))):
-            with self.subTest(where):
-                out = self.path / where
-                dump = out / "restart/dump-000000000100.h5"
-                killed = self.start("strace", "-f", "-o", "/dev/null", "-P", dump, "-e", "inject=unlink:signal=KILL",
-                                    OPTIONS.hydro, self.scene, "--out", out, *server, "--no-plot", "--dump-every", 100)
-                printed, _ = killed.communicate(timeout=120)
-                self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
-                self.assertTrue(dump.exists(), printed)
-                printed = self.finished(out, self.start(OPTIONS.hydro, "--restart", out, "--no-plot"), reference)
-                self.assertIn("the run had ended, and its results are whole", printed)
+        served = ("--server", self.endpoint)
+        for place, file, call in (("before", "ended", "close"), ("after", "dump-000000000100.h5", "unlink")):
+            for server in ((), served):
+                with self.subTest(place=place, server=server):
+                    out = self.path / f"{place}-{len(server)}"
+                    killed = self.start("strace", "-f", "-o", "/dev/null", "-P", out / "restart" / file, "-e", f"inject={call}:signal=KILL",
+                                        OPTIONS.hydro, self.scene, "--out", out, *server, "--no-plot", "--dump-every", 100)
+                    printed, _ = killed.communicate(timeout=120)
+                    self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
+                    said = "the run had ended, and its results are whole"
+                    looked = subprocess.run([OPTIONS.hydro, "--restart", out, "--check"], capture_output=True, text=True, timeout=60)
+                    self.assertIn(said, looked.stdout, looked.stderr)
+                    self.assertTrue((out / "restart/dump-000000000100.h5").exists())
+                    self.assertIn(said, self.finished(out, self.start(OPTIONS.hydro, "--restart", out, "--no-plot"), reference))
+        sessions = subprocess.run([OPTIONS.ctl, "sessions", "--server", self.endpoint], capture_output=True, text=True, timeout=60)
+        self.assertEqual(len(sessions.stdout.splitlines()), 1, f"{sessions.stdout}{sessions.stderr}")  # the heading
 
     def test_restart_of_nothing(self):
         done = subprocess.run([OPTIONS.hydro, "--restart", str(self.path / "none")], capture_output=True, text=True)
@@ -279,6 +284,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--hydro", required=True)
     parser.add_argument("--server", required=True)
+    parser.add_argument("--ctl", required=True)
     parser.add_argument("--problems", required=True)
     OPTIONS, rest = parser.parse_known_args()
     unittest.main(argv=[sys.argv[0], *rest])

@@ -42,10 +42,13 @@ class OptionScenes(unittest.TestCase):
     def test_sliding_between_baths_becomes_that_of_steady_conduction(self):
         found = self.result("steady_sliding")
         mu, slope, conductivity, thickness, melting = 0.1, 1e-3, 16.2, 2e-6, 2380.0
+        rows, values = [300.0, 400.0, 600.0, 800.0, 1000.0, 1200.0, 1500.0, 2500.0], [14.9, 16.6, 19.8, 22.6, 25.4, 28.0, 31.7, 31.7]
+        T = np.linspace(300.0, 2300.0, 200001)
+        k = np.interp(T, rows, values) + conductivity * (1.0 + slope * (T - 300.0))
+        carried = np.concatenate(([0.0], np.cumsum(0.5 * (k[1:] + k[:-1]) * np.diff(T)))) / thickness
         for i, v in enumerate(found["sliding_velocity"][-1]):
-            # mu (1 - theta / (T_melt - 300)) P v = 2 k (theta + a theta^2 / 2) / h
-            pull, carry = mu * 1e9 * v, 2.0 * conductivity / thickness
-            rise = max(np.roots([0.5 * slope * carry, carry + pull / (melting - 300.0), -pull]))
+            # mu (1 - (T0 - 300 K) / (T_melt - 300 K)) P v is what both bodies carry
+            rise = T[np.argmax(carried >= mu * (1.0 - (T - 300.0) / (melting - 300.0)) * 1e9 * v)] - 300.0
             self.assertAlmostEqual(found["interface_temperature"][-1, i] - 300.0, rise, delta=2e-3 * rise)
 
     def test_a_wave_crosses_the_layer_and_is_the_impedance_times_the_jump(self):

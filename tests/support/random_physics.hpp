@@ -282,6 +282,18 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   return options;
 }
 
+// The same with any contact law, with junctions or with both.
+inline ModelOptions random_inertia_contact_options(Draw& draw, bool extreme) {
+  ModelOptions options = random_inertia_options(draw, extreme);
+  if (!options.friction_coefficient) options.friction_coefficient = draw.log_uniform(0.01, 1.0);
+  draw_other_contact(draw, extreme, options);
+  if (options.junctions && draw.chance(0.3)) {
+    options.friction_coefficient.reset();
+    options.interface.friction_law = {};
+  }
+  return options;
+}
+
 // Lets plastic work heat a force-driven layer, with a fair chance where options allow it.
 inline void draw_work_heat(Draw& draw, ModelOptions& options) {
   if (options.strategy == Strategy::kForceDriven && options.plastic_layer && options.hard_grid && draw.chance(0.6))
@@ -320,7 +332,8 @@ inline ModelOptions random_melting_options(Draw& draw, bool extreme) {
 enum class Solver { kVelocityDriven, kForceDriven, kInertia, kMeltFilm };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
-  if (solver == Solver::kInertia) return random_inertia_options(draw, extreme);
+  if (solver == Solver::kInertia)
+    return draw.chance(0.5) ? random_inertia_contact_options(draw, extreme) : random_inertia_options(draw, extreme);
   if (solver == Solver::kMeltFilm) {
     ModelOptions options = random_melting_options(draw, extreme);
     options.tangential_components = 1;

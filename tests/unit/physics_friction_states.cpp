@@ -361,5 +361,36 @@ TEST(PhysicsContactLaws, ConstantsWithoutAMeaningAreRefused) {
   EXPECT_EQ(key(options), "interface.direct_effect");
 }
 
+// Junctions weaker than a layer at its ceiling when they are fresh, and stronger once they have slipped: the layer flows
+// by any amount under its ceiling, and the junctions slip until they carry it.
+TEST(PhysicsContactLaws, AContactThatHardensPastALayerAtItsCeilingSlipsUntilItCarriesIt) {
+  for (const bool inertia : {false, true}) {
+    ModelOptions options = graded(paper_options(), 20, 1.2);
+    options.soft.hardening_coefficient = 0.0;
+    options.soft.yield_strength = 2e8;
+    options.soft.temperature_coefficient = options.soft.pressure_coefficient = 0.0;
+    options.soft.melting_temperature = 1e9;
+    options.junctions = {0.5, 1e-7, options.soft};
+    options.junctions->metal.hardening_coefficient = 100.0;
+    options.junctions->metal.hardening_exponent = 0.5;
+    options.inertia = inertia;
+    Rig rig(options, 1);
+    rig.set_all(100.0, 1e9);
+    double strain = 0.0;
+    for (int n = 0; n < 20; ++n) {
+      rig.step(1e-9);
+      const double v = (rig.junction_strain() - strain) * kSqrt3 * 1e-7 / 1e-9;
+      strain = rig.junction_strain();
+      const double limit = 0.5 * 2e8 * std::sqrt(1.0 + 100.0 * strain) / kSqrt3;
+      ASSERT_LE(rig.stress(), limit * (1.0 + 1e-10)) << inertia << n;
+      if (v > 0.0) {
+        ASSERT_NEAR(rig.stress(), limit, 1e-9 * limit) << inertia << n;
+      }
+    }
+    EXPECT_NEAR(strain, 0.03, 1e-10) << inertia;  // twice the strength of fresh junctions
+    EXPECT_NEAR(rig.stress(), 2e8 / kSqrt3, 1.0);
+  }
+}
+
 }  // namespace
 }  // namespace shearbus::testing

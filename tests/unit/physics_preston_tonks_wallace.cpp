@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <utility>
 #include <vector>
 
 #include "server/physics/reference/parts.hpp"
+#include "server/physics/solver/velocity_driven/waves_return.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
@@ -312,6 +314,33 @@ TEST(PhysicsPrestonTonksWallace, ConstantsOutOfOrderAreRefused) {
   EXPECT_EQ(fault_with(&Material::modulus_temperature, 0.7), "modulus_temperature_coefficient");
   EXPECT_EQ(fault_with(&Material::work_hardening_curvature, 200.0), "work_hardening_curvature");
   EXPECT_EQ(fault_with(&Material::attempt_rate, 1e-20), "attempt_rate_coefficient");
+}
+
+// The return of a trial stress to the flow stress, as a layer with inertia makes it: where nearly all of the trial stress
+// flows away next to melting, the stress and the temperature that it causes belong together to the last digits.
+TEST(PhysicsPrestonTonksWallace, AReturnWithItsOwnHeatIsTheFlowStressAtThatHeat) {
+  Draw draw(4711);
+  double worst = 0.0;
+  int hot = 0;
+  for (int n = 0; n < 2000; ++n) {
+    ModelOptions options = paper_options();
+    adopt_flow_law(options.soft, random_preston_tonks_wallace(draw));
+    const Material& soft = options.soft;
+    const double dt = draw.log_uniform(1e-10, 1e-7), P = draw.uniform(0.0, 2e10), ep = draw.log_uniform(1e-3, 1.0);
+    const double T_ad = draw.uniform(300.0, 1000.0), trial = draw.log_uniform(1e8, 1e12);
+    // Half of the returns would melt the vertex if they carried 10 GPa or less.
+    const double rise = draw.chance(0.5) ? 0.0 : (soft.melting_temperature - T_ad) / draw.log_uniform(1e7, 1e10);
+    const ReturnedStress found = LawReturn(soft, P, dt).at(ep, trial, T_ad, rise);
+    const double dep = (trial - found.stress) / (kSqrt3 * soft.shear_modulus), T = T_ad + rise * found.stress;
+    if (dep < 1e-6) continue;  // mostly elastic: the strain is the unknown, not the stress
+    ASSERT_LT(T, soft.melting_temperature);
+    const double carried = flow_stress(soft, ep + dep, P, T, dep / dt) / kSqrt3;
+    worst = std::max(worst, std::abs(found.stress / carried - 1.0));
+    ASSERT_NEAR(found.stress, carried, 1e-10 * carried) << "trial " << trial << " T " << T << " dep " << dep;
+    hot += T > 0.99 * soft.melting_temperature;
+  }
+  std::printf("worst %.1e, %d near melting\n", worst, hot);
+  EXPECT_GT(hot, 100);
 }
 
 }  // namespace

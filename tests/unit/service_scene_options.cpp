@@ -426,6 +426,60 @@ TEST(SceneOptions, ConductivityAndHeatMayFollowTheTemperature) {
   EXPECT_EQ(scene_model(scene_model(scene).effective, "effective").options.hard.specific_heat_slope, 3e-4);
 }
 
+TEST(SceneOptions, TablesOfConductivityAndHeatAreCheckedRowByRow) {
+  const auto fill = [](auto* list, std::initializer_list<double> values) {
+    list->Assign(values.begin(), values.end());
+  };
+  v1::Scene scene = support::velocity_scene();
+  scene.mutable_hard_layer();
+  v1::Body& soft = *scene.mutable_soft();
+  auto* T = soft.mutable_thermal_conductivity_table_temperature_k();
+  auto* k = soft.mutable_thermal_conductivity_table_w_per_m_k();
+  const double of = scene_model(scene).options.soft.conductivity;
+  fill(T, {200.0, 600.0, 1e4});
+  EXPECT_EQ(refusal_of(scene).field, "soft.thermal_conductivity_table_temperature_k");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("give soft.thermal_conductivity_table_w_per_m_k, too"));
+  fill(k, {of, 0.9 * of});
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("has 2 values for 3 temperatures"));
+  fill(k, {of, 0.9 * of, 0.8 * of});
+  const SceneModel made = scene_model(scene);
+  ASSERT_NE(made.options.heat_tables, nullptr);
+  EXPECT_EQ(made.options.heat_tables->soft_conductivity.at(400.0), 0.95);
+  EXPECT_TRUE(made.options.heat_tables->hard_heat.empty());
+  const SceneModel again = scene_model(made.effective, "effective");
+  EXPECT_EQ(again.options.heat_tables->soft_conductivity.share, made.options.heat_tables->soft_conductivity.share);
+  expect_own(made);
+
+  soft.set_thermal_conductivity_slope_per_k(-2e-4);
+  EXPECT_EQ(refusal_of(scene).field, "soft.thermal_conductivity_slope_per_k");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("leave out one of them"));
+  soft.clear_thermal_conductivity_slope_per_k();
+  fill(T, {200.0, 200.0, 1e4});
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("[1] = 200 K is not above the temperature before it, 200 K"));
+  fill(T, {400.0, 600.0, 1e4});
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("reaches from 400 to 10000 K, and the bodies from the start at 300 K"));
+  EXPECT_THAT(refusal_of(scene).remedy, HasSubstr("rows for that range"));
+  fill(T, {200.0, 600.0, 900.0});
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("to melting at 1220 K"));
+  fill(T, {200.0, 600.0, 1e4});
+  fill(k, {of, 0.0, of});
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("table_w_per_m_k[1] = 0 W m-1 K-1 is out of range, expected above 0"));
+  fill(k, {of, 30.0 * of, of});
+  EXPECT_EQ(refusal_of(scene).field, "soft.thermal_conductivity_table_w_per_m_k");
+  EXPECT_THAT(refusal_of(scene).text,
+              HasSubstr("expected a twentieth to 20 times soft.thermal_conductivity_w_per_m_k"));
+  fill(T, {200.0});
+  fill(k, {of});
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("has 1 values, expected 2 to 100"));
+  T->Clear();
+  k->Clear();
+  scene.clear_hard_layer();
+  fill(scene.mutable_hard()->mutable_specific_heat_table_temperature_k(), {200.0, 1e4});
+  fill(scene.mutable_hard()->mutable_specific_heat_table_j_per_kg_k(), {500.0, 600.0});
+  EXPECT_EQ(refusal_of(scene).field, "hard.specific_heat_table_j_per_kg_k");
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("give the table [hard_layer]"));
+}
+
 const std::vector<std::pair<std::string, double>> kJohnsonCookCopper = {
     {"yield_strength_pa", 90e6},        {"hardening_modulus_pa", 292e6},      {"hardening_exponent", 0.31},
     {"rate_coefficient", 0.025},        {"reference_strain_rate_per_s", 1.0}, {"thermal_softening_exponent", 1.09},

@@ -194,20 +194,18 @@ bool conducted_sdirk2(const ModelOptions& options, double dt, const NodeInputs& 
 NodeOutputs advance_varying(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const NodeState before = state;
   const std::vector<double> old = profile_of(before).rows;
-  std::vector<double> at = old;
   NodeOutputs out;
   std::vector<double> last = old;
   for (int pass = 0; pass <= 8; ++pass) {
     state = before;
-    state.coefficients_at = at;
+    state.coefficients_from = old;
+    state.coefficients_to = last;
     out = advance_undivided(options, dt, inputs, state);
-    state.coefficients_at.clear();
+    state.coefficients_from.clear();
+    state.coefficients_to.clear();
     const std::vector<double> now = profile_of(state).rows;
     double moved = 0.0;
-    for (std::size_t i = 0; i < at.size(); ++i) {
-      at[i] = 0.5 * (old[i] + now[i]);
-      moved = std::max(moved, std::abs(now[i] - last[i]));
-    }
+    for (std::size_t i = 0; i < now.size(); ++i) moved = std::max(moved, std::abs(now[i] - last[i]));
     last = now;
     if (pass > 0 && moved <= 1e-6) break;
   }

@@ -25,8 +25,8 @@ struct NodeState {
   double junction_strain = 0.0;  // plastic strain of the junctions, ep_a
   double friction_state = 0.0;   // of the friction law: psi [Pa], or ln(V0 theta/D)
   std::vector<double> liquid_fraction;  // with a melt film: at the soft body's heat vertices
-  std::vector<double>
-      coefficients_at;  // of the step at hand: temperatures of k(T) and c(T), in the order of both bodies
+  // Of the step at hand: the temperatures at its ends, between which k(T) and c(T) are taken, in the order of both bodies.
+  std::vector<double> coefficients_from, coefficients_to;
 };
 
 struct NodeInputs {

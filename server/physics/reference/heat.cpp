@@ -21,7 +21,8 @@ double conducted_share(const ModelOptions& options) {
 }
 
 Profile profile_of(const NodeState& state) {
-  Profile profile{state.hard_temperature, state.hard_temperature.size(), state.coefficients_at};
+  Profile profile{state.hard_temperature, state.hard_temperature.size(), state.coefficients_from,
+                  state.coefficients_to};
   profile.rows.insert(profile.rows.end(), state.temperature.begin(), state.temperature.end());
   return profile;
 }
@@ -42,7 +43,7 @@ namespace {
 Heat heat_of_modes(const ModelOptions& options, double dt, double early, double early_flux, const Profile& old) {
   const HeatModes modes(HeatKernel(options.soft, options.grid), *options.modes);
   const std::size_t last = old.rows.size() - 1;
-  Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last, {}}};
+  Heat heat{old, {std::vector<double>(old.rows.size(), 0.0), last, {}, {}}};
   double T0 = old.rows[0];
   for (std::size_t j = 0; j < modes.rate.size(); ++j) {
     // The flux at a time s before the end of the step adds to the mode with the weight exp(-rate s). This flux is
@@ -64,24 +65,53 @@ Heat heat_of_modes(const ModelOptions& options, double dt, double early, double 
   return heat;
 }
 
+// A table, and its integral from its first temperature.
+double table_at(const HeatTable& table, double T) {
+  for (std::size_t i = 1; i < table.temperature.size(); ++i) {
+    const double lo = table.temperature[i - 1], hi = table.temperature[i];
+    if (T >= lo && T < hi) return (table.share[i - 1] * (hi - T) + table.share[i] * (T - lo)) / (hi - lo);
+  }
+  return T < table.temperature.front() ? table.share.front() : table.share.back();
+}
+double integral_of(const HeatTable& table, double T) {
+  if (T <= table.temperature.front()) return table.share.front() * (T - table.temperature.front());
+  double sum = 0.0;
+  for (std::size_t i = 1; i < table.temperature.size(); ++i) {
+    const double lo = table.temperature[i - 1], hi = std::min(T, table.temperature[i]);
+    if (hi > lo) sum += 0.5 * (hi - lo) * (table.share[i - 1] + table_at(table, hi));
+  }
+  return sum + table.share.back() * std::max(0.0, T - table.temperature.back());
+}
+
 }  // namespace
 
 Profile conduct(const ModelOptions& options, double dt, const std::vector<double>& sources, const Profile& old) {
   const HeatGrid grid = heat_grid_of(options);
   const int n = grid.num_vertices();
-  // k(T)/k and c(T)/c as they are printed, at the given temperatures.
-  const auto linear = [&](double slope, double T) { return std::isfinite(slope) ? 1.0 + slope * (T - 300.0) : 1.0; };
+  // k(T)/k and c(T)/c as they are printed, as means between two temperatures: of a table the difference of its integrals.
+  const auto mean = [&](double slope, const HeatTable* table, double T_1, double T_2) {
+    const double T = 0.5 * (T_1 + T_2);
+    if (table == nullptr || table->empty()) return std::isfinite(slope) ? 1.0 + slope * (T - 300.0) : 1.0;
+    if (std::abs(T_2 - T_1) < 1e-3) return table_at(*table, T);
+    return (integral_of(*table, T_2) - integral_of(*table, T_1)) / (T_2 - T_1);
+  };
+  const HeatTables* tables = options.heat_tables.get();
+  const bool constant = old.coefficients_from.empty();
   const auto conducts = [&](const Material& m, int cell) {
-    const std::vector<double>& at = old.coefficients_at;
-    return at.empty() ? 1.0 : linear(m.conductivity_slope, 0.5 * (at[cell] + at[cell + 1]));
+    if (constant) return 1.0;
+    const HeatTable* table = !tables               ? nullptr
+                             : &m == &options.soft ? &tables->soft_conductivity
+                                                   : &tables->hard_conductivity;
+    const auto half_way = [&](int i) { return 0.5 * (old.coefficients_from[i] + old.coefficients_to[i]); };
+    return mean(m.conductivity_slope, table, half_way(cell), half_way(cell + 1));
   };
   const auto holds = [&](int i) {
-    if (old.coefficients_at.empty()) return grid.capacity(i, options.soft, options.hard);
-    const double T = old.coefficients_at[i];
-    const double soft =
-        linear(options.soft.specific_heat_slope, T) * options.soft.conductivity / options.soft.diffusivity;
-    const double hard =
-        linear(options.hard.specific_heat_slope, T) * options.hard.conductivity / options.hard.diffusivity;
+    if (constant) return grid.capacity(i, options.soft, options.hard);
+    const double T_1 = old.coefficients_from[i], T_2 = old.coefficients_to[i];
+    const double soft = mean(options.soft.specific_heat_slope, tables ? &tables->soft_heat : nullptr, T_1, T_2) *
+                        options.soft.conductivity / options.soft.diffusivity;
+    const double hard = mean(options.hard.specific_heat_slope, tables ? &tables->hard_heat : nullptr, T_1, T_2) *
+                        options.hard.conductivity / options.hard.diffusivity;
     if (i == grid.interface) return soft * grid.weight[i] + hard * grid.hard_weight;
     return (i < grid.interface ? hard : soft) * grid.weight[i];
   };
@@ -119,12 +149,14 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
   matrix.setFromTriplets(entries.begin(), entries.end());
   Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
   const Eigen::VectorXd T = lu.solve(rhs);
-  return {{T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface), old.coefficients_at};
+  return {
+      {T.data(), T.data() + n}, static_cast<std::size_t>(grid.interface), old.coefficients_from, old.coefficients_to};
 }
 
 Profile unit_response(const ModelOptions& options, double dt, const std::vector<double>& shape, const Profile& like) {
-  return conduct(options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
-                 {std::vector<double>(like.rows.size(), 0.0), like.interface, like.coefficients_at});
+  return conduct(
+      options, dt, shape.empty() ? std::vector<double>{1.0} : shape,
+      {std::vector<double>(like.rows.size(), 0.0), like.interface, like.coefficients_from, like.coefficients_to});
 }
 
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old) {

@@ -316,7 +316,11 @@ Candidate choose_velocity_driven(const OneStep& step, const Candidate& stick) {
   if (can_stick && step.old.sticking) return stick;
   // A slip that is lost in the digits of the jump is none.
   const auto slides = [&](double lo, double hi) {
-    const Candidate found{under(bisect([&](double a) { return -spare(a); }, lo, hi)), false};
+    Candidate found{under(bisect([&](double a) { return -spare(a); }, lo, hi)), false};
+    // Under its ceiling the layer flows by any amount: a contact that slip makes stronger slips until it carries as much.
+    if (const double a = found.load.a;
+        a >= step.ceiling(found.load) * (1.0 - 1e-9) && step.limit({a, found.load.v, 0.0}) > a * (1.0 + 1e-9))
+      found.load = step.slipping(a, bisect([&](double v) { return step.limit({a, v, 0.0}) - a; }, 0.0, found.load.v));
     return found.load.v > 1e-8 * under(0.0).v ? found : stick;
   };
   double before = 0.0;

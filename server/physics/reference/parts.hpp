@@ -20,7 +20,8 @@ double bisect(const std::function<double(double)>& f, double lo, double hi);
 struct Profile {
   std::vector<double> rows;
   std::size_t interface = 0;
-  std::vector<double> coefficients_at;  // temperatures of the rows at which k(T) and c(T) are taken; empty: constant
+  // Temperatures of the rows between which k(T) and c(T) are taken; empty: constant
+  std::vector<double> coefficients_from, coefficients_to;
   double operator[](std::size_t vertex) const { return rows[interface + vertex]; }
 };
 

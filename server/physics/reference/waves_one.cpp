@@ -3,7 +3,9 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/reference/parts.hpp"
@@ -17,10 +19,10 @@ struct Layer {
   double dt;
   NodeInputs in;
   std::vector<double> stress_old, strain_old, velocity_old;
+  double limit = std::numeric_limits<double>::infinity();  // the largest stress that the contact carries  [Pa]
 
   int cells() const { return grid.num_cells(); }
   double per_velocity(int vertex) const { return options.soft.shear_modulus * dt / grid.weight[vertex]; }
-  double coulomb() const { return friction_of(options, in.pressure, 0.0, 0.0, dt, 0.0); }
 };
 
 // Reduces the trial stress t, which the shear would cause without plastic flow, to the flow stress of a vertex: solves
@@ -69,19 +71,19 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
     const double t = layer.stress_old[i] + layer.per_velocity(i) * (behind - before);
     Kept keeps = kept(layer, i, std::abs(t), T[i]);
     if (i == 0) at.interface_slip = 0.0;
-    if (i == 0 && keeps.stress > layer.coulomb()) {
-      // Friction limits the stress to mu P: the vertex flows only until its strength is mu P; the other shear is slip.
+    if (i == 0 && keeps.stress > layer.limit) {
+      // The vertex flows only until its strength is the limit of the contact; the other shear is slip.
       const double stiffness = kSqrt3 * layer.options.soft.shear_modulus;
       double lo = 0.0, hi = keeps.growth;
       for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
         const double carries =
             flow_stress(layer.options.soft, layer.strain_old[0] + mid, layer.in.pressure, T[0], mid / layer.dt) /
             kSqrt3;
-        (carries < layer.coulomb() ? lo : hi) = mid;
+        (carries < layer.limit ? lo : hi) = mid;
       }
-      const double slips = (std::abs(t) - layer.coulomb() - stiffness * lo) / layer.per_velocity(0);
+      const double slips = (std::abs(t) - layer.limit - stiffness * lo) / layer.per_velocity(0);
       at.interface_slip = std::copysign(slips, t);
-      keeps = {layer.coulomb(), lo, 0.0};
+      keeps = {layer.limit, lo, 0.0};
     }
     at.stress[i] = std::copysign(keeps.stress, t);
     at.growth[i] = keeps.growth;
@@ -138,14 +140,28 @@ struct Stage {
   double flux = 0.0;
   double slip_along[2] = {};  // flow and slip at z = 0 along positive and along negative stresses  [m]
   bool interface_slips = false;
+  double interface_slip = 0.0;  // at the end, without the flow of the layer  [m/s]
 };
+
+// The largest stress that the contact carries, as its papers print it: friction, and the strength of junctions.
+double limit_of_contact(const ModelOptions& options, double dt, const NodeInputs& in, const NodeState& old, double T0,
+                        double slip) {
+  const double friction = friction_of(options, in.pressure, T0, slip, dt, old.friction_state);
+  if (!options.junctions) return friction;
+  const Material& m = options.junctions->metal;
+  const double strain = old.junction_strain + dt * slip / (kSqrt3 * options.junctions->height);
+  const double hardened = m.yield_strength * std::pow(1.0 + m.hardening_coefficient * strain, m.hardening_exponent);
+  const double strength = options.junctions->contact_fraction * std::min(m.yield_strength_max, hardened) / kSqrt3;
+  return std::min(friction, strength * softening(options.soft, in.pressure, T0).g);
+}
 
 // Backward Euler over dt from `state`, whose temperatures without friction would end at heat.T_ad.
 Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat, NodeState& state) {
-  const Layer layer{
-      options, Grid(options.grid), dt, in, state.stress_field, state.plastic_strain, state.layer_velocity};
+  Layer layer{options, Grid(options.grid), dt, in, state.stress_field, state.plastic_strain, state.layer_velocity};
   const int n = layer.cells();
   Solved at{layer.velocity_old, state.stress_field, state.plastic_strain, state.plastic_strain};
+  const auto limit = [&](double T0, double slip) { return limit_of_contact(options, dt, in, state, T0, slip); };
+  const auto T0_of = [&](double q) { return heat.T_ad[0] + q * heat.B[0]; };
   const auto solve_at = [&](double q) {
     std::vector<double> T(n + 1);
     for (int i = 0; i <= n; ++i) T[i] = heat.T_ad[i] + q * heat.B[i];
@@ -154,17 +170,68 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
            q;  // heat flux that the stress at z = 0 releases, less the flux q that was assumed
   };
   Stage stage;
-  double hi = std::max(0.0, (at_pressure(options.soft, in.pressure).melting_temperature - heat.T_ad[0]) / heat.B[0]);
-  if (solve_at(0.0) > 0.0 && hi > 0.0) {
+  const bool has_law = has_friction(options);
+  const bool follows_slip =
+      options.junctions || (has_law && properties_of(options.interface.friction_law).depends_on_slip());
+  // The heat flux at which the layer is in balance, under a limit that the temperature gives, or without one.
+  const auto solve_without_slip = [&](bool limited) {
+    const auto released = [&](double q) {
+      layer.limit = limited ? limit(T0_of(q), 0.0) : std::numeric_limits<double>::infinity();
+      return solve_at(q);
+    };
+    stage.flux = 0.0;
+    double hi = std::max(0.0, (at_pressure(options.soft, in.pressure).melting_temperature - heat.T_ad[0]) / heat.B[0]);
+    if (!(released(0.0) > 0.0 && hi > 0.0)) return;
     double lo = 0.0;
-    for (double mid = 0.5 * hi; mid > lo && mid < hi && hi - lo > 1e-15 * hi; mid = 0.5 * (lo + hi)) {
-      (solve_at(mid) > 0.0 ? lo : hi) = mid;
-    }
+    for (double mid = 0.5 * hi; mid > lo && mid < hi && hi - lo > 1e-15 * hi; mid = 0.5 * (lo + hi))
+      (released(mid) > 0.0 ? lo : hi) = mid;
     stage.flux = lo;
-    solve_at(stage.flux);
+    released(stage.flux);
+  };
+  solve_without_slip(!follows_slip);
+  if (follows_slip) {
+    // Under a given stress the heat is known, and the slip that waves and flow leave the interface falls with it.
+    const double a_stick = std::abs(at.stress[0]);
+    const double direction = std::signbit(at.stress[0]) ? -1.0 : 1.0;
+    const double heats = conducted_share(options) * std::max(0.0, direction * in.velocity_jump);
+    const auto slip_under = [&](double a) {
+      layer.limit = a;
+      stage.flux = heats * a;
+      solve_at(stage.flux);
+      return std::max(0.0, direction * at.interface_slip);
+    };
+    const auto spare = [&](double a) { return limit(T0_of(heats * a), slip_under(a)) - a; };
+    const bool can_stick = a_stick <= limit(T0_of(heats * a_stick), 0.0);
+    bool slips = false;
+    if (a_stick > 0.0 && !(can_stick && state.sticking)) {
+      const double most = slip_under(0.0);
+      double before = 0.0;
+      constexpr int kPoints = 100;
+      for (int i = 1; i <= kPoints; ++i) {
+        const double now = a_stick * i / kPoints;
+        // Where the interface cannot stick it slips, however little.
+        if (i == kPoints ? !can_stick : spare(now) < 0.0) {
+          const double a = bisect([&](double trial) { return -spare(trial); }, before, now);
+          const double v = slip_under(a);
+          slips = v > 1e-8 * most;
+          // Under its ceiling the layer flows by any amount: a contact that slip makes stronger slips until it carries as
+          // much.
+          if (const double T0 = T0_of(heats * a); slips && limit(T0, v) > a * (1.0 + 1e-9)) {
+            const double own = bisect([&](double slip) { return limit(T0, slip) - a; }, 0.0, v);
+            slips = own > 1e-8 * most;
+            at.interface_slip = std::copysign(own, direction);
+            at.growth[0] += (v - own) * dt / (kSqrt3 * layer.grid.weight[0]);
+          }
+          break;
+        }
+        before = now;
+      }
+    }
+    if (!slips) solve_without_slip(false);
   }
   stage.interface_slips = at.interface_slip != 0.0;
-  stage.slip_along[std::signbit(at.stress[0])] = std::abs(at.interface_slip) * dt;
+  stage.interface_slip = std::abs(at.interface_slip);
+  stage.slip_along[std::signbit(at.stress[0])] = stage.interface_slip * dt;
   for (int i = 0; i <= n; ++i) {
     stage.slip_along[std::signbit(at.stress[i])] += kSqrt3 * layer.grid.weight[i] * at.growth[i];
     state.plastic_strain[i] += at.growth[i];
@@ -190,6 +257,9 @@ NodeOutputs open_contact(const ModelOptions& options, double dt, const NodeInput
   std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
   heat_up(state, heat.T_ad, 0.0, heat.B);
   state.shear_stress = 0.0;
+  state.sticking = false;
+  state.friction_state =
+      friction_state_after(options, in.pressure, std::abs(in.velocity_jump), dt, state.friction_state);
   out.velocity_jump_new = out.sliding_velocity = in.velocity_jump;
   out.interface_temperature = state.temperature[0];
   out.regime = state.regime = Regime::kOpen;
@@ -247,8 +317,16 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
   out.shear_stress = stress;
   out.velocity_jump_new = in.velocity_jump;
   out.sliding_velocity = slip;
+  const double friction =
+      friction_of(options, in.pressure, out.interface_temperature, step.interface_slip, dt, start.friction_state);
+  const double carried = limit_of_contact(options, dt, in, start, out.interface_temperature, step.interface_slip);
+  const bool rubs = step.interface_slips && !(carried < friction);
+  if (options.junctions) state.junction_strain += dt * step.interface_slip / (kSqrt3 * options.junctions->height);
+  state.friction_state = friction_state_after(options, in.pressure, step.interface_slip, dt, start.friction_state);
+  state.sticking = step.interface_slip == 0.0;
+  out.interface_slip = step.interface_slip;
   out.regime = state.regime = slip == 0.0                 ? Regime::kStick
-                              : step.interface_slips      ? Regime::kCoulomb
+                              : rubs                      ? Regime::kCoulomb
                               : hottest >= 0.99 * melting ? Regime::kMelting
                                                           : Regime::kTresca;
   return out;

@@ -48,6 +48,18 @@ inline StressLimit contact_limit(const Problem& problem, const Material& soft, d
   return limit;
 }
 
+// A layer at its ceiling flows by any amount under it. A contact that would slip away under less, but gains strength by
+// slip, takes of that flow the slip at which it carries the ceiling. This is its velocity, at most `most`, under the
+// ceiling `a` at the temperature T0.
+inline double slip_under_ceiling(const StressLimit& limit, double a, double T0, double most) {
+  double lo = 0.0, hi = most;
+  for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi))
+    (limit.at(T0, mid).stress < a ? lo : hi) = mid;
+  return hi;
+}
+// A slip under a stress as close to that of the stick as this, of its size, is cut off by the ceiling of the layer.
+inline constexpr double kNextToCeiling = 1e-12;
+
 // Goes on from the states before a step to those after it. `slip`: slip velocity of the interface. An open contact leaves
 // its junctions as they are; what it does to a friction law, the law says. Returns false if a law gave no number.
 [[nodiscard]] inline bool advance_contact(const StressLimit& limit, double slip, double T0, ContactState& state) {

@@ -67,7 +67,8 @@ Problem::Problem(const ModelOptions& model_options)
                 : std::nullopt),
       steps_before_sleep(physics::steps_before_sleep(heat_grid.num_vertices())),
       heat_rows(modes ? modes->num_rows() : heat_grid.num_vertices()),
-      heat_partition(model_options.hard_grid ? 1.0 : physics::heat_partition(model_options.soft, model_options.hard)) {
+      heat_partition(model_options.hard_grid ? 1.0 : physics::heat_partition(model_options.soft, model_options.hard)),
+      heat_varies(conducts_by_temperature(model_options)) {
   // A tolerance does not divide the step of a sleeping node, which therefore must have no error in time.
   if (basis) basis->exact_in_time = model_options.tolerance.has_value();
 }

@@ -1,6 +1,7 @@
 // Options of a model, which a scene chooses.
 #pragma once
 
+#include <memory>
 #include <optional>
 
 #include "server/physics/interface/friction.hpp"
@@ -8,6 +9,7 @@
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/layer/modes.hpp"
+#include "server/physics/material/heat_table.hpp"
 #include "server/physics/material/material.hpp"
 
 namespace shearbus::physics {
@@ -37,6 +39,7 @@ struct ModelOptions {
   Strategy strategy = Strategy::kVelocityDriven;
   Material soft;
   Material hard;
+  std::shared_ptr<const HeatTables> heat_tables;  // tables of k(T) and c(T); null: none
   GridOptions grid;
   // Grid of a conducting hard body. Absent: the hard body gets the fixed share 1 - beta_T of the friction heat.
   std::optional<GridOptions> hard_grid;
@@ -80,7 +83,8 @@ struct ModelOptions {
 
 // Whether k or c of a conducting body follows the temperature.
 inline bool conducts_by_temperature(const ModelOptions& options) {
-  return options.soft.conducts_by_temperature() || options.hard.conducts_by_temperature();
+  return options.heat_tables != nullptr || options.soft.conducts_by_temperature() ||
+         options.hard.conducts_by_temperature();
 }
 
 // Whether nodes of the model may sleep. With heat modes no node does: its step at rest costs as little as that of a

@@ -3,8 +3,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/layer/heat_basis.hpp"
@@ -35,6 +37,13 @@ JunctionOptions typical_junctions(const ModelOptions& o) {
     metal.hardening_exponent = 0.1;
   }
   return {.contact_fraction = 0.5, .height = 1e-7, .metal = metal};
+}
+
+// Tables of the hard body, with a kink, for any temperature; the soft body has slopes.
+std::shared_ptr<const HeatTables> typical_heat_tables() {
+  const std::vector<double> T{0.0, 400.0, 700.0, 1e5};
+  return std::make_shared<const HeatTables>(
+      HeatTables{{}, {}, {T, {1.05, 0.95, 0.75, 0.7}}, {T, {0.9, 1.05, 1.3, 1.4}}});
 }
 
 // Constants of Simon's curve that begin at the metal's melting temperature, with the steepness of common metals.
@@ -158,7 +167,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.junctions.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.junctions = on ? std::optional(typical_junctions(o)) : std::nullopt; },
          .goes_with = kEitherStrategy | kEitherHardBody |
-                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kPlasticLayer},
+                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kInertia, kPlasticLayer},
          .equation = "DLP (49)-(54)",
          .adds = "real contact through junctions that harden with the slip",
          .when = "rough contact, small slip",
@@ -170,7 +179,7 @@ constexpr std::array kParts = {
                return has_friction(o) && properties_of(o.interface.friction_law).depends_on_slip();
              },
          .goes_with = kEitherStrategy | kEitherHardBody |
-                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions},
+                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kInertia, kPlasticLayer, kJunctions},
          .law_with = "friction law that depends on slip"},
     Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
@@ -273,13 +282,13 @@ constexpr std::array kParts = {
                return has_friction(o) && properties_of(o.interface.friction_law).depends_on_temperature;
              },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents},
+                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents},
          .law_with = "friction law that depends on temperature"},
     Part{.property = kFrictionWithState,
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return has_friction(o) && !states_of(o.interface.friction_law).empty(); },
          .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kSecondOrder, kModes, kTolerance, kTwoComponents,
+                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kTolerance, kTwoComponents,
                                  kTemperatureDependentFriction},
          .law_with = "friction law with a state of its own"},
     Part{.property = kIsothermalEnd,
@@ -352,20 +361,20 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return conducts_by_temperature(o); },
          .set =
              [](ModelOptions& o, bool on) {
-               for (Material* body : {&o.soft, &o.hard}) {
-                 body->conductivity_slope = on ? -2e-4 : kNotGiven;
-                 body->specific_heat_slope = on ? 5e-4 : kNotGiven;
-               }
+               o.soft.conductivity_slope = on ? -2e-4 : kNotGiven;
+               o.soft.specific_heat_slope = on ? 5e-4 : kNotGiven;
+               o.hard.conductivity_slope = o.hard.specific_heat_slope = kNotGiven;
+               o.heat_tables = on ? typical_heat_tables() : nullptr;
              },
          .goes_with = kEitherStrategy | kFlow | kUnderPressure |
                       Properties{kInterfaceSlip, kCoulombLimit, kConductingHardBody, kPlasticHeating, kInertia,
                                  kPlasticLayer, kJunctions, kSlipDependentFriction, kSecondOrder, kSleep, kTolerance,
                                  kTwoComponents, kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd,
                                  kSimonMelting, kFlowWithoutBracket, kFlowingLayer},
-         .equation = "k (1 + a (T - 300 K)), c likewise",
+         .equation = "k (1 + a (T - 300 K)) or a table, c likewise",
          .adds = "conductivity and heat capacity follow the temperature",
          .when = "metals that warm by hundreds of kelvins, of which both are known",
-         .cost = "velocity-driven x 23, force-driven x 118"},
+         .cost = "velocity-driven x 30, force-driven x 164"},
 };
 static_assert(kParts.size() == kProperties);
 static_assert([] {
@@ -420,9 +429,6 @@ constexpr std::array kExclusions = {
         {kMeltFilm},
         {kJunctions, kSlipDependentFriction, kFrictionWithState},
         "the film carries the stress on the whole area, by the slip of a liquid, of which dry friction tells nothing"},
-    Exclusion{{kJunctions, kSlipDependentFriction, kTemperatureDependentFriction, kFrictionWithState},
-              {kInertia},
-              "the waves in the layer meet a contact of one friction stress a step"},
     Exclusion{{kFrictionWithState}, {kSleep}, "the state of a contact at rest goes on: it heals"},
 };
 
@@ -435,7 +441,27 @@ std::optional<Refusal> most_cells(std::string key, int most, int found) {
   return Refusal{std::move(key), std::move(text), "Take fewer cells that grow with the depth (layer.grading)."};
 }
 
-constexpr std::array<Limit, 8> kLimits = {
+// A table of k(T) or c(T) must reach from the temperature of the start to melting.
+std::optional<Refusal> short_table(const HeatTable& table, const char* key, const ModelOptions& o) {
+  if (table.empty()) return {};
+  const double from = table.temperature.front(), to = table.temperature.back();
+  if (from <= o.initial_temperature && to >= o.soft.melting_temperature) return {};
+  return Refusal{key,
+                 text_of(key, " reaches from ", from, " to ", to, " K, and the bodies from the start at ",
+                         o.initial_temperature, " K to melting at ", o.soft.melting_temperature, " K"),
+                 "Give the table rows for that range."};
+}
+
+constexpr std::array<Limit, 9> kLimits = {
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      const HeatTables* tables = o.heat_tables.get();
+      if (tables == nullptr) return {};
+      std::optional<Refusal> found =
+          short_table(tables->soft_conductivity, "soft.thermal_conductivity_table_temperature_k", o);
+      if (!found) found = short_table(tables->soft_heat, "soft.specific_heat_table_temperature_k", o);
+      if (!found) found = short_table(tables->hard_conductivity, "hard.thermal_conductivity_table_temperature_k", o);
+      return found ? found : short_table(tables->hard_heat, "hard.specific_heat_table_temperature_k", o);
+    },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.taylor_quinney_factor || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};
       return Refusal{"interface.taylor_quinney_factor",
@@ -589,6 +615,13 @@ std::string_view key_of(const Part& part, const ModelOptions& options) {
   const bool forced = options.strategy == Strategy::kForceDriven;
   const auto given = [](double slope) { return std::isfinite(slope) && slope != 0.0; };
   if (part.property == kVaryingHeat && conducts_by_temperature(options)) {
+    if (const HeatTables* tables = options.heat_tables.get();
+        tables != nullptr && !options.soft.conducts_by_temperature()) {
+      if (!tables->soft_conductivity.empty()) return "soft.thermal_conductivity_table_w_per_m_k";
+      if (!tables->soft_heat.empty()) return "soft.specific_heat_table_j_per_kg_k";
+      if (!tables->hard_conductivity.empty()) return "hard.thermal_conductivity_table_w_per_m_k";
+      return "hard.specific_heat_table_j_per_kg_k";
+    }
     const bool of_soft = options.soft.conducts_by_temperature();
     const bool conducts = given((of_soft ? options.soft : options.hard).conductivity_slope);
     if (of_soft) return conducts ? part.key : "soft.specific_heat_slope_per_k";

@@ -105,7 +105,7 @@ AdvanceTile whole_solver_of(const ModelOptions& options) {
 void advance_once(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs) {
   const AdvanceTile solve = whole_solver_of(problem.options);
-  if (conducts_by_temperature(problem.options)) {
+  if (problem.heat_varies) {
     advance_varying(problem, operators.dt(), solve, inputs, committed, trial, outputs);
   } else if (problem.basis) {
     advance_with_sleep(problem, operators, {solve, rest_of(problem.options)}, inputs, committed, trial, outputs);
@@ -126,7 +126,7 @@ AdvanceTile first_order_of(const Problem& problem) {
   const ModelOptions& options = problem.options;
   const bool sheared = options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
   const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2 && !only_open_is_second_order(options);
-  return sheared && second_order && !problem.basis && !conducts_by_temperature(options) ? advance_first_order : nullptr;
+  return sheared && second_order && !problem.basis && !problem.heat_varies ? advance_first_order : nullptr;
 }
 
 // The stress that a force-driven step answers is its mean already: the momentum balance (61) takes it as constant over

@@ -39,6 +39,7 @@ struct Problem {
   // Share of the friction heat that enters the heat equation: beta_T if only the soft body is on the grid; 1 if both
   // bodies are, because conduction then divides the heat between them.
   double heat_partition;
+  bool heat_varies;  // k or c of a body follows the temperature
 };
 
 // A step in which |slip - jump| / |jump| is larger than this has the outcome kOutsideDomain.

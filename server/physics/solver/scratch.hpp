@@ -7,7 +7,18 @@
 namespace shearbus::physics {
 
 // The uses of a scratch tile. Uses that may overlap in time have separate tiles.
-enum class Scratch { kStages, kWaking, kAccepted, kFirstHalf, kSecondHalf, kFlow, kStrain, kWorkHeat, kVarying };
+enum class Scratch {
+  kStages,
+  kWaking,
+  kAccepted,
+  kFirstHalf,
+  kSecondHalf,
+  kFlow,
+  kStrain,
+  kWorkHeat,
+  kWaves,
+  kVarying
+};
 
 double* scratch_tile(Scratch use, std::size_t doubles);
 

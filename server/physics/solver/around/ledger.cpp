@@ -50,15 +50,12 @@ double cold_share(const ModelOptions& options) {
   return 1.0 - options.taylor_quinney_factor.value_or(1.0);
 }
 
-// The growth of the heat where c follows the temperature. It is linear in T, so that the mean of both ends is exact.
+// The growth of the heat where c follows the temperature, by its mean between both ends.
 StoredHeat stored_by_temperature(const Problem& problem, const double* T_old, const double* T_new) {
   StoredHeat stored;
   const Material &soft = problem.options.soft, &hard = problem.options.hard;
-  std::vector<double> between(static_cast<std::size_t>(problem.heat_rows) * kLanes);
   for (int lane = 0; lane < kLanes; ++lane) {
-    for (std::size_t i = 0; i < between.size(); i += kLanes)
-      between[i] = 0.5 * (T_old[i + static_cast<std::size_t>(lane)] + T_new[i + static_cast<std::size_t>(lane)]);
-    const HeatGrid grid = grid_at(problem, between.data());
+    const HeatGrid grid = grid_between(problem, T_old + lane, T_new + lane);
     for (int i = 0; i < grid.num_vertices(); ++i) {
       const auto vertex = static_cast<std::size_t>(i);
       const std::size_t place = vertex * kLanes + static_cast<std::size_t>(lane);
@@ -86,7 +83,7 @@ StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const dou
     }
     return stored;
   }
-  if (conducts_by_temperature(problem.options)) return stored_by_temperature(problem, T_old, T_new);
+  if (problem.heat_varies) return stored_by_temperature(problem, T_old, T_new);
   const HeatGrid& grid = problem.heat_grid;
   const Material& soft = problem.options.soft;
   const Material& hard = problem.options.hard;

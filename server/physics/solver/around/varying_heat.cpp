@@ -17,18 +17,37 @@ namespace {
 constexpr double kMet = 1e-6;  // [K]
 constexpr int kMostCorrections = 8;
 
+// Of one body: the mean of k or c between two temperatures, over its constant k or c.
+struct Shares {
+  const Material& body;
+  const HeatTable *conductivity, *heat;  // null: no tables
+
+  double conducts(double T_1, double T_2) const {
+    if (conductivity != nullptr && !conductivity->empty()) return conductivity->mean(T_1, T_2);
+    return body.conductivity_share(0.5 * (T_1 + T_2));
+  }
+  double holds(double T_1, double T_2) const {
+    if (heat != nullptr && !heat->empty()) return heat->mean(T_1, T_2);
+    return body.heat_share(0.5 * (T_1 + T_2));
+  }
+};
+
 }  // namespace
 
-HeatGrid grid_at(const Problem& problem, const double* T) {
-  const Material &soft = problem.options.soft, &hard = problem.options.hard;
+HeatGrid grid_between(const Problem& problem, const double* T_old, const double* T_new) {
+  const HeatTables* tables = problem.options.heat_tables.get();
+  const Shares soft{problem.options.soft, tables ? &tables->soft_conductivity : nullptr,
+                    tables ? &tables->soft_heat : nullptr};
+  const Shares hard{problem.options.hard, tables ? &tables->hard_conductivity : nullptr,
+                    tables ? &tables->hard_heat : nullptr};
   HeatGrid grid = problem.heat_grid;
   const auto interface = static_cast<std::size_t>(grid.interface);
-  const auto at = [&](std::size_t i) { return T[i * kLanes]; };
+  const auto between = [&](std::size_t i) { return 0.5 * (T_old[i * kLanes] + T_new[i * kLanes]); };
   for (std::size_t i = 0; i < grid.width.size(); ++i)
-    grid.width[i] /= (i < interface ? hard : soft).conductivity_share(0.5 * (at(i) + at(i + 1)));
+    grid.width[i] /= (i < interface ? hard : soft).conducts(between(i), between(i + 1));
   for (std::size_t i = 0; i < grid.weight.size(); ++i)
-    grid.weight[i] *= (i < interface ? hard : soft).heat_share(at(i));
-  grid.hard_weight *= hard.heat_share(at(interface));
+    grid.weight[i] *= (i < interface ? hard : soft).holds(T_old[i * kLanes], T_new[i * kLanes]);
+  grid.hard_weight *= hard.holds(T_old[interface * kLanes], T_new[interface * kLanes]);
   return grid;
 }
 
@@ -38,7 +57,7 @@ void advance_varying(const Problem& problem, double dt, AdvanceTile solve, const
   const std::size_t first = layout.first_temperature();
   const auto rows = static_cast<std::size_t>(problem.heat_rows);
   double* found = scratch_tile(Scratch::kVarying, layout.doubles);
-  std::vector<double> between(rows * kLanes), last(rows);
+  std::vector<double> end(rows * kLanes), last(rows);
   Problem own = problem;
   for (const int l : lanes_of(inputs.active)) {
     const auto lane = static_cast<std::size_t>(l);
@@ -49,12 +68,12 @@ void advance_varying(const Problem& problem, double dt, AdvanceTile solve, const
     for (int pass = 0; pass <= kMostCorrections; ++pass) {
       double moved = 0.0;
       for (std::size_t i = 0; i < rows; ++i) {
-        between[i * kLanes + lane] = 0.5 * (T_old[i * kLanes] + T[i * kLanes]);
+        end[i * kLanes] = T[i * kLanes];
         if (pass > 0) moved = std::max(moved, std::abs(T[i * kLanes] - last[i]));
         last[i] = T[i * kLanes];
       }
       if (pass > 1 && !(moved > kMet)) break;
-      own.heat_grid = grid_at(problem, between.data() + lane);
+      own.heat_grid = grid_between(problem, T_old, end.data());
       const auto operators = make_operators(own, dt, 0);
       solve(own, *operators, one, committed, found, outputs);
       T = found + first + lane;

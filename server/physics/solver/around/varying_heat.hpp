@@ -7,9 +7,9 @@
 
 namespace shearbus::physics {
 
-// The vertices as they are at the temperatures T, [vertex][lane]: conduction lengths and weights are those of bodies of
-// constant k and c that conduct and hold as much. `T` is the column of a lane.
-HeatGrid grid_at(const Problem& problem, const double* T);
+// The vertices as they are in a step between two temperatures, [vertex][lane]: conduction lengths and weights are those of
+// bodies of constant k and c that conduct and hold as much. `T_old` and `T_new` are the columns of a lane.
+HeatGrid grid_between(const Problem& problem, const double* T_old, const double* T_new);
 
 // One step of the active lanes by `solve`.
 void advance_varying(const Problem& problem, double dt, AdvanceTile solve, const TileInputs& inputs,

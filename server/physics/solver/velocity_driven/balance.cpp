@@ -353,8 +353,10 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     if (lane.at_bound && lane.bound != Bound::kElastic) {
       const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
       if (lane.bound == Bound::kCeiling) {
-        strain_new[lane.hottest * kLanes + l] += surplus / grid.weight[static_cast<std::size_t>(lane.hottest)];
-        layer_slip += surplus;
+        const double own = slides != nullptr ? std::min(surplus, contacts->of[l].ceiling_slip * dt / kSqrt3) : 0.0;
+        strain_new[lane.hottest * kLanes + l] += (surplus - own) / grid.weight[static_cast<std::size_t>(lane.hottest)];
+        layer_slip += surplus - own;
+        interface_slip = kSqrt3 * own;
       } else {
         interface_slip = kSqrt3 * surplus;
       }
@@ -377,6 +379,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       Sliding& own = contacts->of[l];
       const bool known = open || problem.options.drive == Drive::kInterfaceSlip;
       const double v = known ? std::abs(jump) : interface_slip / dt;
+      if (own.ceiling_slip > 0.0 && interface_slip > 0.0) answer.regime = Regime::kCoulomb;
       if (answer.regime == Regime::kCoulomb && !own.limit.at(T[l], v).is_coulomb)
         answer.regime = yielding_at(soft_at(l), T[l]);
       friction = own.limit.at(committed[layout.temperature + l], v).stress;

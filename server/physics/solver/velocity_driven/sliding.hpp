@@ -41,7 +41,9 @@ struct Sliding {
   double T_ad = 0.0, T_per_stress = 0.0;  // T0 = T_ad + T_per_stress a  [K], [K/Pa]
   bool stuck = false;                     // the interface did not slip at the end of the last step
   EdgeZero search;
-  double a_stick = 0.0;  // stress under which the interface sticks  [Pa]
+  double a_stick = 0.0;       // stress under which the interface sticks  [Pa]
+  SlipPoint below{};          // the slip under the largest stress tried at which the contact could carry more
+  double ceiling_slip = 0.0;  // slip velocity of the interface next to a layer that flows at its ceiling  [m/s]
   bool searches = false;
   bool several = false;  // the interface could stick as well
 
@@ -101,7 +103,9 @@ inline void slide(LayerFlow* flow, double compliance, double dt, Lane (&lanes)[k
       Sliding& own = sliding[l];
       if (!own.searches || own.search.done()) continue;
       ++lanes[l].sums;
-      own.search.update(own.point(lanes[l].a, slip_under(l, lanes[l].a)));
+      const SlipPoint now = own.point(lanes[l].a, slip_under(l, lanes[l].a));
+      if (now.a > own.below.a && own.limit.at(now.T, now.v).stress > now.a) own.below = now;
+      own.search.update(now);
       searching = searching || !own.search.done();
     }
   }
@@ -111,7 +115,13 @@ inline void slide(LayerFlow* flow, double compliance, double dt, Lane (&lanes)[k
     Sliding& own = sliding[l];
     const SlipPoint& answer = own.search.answer();
     const bool failed = std::isnan(answer.a);
-    const bool slides = own.search.found() && !failed && answer.v > kAtRest * kSqrt3 / dt * lane.a_trial / compliance;
+    const double rest = kAtRest * kSqrt3 / dt * lane.a_trial / compliance;
+    const bool slides = own.search.found() && !failed && answer.v > rest;
+    if (!slides && lane.at_bound && lane.bound == Bound::kCeiling && own.below.v > rest &&
+        own.below.a >= own.a_stick * (1.0 - kNextToCeiling)) {
+      const double v = slip_under_ceiling(own.limit, own.a_stick, own.point(own.a_stick, 0.0).T, own.below.v);
+      own.ceiling_slip = v > rest ? v : 0.0;
+    }
     own.several = own.several && slides;
     const double a = slides ? answer.a : own.a_stick;
     summed = summed && lane.a == a;

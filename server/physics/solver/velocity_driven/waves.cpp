@@ -168,6 +168,7 @@ class Waves {
       stress_old_[i] = inside ? fields.stress[i] : 0.0;
       velocity_old_[i] = i < num_cells_ ? fields.velocity[i] : 0.0;
     }
+    if (fields.has_guess) std::copy_n(fields.guess, num_cells_, fields.velocity);
   }
 
   WaveAnswer advance(int newton_steps) {

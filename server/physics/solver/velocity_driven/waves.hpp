@@ -38,6 +38,8 @@ struct WaveFields {
   alignas(64) Row stress;         // stress s: before the step on entry, after the step on return  [Pa]
   alignas(64) Row velocity;       // velocity v: before the step on entry, after the step on return  [m/s]
   alignas(64) Row strain_growth;  // growth of the plastic strain in the step, dep
+  alignas(64) Row guess;          // velocities from which the search starts, if has_guess
+  bool has_guess = false;         // else it starts from those before the step
 };
 
 struct WaveAnswer {

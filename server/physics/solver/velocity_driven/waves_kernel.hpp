@@ -23,7 +23,7 @@ class WaveLanes {
     std::uint32_t solved = 0;
     Mask live = mask_of(wanted);
     Register iterations{};
-    for (int iteration = 0; iteration < kMostSteps && lanes_where(live) != 0; ++iteration) {
+    for (int iteration = 0; iteration < tile_.most_steps && lanes_where(live) != 0; ++iteration) {
       live &= evaluate_interface(live);
       evaluate();
       const Size size = newton_direction();
@@ -61,7 +61,7 @@ class WaveLanes {
       put(tile_.yield * Exponential(n * log_of(hardened)).value(), rows_.strength, i);
       put((tile_.beta * tile_.per_kappa) / hardened, rows_.compliance, i);
       put(all(kUnknown), rows_.x, i);
-      if (i < tile_.num_cells) put(at(tile_.velocity, i), rows_.velocity, i);
+      if (i < tile_.num_cells) put(at(tile_.guess, i), rows_.velocity, i);
     }
     interface_ = flux_ = flux_slope_ = Register{};
     held_ = Mask{};
@@ -107,7 +107,12 @@ class WaveLanes {
     const Register t = magnitude(trial);
     const Mask elastic = carried(t, t, rise).stress >= t;
     Register lo{}, hi = smaller(t, carried(all(0.0), t, rise).stress);
-    Mask todo = live & without(elastic);
+    Mask todo = live & without(elastic), capped{};
+    if (tile_.tries_limit) {
+      const Register limit = load(tile_.coulomb + lane_);
+      capped = todo & (limit < t) & (carried(smaller(limit, t), t, rise).stress > limit);
+      todo &= without(capped);
+    }
     const Mask molten = todo & (hi == 0.0), lost = todo & without(molten) & without(hi > kLeastReturn);
     todo &= without(molten | lost);
     Register a = where((interface_ > 0.0) & (interface_ < hi), interface_, hi), slope{};
@@ -133,11 +138,11 @@ class WaveLanes {
       a = where(todo, where(found, best, where(inside, next, 0.5 * (lo + hi))), a);
       todo &= without(found);
     }
-    const Register carried_stress = where(molten, all(0.0), where(elastic, t, a));
+    const Register carried_stress = where(molten, all(0.0), where(elastic | capped, t, a));
     const Mask held = carried_stress > load(tile_.coulomb + lane_);
     const Register size = where(held, load(tile_.coulomb + lane_), carried_stress);
     const Register size_slope = where(held, all(0.0), where(elastic, all(1.0), slope));
-    interface_ = where(elastic | molten, interface_, a);
+    interface_ = where(elastic | molten | capped, interface_, a);
     flux_ = per_stress * size;
     flux_slope_ = direction * per_stress * size_slope;
     held_ = held;

@@ -27,10 +27,25 @@ ReturnedStress LawReturn::at(double ep, double trial, double T_ad, double rise) 
   if (at_rest >= 0.0) return {trial, 1.0, 0.0};
   const double most = trial / kappa_, at_most = surplus(most);
   if (!(at_most > 0.0)) return {0.0, 0.0, 0.0};  // molten
+  // The smaller of strain and stress is the unknown, in parts of the trial stress: the other one follows from it to the
+  // last digits. Next to melting the strength magnifies an error of its own heat.
   RootSearch search(0.0, at_rest, most, at_most, trial, 0.5 * most);
-  while (!search.update(surplus(search.at()))) {
+  const double at_half = surplus(search.at());
+  double dep = 0.0, T = 0.0, s = 0.0;
+  if (at_half >= 0.0) {
+    for (double value = at_half; !search.update(value);) value = surplus(search.at());
+    dep = search.at();
+    T = T_of(dep);
+    s = strength(ep, dep, T);
+  } else {
+    const auto beyond = [&](double a) { return a - strength(ep, (trial - a) / kappa_, T_ad + rise * a); };
+    RootSearch stress(0.0, -at_most, 0.5 * trial, -at_half, trial, at_most);
+    while (!stress.update(beyond(stress.at()))) {
+    }
+    s = stress.at();
+    dep = (trial - s) / kappa_;
+    T = T_ad + rise * s;
   }
-  const double dep = search.at(), T = T_of(dep), s = strength(ep, dep, T);
   const double warmer = T + kTemperatureShare * T;
   const double hardening = std::min(
       hardening_slope(soft_, ep, dep, dt_, pressure_, T) * softening(soft_, pressure_, T).g / (kSqrt3 * kappa_),

@@ -32,7 +32,6 @@ constexpr double kUnknown = -1.0;                                 // no x known 
 constexpr double kLeastToMelting = 1e-10, kLeastBracket = 1e-60;  // smallest T_melt - T [K], smallest bracket
 constexpr double kLeastReturn = 1e-200;  // a smaller stress at z = 0 is left to the general search  [Pa]
 constexpr double kUnlimited = 1e300;     // stands for no bound  [Pa]
-constexpr int kMostSteps = 6;            // Newton steps, after which the general search takes a lane
 constexpr int kInterfaceSteps = 40;      // iterations of the return at z = 0, likewise
 constexpr int kInterfaceNewton = 12;     // those of them after which a step that is not half the one before bisects
 constexpr int kReturnSteps = 60;         // iterations of the return of a vertex; 1 to 3 are usual
@@ -42,10 +41,12 @@ constexpr int kReturnSteps = 60;         // iterations of the return of a vertex
 // What the lanes of a tile share, and their inputs and states (WideWaveStep).
 struct WaveTile {
   std::ptrdiff_t num_cells;
+  int most_steps;
+  bool tries_limit;
   const double *gain, *inertia, *response, *weight;
   double exponent, ceiling, hT, per_kappa, yield, beta, heat_share, velocity_per_stress;
   const double *T_melt, *bracket, *jump, *coulomb;
-  const double* T_ad;
+  const double *T_ad, *guess;
   double *strain, *stress, *velocity;
 };
 
@@ -80,6 +81,8 @@ std::uint32_t advance_waves_wide(const WideWaveStep& step, std::uint32_t lanes, 
   const double impedance = std::sqrt(soft.density * soft.shear_modulus);
   const WaveTile tile{
       .num_cells = grid.num_cells(),
+      .most_steps = step.most_steps,
+      .tries_limit = step.tries_limit,
       .gain = gain,
       .inertia = inertia,
       .response = step.response,
@@ -97,6 +100,7 @@ std::uint32_t advance_waves_wide(const WideWaveStep& step, std::uint32_t lanes, 
       .jump = step.jump,
       .coulomb = step.coulomb,
       .T_ad = step.T_ad,
+      .guess = step.guess != nullptr ? step.guess : step.velocity,
       .strain = step.strain,
       .stress = step.stress,
       .velocity = step.velocity};

@@ -1,0 +1,348 @@
+#include "server/physics/solver/velocity_driven/inertia_stage.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "server/physics/interface/edge_zero.hpp"
+#include "server/physics/material/flow_laws.hpp"
+#include "server/physics/material/strength.hpp"
+#include "server/physics/solver/scratch.hpp"
+#include "server/physics/solver/velocity_driven/waves.hpp"
+#include "server/physics/solver/velocity_driven/waves_wide.hpp"
+#include "server/physics/solver/work.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// Newton steps of the kernel in a search for the stress of the contact, which tries stresses far from the last answer.
+constexpr int kStepsOfSearch = 25;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+void gather(const double* rows, int count, double* values) {
+  for (std::ptrdiff_t i = 0; i < count; ++i) values[i] = rows[i * kLanes];
+}
+
+void scatter(const double* values, int count, double* rows) {
+  for (std::ptrdiff_t i = 0; i < count; ++i) rows[i * kLanes] = values[i];
+}
+
+// Backward Euler of one lane over the length of `heat`, from the state in `trial`, whose temperatures have been
+// conducted already. Returns false if no answer was found.
+bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double limit,
+                 const double* guess, double* trial, int l, Found& found) {
+  const TileLayout& layout = problem.layout;
+  const Grid& grid = problem.grid;
+  const int n = grid.num_cells();
+  const Material soft = at_pressure(problem.options.soft, inputs.pressure[l]);
+  const WaveStep step{.soft = &soft,
+                      .grid = &grid,
+                      .response = heat.layer_response(),
+                      .dt = heat.dt,
+                      .pressure = inputs.pressure[l],
+                      .jump = inputs.velocity_jump[l],
+                      .heat_share = problem.heat_partition,
+                      .coulomb = limit};
+  WaveFields fields;
+  gather(trial + layout.temperature + l, n + 1, fields.T_ad);
+  gather(trial + layout.plastic_strain + l, n + 1, fields.strain);
+  gather(trial + layout.shear_stress + l, n + 1, fields.stress);
+  gather(trial + layout.layer_velocity + l, n, fields.velocity);
+
+  if (guess != nullptr) gather(guess + l, n, fields.guess);
+  fields.has_guess = guess != nullptr;
+  const WaveAnswer answer = advance_waves(step, fields);
+  if (inputs.effort != nullptr) {
+    inputs.effort->newton_steps += answer.iterations;
+    inputs.effort->guarded_steps += answer.guarded ? 1 : 0;
+  }
+  add_work(inputs, l, n * (1.0 + flow_work(soft.flow_law) * answer.iterations));
+  if (!answer.found) return false;
+
+  // A vertex flows in the direction of its stress. A stress that has fallen to 0 keeps its sign as +0 or -0.
+  found = {.flux = answer.flux,
+           .interface_slip = answer.interface_slip,
+           .interface_slips = answer.interface_slip != 0.0,
+           .stress = {fields.stress[0], fields.stress[n]}};
+  found.slip_along[std::signbit(fields.stress[0])] = std::abs(answer.interface_slip) * step.dt;
+  for (int i = 0; i <= n; ++i) {
+    found.slip_along[std::signbit(fields.stress[i])] += kSqrt3 * grid.weight[i] * fields.strain_growth[i];
+    fields.strain[i] += fields.strain_growth[i];
+  }
+  scatter(fields.strain, n + 1, trial + layout.plastic_strain + l);
+  scatter(fields.stress, n + 1, trial + layout.shear_stress + l);
+  scatter(fields.velocity, n, trial + layout.layer_velocity + l);
+  add_flux_lane(heat, problem.heat_grid.num_vertices(), l, answer.flux, trial + layout.first_temperature());
+  return true;
+}
+
+// The same of several lanes: by Newton's method in all of them at once, and by search_lane() where that has not found an
+// answer. `limit`: the largest stress that the contact of each lane carries. `guess`: rows of velocities from which to
+// start; null: those before the step. Returns the lanes that have no answer.
+std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+                          std::uint32_t lanes, const double (&limit)[kLanes], const double* guess, double* trial,
+                          Found (&found)[kLanes]) {
+  if (lanes == 0) return 0;
+  const TileLayout& layout = problem.layout;
+  const int n = problem.grid.num_cells();
+  const Material& any = problem.options.soft;
+  if (!properties_of(any.flow_law).has_wave_return) {
+    std::uint32_t unsolved = 0;
+    for (const int l : lanes_of(lanes))
+      if (!search_lane(problem, heat, inputs, limit[l], guess, trial, l, found[l])) unsolved |= 1u << l;
+    return unsolved;
+  }
+  WideWaveStep step{.soft = &any,
+                    .grid = &problem.grid,
+                    .response = heat.layer_response(),
+                    .dt = heat.dt,
+                    .heat_share = problem.heat_partition,
+                    .T_melt = {},
+                    .bracket = {},
+                    .jump = {},
+                    .coulomb = {},
+                    .T_ad = trial + layout.temperature,
+                    .strain = trial + layout.plastic_strain,
+                    .stress = trial + layout.shear_stress,
+                    .velocity = trial + layout.layer_velocity,
+                    .guess = guess,
+                    .most_steps = guess != nullptr ? kStepsOfSearch : WideWaveStep{}.most_steps,
+                    .tries_limit = guess != nullptr};
+  for (const int l : lanes_of(lanes)) {
+    const Material soft = at_pressure(any, inputs.pressure[l]);
+    step.T_melt[l] = soft.melting_temperature;
+    step.bracket[l] = 1.0 + soft.pressure_coefficient * inputs.pressure[l] +
+                      soft.temperature_coefficient * SteinbergCochranGuinan::kReference;
+    step.jump[l] = inputs.velocity_jump[l];
+    step.coulomb[l] = limit[l];
+  }
+  WideWaveAnswer answer;
+  const std::uint32_t solved = advance_waves_wide(step, lanes, answer);
+  std::uint32_t lost = 0;
+  for (const int l : lanes_of(lanes)) {
+    if (!contains(solved, l)) {
+      if (!search_lane(problem, heat, inputs, limit[l], guess, trial, l, found[l])) lost |= 1u << l;
+      continue;
+    }
+    if (inputs.effort != nullptr) inputs.effort->newton_steps += static_cast<int>(answer.iterations[l]);
+    add_work(inputs, l, n * (1.0 + answer.iterations[l]));
+    const double* stress = trial + layout.shear_stress + l;
+    found[l] = {.flux = answer.flux[l],
+                .slip_along = {answer.slip_along[0][l], answer.slip_along[1][l]},
+                .interface_slip = std::copysign(answer.interface_slip[l], stress[0]),
+                .interface_slips = answer.interface_slip[l] != 0.0,
+                .stress = {stress[0], stress[std::ptrdiff_t{n} * kLanes]}};
+    found[l].slip_along[std::signbit(stress[0])] += answer.interface_slip[l] * heat.dt;
+    add_flux_lane(heat, problem.heat_grid.num_vertices(), l, answer.flux[l], trial + layout.first_temperature());
+  }
+  return lost;
+}
+
+// ---- Contact laws ----
+//
+// Under a given stress a at z = 0 the layer leaves its interface the slip v(a), which falls with a: the waves that come
+// from the layer are a line. The stress is the one that the contact carries at this slip, a = s_lim(T0(a), v(a)).
+
+// Heat flux per stress along `direction` at z = 0  [m/s].
+double heat_per_stress(const Problem& problem, const TileInputs& inputs, int l, double direction) {
+  return problem.heat_partition * std::max(0.0, direction * inputs.velocity_jump[l]);
+}
+
+double direction_of(const double* trial, std::size_t stress_at_interface) {
+  return std::signbit(trial[stress_at_interface]) ? -1.0 : 1.0;
+}
+
+// A limit that depends on the temperature alone is a number before the waves are solved, one for each direction of the
+// stress, since only a stress along the jump heats. The limit of a stress against the jump is the larger one, so that
+// the direction found with the smaller is that of the answer.
+std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+                                      std::uint32_t lanes, const WaveContacts& contacts, double* trial,
+                                      Found (&found)[kLanes]) {
+  const TileLayout& layout = problem.layout;
+  double* start = scratch_tile(Scratch::kWaves, layout.doubles);
+  std::copy_n(trial, layout.doubles, start);
+  double limit[kLanes];
+  for (const int l : lanes_of(lanes)) {
+    const double rise = heat_per_stress(problem, inputs, l, inputs.velocity_jump[l] < 0.0 ? -1.0 : 1.0);
+    const FrictionHeating heating{start[layout.temperature + l], heat.layer_response()[0], rise, 0.0};
+    limit[l] = rise > 0.0 ? slip_stress(contacts[l].limit, heating, kInfinity, 0.0)
+                          : contacts[l].limit.at(heating.T_ad).stress;
+  }
+  std::uint32_t lost = solve_waves(problem, heat, inputs, lanes, limit, nullptr, trial, found);
+  std::uint32_t against = 0;
+  for (const int l : lanes_of(lanes & ~lost)) {
+    if (!found[l].interface_slips || direction_of(trial, layout.shear_stress + l) * inputs.velocity_jump[l] >= 0.0)
+      continue;
+    limit[l] = contacts[l].limit.at(start[layout.temperature + l]).stress;
+    copy_lane(start, trial, layout.doubles, l);
+    against |= 1u << l;
+  }
+  lost |= solve_waves(problem, heat, inputs, against, limit, nullptr, trial, found);
+  return lost;
+}
+
+// The search of one lane for the stress that its contact carries.
+struct Sought {
+  EdgeZero zero;
+  SlipPoint end{};    // of the search: where the interface sticks, or can only carry less
+  SlipPoint below{};  // the slip under the largest stress tried at which the contact could carry more
+  double direction = 1.0, T_ad = 0.0, T_per_stress = 0.0, most_slip = 0.0;
+  bool several = false;
+
+  SlipPoint point(double a, const Found& found) const {
+    return {a, T_ad + T_per_stress * a, std::max(0.0, direction * found.interface_slip)};
+  }
+};
+
+// Of the flow at z = 0 of a layer at its ceiling, the interface takes its own slip.
+void share_ceiling(const Problem& problem, double dt, const Sought& own, const StressLimit& limit, double* trial, int l,
+                   Found& found) {
+  const double v = slip_under_ceiling(limit, own.end.a, own.end.T, own.below.v);
+  if (!(v > kAtRest * own.most_slip)) return;
+  trial[problem.layout.plastic_strain + l] -= v * dt / (kSqrt3 * problem.grid.weight[0]);
+  found.interface_slip = own.direction * v;
+  found.interface_slips = true;
+}
+
+// An interface that sticks sticks while it can; one that slips takes the answer with the most slip.
+std::uint32_t solve_under_slip(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+                               std::uint32_t lanes, const WaveContacts& contacts, double* trial,
+                               Found (&found)[kLanes]) {
+  const TileLayout& layout = problem.layout;
+  // The state before the step, and the velocities under the last stress, from which the search under the next one starts.
+  const std::size_t velocities = layout.num_velocity_cells * kLanes;
+  double* start = scratch_tile(Scratch::kWaves, layout.doubles + velocities);
+  double* guess = start + layout.doubles;
+  std::copy_n(trial, layout.doubles, start);
+  std::copy_n(trial + layout.layer_velocity, velocities, guess);
+  double limit[kLanes];
+  std::fill_n(limit, kLanes, kInfinity);
+  std::uint32_t lost = 0;
+  const auto solve = [&](std::uint32_t these) {
+    for (const int l : lanes_of(these)) copy_lane(start, trial, layout.doubles, l);
+    lost |= solve_waves(problem, heat, inputs, these & ~lost, limit, guess, trial, found);
+    for (const int l : lanes_of(these & ~lost)) copy_lane(trial + layout.layer_velocity, guess, velocities, l);
+  };
+
+  // 1. An interface that has stuck sticks while it can.
+  Sought sought[kLanes];
+  std::uint32_t slipping = 0, held = 0;
+  const auto see_stick = [&](int l) {
+    Sought& own = sought[l];
+    const StressLimit& contact = contacts[l].limit;
+    own.direction = direction_of(trial, layout.shear_stress + l);
+    own.T_per_stress = heat_per_stress(problem, inputs, l, own.direction) * heat.layer_response()[0];
+    own.end = own.point(std::abs(trial[layout.shear_stress + l]), {});
+    own.several = contact.at(own.end.T, 0.0).stress >= own.end.a;
+    return own.end.a == 0.0 || (own.several && (contacts[l].stuck || !contact.falls_with_slip()));
+  };
+  for (const int l : lanes_of(lanes)) {
+    sought[l].T_ad = start[layout.temperature + l];
+    if (contacts[l].stuck) held |= 1u << l;
+  }
+  solve(held);
+  for (const int l : lanes_of(held & ~lost))
+    if (!see_stick(l)) slipping |= 1u << l;
+  slipping |= lanes & ~held;
+
+  // 2. The slip under no stress, with which the contact carries the most, and from there on the search: up to that limit,
+  // or to the stress at which the interface sticks, if it is less.
+  for (const int l : lanes_of(slipping)) limit[l] = 0.0;
+  solve(slipping);
+  std::uint32_t ends = 0;
+  SlipPoint free[kLanes];
+  for (const int l : lanes_of(slipping & ~lost)) {
+    Sought& own = sought[l];
+    if (!contains(held, l)) own.direction = direction_of(trial, layout.shear_stress + l);
+    free[l] = own.point(0.0, found[l]);
+    own.most_slip = free[l].v;
+    if (contains(held, l)) continue;
+    limit[l] = contacts[l].limit.at(own.T_ad, {own.most_slip, 0.0}).stress;
+    ends |= 1u << l;
+  }
+  solve(ends);
+  for (const int l : lanes_of(ends & ~lost)) {
+    if (!found[l].interface_slips) {
+      if (see_stick(l)) slipping &= ~(1u << l);
+      continue;
+    }
+    Sought& own = sought[l];
+    own.direction = direction_of(trial, layout.shear_stress + l);
+    own.T_per_stress = heat_per_stress(problem, inputs, l, own.direction) * heat.layer_response()[0];
+    own.end = own.point(limit[l], found[l]);
+  }
+  const auto unsolved = [&] {
+    std::uint32_t these = 0;
+    for (const int l : lanes_of(slipping & ~lost)) {
+      if (sought[l].zero.done()) continue;
+      limit[l] = sought[l].zero.at();
+      these |= 1u << l;
+    }
+    return these;
+  };
+  for (const int l : lanes_of(slipping & ~lost))
+    sought[l].zero = EdgeZero(contacts[l].limit, free[l], sought[l].end, sought[l].end);
+  for (std::uint32_t these = unsolved(); these != 0; these = unsolved()) {
+    solve(these);
+    for (const int l : lanes_of(these & ~lost)) {
+      const SlipPoint now = sought[l].point(limit[l], found[l]);
+      if (now.a > sought[l].below.a && contacts[l].limit.at(now.T, now.v).stress > now.a) sought[l].below = now;
+      sought[l].zero.update(now);
+    }
+  }
+
+  // 3. The answer, where the last stress of the search was another one.
+  std::uint32_t again = 0, cut = 0;
+  for (const int l : lanes_of(slipping & ~lost)) {
+    Sought& own = sought[l];
+    const SlipPoint& answer = own.zero.answer();
+    if (std::isnan(answer.a)) lost |= 1u << l;  // a law gave no number
+    const bool slides = own.zero.found() && answer.v > kAtRest * own.most_slip;
+    own.several = own.several && slides;
+    const double a = slides ? answer.a : kInfinity;
+    if (!slides && own.below.v > kAtRest * own.most_slip && own.below.a >= own.end.a * (1.0 - kNextToCeiling))
+      cut |= 1u << l;
+    if (limit[l] != a) again |= 1u << l;
+    limit[l] = a;
+  }
+  solve(again & ~lost);
+  for (const int l : lanes_of(cut & ~lost))
+    share_ceiling(problem, heat.dt, sought[l], contacts[l].limit, trial, l, found[l]);
+  for (const int l : lanes_of(slipping & ~lost)) found[l].several = sought[l].several;
+  return lost;
+}
+
+}  // namespace
+
+bool WaveContacts::needed(const Problem& problem) {
+  const ModelOptions& o = problem.options;
+  const FrictionLaw law = problem.interface.friction_law;
+  return limit_follows_slip(problem) || (has_friction(o) && properties_of(law).depends_on_temperature);
+}
+
+WaveContacts::WaveContacts(const Problem& problem, const TileInputs& inputs, const double* committed, double dt)
+    : soft_at_(problem.options.soft, inputs) {
+  const std::size_t sticking = problem.layout.sticking;
+  for (const int l : lanes_of(inputs.active)) {
+    Lane& own = lanes_[l];
+    own.state = contact_before(problem, committed, l);
+    own.limit = contact_limit(problem, soft_at_(l), inputs.pressure[l], dt, own.state, inputs.effort);
+    own.stuck = sticking != TileLayout::kAbsent && committed[sticking + static_cast<std::size_t>(l)] != 0.0;
+  }
+}
+
+std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+                          std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes]) {
+  if (lanes == 0) return 0;
+  if (contacts == nullptr) {
+    double limit[kLanes];
+    for (const int l : lanes_of(lanes))
+      limit[l] = interface_strength(problem.interface, problem.options.soft, inputs.pressure[l], nullptr).coulomb;
+    return solve_waves(problem, heat, inputs, lanes, limit, nullptr, trial, found);
+  }
+  return limit_follows_slip(problem) ? solve_under_slip(problem, heat, inputs, lanes, *contacts, trial, found)
+                                     : solve_under_temperature(problem, heat, inputs, lanes, *contacts, trial, found);
+}
+
+}  // namespace shearbus::physics
