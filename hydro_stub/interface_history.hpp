@@ -89,6 +89,7 @@ class InterfaceHistory {
   double mean_friction_impulse() const { return mean(totals_.friction_impulse); }
   const std::vector<double>& lengths() const { return line_.lengths(); }  // each node's part of the interface  [m]
   double most_bound_used() const { return peaks_[kBoundUsed]; }           // of all nodes and times
+  // Whether a node was in the regime of melting at a step so far.
   bool has_melted() const { return regimes_[static_cast<std::size_t>(wire::Regime::kMelting)] > 0.0; }
   double share(wire::Regime regime) const;          // share of all node-steps so far that were in this regime
   double share_of_slip(wire::Regime regime) const;  // share of the mean slip distance

@@ -57,7 +57,8 @@ CommandLine parse_command_line(int argc, char** argv) {
                  "restart dump after every so many seconds (default: none)")
       ->check(CLI::NonNegativeNumber);
   app.add_flag("--overlap,!--no-overlap", options.overlap,
-               "go on with zones off the interface while the law answers, in two dimensions (default: yes; same bits)");
+               "in two dimensions, the thread that asks the law goes on with zones off the interface until it answers, "
+               "as other threads do in either case (default: yes; same bits)");
   app.add_flag("--check", options.check, "check the scene, against the server too, and run nothing");
   app.add_flag("--explain", options.explain,
                "which parts of the subgrid model the scene switches on, what each costs on this machine; runs nothing");

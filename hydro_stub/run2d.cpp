@@ -109,6 +109,7 @@ class Run {
         cycle_(std::move(problem.bodies), &law),
         start_(cycle_.ledger()) {
     if (from != nullptr) load(*from);
+    if (interface_.has_melted()) warns_of_melting_ = false;
   }
 
   void to_the_end() {
@@ -120,8 +121,11 @@ class Run {
       step();
       if (warns_of_melting_ && interface_.has_melted()) {
         bar.clear();
+        const std::vector<std::uint8_t>& regimes = cycle_.contact().answer().regime;
+        const auto node =
+            std::ranges::find(regimes, static_cast<std::uint8_t>(wire::Regime::kMelting)) - regimes.begin();
         fmt::print(stderr, "shearbus-hydro: warning: {}\n",
-                   melted_zones_warning(file_.scene, half_zone_, cycle_.state().time));
+                   melting_zone_warning(file_.scene, half_zone_[static_cast<std::size_t>(node)], cycle_.state().time));
         warns_of_melting_ = false;
       }
       bar.show([&](double elapsed_s) {
@@ -264,7 +268,7 @@ class Run {
   std::vector<double> layer_thickness_;    // of each node's layer, where it is not that of the scene  [m]
   std::optional<InterfaceStrength> strength_;
   std::vector<double> half_zone_;  // half the thickness of the soft zones at each interface node  [m]
-  bool warns_of_melting_;          // law (5) has not melted a zone yet
+  bool warns_of_melting_;          // the interface law is law (5), and no zone has been near melting yet
   InterfaceHistory interface_;
   SurfaceHistory surface_;
   files::ProfileRecord profiles_;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "hydro_stub/problem.hpp"
+#include "server/physics/material/strength.hpp"
 
 namespace shearbus::hydro {
 
@@ -72,23 +73,21 @@ std::string strength_warning(const InterfaceStrength& strength) {
   if (!strength.too_strong() || strength.flows_in_layer) return {};
   return fmt::format(
       "interface.yield_strength_pa = {:.4g} Pa is above Y* = {:.4g} Pa, the largest flow stress of the soft metal as "
-      "its "
-      "work heats it: on fine zones the metal shears in place of slip, and the slip depends on the zones; set "
+      "its work heats it: on fine zones the metal shears in place of slip, and the slip depends on the zones; set "
       "interface.plastic_layer = true",
       *strength.cold, strength.metal.stress);
 }
 
-std::string melted_zones_warning(const guest::HydroScene& scene, const std::vector<double>& half_zone, double time) {
+std::string melting_zone_warning(const guest::HydroScene& scene, double half_zone, double time) {
   const guest::Hydro& hydro = scene.hydro();
   const bool cone = hydro.has_cone_target();
   const bool graded = cone ? hydro.cone_target().has_first_zone_m() : hydro.sliding_plates().has_first_zone_m();
   const bool deep = hydro.coulomb_tresca().heat_depth() == guest::HEAT_DEPTH_DIFFUSION;
   return fmt::format(
-      "hydro.{}.{}: law (5) has melted soft zones at the interface, {:.4g} um thick, by {:.4g} us; they carry no "
-      "friction "
-      "any more. Its heat stays {}: thicker zones heat less; raise {}{}, or use the subgrid law, which conducts",
-      cone ? "cone_target" : "sliding_plates", graded ? "first_zone_m" : "zone_width_m",
-      2e6 * *std::ranges::min_element(half_zone), 1e6 * time, deep ? "near them" : "in them",
+      "hydro.{}.{}: with law (5) a zone at the interface, {:.4g} um thick, is at {} T_melt after {:.4g} us. The heat "
+      "of friction stays {}: thicker zones heat less; raise {}{}, or use the subgrid law, which conducts",
+      cone ? "cone_target" : "sliding_plates", graded ? "first_zone_m" : "zone_width_m", 2e6 * half_zone,
+      physics::kMeltingShare, 1e6 * time, deep ? "near the interface" : "in it",
       graded ? "first_zone_m" : "zone_width_m", deep ? "" : " or set hydro.coulomb_tresca.heat_depth = \"diffusion\"");
 }
 

@@ -28,7 +28,8 @@ InterfaceStrength interface_strength(const guest::HydroScene& scene, const physi
 // Returns a warning for an interface that slips on coarse zones only; empty: there is nothing to warn of.
 std::string strength_warning(const InterfaceStrength& strength);
 
-// Returns the warning that law (5) has melted zones by `time`; `half_zone` is that of half_wall_zones().
-std::string melted_zones_warning(const guest::HydroScene& scene, const std::vector<double>& half_zone, double time);
+// Returns the warning that a zone of thickness 2 `half_zone` [m] (half_wall_zones()) is about to melt under law (5) at
+// `time` [s].
+std::string melting_zone_warning(const guest::HydroScene& scene, double half_zone, double time);
 
 }  // namespace shearbus::hydro

@@ -178,6 +178,11 @@ def wrapped(text, width=108):
     return "\n".join(lines)
 
 
+def with_links(text):
+    """Returns a printed text whose paths from the root of the tree are links."""
+    return re.sub(r"\b(?:server|tests)/[\w/]+\.(?:md|py)\b", r"[\g<0>](\g<0>)", text)
+
+
 def programs_page(directory):
     """Returns the page of the programs: the help of each program and of each subcommand."""
     page = "# Programs\n\nThe help of each program, as the program prints it; `man` shows the same where the packages are installed.\n"
@@ -296,7 +301,7 @@ def main():
                        ("reference/materials", materials_page(output_of(programs / "shearbus-ctl", "materials"))),
                        ("reference/programs", programs_page(programs)),
                        (GENERATED[COLUMNS], columns_page(root)),
-                       (GENERATED[OPTIONS], site.linked(OPTIONS, output_of(programs / "shearbus-ctl", "options"), GENERATED[OPTIONS] + ".md")),
+                       (GENERATED[OPTIONS], site.linked("README.md", with_links(output_of(programs / "shearbus-ctl", "options")), GENERATED[OPTIONS] + ".md")),
                        *((GENERATED[source], site.linked(source, tables_page(title, source, (root / source).read_text()), GENERATED[source] + ".md"))
                          for source, title in ((MEASURED, "What was measured"), (HOST_ERRORS, "Errors of a host: as printed, usual mistake, cure"))),
                        ("reference/fortran", site.linked(PAGES + "/reference/fortran" + ".md", fortran_page.page(root / "client/fortran/shearbus.f90"), "reference/fortran" + ".md")),

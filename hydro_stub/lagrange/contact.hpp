@@ -26,8 +26,10 @@
 namespace shearbus::lagrange {
 
 struct ContactOptions {
-  bool overlap = true;      // advance zones off the slide lines while the interface law runs; changes no result
-  double soft_share = 0.5;  // share of the friction heat that enters the soft body
+  // The thread that asks the interface law advances zones off the slide lines until it answers. Other threads do so
+  // in either case. Changes no result.
+  bool overlap = true;
+  double soft_share = 0.5;                   // share of the friction heat that enters the soft body
   std::optional<HeatDepth> heat_depth = {};  // how deep friction heat goes; absent: into the zones at the wall
   // Bounds on the change of a gap in one step, so that curved surfaces which slide along each other stay together
   // (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).

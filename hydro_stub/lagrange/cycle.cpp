@@ -109,19 +109,19 @@ bool Cycle::try_step(double dt) {
   // 4. sums them on the nodes and advances the velocities by the momentum balance, with the forces of the pressure
   //    loads, constrained by the walls
   accelerate(dt);
-  // 5. adds the impulses of contact and friction on the slide lines; meanwhile, the deviators of the zones away from the
-  //    slide lines are advanced
+  // 5. adds the impulses of contact and friction on the slide lines, and meanwhile advances the deviators of the zones
+  //    away from the slide lines
   slide(dt);
   // 6. moves the nodes to the end of the step with the mean velocities
-  // 7. adds to the energy of each zone the work of its forces with the mean velocities, and the heat of the
-  //    slide lines; adds the work of walls and loads to the ledger
+  // 7. adds to the energy of each zone the work of its forces with the mean velocities
   if (!go_to_end(dt)) {
     if (law_ != nullptr) law_->take_back();
     return false;
   }
   state_.energy.swap(energy_new_);
   state_.volume.swap(volume_new_);
-  // 8. advances the deviators of the zones on slide lines; updates density, pressure, sound speed and temperature
+  // 8. adds the heat of the slide lines to their zones and the work of walls and loads to the ledger, and meanwhile
+  //    advances the deviators of the zones on slide lines; updates density, pressure, sound speed and temperature
   finish_step(dt);
   state_.deviator_xx.swap(xx_new_);
   state_.deviator_yy.swap(yy_new_);

@@ -329,8 +329,8 @@ bool Cycle::go_to_end(double dt) {
   return false;
 }
 
-// One thread does the contact, which has no parallel loops, while the others advance the deviators of zones that it does
-// not move; between question and answer of the interface law it helps them.
+// One thread does the contact, which has no parallel loops, while the others advance the deviators of zones that it
+// does not move; between question and answer of the interface law it helps them.
 void Cycle::slide(double dt) {
   const std::vector<Run>& runs = runs_[kInner];
   std::exception_ptr fault;
@@ -357,8 +357,8 @@ void Cycle::slide(double dt) {
   if (fault) std::rethrow_exception(fault);
 }
 
-// Ends a step whose zones have their new volumes. Heat of the slide lines and the ledger, of one thread, need none of the
-// deviators.
+// Ends a step whose zones have their new volumes. One thread adds the heat of the slide lines and the work of the
+// ledger, which depend on no deviator.
 void Cycle::finish_step(double dt) {
   const std::vector<Run>& rim = runs_[kRim];
   const std::vector<Run>& runs = bodies_.mesh.runs();

@@ -19,7 +19,7 @@ namespace shearbus::lagrange {
 
 // Loops over fewer nodes or zones use one thread, since waking other threads costs more time than these save.
 inline constexpr int kFewestForThreads = 4000;
-// Runs differ in zones, and zones in work: a thread takes so many runs whenever it has done its last ones.
+// Runs that a thread takes at a time: small, because runs differ in zones and zones in work.
 inline constexpr int kRunsAtOnce = 4;
 
 // Zones next to each other in a row of a block. Loops over the zones of a run vectorise: their numbers are consecutive,

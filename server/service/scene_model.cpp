@@ -298,9 +298,10 @@ SceneModel convert_tables(v1::Scene& scene) {
         "friction_energy sums the energy ledger, which a layer with inertia or with an isothermal face does not have",
         "Leave it out.");
   if (const auto caution = physics::caution_of(scene.soft().material(), options.soft); !caution.empty())
-    made.warnings.push_back(fmt::format(
-        "soft.material = \"{}\": {}. Give soft.temperature_coefficient_per_k of your own if you have hot data",
-        scene.soft().material(), caution));
+    made.warnings.push_back(
+        fmt::format("soft.material = \"{}\": {}. If you have hot data, give {} constants of your own in [soft], or "
+                    "another flow_law",
+                    scene.soft().material(), caution, physics::FlowLaws::name_of(options.soft.flow_law)));
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
   return made;
@@ -370,6 +371,9 @@ SceneModel convert(v1::Scene& scene) {
   SceneModel made = convert_tables(scene);
   const v1::Scene outside = scene::without_pairs(scene);  // with all constants
   const physics::Model outside_model(made.options);
+  const auto is_given_for_the_scene = [&](const std::string& warning) {
+    return std::ranges::count(made.warnings, warning) + std::ranges::count(outside_model.warnings(), warning) != 0;
+  };
   for (v1::Pair& pair : *scene.mutable_pair()) {
     v1::Scene whole = scene::scene_of_pair(given, pair);
     scene::fill_defaults(whole);
@@ -378,6 +382,7 @@ SceneModel convert(v1::Scene& scene) {
       std::vector<std::string> warnings =
           check_shape(outside, outside_model, whole, model.options, "pair." + pair.name());
       std::ranges::copy(model.warnings, std::back_inserter(warnings));
+      std::erase_if(warnings, is_given_for_the_scene);
       made.pairs.push_back({pair.name(), model.options, std::move(warnings)});
     } catch (const Refused& refused) {
       if (refused.faults.front().path.starts_with("pair.")) throw;

@@ -138,8 +138,8 @@ TEST(ShearColumnYields, AboveTheCriticalJumpPlasticHeatSoftensTheLayer) {
   EXPECT_NEAR(slow.impulse / 481.0, 1.0, 0.05) << "below it, where waves take up the jump, heat changes little";
 }
 
-// With one melting temperature one field on zones of 2 to 0.125 um has 207 to 257 Pa s, and an independent code 244, whose
-// hottest metal, of 1226 K, is at this temperature.
+// With one melting temperature one field on zones of 2 to 0.125 um has 207 to 257 Pa s, and an independent code 244,
+// whose hottest metal, of 1226 K, is at this temperature.
 TEST(ShearColumnYields, TheHeatedLayerIsTheReferenceWithOneMeltingTemperature) {
   const Answer field = one_field(300.0, 0.5e-6, 1.05, Melting::kConstant);
   EXPECT_NEAR(field.impulse / 244.0, 1.0, 0.12);

@@ -3,7 +3,8 @@
 that every source is built, that references to pages and their headings resolve, that Python programs read numbers by the one reader, and
 that no file names a machine. With --self-test each rule must fail on a tree made for it.
 
-A reference to a page of the tree is `PAGE.md` or `PAGE.md, "Heading"`; in a page it may be a link, [text](PAGE.md#heading)."""
+A reference to a page of the tree is `PAGE.md` or `PAGE.md, "Heading"`; in a page it may be a link, [text](PAGE.md#heading). The TOML files
+of TABLES are pages too, whose headings are the groups and titles of their parts."""
 import argparse
 import bisect
 import json
@@ -11,6 +12,7 @@ import pathlib
 import re
 import sys
 import tempfile
+import tomllib
 
 TOP_LEVEL = {"CMakeLists.txt", "README.md", "proto", "server", "client", "hydro_stub", "tests", "deploy"}
 SOURCES = ("proto", "server", "client", "hydro_stub")
@@ -36,7 +38,8 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 # References are searched in comments and texts of these files, except in the corpora of fuzzing.
 REFERRING = {".md", ".cpp", ".hpp", ".h", ".py", ".proto", ".cmake", ".txt", ".toml"}
 COMMENT = re.compile(r"^\s*(?://+|#)\s?")
-PAGE = re.compile(r'(?<![\w/.*<-])((?:[\w.-]+/)*[\w-]+\.md)\b(?:,? \\?"([^"\\]+)\\?")?')
+TABLES = ("tests/measured.toml", "deploy/docs/pages/howto/host_errors.toml")  # deploy/docs/stage.py makes pages of them
+PAGE = re.compile(r'(?<![\w/.*<-])((?:[\w.-]+/)*[\w-]+\.md|tests/measured\.toml)\b(?:,? \\?"([^"\\]+)\\?")?')
 NUMBERED = re.compile(r"\b[Ss]ections? \d|(?<=\.md)[,:]? \d")
 FOREIGN = re.compile(r"\b(?:DLP|hydrodynamics|RFC)\b[^.]{0,40}$")  # sections of a publication have numbers
 LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -108,8 +111,12 @@ def number_faults(root):
 
 def headings(page):
     """Returns heading -> the anchor that GitHub makes of it."""
-    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S)
-    found = [re.sub(r"[`*]", "", h).strip() for h in re.findall(r"^#+ (.+)$", text, re.M)]
+    text = page.read_text()
+    if page.suffix == ".toml":
+        found = [part[key] for part in tomllib.loads(text)["part"] for key in ("group", "title") if key in part]
+    else:
+        found = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), re.M)
+    found = [re.sub(r"[`*]", "", h).strip() for h in found]
     return {h: re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in found}
 
 
@@ -138,7 +145,7 @@ def page_named(name, path, root, pages):
 def reference_faults(root):
     files = sorted(p for house in {*TOP_LEVEL, ".github"} for p in ([root / house] if (root / house).is_file() else (root / house).rglob("*"))
                    if p.suffix in REFERRING and "corpus" not in p.parts and p.name != pathlib.Path(__file__).name)
-    pages = {p.resolve(): headings(p) for p in files if p.suffix == ".md"}
+    pages = {p.resolve(): headings(p) for p in files if p.suffix == ".md" or p.relative_to(root).as_posix() in TABLES}
     for path in files:
         text, starts = joined(path.read_text(errors="replace"))
         place = lambda match: f"{path.relative_to(root)}:{bisect.bisect_right(starts, match.start())}"
@@ -211,6 +218,9 @@ def self_test():
             "// METHODS.md.\n")
         (root / "server/physics/layer/page.md").write_text(
             "[sound](../../MODEL.md#heat-of-q), [file](../../GONE.txt), [heading](../../MODEL.md#no-heading), section 4b\n")
+        (root / "tests/measured.toml").write_text('[[part]]\ngroup = "Physics"\ntitle = "Two `half-spaces`"\n')
+        (root / "tests/page.md").write_text("[sound](measured.toml#two-half-spaces), [table](measured.toml#gone)\n")
+        (root / "tests/bound.hpp").write_text('// Sound: tests/measured.toml, "Physics". Not: tests/measured.toml, "Chemistry".\n')
         (root / ".github").mkdir()
         (root / ".github/security.md").write_text("[file](../GONE.txt)\n")
         (root / "tests/program.py").write_text('parser.add_argument("--steps", ' + 'type=' + 'int)\n')
@@ -221,7 +231,8 @@ def self_test():
                     'layer.hpp:2: MODEL.md has no heading "no heading"', "layer.hpp:3: refers to a section by number",
                     "layer.hpp:4: names a page that does not exist: METHODS.md", "page.md:1: link to a file that does not exist",
                     "page.md:1: link to a heading that does not exist", "page.md:1: refers to a section by number",
-                    "security.md:1: link to a file that does not exist"]
+                    "security.md:1: link to a file that does not exist", "tests/page.md:1: link to a heading that does not exist: measured.toml#gone",
+                    'bound.hpp:1: tests/measured.toml has no heading "Chemistry"']
         missed = [e for e in expected if e not in found]
         return [f"self-test: rule did not fire: {m}" for m in missed] + (
             [] if len(found.splitlines()) == len(expected) else [f"self-test: expected {len(expected)} faults, found:\n{found}"])

@@ -23,9 +23,11 @@
 namespace shearbus::service {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::SizeIs;
 
 wire::Status refusal_of(const v1::Scene& scene) {
   try {
@@ -610,14 +612,35 @@ TEST(UsualValues, AMetalThatIsWeakerHotThanItsConstantsSaysSo) {
   const SceneModel made = scene_model(scene);
   EXPECT_THAT(made.warnings, cautions);
   EXPECT_THAT(scene_model(made.effective, "effective").warnings, cautions);
-  scene.mutable_soft()->set_temperature_coefficient_per_k(9e-4);
-  EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
-  EXPECT_THAT(
-      scene_model(support::text_of(support::force_scene()) + "[pair.hot.soft]\nmaterial = \"titanium_6al_4v\"\n",
-                  "pairs")
-          .pairs.front()
-          .warnings,
-      ::testing::Contains(HasSubstr("soft.material = \"titanium_6al_4v\"")));
+}
+
+TEST(UsualValues, AMetalWithAnotherStrengthThanTheCatalogsHasNoCaution) {
+  const auto warnings_with = [](const std::string& soft) {
+    v1::Scene scene = support::force_scene();
+    scene.clear_soft();
+    return scene_model(support::text_of(scene) + "[soft]\nmaterial = \"titanium_6al_4v\"\n" + soft, "soft").warnings;
+  };
+  EXPECT_THAT(warnings_with("specific_heat_j_per_kg_k = 600.0\n"), SizeIs(1));
+  for (const char* key : {"temperature_coefficient_per_k = 9e-4", "yield_strength_pa = 9e8",
+                          "yield_strength_max_pa = 2e9", "hardening_coefficient = 10.0", "hardening_exponent = 0.2",
+                          "pressure_coefficient_per_pa = 1e-11", "melting_temperature_k = 1900.0",
+                          "flow_law = \"johnson_cook\"\nyield_strength_pa = 1330e6\nhardening_modulus_pa = 1e9\n"
+                          "hardening_exponent = 0.3\nrate_coefficient = 0.01\nreference_strain_rate_per_s = 1.0\n"
+                          "thermal_softening_exponent = 1.0\nreference_temperature_k = 298.0"})
+    EXPECT_THAT(warnings_with(key), IsEmpty()) << key;
+}
+
+TEST(UsualValues, ACautionOfTheSceneIsNotRepeatedForItsPairs) {
+  const std::string titanium = "material = \"titanium_6al_4v\"\n";
+  const std::string hot = "[pair.hot.soft]\n" + titanium,
+                    rough = "[pair.rough.interface]\nfriction_coefficient = 0.5\nyield_strength_pa = 290e6\n";
+  v1::Scene scene = support::force_scene();
+  EXPECT_THAT(scene_model(support::text_of(scene) + hot, "pairs").pairs.front().warnings,
+              Contains(HasSubstr("soft.material = \"titanium_6al_4v\"")));
+  scene.mutable_soft()->set_material("titanium_6al_4v");
+  const SceneModel made = scene_model(support::text_of(scene) + hot + rough, "pairs");
+  EXPECT_THAT(made.warnings, SizeIs(1));
+  for (const PairModel& pair : made.pairs) EXPECT_THAT(pair.warnings, IsEmpty()) << pair.name;
 }
 
 TEST(UsualValues, OtherUnitsAreNamedWithKeyValueAndRange) {

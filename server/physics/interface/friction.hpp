@@ -125,9 +125,9 @@ concept FrictionLawClass = DeclaresFrictionLawProperties<Law> && TemperatureDepe
     AdvancesItsStates<Law> &&
     requires(const InterfaceOptions& options, const Material& soft, const ContactPoint& point) {
   { Law::kName } -> std::convertible_to<std::string_view>;      // name of the law in scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;  // equation of the law, for the page of the options
-  { Law::kAdds } -> std::convertible_to<std::string_view>;  // what the law adds to constant friction, for the page of the options
-  { Law::kWhen } -> std::convertible_to<std::string_view>;  // when to use the law, for the page of the options
+  { Law::kEquation } -> std::convertible_to<std::string_view>;  // equation of the law, for shearbus-ctl options
+  { Law::kAdds } -> std::convertible_to<std::string_view>;      // what it adds to constant friction, for the same
+  { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use the law, for the same
   // Checks the constants of the law together. The fault that it returns names a key of the scene table [interface].
   { Law::fault_of(options, soft) } -> std::same_as<LawFault>;
   // Returns the options with typical constants of the law; friction_coefficient and yield_strength stay as given.

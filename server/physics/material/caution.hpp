@@ -1,4 +1,4 @@
-// What measurements say against a metal of the catalog in the state to which friction brings it.
+// Known errors of the catalog's strengths, for warnings.
 #pragma once
 
 #include <string_view>
@@ -7,8 +7,8 @@
 
 namespace shearbus::physics {
 
-// Returns a sentence on the strength of the catalog's material `name`; empty if nothing is known against it, or if
-// `material` has a strength of its own.
+// Returns a sentence on the strength of the catalog's material `name`; empty if no error of it is known, or if
+// `material` has another flow law, melting temperature or strength constant than the catalog.
 std::string_view caution_of(std::string_view name, const Material& material);
 
 }  // namespace shearbus::physics

@@ -73,10 +73,10 @@ constexpr FlowLawProperties properties_of_law() {
 template <class Law>
 concept FlowLawFunctions = requires(const Material& m, Register ep, Register dep, Register rate, double dt, Register P,
                                     Register T) {
-  { Law::kName } -> std::convertible_to<std::string_view>;                  // name of the law in scenes
-  { Law::kEquation } -> std::convertible_to<std::string_view>;              // source of the law, for the page of the options
-  { Law::kAdds } -> std::convertible_to<std::string_view>;                  // effects it describes, for the page of the options
-  { Law::kWhen } -> std::convertible_to<std::string_view>;                  // when to use the law, for the page of the options
+  { Law::kName } -> std::convertible_to<std::string_view>;      // name of the law in scenes
+  { Law::kEquation } -> std::convertible_to<std::string_view>;  // source of the law, for shearbus-ctl options
+  { Law::kAdds } -> std::convertible_to<std::string_view>;      // effects it describes, for shearbus-ctl options
+  { Law::kWhen } -> std::convertible_to<std::string_view>;      // when to use the law, for shearbus-ctl options
   { *Law::kConstants.begin() } -> std::convertible_to<double Material::*>;  // the Material members that it uses
   { Law::fault_of(m) } -> std::same_as<LawFault>;                           // checks the constants of the law together
   { Law::softening(m, P, T) } -> std::same_as<Softening>;                   // softening g and its slope dg/dT

@@ -14,11 +14,10 @@ constexpr std::string_view kHead =
     R"(# Options of the physics
 
 What a scene can switch on, and what excludes what, as `shearbus-ctl options` prints it. Equations and departures are in
-[MODEL.md](../MODEL.md), schemes in [METHODS.md](../METHODS.md). `shearbus-study precision` tells the error of each
+server/physics/MODEL.md, schemes in server/physics/METHODS.md. `shearbus-study precision` tells the error of each
 option. Costs are instructions of a node-step over those of the same step without the option, in the paper's case on 60
 graded cells, over 1 us (force-driven: under 300 m/s, so that the interface melts), which a test counts again
-([option_costs.py](../../../tests/bench/option_costs.py)). `shearbus-hydro --explain SCENE.toml` measures your scene on
-your machine.
+(tests/bench/option_costs.py). `shearbus-hydro --explain SCENE.toml` measures your scene on your machine.
 
 )";
 

@@ -5,7 +5,7 @@
 
 namespace shearbus::physics {
 
-// Returns the page as Markdown. A test compares the committed file with this text.
+// Returns the page as Markdown.
 std::string options_page();
 
 }  // namespace shearbus::physics

@@ -84,7 +84,7 @@ struct Part {
   Properties goes_with{};       // those of the earlier properties that may be on together with this one
   Properties needs{};           // what this property is an option of: parts that must be on where it is
   std::string_view law_with{};  // name of a law with this property, for example "friction law that depends on slip"
-  // Texts of the page of the options: the equation, what the property adds, when to use it; empty if that page omits the property.
+  // Texts for shearbus-ctl options: equation, what the property adds, when to use it; empty: it omits the property.
   std::string_view equation{};
   std::string_view adds{};
   std::string_view when{};
