@@ -250,6 +250,34 @@ TEST(PhysicsPlasticLayer, NoChatterNearMelting) {
   }
 }
 
+// The first vertex beside an interface that slips and heats hardens until it is as strong as the interface. From then on
+// rounding must not decide whether the layer flows, and with it whether the interface sticks.
+TEST(PhysicsPlasticLayer, SlipGoesOnBesideALayerAsStrongAsTheInterface) {
+  constexpr double kStrength = 500e6;
+  for (const double dt : {1e-9, 1e-10}) {
+    ModelOptions options = graded(paper_options(Strategy::kForceDriven));
+    options.plastic_layer = true;
+    options.interface.yield_strength = kStrength;
+    Rig rig(options, 1);
+    rig.set_all(2000.0, 0.0);
+    rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 4.0;
+    rig.inputs.stress_soft[0] = rig.inputs.stress_hard[0] = 54e6;
+    const int steps = static_cast<int>(std::lround(100e-9 / dt));
+    int stuck = 0, several = 0;
+    for (int n = 0; n < steps; ++n) {
+      rig.inputs.pressure[0] = 0.3e9 * (1.0 + static_cast<double>(n) / steps);
+      rig.step(dt);
+      rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
+      stuck += rig.node_state(0).sticking;
+      several += (rig.outputs.outcome[0] & kMultipleRoots) != 0;
+    }
+    EXPECT_EQ(stuck, 0) << dt;
+    EXPECT_EQ(several, 0) << dt;
+    EXPECT_NEAR(flow_stress(options.soft, rig.node_state(0).plastic_strain[0], 0.0, 300.0), kStrength,
+                1e-3 * kStrength);
+  }
+}
+
 // Heat softens the layer until mu P exceeds its strength. Slip of the interface and flow of the layer then share the
 // jump such that T0 stays where the stress ceiling of the layer, Y_max g(T0) / sqrt(3), equals mu P.
 TEST(PhysicsPlasticLayer, AtTheCeilingTheSurplusGoesToTheHottestVertex) {

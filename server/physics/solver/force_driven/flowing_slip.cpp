@@ -13,6 +13,7 @@ namespace {
 constexpr double kAtCeiling = 1e-11;   // a stress within this relative distance of the layer's ceiling counts as equal
 constexpr int kMostUlps = 1 << 26;     // largest correction of a stress or temperature at the end of a search, in ulps
 constexpr double kSurely = 1e-9;       // a stress this far above the flow stress, relative to it, makes a layer flow
+constexpr double kByRounding = 1e-11;  // a layer that flows only under the last such part of a stress does not flow
 constexpr double kClosed = 1e-12;      // largest accepted residual of the flux, relative to it
 constexpr double kLeastGuess = 1e-12;  // smallest useful first stress, relative to the upper end of its interval
 constexpr int kMostGuesses = 6;        // largest number of stresses tried below the root before the upper end
@@ -72,8 +73,10 @@ void FlowingSlip::ask(Phase phase, const LayerLoad& load) {
   load_ = load;
 }
 
+// A layer that has hardened until it is as strong as the interface would flow or not by rounding, and with that a contact
+// that slips would stick or not.
 void FlowingSlip::ask_rigid(Phase phase) {
-  ask(phase, {std::abs(rigid().stress), rigid_.flux, 0.0});
+  ask(phase, {std::abs(rigid().stress) * (1.0 - kByRounding), rigid_.flux, 0.0});
 }
 
 void FlowingSlip::ask_slip(Phase phase, double v) {
@@ -250,6 +253,7 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
         kind_ = Kind::kRigid;
         phase_ = Phase::kDone;
       } else if (stick_was_searched_) {
+        load_.stress = std::abs(rigid_.stress);
         begin_slip();
       } else {
         begin_stick();
