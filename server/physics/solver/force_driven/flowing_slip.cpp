@@ -357,7 +357,7 @@ void FlowingSlip::begin_stick() {
   guesses_ = 0;
   // An explicit flow is solved from a good guess without the third bound, unless melting is near or the guess is too low.
   first_vertex_bounds_ = g_hottest > 0.0 && start_.hardens;
-  const double last = trial_.direction * start_.before.stress, next = trial_.direction * start_.next_stress;
+  const double last = trial_.direction * start_.before.stress, next = last + start_.rise;
   const double guess = inside(next) ? next : last;
   if (!inside(guess) || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, start_.layer.T(0, 0.0)))
     bound_stick_by_first_vertex();

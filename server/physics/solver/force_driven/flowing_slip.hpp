@@ -26,8 +26,8 @@ struct FlowingStart {
   double heat_partition;
   double dt;
   Forcing forcing;
-  LaneStep before;     // the state before the step; only stress, jump_new and sticks are read
-  double next_stress;  // the stress at which the search for that of the step starts, if it can be  [Pa]
+  LaneStep before;  // the state before the step; only stress, jump_new and sticks are read
+  double rise;  // of the stress, along itself, with which the search for that of the step starts, if it can be  [Pa]
 };
 
 // Whether the interface softens as the layer does: friction is a constant, and the limit has the law's g as a factor.

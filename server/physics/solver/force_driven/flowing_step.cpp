@@ -1,6 +1,7 @@
 #include "server/physics/solver/force_driven/flowing_step.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -130,7 +131,7 @@ struct FlowingLane {
   double pressure() const { return inputs.pressure[lane]; }
 
   // The start of a step with the operator `heat`. `strain_old`: plastic strain before the step. `stress_rate`: change of
-  // the stress in the step before, over its length  [Pa/s].
+  // the stress in the step before, along itself, over its length  [Pa/s].
   FlowingStart start(const HeatOperator& heat, const double* strain_old, const FirstVertices& first,
                      const LaneStep& before, double stress_rate, const double* B_work) const {
     return {
@@ -147,7 +148,7 @@ struct FlowingLane {
         .dt = heat.dt,
         .forcing = forcing_of(problem, inputs, lane),
         .before = before,
-        .next_stress = before.stress + stress_rate * heat.dt,
+        .rise = stress_rate * heat.dt,
     };
   }
   StressLimit limit_at_start(double dt, const LaneStep& before) const {
@@ -317,7 +318,8 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
     add_work(inputs, l, n + weight * (searches.sums[l] + 1.0) * problem.grid.num_vertices());
     write_answer(result, layout, l, trial, outputs);
     const bool whole_step = (result.outcome & kSubstepped) == 0 && searches.slip[l] > 0.0;
-    trial[layout.stress_rate + l] = whole_step ? (result.step.stress - before[l].stress) / heat.dt : 0.0;
+    trial[layout.stress_rate + l] =
+        whole_step ? std::copysign(1.0, result.step.stress) * (result.step.stress - before[l].stress) / heat.dt : 0.0;
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
     store_contact(problem, lane.contact, trial, l);
   }
