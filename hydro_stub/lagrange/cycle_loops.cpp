@@ -201,7 +201,7 @@ bool Cycle::predict_middle(double dt) {
 #pragma omp for schedule(static)
     for (int n = 0; n < nodes; ++n) middle_position_[n] = state_.position[n] + (0.5 * dt) * state_.velocity[n];
     RunNodes at;
-#pragma omp for schedule(dynamic, kRunsAtOnce)
+#pragma omp for schedule(static)
     for (std::size_t r = 0; r < runs.size(); ++r) {
       mesh.load(middle_position_, runs[r], at);
       measure(mesh.symmetry(), runs[r], at, middle_);
@@ -276,7 +276,7 @@ void Cycle::accelerate(double dt) {
 #pragma omp parallel if (mesh.num_zones() >= kFewestForThreads)
   {
     std::vector<double> x(mesh.longest_row()), y(mesh.longest_row());
-#pragma omp for schedule(dynamic, kRunsAtOnce)
+#pragma omp for schedule(static)
     for (std::size_t r = 0; r < rows.size(); ++r) {
       const int n = rows[r].first;
       mesh.gather(corner_force_, rows[r], x.data(), y.data());
@@ -315,7 +315,7 @@ bool Cycle::go_to_end(double dt) {
       position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
     }
     RunNodes at;
-#pragma omp for schedule(dynamic, kRunsAtOnce)
+#pragma omp for schedule(static)
     for (std::size_t r = 0; r < runs.size(); ++r) {
       mesh.load(position_new_, runs[r], at);
       measure_volumes(mesh.symmetry(), runs[r], at, volume_new_);
@@ -369,9 +369,9 @@ void Cycle::finish_step(double dt) {
       contact_.deposit_heat(velocity_mean_, dt, state_.mass, state_.energy);
       book_boundaries(dt);
     }
-#pragma omp for schedule(dynamic, kRunsAtOnce)
+#pragma omp for schedule(static)
     for (std::size_t r = 0; r < rim.size(); ++r) advance_stress(dt, rim[r]);
-#pragma omp for schedule(dynamic, kRunsAtOnce)
+#pragma omp for schedule(static)
     for (std::size_t r = 0; r < runs.size(); ++r) update_run(runs[r]);
   }
 }

@@ -90,7 +90,7 @@ TimeStep next_time_step(const Mesh& mesh, const TimeStepOptions& options, const 
     Limits some;
     RunNodes at;
     double of_courant[Run::kMostZones] = {}, of_volume[Run::kMostZones] = {};
-#pragma omp for schedule(dynamic, kRunsAtOnce) nowait
+#pragma omp for schedule(static) nowait
     for (std::size_t r = 0; r < runs.size(); ++r) {
       mesh.load(position, runs[r], at);
       limit_wide(options, runs[r], at, rates, of_courant, of_volume);
