@@ -59,6 +59,7 @@ void EdgeZero::end(const SlipPoint& at, bool found) {
 
 void EdgeZero::update(const SlipPoint& point) {
   const double f = value(point);
+  if (f > 0.0 && point.a > below_.a) below_ = point;
   if (std::abs(f) <= kDigits * point.a) return end(point, true);
   if (std::isnan(f)) return end({f, f, f}, true);
   if (!(f > 0.0)) {

@@ -28,6 +28,8 @@ class EdgeZero {
   // The zero; without one the end `to`. A point that update() was given, or an end. Its stress is NaN where a law gave
   // no number.
   const SlipPoint& answer() const { return answer_; }
+  // Of a search from the left: the largest stress that update() was given at which the interface could carry more.
+  const SlipPoint& below() const { return below_; }
 
  private:
   double value(const SlipPoint& p) const { return bound(p, p); }
@@ -39,9 +41,9 @@ class EdgeZero {
   void end(const SlipPoint& at, bool found);
 
   const StressLimit* limit_ = nullptr;
-  SlipPoint from_{}, to_{}, hottest_{}, cap_{}, answer_{};  // no zero lies between the start of the search and from_
-  double f_from_ = 0.0, f_to_ = 0.0;                        // signed spare strengths: that of from_ is positive
-  double f_cap_ = 0.0, cap_bound_ = 0.0;                    // at cap_: spare strength, and its bound from from_ on
+  SlipPoint from_{}, to_{}, hottest_{}, cap_{}, answer_{}, below_{};  // no zero lies between the start and from_
+  double f_from_ = 0.0, f_to_ = 0.0;      // signed spare strengths: that of from_ is positive
+  double f_cap_ = 0.0, cap_bound_ = 0.0;  // at cap_: spare strength, and its bound from from_ on
   double sign_ = 1.0;
   double at_ = 0.0;
   bool found_ = false;   // a zero lies between from_ and to_

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "server/physics/interface/edge_zero.hpp"
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/problem.hpp"
 
@@ -49,16 +50,17 @@ inline StressLimit contact_limit(const Problem& problem, const Material& soft, d
 }
 
 // A layer at its ceiling flows by any amount under it. A contact that would slip away under less, but gains strength by
-// slip, takes of that flow the slip at which it carries the ceiling. This is its velocity, at most `most`, under the
-// ceiling `a` at the temperature T0.
-inline double slip_under_ceiling(const StressLimit& limit, double a, double T0, double most) {
-  double lo = 0.0, hi = most;
+// slip, takes of that flow the slip at which it carries the ceiling. This is its velocity, after a search that has ended
+// without slip at the ceiling `end`; 0: the contact gains too little. Slower than `rest`, an interface is at rest.
+inline double slip_under_ceiling(const StressLimit& limit, const EdgeZero& search, const SlipPoint& end, double rest) {
+  constexpr double kNextToCeiling = 1e-12;  // a slip under a stress as close as this to the ceiling is cut off by it
+  const SlipPoint& below = search.below();
+  if (!(below.v > rest && below.a >= end.a * (1.0 - kNextToCeiling))) return 0.0;
+  double lo = 0.0, hi = below.v;
   for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi))
-    (limit.at(T0, mid).stress < a ? lo : hi) = mid;
-  return hi;
+    (limit.at(end.T, mid).stress < end.a ? lo : hi) = mid;
+  return hi > rest ? hi : 0.0;
 }
-// A slip under a stress as close to that of the stick as this, of its size, is cut off by the ceiling of the layer.
-inline constexpr double kNextToCeiling = 1e-12;
 
 // Goes on from the states before a step to those after it. `slip`: slip velocity of the interface. An open contact leaves
 // its junctions as they are; what it does to a friction law, the law says. Returns false if a law gave no number.

@@ -149,8 +149,8 @@ double heat_per_stress(const Problem& problem, const TileInputs& inputs, int l, 
   return problem.heat_partition * std::max(0.0, direction * inputs.velocity_jump[l]);
 }
 
-double direction_of(const double* trial, std::size_t stress_at_interface) {
-  return std::signbit(trial[stress_at_interface]) ? -1.0 : 1.0;
+double direction_of(double stress) {
+  return std::signbit(stress) ? -1.0 : 1.0;
 }
 
 // A limit that depends on the temperature alone is a number before the waves are solved, one for each direction of the
@@ -172,7 +172,7 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
   std::uint32_t lost = solve_waves(problem, heat, inputs, lanes, limit, nullptr, trial, found);
   std::uint32_t against = 0;
   for (const int l : lanes_of(lanes & ~lost)) {
-    if (!found[l].interface_slips || direction_of(trial, layout.shear_stress + l) * inputs.velocity_jump[l] >= 0.0)
+    if (!found[l].interface_slips || direction_of(trial[layout.shear_stress + l]) * inputs.velocity_jump[l] >= 0.0)
       continue;
     limit[l] = contacts[l].limit.at(start[layout.temperature + l]).stress;
     copy_lane(start, trial, layout.doubles, l);
@@ -182,136 +182,162 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
   return lost;
 }
 
-// The search of one lane for the stress that its contact carries.
-struct Sought {
-  EdgeZero zero;
-  SlipPoint end{};    // of the search: where the interface sticks, or can only carry less
-  SlipPoint below{};  // the slip under the largest stress tried at which the contact could carry more
-  double direction = 1.0, T_ad = 0.0, T_per_stress = 0.0, most_slip = 0.0;
-  bool several = false;
-
-  SlipPoint point(double a, const Found& found) const {
-    return {a, T_ad + T_per_stress * a, std::max(0.0, direction * found.interface_slip)};
+// The search for the stress that the contacts of a tile carry where their limits depend on the slip. An interface that
+// sticks sticks while it can; one that slips takes the answer with the most slip.
+class ContactSearch {
+ public:
+  ContactSearch(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+                const WaveContacts& contacts, double* trial, Found (&found)[kLanes])
+      : problem_(problem), heat_(heat), inputs_(inputs), contacts_(contacts), trial_(trial), found_(found) {
+    std::copy_n(trial, problem.layout.doubles, start_);
+    std::copy_n(trial + problem.layout.layer_velocity, velocities_, guess_);
+    std::fill_n(limit_, kLanes, kInfinity);
   }
-};
 
-// Of the flow at z = 0 of a layer at its ceiling, the interface takes its own slip.
-void share_ceiling(const Problem& problem, double dt, const Sought& own, const StressLimit& limit, double* trial, int l,
-                   Found& found) {
-  const double v = slip_under_ceiling(limit, own.end.a, own.end.T, own.below.v);
-  if (!(v > kAtRest * own.most_slip)) return;
-  trial[problem.layout.plastic_strain + l] -= v * dt / (kSqrt3 * problem.grid.weight[0]);
-  found.interface_slip = own.direction * v;
-  found.interface_slips = true;
-}
+  // Returns the lanes that have no answer.
+  std::uint32_t solve(std::uint32_t lanes) {
+    std::uint32_t held = 0, slipping = 0;
+    for (const int l : lanes_of(lanes)) {
+      sought_[l].T_ad = start_[problem_.layout.temperature + static_cast<std::size_t>(l)];
+      if (contacts_[l].stuck) held |= 1u << l;
+    }
+    solve_under_limit(held);
+    for (const int l : lanes_of(held & ~lost_))
+      if (!sticks(l)) slipping |= 1u << l;
+    slipping = bracket(slipping | (lanes & ~held), held);
+    search(slipping);
+    answer(slipping);
+    return lost_;
+  }
 
-// An interface that sticks sticks while it can; one that slips takes the answer with the most slip.
-std::uint32_t solve_under_slip(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                               std::uint32_t lanes, const WaveContacts& contacts, double* trial,
-                               Found (&found)[kLanes]) {
-  const TileLayout& layout = problem.layout;
-  // The state before the step, and the velocities under the last stress, from which the search under the next one starts.
-  const std::size_t velocities = layout.num_velocity_cells * kLanes;
-  double* start = scratch_tile(Scratch::kWaves, layout.doubles + velocities);
-  double* guess = start + layout.doubles;
-  std::copy_n(trial, layout.doubles, start);
-  std::copy_n(trial + layout.layer_velocity, velocities, guess);
-  double limit[kLanes];
-  std::fill_n(limit, kLanes, kInfinity);
-  std::uint32_t lost = 0;
-  const auto solve = [&](std::uint32_t these) {
-    for (const int l : lanes_of(these)) copy_lane(start, trial, layout.doubles, l);
-    lost |= solve_waves(problem, heat, inputs, these & ~lost, limit, guess, trial, found);
-    for (const int l : lanes_of(these & ~lost)) copy_lane(trial + layout.layer_velocity, guess, velocities, l);
+ private:
+  struct Sought {
+    EdgeZero zero;
+    SlipPoint free{};  // the start of the search: no stress, the most slip
+    SlipPoint end{};   // its end: where the interface sticks, or can only carry less
+    double direction = 1.0, T_ad = 0.0, T_per_stress = 0.0;
+    double ceiling_slip = 0.0;  // slip velocity next to a layer that flows at its ceiling  [m/s]
+    bool several = false;
+
+    SlipPoint point(double a, double slip) const { return {a, T_ad + T_per_stress * a, std::max(0.0, slip)}; }
+    SlipPoint point(double a, const Found& found) const { return point(a, direction * found.interface_slip); }
   };
 
-  // 1. An interface that has stuck sticks while it can.
-  Sought sought[kLanes];
-  std::uint32_t slipping = 0, held = 0;
-  const auto see_stick = [&](int l) {
-    Sought& own = sought[l];
-    const StressLimit& contact = contacts[l].limit;
-    own.direction = direction_of(trial, layout.shear_stress + l);
-    own.T_per_stress = heat_per_stress(problem, inputs, l, own.direction) * heat.layer_response()[0];
-    own.end = own.point(std::abs(trial[layout.shear_stress + l]), {});
+  double& stress_of(int l) { return trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)]; }
+
+  // Solves the waves under limit_, from the state before the step, starting from the velocities under the last stress.
+  void solve_under_limit(std::uint32_t lanes) {
+    for (const int l : lanes_of(lanes)) copy_lane(start_, trial_, problem_.layout.doubles, l);
+    lost_ |= solve_waves(problem_, heat_, inputs_, lanes & ~lost_, limit_, guess_, trial_, found_);
+    for (const int l : lanes_of(lanes & ~lost_))
+      copy_lane(trial_ + problem_.layout.layer_velocity, guess_, velocities_, l);
+  }
+
+  // Takes the direction of the stress, and how it heats the interface, from the waves that were solved last.
+  void face(int l) {
+    Sought& own = sought_[l];
+    own.direction = direction_of(stress_of(l));
+    own.T_per_stress = heat_per_stress(problem_, inputs_, l, own.direction) * heat_.layer_response()[0];
+  }
+
+  // Of an interface that did not slip under the last limit: whether it sticks.
+  bool sticks(int l) {
+    Sought& own = sought_[l];
+    const StressLimit& contact = contacts_[l].limit;
+    face(l);
+    own.end = own.point(std::abs(stress_of(l)), 0.0);
     own.several = contact.at(own.end.T, 0.0).stress >= own.end.a;
-    return own.end.a == 0.0 || (own.several && (contacts[l].stuck || !contact.falls_with_slip()));
-  };
-  for (const int l : lanes_of(lanes)) {
-    sought[l].T_ad = start[layout.temperature + l];
-    if (contacts[l].stuck) held |= 1u << l;
+    return own.end.a == 0.0 || (own.several && (contacts_[l].stuck || !contact.falls_with_slip()));
   }
-  solve(held);
-  for (const int l : lanes_of(held & ~lost))
-    if (!see_stick(l)) slipping |= 1u << l;
-  slipping |= lanes & ~held;
 
-  // 2. The slip under no stress, with which the contact carries the most, and from there on the search: up to that limit,
-  // or to the stress at which the interface sticks, if it is less.
-  for (const int l : lanes_of(slipping)) limit[l] = 0.0;
-  solve(slipping);
-  std::uint32_t ends = 0;
-  SlipPoint free[kLanes];
-  for (const int l : lanes_of(slipping & ~lost)) {
-    Sought& own = sought[l];
-    if (!contains(held, l)) own.direction = direction_of(trial, layout.shear_stress + l);
-    free[l] = own.point(0.0, found[l]);
-    own.most_slip = free[l].v;
-    if (contains(held, l)) continue;
-    limit[l] = contacts[l].limit.at(own.T_ad, {own.most_slip, 0.0}).stress;
-    ends |= 1u << l;
-  }
-  solve(ends);
-  for (const int l : lanes_of(ends & ~lost)) {
-    if (!found[l].interface_slips) {
-      if (see_stick(l)) slipping &= ~(1u << l);
-      continue;
+  // Finds the slip under no stress, with which the contact carries the most; and up to that limit, or to the stress at
+  // which the interface sticks, if it is less, the end of the search. `held`: lanes whose end is known. Returns the lanes
+  // that do not stick.
+  std::uint32_t bracket(std::uint32_t lanes, std::uint32_t held) {
+    for (const int l : lanes_of(lanes)) limit_[l] = 0.0;
+    solve_under_limit(lanes);
+    for (const int l : lanes_of(lanes & ~lost_)) {
+      Sought& own = sought_[l];
+      if (!contains(held, l)) face(l);
+      own.free = own.point(0.0, found_[l]);
+      if (!contains(held, l)) limit_[l] = contacts_[l].limit.at(own.T_ad, {own.free.v, 0.0}).stress;
     }
-    Sought& own = sought[l];
-    own.direction = direction_of(trial, layout.shear_stress + l);
-    own.T_per_stress = heat_per_stress(problem, inputs, l, own.direction) * heat.layer_response()[0];
-    own.end = own.point(limit[l], found[l]);
-  }
-  const auto unsolved = [&] {
-    std::uint32_t these = 0;
-    for (const int l : lanes_of(slipping & ~lost)) {
-      if (sought[l].zero.done()) continue;
-      limit[l] = sought[l].zero.at();
-      these |= 1u << l;
+    const std::uint32_t open = lanes & ~held & ~lost_;
+    solve_under_limit(open);
+    for (const int l : lanes_of(open & ~lost_)) {
+      if (found_[l].interface_slips) {
+        face(l);
+        sought_[l].end = sought_[l].point(limit_[l], found_[l]);
+      } else if (sticks(l)) {
+        lanes &= ~(1u << l);
+      }
     }
-    return these;
-  };
-  for (const int l : lanes_of(slipping & ~lost))
-    sought[l].zero = EdgeZero(contacts[l].limit, free[l], sought[l].end, sought[l].end);
-  for (std::uint32_t these = unsolved(); these != 0; these = unsolved()) {
-    solve(these);
-    for (const int l : lanes_of(these & ~lost)) {
-      const SlipPoint now = sought[l].point(limit[l], found[l]);
-      if (now.a > sought[l].below.a && contacts[l].limit.at(now.T, now.v).stress > now.a) sought[l].below = now;
-      sought[l].zero.update(now);
+    return lanes;
+  }
+
+  void search(std::uint32_t lanes) {
+    for (const int l : lanes_of(lanes & ~lost_)) {
+      Sought& own = sought_[l];
+      own.zero = EdgeZero(contacts_[l].limit, own.free, own.end, own.end);
+    }
+    for (;;) {
+      std::uint32_t unsolved = 0;
+      for (const int l : lanes_of(lanes & ~lost_)) {
+        if (sought_[l].zero.done()) continue;
+        limit_[l] = sought_[l].zero.at();
+        unsolved |= 1u << l;
+      }
+      if (unsolved == 0) return;
+      solve_under_limit(unsolved);
+      for (const int l : lanes_of(unsolved & ~lost_)) sought_[l].zero.update(sought_[l].point(limit_[l], found_[l]));
     }
   }
 
-  // 3. The answer, where the last stress of the search was another one.
-  std::uint32_t again = 0, cut = 0;
-  for (const int l : lanes_of(slipping & ~lost)) {
-    Sought& own = sought[l];
-    const SlipPoint& answer = own.zero.answer();
-    if (std::isnan(answer.a)) lost |= 1u << l;  // a law gave no number
-    const bool slides = own.zero.found() && answer.v > kAtRest * own.most_slip;
-    own.several = own.several && slides;
-    const double a = slides ? answer.a : kInfinity;
-    if (!slides && own.below.v > kAtRest * own.most_slip && own.below.a >= own.end.a * (1.0 - kNextToCeiling))
-      cut |= 1u << l;
-    if (limit[l] != a) again |= 1u << l;
-    limit[l] = a;
+  // Solves once more where the last stress of the search is not the answer.
+  void answer(std::uint32_t lanes) {
+    std::uint32_t again = 0;
+    for (const int l : lanes_of(lanes & ~lost_)) {
+      Sought& own = sought_[l];
+      const SlipPoint& zero = own.zero.answer();
+      if (std::isnan(zero.a)) lost_ |= 1u << l;  // a law gave no number
+      const double rest = kAtRest * own.free.v;
+      const bool slides = own.zero.found() && zero.v > rest;
+      own.several = own.several && slides;
+      if (!slides) own.ceiling_slip = slip_under_ceiling(contacts_[l].limit, own.zero, own.end, rest);
+      const double a = slides ? zero.a : kInfinity;
+      if (limit_[l] != a) again |= 1u << l;
+      limit_[l] = a;
+    }
+    solve_under_limit(again & ~lost_);
+    for (const int l : lanes_of(lanes & ~lost_)) {
+      found_[l].several = sought_[l].several;
+      if (sought_[l].ceiling_slip > 0.0) share_ceiling(l);
+    }
   }
-  solve(again & ~lost);
-  for (const int l : lanes_of(cut & ~lost))
-    share_ceiling(problem, heat.dt, sought[l], contacts[l].limit, trial, l, found[l]);
-  for (const int l : lanes_of(slipping & ~lost)) found[l].several = sought[l].several;
-  return lost;
-}
+
+  // Of the flow at z = 0 of a layer at its ceiling, the interface takes its own slip.
+  void share_ceiling(int l) {
+    const double v = sought_[l].ceiling_slip;
+    trial_[problem_.layout.plastic_strain + static_cast<std::size_t>(l)] -=
+        v * heat_.dt / (kSqrt3 * problem_.grid.weight[0]);
+    found_[l].interface_slip = sought_[l].direction * v;
+    found_[l].interface_slips = true;
+  }
+
+  const Problem& problem_;
+  const HeatOperator& heat_;
+  const TileInputs& inputs_;
+  const WaveContacts& contacts_;
+  double* trial_;
+  Found (&found_)[kLanes];
+  std::size_t velocities_ = problem_.layout.num_velocity_cells * kLanes;
+  // The state before the step, and the velocities under the last stress, from which the search under the next one starts.
+  double* start_ = scratch_tile(Scratch::kWaves, problem_.layout.doubles + velocities_);
+  double* guess_ = start_ + problem_.layout.doubles;
+  double limit_[kLanes];
+  Sought sought_[kLanes];
+  std::uint32_t lost_ = 0;
+};
 
 }  // namespace
 
@@ -341,7 +367,7 @@ std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, cons
       limit[l] = interface_strength(problem.interface, problem.options.soft, inputs.pressure[l], nullptr).coulomb;
     return solve_waves(problem, heat, inputs, lanes, limit, nullptr, trial, found);
   }
-  return limit_follows_slip(problem) ? solve_under_slip(problem, heat, inputs, lanes, *contacts, trial, found)
+  return limit_follows_slip(problem) ? ContactSearch(problem, heat, inputs, *contacts, trial, found).solve(lanes)
                                      : solve_under_temperature(problem, heat, inputs, lanes, *contacts, trial, found);
 }
 

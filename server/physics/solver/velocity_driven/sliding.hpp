@@ -42,7 +42,6 @@ struct Sliding {
   bool stuck = false;                     // the interface did not slip at the end of the last step
   EdgeZero search;
   double a_stick = 0.0;       // stress under which the interface sticks  [Pa]
-  SlipPoint below{};          // the slip under the largest stress tried at which the contact could carry more
   double ceiling_slip = 0.0;  // slip velocity of the interface next to a layer that flows at its ceiling  [m/s]
   bool searches = false;
   bool several = false;  // the interface could stick as well
@@ -103,9 +102,7 @@ inline void slide(LayerFlow* flow, double compliance, double dt, Lane (&lanes)[k
       Sliding& own = sliding[l];
       if (!own.searches || own.search.done()) continue;
       ++lanes[l].sums;
-      const SlipPoint now = own.point(lanes[l].a, slip_under(l, lanes[l].a));
-      if (now.a > own.below.a && own.limit.at(now.T, now.v).stress > now.a) own.below = now;
-      own.search.update(now);
+      own.search.update(own.point(lanes[l].a, slip_under(l, lanes[l].a)));
       searching = searching || !own.search.done();
     }
   }
@@ -117,11 +114,8 @@ inline void slide(LayerFlow* flow, double compliance, double dt, Lane (&lanes)[k
     const bool failed = std::isnan(answer.a);
     const double rest = kAtRest * kSqrt3 / dt * lane.a_trial / compliance;
     const bool slides = own.search.found() && !failed && answer.v > rest;
-    if (!slides && lane.at_bound && lane.bound == Bound::kCeiling && own.below.v > rest &&
-        own.below.a >= own.a_stick * (1.0 - kNextToCeiling)) {
-      const double v = slip_under_ceiling(own.limit, own.a_stick, own.point(own.a_stick, 0.0).T, own.below.v);
-      own.ceiling_slip = v > rest ? v : 0.0;
-    }
+    if (!slides && lane.at_bound && lane.bound == Bound::kCeiling)
+      own.ceiling_slip = slip_under_ceiling(own.limit, own.search, own.point(own.a_stick, 0.0), rest);
     own.several = own.several && slides;
     const double a = slides ? answer.a : own.a_stick;
     summed = summed && lane.a == a;
