@@ -95,8 +95,7 @@ std::shared_ptr<const physics::HeatTables> heat_tables_of(const v1::Scene& scene
   physics::HeatTables tables{conductivity(scene.soft(), options.soft, "soft"), heat(scene.soft(), options.soft, "soft"),
                              conductivity(scene.hard(), options.hard, "hard"),
                              heat(scene.hard(), options.hard, "hard")};
-  if (tables.soft_conductivity.empty() && tables.soft_heat.empty() && tables.hard_conductivity.empty() &&
-      tables.hard_heat.empty())
+  if (std::ranges::all_of(physics::kHeatTables, [&](const auto& keys) { return (tables.*keys.table).empty(); }))
     return nullptr;
   return std::make_shared<const physics::HeatTables>(std::move(tables));
 }

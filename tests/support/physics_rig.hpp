@@ -158,13 +158,11 @@ class Rig {
     }
     // What c(T) adds to the heat: of a slope c a/2 (T - 300 K)^2 of each body.
     for (std::size_t i = 0; conducts_by_temperature(model.options()) && i < T.size(); ++i) {
-      const HeatTables* tables = model.options().heat_tables.get();
+      const HeatTables& tables = heat_tables(model.options());
       const auto more = [&](const Material& m, double weight) {
-        const HeatTable* table = !tables                       ? nullptr
-                                 : &m == &model.options().soft ? &tables->soft_heat
-                                                               : &tables->hard_heat;
-        if (table != nullptr && !table->empty())
-          return m.conductivity / m.diffusivity * weight * (table->mean(reference, T[i]) - 1.0) * (T[i] - reference);
+        const HeatTable& table = &m == &model.options().soft ? tables.soft_heat : tables.hard_heat;
+        if (!table.empty())
+          return m.conductivity / m.diffusivity * weight * (table.mean(reference, T[i]) - 1.0) * (T[i] - reference);
         const auto of = [](double x) { return (x - 300.0) * (x - 300.0); };
         const double slope = std::isfinite(m.specific_heat_slope) ? m.specific_heat_slope : 0.0;
         return m.conductivity / m.diffusivity * weight * 0.5 * slope * (of(T[i]) - of(reference));

@@ -1,7 +1,6 @@
 // k(T) or c(T) of a body as a table: linear between its rows, constant outside of them.
 #pragma once
 
-#include <cstddef>
 #include <vector>
 
 namespace shearbus::physics {
@@ -21,6 +20,18 @@ struct HeatTables {
   HeatTable soft_conductivity, soft_heat, hard_conductivity, hard_heat;
 };
 
-inline constexpr std::size_t kMostTableRows = 100;
+// Each of them, with the keys of its columns in a scene.
+struct HeatTableKeys {
+  HeatTable HeatTables::*table;
+  const char *temperatures, *values;
+};
+inline constexpr HeatTableKeys kHeatTables[] = {
+    {&HeatTables::soft_conductivity, "soft.thermal_conductivity_table_temperature_k",
+     "soft.thermal_conductivity_table_w_per_m_k"},
+    {&HeatTables::soft_heat, "soft.specific_heat_table_temperature_k", "soft.specific_heat_table_j_per_kg_k"},
+    {&HeatTables::hard_conductivity, "hard.thermal_conductivity_table_temperature_k",
+     "hard.thermal_conductivity_table_w_per_m_k"},
+    {&HeatTables::hard_heat, "hard.specific_heat_table_temperature_k", "hard.specific_heat_table_j_per_kg_k"},
+};
 
 }  // namespace shearbus::physics

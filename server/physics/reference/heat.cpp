@@ -89,29 +89,27 @@ Profile conduct(const ModelOptions& options, double dt, const std::vector<double
   const HeatGrid grid = heat_grid_of(options);
   const int n = grid.num_vertices();
   // k(T)/k and c(T)/c as they are printed, as means between two temperatures: of a table the difference of its integrals.
-  const auto mean = [&](double slope, const HeatTable* table, double T_1, double T_2) {
+  const auto mean = [&](double slope, const HeatTable& table, double T_1, double T_2) {
     const double T = 0.5 * (T_1 + T_2);
-    if (table == nullptr || table->empty()) return std::isfinite(slope) ? 1.0 + slope * (T - 300.0) : 1.0;
-    if (std::abs(T_2 - T_1) < 1e-3) return table_at(*table, T);
-    return (integral_of(*table, T_2) - integral_of(*table, T_1)) / (T_2 - T_1);
+    if (table.empty()) return std::isfinite(slope) ? 1.0 + slope * (T - 300.0) : 1.0;
+    if (std::abs(T_2 - T_1) < 1e-3) return table_at(table, T);
+    return (integral_of(table, T_2) - integral_of(table, T_1)) / (T_2 - T_1);
   };
-  const HeatTables* tables = options.heat_tables.get();
+  const HeatTables& tables = heat_tables(options);
   const bool constant = old.coefficients_from.empty();
   const auto conducts = [&](const Material& m, int cell) {
     if (constant) return 1.0;
-    const HeatTable* table = !tables               ? nullptr
-                             : &m == &options.soft ? &tables->soft_conductivity
-                                                   : &tables->hard_conductivity;
+    const HeatTable& table = &m == &options.soft ? tables.soft_conductivity : tables.hard_conductivity;
     const auto half_way = [&](int i) { return 0.5 * (old.coefficients_from[i] + old.coefficients_to[i]); };
     return mean(m.conductivity_slope, table, half_way(cell), half_way(cell + 1));
   };
   const auto holds = [&](int i) {
     if (constant) return grid.capacity(i, options.soft, options.hard);
     const double T_1 = old.coefficients_from[i], T_2 = old.coefficients_to[i];
-    const double soft = mean(options.soft.specific_heat_slope, tables ? &tables->soft_heat : nullptr, T_1, T_2) *
-                        options.soft.conductivity / options.soft.diffusivity;
-    const double hard = mean(options.hard.specific_heat_slope, tables ? &tables->hard_heat : nullptr, T_1, T_2) *
-                        options.hard.conductivity / options.hard.diffusivity;
+    const double soft = mean(options.soft.specific_heat_slope, tables.soft_heat, T_1, T_2) * options.soft.conductivity /
+                        options.soft.diffusivity;
+    const double hard = mean(options.hard.specific_heat_slope, tables.hard_heat, T_1, T_2) * options.hard.conductivity /
+                        options.hard.diffusivity;
     if (i == grid.interface) return soft * grid.weight[i] + hard * grid.hard_weight;
     return (i < grid.interface ? hard : soft) * grid.weight[i];
   };

@@ -81,6 +81,12 @@ struct ModelOptions {
   std::optional<double> taylor_quinney_factor;
 };
 
+// The tables of k(T) and c(T): empty ones where the options have none.
+inline const HeatTables& heat_tables(const ModelOptions& options) {
+  static const HeatTables none;
+  return options.heat_tables != nullptr ? *options.heat_tables : none;
+}
+
 // Whether k or c of a conducting body follows the temperature.
 inline bool conducts_by_temperature(const ModelOptions& options) {
   return options.heat_tables != nullptr || options.soft.conducts_by_temperature() ||

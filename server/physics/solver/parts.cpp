@@ -442,26 +442,22 @@ std::optional<Refusal> most_cells(std::string key, int most, int found) {
 }
 
 // A table of k(T) or c(T) must reach from the temperature of the start to melting.
-std::optional<Refusal> short_table(const HeatTable& table, const char* key, const ModelOptions& o) {
-  if (table.empty()) return {};
-  const double from = table.temperature.front(), to = table.temperature.back();
-  if (from <= o.initial_temperature && to >= o.soft.melting_temperature) return {};
-  return Refusal{key,
-                 text_of(key, " reaches from ", from, " to ", to, " K, and the bodies from the start at ",
-                         o.initial_temperature, " K to melting at ", o.soft.melting_temperature, " K"),
-                 "Give the table rows for that range."};
+std::optional<Refusal> short_table(const ModelOptions& o) {
+  for (const HeatTableKeys& keys : kHeatTables) {
+    const std::vector<double>& rows = (heat_tables(o).*keys.table).temperature;
+    if (rows.empty()) continue;
+    if (rows.front() <= o.initial_temperature && rows.back() >= o.soft.melting_temperature) continue;
+    return Refusal{keys.temperatures,
+                   text_of(keys.temperatures, " reaches from ", rows.front(), " to ", rows.back(),
+                           " K, and the bodies from the start at ", o.initial_temperature, " K to melting at ",
+                           o.soft.melting_temperature, " K"),
+                   "Give the table rows for that range."};
+  }
+  return {};
 }
 
 constexpr std::array<Limit, 9> kLimits = {
-    [](const ModelOptions& o) -> std::optional<Refusal> {
-      const HeatTables* tables = o.heat_tables.get();
-      if (tables == nullptr) return {};
-      std::optional<Refusal> found =
-          short_table(tables->soft_conductivity, "soft.thermal_conductivity_table_temperature_k", o);
-      if (!found) found = short_table(tables->soft_heat, "soft.specific_heat_table_temperature_k", o);
-      if (!found) found = short_table(tables->hard_conductivity, "hard.thermal_conductivity_table_temperature_k", o);
-      return found ? found : short_table(tables->hard_heat, "hard.specific_heat_table_temperature_k", o);
-    },
+    short_table,
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.taylor_quinney_factor || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};
       return Refusal{"interface.taylor_quinney_factor",
@@ -615,13 +611,9 @@ std::string_view key_of(const Part& part, const ModelOptions& options) {
   const bool forced = options.strategy == Strategy::kForceDriven;
   const auto given = [](double slope) { return std::isfinite(slope) && slope != 0.0; };
   if (part.property == kVaryingHeat && conducts_by_temperature(options)) {
-    if (const HeatTables* tables = options.heat_tables.get();
-        tables != nullptr && !options.soft.conducts_by_temperature()) {
-      if (!tables->soft_conductivity.empty()) return "soft.thermal_conductivity_table_w_per_m_k";
-      if (!tables->soft_heat.empty()) return "soft.specific_heat_table_j_per_kg_k";
-      if (!tables->hard_conductivity.empty()) return "hard.thermal_conductivity_table_w_per_m_k";
-      return "hard.specific_heat_table_j_per_kg_k";
-    }
+    if (!options.soft.conducts_by_temperature())
+      for (const HeatTableKeys& keys : kHeatTables)
+        if (!(heat_tables(options).*keys.table).empty()) return keys.values;
     const bool of_soft = options.soft.conducts_by_temperature();
     const bool conducts = given((of_soft ? options.soft : options.hard).conductivity_slope);
     if (of_soft) return conducts ? part.key : "soft.specific_heat_slope_per_k";

@@ -20,14 +20,14 @@ constexpr int kMostCorrections = 8;
 // Of one body: the mean of k or c between two temperatures, over its constant k or c.
 struct Shares {
   const Material& body;
-  const HeatTable *conductivity, *heat;  // null: no tables
+  const HeatTable &conductivity, &heat;
 
   double conducts(double T_1, double T_2) const {
-    if (conductivity != nullptr && !conductivity->empty()) return conductivity->mean(T_1, T_2);
+    if (!conductivity.empty()) return conductivity.mean(T_1, T_2);
     return body.conductivity_share(0.5 * (T_1 + T_2));
   }
   double holds(double T_1, double T_2) const {
-    if (heat != nullptr && !heat->empty()) return heat->mean(T_1, T_2);
+    if (!heat.empty()) return heat.mean(T_1, T_2);
     return body.heat_share(0.5 * (T_1 + T_2));
   }
 };
@@ -35,11 +35,9 @@ struct Shares {
 }  // namespace
 
 HeatGrid grid_between(const Problem& problem, const double* T_old, const double* T_new) {
-  const HeatTables* tables = problem.options.heat_tables.get();
-  const Shares soft{problem.options.soft, tables ? &tables->soft_conductivity : nullptr,
-                    tables ? &tables->soft_heat : nullptr};
-  const Shares hard{problem.options.hard, tables ? &tables->hard_conductivity : nullptr,
-                    tables ? &tables->hard_heat : nullptr};
+  const HeatTables& tables = heat_tables(problem.options);
+  const Shares soft{problem.options.soft, tables.soft_conductivity, tables.soft_heat};
+  const Shares hard{problem.options.hard, tables.hard_conductivity, tables.hard_heat};
   HeatGrid grid = problem.heat_grid;
   const auto interface = static_cast<std::size_t>(grid.interface);
   const auto between = [&](std::size_t i) { return 0.5 * (T_old[i * kLanes] + T_new[i * kLanes]); };
