@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """shearbus-ctl watch on a terminal (that of tmux) and off one: what it shows, what happens when the server goes and comes, when the window
 changes its size, and that the terminal is as before when the program ends or stops."""
-import argparse
 import json
 import os
 import pathlib
@@ -9,23 +8,23 @@ import re
 import shutil
 import signal
 import subprocess
-import tempfile
+import sys
 import time
 import unittest
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served  # noqa: E402
+
+OPTIONS, REST = served.options("server", "ctl")
 
 
-class Served(unittest.TestCase):
+class Served(served.Served):
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-")
-        self.addCleanup(scratch.cleanup)
-        self.directory = pathlib.Path(scratch.name)
-        self.bus = f"ipc://{self.directory}/bus/s"
+        super().setUp()
         self.server = self.start_server()
 
     def start_server(self):
-        server = subprocess.Popen([OPTIONS.server, "--bind", self.bus, "--state-dir", self.directory / "states", "--log-file", self.directory / "log"])
+        server = subprocess.Popen([OPTIONS.server, "--bind", self.bus, "--state-dir", self.path / "states", "--log-file", self.path / "log"])
         self.addCleanup(lambda: (server.kill(), server.wait()))
         subprocess.run([OPTIONS.ctl, "wait", "--server", self.bus], check=True, capture_output=True, timeout=60)
         return server
@@ -36,11 +35,11 @@ class Served(unittest.TestCase):
 
     def with_session(self):
         """A host with 128 nodes, of which it steps all."""
-        scene = self.directory / "scene.toml"
-        text = (OPTIONS.source / "client/examples/force_driven.toml").read_text()
+        scene = self.path / "scene.toml"
+        text = (served.SOURCE / "client/examples/force_driven.toml").read_text()
         scene.write_text(text.replace('name = "force_driven"', 'name = "backwards\\u202e"'))
         host = subprocess.Popen([shutil.which("python3", path="/usr/bin"), "-B", "-c", HOST, self.bus, scene], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                                env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+                                env={**os.environ, "PYTHONPATH": str(served.SOURCE / "client/python")})
         self.addCleanup(lambda: (host.kill(), host.wait(), host.stdin.close(), host.stdout.close()))
         self.assertEqual(host.stdout.readline(), "open\n")
         return host
@@ -131,7 +130,7 @@ class OnATerminal(Served):
 
     def tmux(self, *words):
         environment = {key: value for key, value in os.environ.items() if key not in ("TMUX", "NO_COLOR")}
-        return subprocess.run(["tmux", "-f", "/dev/null", "-S", self.directory / "tmux", *words], check=True, capture_output=True, text=True, timeout=20,
+        return subprocess.run(["tmux", "-f", "/dev/null", "-S", self.path / "tmux", *words], check=True, capture_output=True, text=True, timeout=20,
                               env=environment).stdout
 
     def screen(self, *options):
@@ -198,9 +197,4 @@ class OnATerminal(Served):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--server", required=True)
-    parser.add_argument("--ctl", required=True)
-    parser.add_argument("--source", type=pathlib.Path, required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=["watch.py", *rest], verbosity=2)
+    unittest.main(argv=["watch.py", *REST], verbosity=2)
