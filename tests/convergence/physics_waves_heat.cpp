@@ -72,8 +72,8 @@ TEST(PhysicsWavesHeatConvergence, FirstOrderAgainstAdiabaticShear) {
     const double errors[] = {rig.stress() - exact.s, rig.T(30) - exact.T};
     double orders[2];
     for (int k = 0; k < 2; ++k) orders[k] = before[k] != 0.0 ? std::log2(std::abs(before[k] / errors[k])) : NAN;
-    std::printf("  %8.3g s  %10.6f MPa  %9.4f K  %10.3e Pa  %10.3e K  %6.3f  %6.3f\n", dt, rig.stress() / 1e6, rig.T(30),
-                errors[0], errors[1], orders[0], orders[1]);
+    std::printf("  %8.3g s  %10.6f MPa  %9.4f K  %10.3e Pa  %10.3e K  %6.3f  %6.3f\n", dt, rig.stress() / 1e6,
+                rig.T(30), errors[0], errors[1], orders[0], orders[1]);
     for (int k = 0; k < 2; ++k) {
       if (before[k] != 0.0) {
         EXPECT_NEAR(orders[k], 1.0, 0.15);

@@ -296,8 +296,8 @@ inline ModelOptions random_inertia_contact_options(Draw& draw, bool extreme) {
 
 // The same with plastic work that heats in place, under any contact law or none.
 inline ModelOptions random_inertia_heat_options(Draw& draw, bool extreme) {
-  ModelOptions options = draw.chance(0.5) ? random_inertia_contact_options(draw, extreme)
-                                          : random_inertia_options(draw, extreme);
+  ModelOptions options =
+      draw.chance(0.5) ? random_inertia_contact_options(draw, extreme) : random_inertia_options(draw, extreme);
   if (!options.hard_grid) options = two_sided(options);
   options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
   return options;

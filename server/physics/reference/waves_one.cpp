@@ -292,10 +292,10 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
     for (int round = 0; round < 60; ++round) {
       at_hi = surplus(hi);
       if (at_hi <= 0.0) break;
-      if (at_hi <= 0.5 * warms.sum()) {
+      if (round < 6 && at_hi <= 0.5 * warms.sum()) {
         lo = hi;
         at_lo = at_hi;
-        hi *= 1.0 + 2.0 * at_hi / warms.sum();
+        hi *= 1.0 + std::pow(2.0, round + 1) * at_hi / warms.sum();
       } else {
         power = power.cwiseMax(works);
         lo = 0.0;

@@ -28,7 +28,8 @@ inline void require_heat_in_place(const Rig& rig, const Answered& a, int lane) {
     if (std::signbit(stress(i)) == std::signbit(stress(0))) along += flow;
   }
   const double slip = std::abs(a.slip) * a.dt, at_interface = std::abs(stress(0)) * std::max(0.0, slip - along);
-  const double unknown = std::abs(stress(0)) * (grain + 1e-13 * (slip + along)) + kNoStress * slip;
+  const double unknown = std::abs(stress(0)) * (grain + 1e-13 * (slip + along)) + kNoStress * slip +
+                         1e-15 * std::abs(stress(0)) * a.jump_length * a.dt;
   require_near(a.heat, *rig.model.options().taylor_quinney_factor * work + at_interface,
                1e-11 * (work + at_interface) + noise + unknown + kProductOfDenormals, "heat against the work in place");
 }

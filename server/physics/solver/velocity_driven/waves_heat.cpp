@@ -11,11 +11,13 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kClosed = 1e-12;      // largest difference of work and heat, relative to the heat
-constexpr double kLeastRoom = 1e-12;   // a vertex that is nearer to melting takes no heat, relative to T_melt
-constexpr double kSmallStep = 0.5;     // a larger lack of heat, relative to it, lets the vertices change that take it
-constexpr double kFartherAmount = 4.0; // factor by which the search for enough heat then grows
-constexpr int kMostAmounts = 60;       // of them
+constexpr double kClosed = 1e-12;       // largest difference of work and heat, relative to the heat
+constexpr double kDigits = 1e-9;        // the same where the last digit of a temperature decides, next to melting
+constexpr double kLeastRoom = 1e-12;    // a vertex that is nearer to melting takes no heat, relative to T_melt
+constexpr double kSmallStep = 0.5;      // a larger lack of heat, relative to it, lets the vertices change that take it,
+constexpr int kMostCloseAmounts = 6;    // so does one that is left after so many amounts
+constexpr double kFartherAmount = 4.0;  // factor by which the amount then grows
+constexpr int kMostAmounts = 60;        // of the search for enough heat
 
 // The heat of a step goes where a step at the temperatures without it does its work W0:
 //   Q[i] = amount W0[i] (T_melt - T[i])/(T_melt - T_ad[i]),
@@ -54,7 +56,7 @@ class HeatedWaves {
     double low = 0.0, work_at_low = 0.0;          // the largest amount known that is too small, its lack of heat
     double high = 0.0;                            // the smallest amount known that is enough
     RootSearch amounts;
-    bool closed() const { return std::abs(work - heat) <= kClosed * heat; }
+    bool closed(double share = kClosed) const { return std::abs(work - heat) <= share * heat; }
   };
 
   std::size_t row() const { return problem_.layout.num_strain_vertices * kLanes; }
@@ -143,10 +145,10 @@ class HeatedWaves {
           own.amounts = RootSearch(own.low, -own.work_at_low, own.high, -missing, own.work_before,
                                    own.low + share * (own.high - own.low));
           bracketed |= 1u << l;
-        } else if (missing <= kSmallStep * own.heat) {
+        } else if (round < kMostCloseAmounts && missing <= kSmallStep * own.heat) {
           own.low = own.amount;
           own.work_at_low = missing;
-          own.amount *= 1.0 + 2.0 * (missing / own.heat);
+          own.amount *= 1.0 + static_cast<double>(2 << round) * (missing / own.heat);
         } else {
           for (std::size_t i = static_cast<std::size_t>(l); i < row(); i += kLanes)
             power_[i] = std::max(power_[i], done_[i]);
@@ -191,7 +193,7 @@ class HeatedWaves {
     const std::size_t first = problem_.layout.first_temperature();
     copy_lane(start_ + first, trial_ + first, static_cast<std::size_t>(problem_.heat_rows) * kLanes, l);
     if (!(own.heat > 0.0)) return;
-    const double share = own.closed() ? 1.0 : std::min(1.0, own.work / own.heat);
+    const double share = own.closed(kDigits) ? 1.0 : std::min(1.0, own.work / own.heat);
     add_spread_lane(operators_.heat(), operators_.spread(), l, share, rise_, trial_ + first);
     found_[l].flux = share * own.heat;
   }
