@@ -235,11 +235,7 @@ class Steps(Live):
         self.assertEqual(answer.temperature.shape, (3,))
         bus.step(1e-9, jump=0, pressure=11.2e9)
         for wrong in (100.0, numpy.ones(3), numpy.ones((2, 3))):
-            self.assert_refused(shearbus.MessageError,
-                                "SHAPE",
-                                lambda: bus.step(1e-9, jump=wrong, pressure=1e9),
-                                "jump",
-                                text="(3, 2)")
+            self.assert_refused(shearbus.MessageError, "SHAPE", lambda: bus.step(1e-9, jump=wrong, pressure=1e9), "jump", text="(3, 2)")
         bad = jump.copy()
         bad[1, 1] = numpy.nan
         self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: bus.step(1e-9, jump=bad, pressure=1e9),
@@ -532,34 +528,22 @@ class Refusals(Live):
 
     def test_values_are_refused_by_the_name_of_their_column(self):
         good = drive(1, 2, 3)
-        shape = ({"pressure": numpy.ones(2)}, {"pressure": numpy.ones(4)}, {"pressure": numpy.ones(
-            (3, 1))}, {"pressure": []}, {"pressure": numpy.float32(1e9)}, {"pressure": numpy.ones(3, numpy.float32)},
-                 {"pressure": numpy.ones(3, numpy.float16)}, {"pressure": numpy.ones(3, numpy.longdouble)},
-                 {"pressure": numpy.ones(3, complex)}, {"pressure": numpy.ones(3, bool)}, {"pressure": ["1", "2", "3"]},
-                 {"pressure": None}, {"pressure": [1.0, [2.0],
-                                                   3.0]}, {"pressure": numpy.ma.masked_array(numpy.ones(3), [0, 1, 0])
-                                                           }, {"pressure": numpy.ma.masked_array(numpy.ones(3))})
-        for wrong in shape:
-            self.silently(lambda: self.bus.step(1e-9, **{**good, **wrong}), shearbus.MessageError, "SHAPE", "pressure")
+        ones = numpy.ones(3)
+        for wrong in (numpy.ones(2), numpy.ones(4), numpy.ones((3, 1)), [], numpy.float32(1e9), numpy.ones(3, numpy.float32),
+                      numpy.ones(3, numpy.float16), numpy.ones(3, numpy.longdouble), numpy.ones(3, complex), numpy.ones(3, bool), ["1", "2", "3"],
+                      None, [1.0, [2.0], 3.0], numpy.ma.masked_array(ones, [0, 1, 0]), numpy.ma.masked_array(ones)):
+            with self.subTest(repr(wrong)):
+                self.silently(lambda: self.bus.step(1e-9, **{**good, "pressure": wrong}), shearbus.MessageError, "SHAPE", "pressure")
         for value in (numpy.nan, numpy.inf, -numpy.inf):
             bad = numpy.array([1.0, 2.0, value])
             self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: self.bus.step(1e-9, **{**good, "jump": bad}),
                                 "jump", [2**64 - 1], f"jump of node {2**64 - 1} is {value}")
             self.assert_refused(shearbus.ContentError, "INVALID_VALUE",
                                 lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), "jump", [7])
-        self.silently(lambda: self.bus.step(1e-9, jump=1.0),
-                      shearbus.MessageError,
-                      "SHAPE",
-                      "pressure",
-                      text="is missing")
-        self.silently(lambda: self.bus.step(1e-9, presure=1.0, **good),
-                      shearbus.MessageError,
-                      "SHAPE",
-                      "presure",
-                      text='mean "pressure"')
-        self.silently(lambda: self.bus.step(1e-9, stress_soft=1.0, **good), shearbus.MessageError, "SHAPE",
-                      "stress_soft")
-        self.silently(lambda: self.bus.step("1 ns", **good), shearbus.MessageError, "SHAPE", "dt")
+        for dt, values, field, text in ((1e-9, {"jump": 1.0}, "pressure", "is missing"), (1e-9, {**good, "presure": 1.0}, "presure", 'mean "pressure"'),
+                                        (1e-9, {**good, "stress_soft": 1.0}, "stress_soft", ""), ("1 ns", good, "dt", "")):
+            with self.subTest(field):
+                self.silently(lambda: self.bus.step(dt, **values), shearbus.MessageError, "SHAPE", field, text=text)
         numpy.testing.assert_array_equal(self.bus.step(1e-9, **good).stress, self.plain.step(1e-9, **good).stress)
 
     def test_nodes_are_refused_where_they_are_no_distinct_whole_numbers(self):
@@ -717,18 +701,14 @@ class Hosts(Live):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             host()
-        for mistake, text in (({"soft": -1}, "stress_soft has the wrong sign"),
-                              ({"hard": -1}, "stress_hard has the wrong sign"), ({"soft": -1, "hard":
-                                                                                  -1}, "both have the wrong sign"),
-                              ({"to_soft": 0}, "to the hard body only"), ({"to_hard": 0}, "to the soft body only"),
-                              ({"to_soft": 0, "to_hard": 0}, "is not applied"), ({"to_soft": -1, "to_hard":
-                                                                                  -1}, "applied with the wrong sign"),
-                              ({"swap": True}, "are swapped"), ({"mass_soft":
-                                                                 2}, "mass_soft must be half of that sent"),
-                              ({"mass_hard": .5}, "mass_hard must be twice that"), ({"mass_soft": 2, "mass_hard":
-                                                                                     2}, "both masses must be half"),
-                              ({"dt": .5}, "dt half of that sent"), ({"dt": "first"}, "by the dt of this step"),
-                              ({"sign": -1}, "jump has the wrong sign"), ({"to_soft": .3}, "No single mistake")):
+        for mistake, text in (({"soft": -1}, "stress_soft has the wrong sign"), ({"hard": -1}, "stress_hard has the wrong sign"),
+                              ({"soft": -1, "hard": -1}, "both have the wrong sign"), ({"to_soft": 0}, "to the hard body only"),
+                              ({"to_hard": 0}, "to the soft body only"), ({"to_soft": 0, "to_hard": 0}, "is not applied"),
+                              ({"to_soft": -1, "to_hard": -1}, "applied with the wrong sign"), ({"swap": True}, "are swapped"),
+                              ({"mass_soft": 2}, "mass_soft must be half of that sent"), ({"mass_hard": .5}, "mass_hard must be twice that"),
+                              ({"mass_soft": 2, "mass_hard": 2}, "both masses must be half"), ({"dt": .5}, "dt half of that sent"),
+                              ({"dt": "first"}, "by the dt of this step"), ({"sign": -1}, "jump has the wrong sign"),
+                              ({"to_soft": .3}, "No single mistake")):
             fault = self.assert_refused(shearbus.ClosureError, "NOT_CLOSED", lambda: host(**mistake), "jump", text=text)
             self.assertLessEqual(str(fault).count("; or: "), 2, fault)
 
@@ -1050,24 +1030,18 @@ class Keys(Live):
     def test_a_client_without_or_with_other_keys_is_refused(self):
         with tempfile.TemporaryDirectory() as directory:
             subprocess.run([OPTIONS.ctl, "keygen", f"{directory}/other"], check=True, stdout=subprocess.DEVNULL)
-            other = f"{directory}/other.public", f"{directory}/other.secret"
+            others_public, others_secret = f"{directory}/other.public", f"{directory}/other.secret"
+
+            def refused(text, server_key_file=OPTIONS.server_key, **options):
+                return self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key_file=server_key_file, **options), text=text)
+
             self.assert_refused(shearbus.AuthError, "AUTH", self.open, text="expects clients with keys")
-            fault = self.assert_refused(shearbus.AuthError,
-                                        "AUTH",
-                                        lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file=other[1]),
-                                        text="does not admit this client's key")
-            self.assertIn(pathlib.Path(other[0]).read_text().split()[0], fault.remedy)
-            self.assert_refused(shearbus.AuthError,
-                                "AUTH",
-                                lambda: self.open(server_key_file=other[0], secret_key_file=OPTIONS.key),
-                                text="handshake")
-            os.chmod(other[1], 0o644)
-            self.assert_refused(shearbus.AuthError,
-                                "AUTH",
-                                lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file=other[1]),
-                                text="0600")
-            self.assert_refused(shearbus.AuthError, "AUTH",
-                                lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file="/nowhere"))
+            fault = refused("does not admit this client's key", secret_key_file=others_secret)
+            self.assertIn(pathlib.Path(others_public).read_text().split()[0], fault.remedy)
+            refused("handshake", others_public, secret_key_file=OPTIONS.key)
+            os.chmod(others_secret, 0o644)
+            refused("0600", secret_key_file=others_secret)
+            refused("", secret_key_file="/nowhere")
 
 
 if __name__ == "__main__":
