@@ -291,6 +291,8 @@ inline ModelOptions random_forced_inertia_options(Draw& draw, bool extreme) {
     options.time_integrator = draw.chance(0.5) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
   } while (!refusals(options).empty() || !properties_of(options.soft.flow_law).has_wave_return);
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
+  if (options.hard_grid && draw.chance(0.4))
+    options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
   return options;
 }
 
@@ -303,6 +305,15 @@ inline ModelOptions random_inertia_contact_options(Draw& draw, bool extreme) {
     options.friction_coefficient.reset();
     options.interface.friction_law = {};
   }
+  return options;
+}
+
+// The same with plastic work that heats in place, under any contact law or none.
+inline ModelOptions random_inertia_heat_options(Draw& draw, bool extreme) {
+  ModelOptions options =
+      draw.chance(0.5) ? random_inertia_contact_options(draw, extreme) : random_inertia_options(draw, extreme);
+  if (!options.hard_grid) options = two_sided(options);
+  options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
   return options;
 }
 
@@ -341,12 +352,13 @@ inline ModelOptions random_melting_options(Draw& draw, bool extreme) {
 }
 
 // The solver for which random_options() draws the options of a model.
-enum class Solver { kVelocityDriven, kForceDriven, kInertia, kMeltFilm, kForcedInertia };
+enum class Solver { kVelocityDriven, kForceDriven, kInertia, kInertiaHeat, kMeltFilm, kForcedInertia };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
   if (solver == Solver::kInertia)
     return draw.chance(0.5) ? random_inertia_contact_options(draw, extreme) : random_inertia_options(draw, extreme);
   if (solver == Solver::kForcedInertia) return random_forced_inertia_options(draw, extreme);
+  if (solver == Solver::kInertiaHeat) return random_inertia_heat_options(draw, extreme);
   if (solver == Solver::kMeltFilm) {
     ModelOptions options = random_melting_options(draw, extreme);
     options.tangential_components = 1;
@@ -359,6 +371,7 @@ inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
 inline std::string name_of(Solver solver) {
   if (solver == Solver::kMeltFilm) return "MeltFilm";
   if (solver == Solver::kForcedInertia) return "ForcedInertia";
+  if (solver == Solver::kInertiaHeat) return "InertiaHeat";
   return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
 

@@ -146,7 +146,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.inertia; },
          .set = [](ModelOptions& o, bool on) { o.inertia = on; },
-         .goes_with = kEitherStrategy | kEitherHardBody | Properties{kCoulombLimit},
+         .goes_with = kEitherStrategy | kEitherHardBody | Properties{kCoulombLimit, kPlasticHeating},
          .needs = {kFlowingLayer},
          .equation = "DLP (36)",
          .adds = "the layer has mass: shear waves cross it",
@@ -402,9 +402,9 @@ constexpr std::array kExclusions = {
         "the fixed share of the hard body is that of heat released at z = 0 into two half-spaces of constant k and "
         "c, in which it stays: give the table [hard_layer]"},
     Exclusion{{kInertia},
-              {kPlasticHeating, kTwoComponents},
-              "they take one stress for the whole layer, its work or its direction, and with inertia the stress varies "
-              "across the layer"},
+              {kTwoComponents},
+              "waves turn the stress from depth to depth, and the metal of a layer of two components flows along one "
+              "direction"},
     Exclusion{{kSleep, kTolerance},
               {kInertia},
               "a node at rest and an error are judged at z = 0, where waves that cross the layer are not seen"},
