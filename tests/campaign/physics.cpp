@@ -99,7 +99,7 @@ std::vector<Physics> all_physics() {
                                    .direct_effect = 4e-4,
                                    .evolution_effect = 6e-4};
   waves_and_junctions.junctions = {0.5, 1e-7, inertia.soft};
-  ModelOptions waves_all = two_sided(waves_and_junctions);  // the paper's section 4 whole
+  ModelOptions waves_all = two_sided(waves_and_junctions);
   waves_all.taylor_quinney_factor = 0.9;
 
   ModelOptions insulated = force;

@@ -85,8 +85,8 @@ TEST(PhysicsWavesHeatConvergence, FirstOrderAgainstAdiabaticShear) {
   EXPECT_LT(std::abs(before[1]), 0.5);
 }
 
-// Without mass the layer is that of the velocity-driven step, which heats with the elastic work as well and puts the heat
-// where it flowed in the step before: a stiff metal has little elastic work, and the rest falls with the step.
+// Without mass the layer is that of the velocity-driven step, which heats with the elastic work as well: a stiff metal has
+// little. Both put the heat where the step before had it, by rules of their own, so that the rest falls with the step.
 TEST(PhysicsWavesHeatConvergence, WithoutMassItIsTheUniformLayer) {
   ModelOptions options = graded(paper_options());
   options.soft.density *= 1e-9;
@@ -110,15 +110,13 @@ TEST(PhysicsWavesHeatConvergence, WithoutMassItIsTheUniformLayer) {
       apart[1] = std::max(apart[1], std::abs(waves.T(0) - uniform.T(0)));
     }
     std::printf("  %8.3g s  %10.3e Pa  %10.3e K\n", dt, apart[0], apart[1]);
-    for (int k = 0; k < 2; ++k) {
-      if (before[k] != 0.0) {
-        EXPECT_LT(apart[k], 0.65 * before[k]);
-      }
-      before[k] = apart[k];
+    if (before[1] != 0.0) {
+      EXPECT_LT(apart[1], 0.55 * before[1]);
     }
+    std::copy_n(apart, 2, before);
   }
-  EXPECT_LT(before[0], 1e5);
-  EXPECT_LT(before[1], 0.2);
+  EXPECT_LT(before[0], 100.0);
+  EXPECT_LT(before[1], 0.012);
 }
 
 struct Answer {

@@ -41,6 +41,9 @@ void expect_agreement(const Rig& rig, int l, const reference::NodeOutputs& twin,
       worst.strain = std::max(worst.strain, std::abs(rig.ep(i, l) - ep) / (ep + moved + 1e-6));
       ASSERT_NEAR(rig.ep(i, l), ep, 1e-9 * (ep + moved) + 1e-13) << i;
     }
+    if (!state.heat_shape.empty()) {
+      ASSERT_NEAR(rig.heat_shape(i, l), state.heat_shape[at], 1e-6) << i;
+    }
     if (at >= state.layer_velocity.size()) break;
     worst.velocity = std::max(worst.velocity, std::abs(velocity_in(rig, i, l) - state.layer_velocity[at]) / (v + 1e-3));
     ASSERT_NEAR(velocity_in(rig, i, l), state.layer_velocity[at], 1e-9 * (v + 1e-3)) << i;

@@ -331,8 +331,8 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
   return stage;
 }
 
-// The same with work that heats where it is done. The heat of a step goes where a step without it works, less and less as
-// a vertex melts, by the amount that makes it the work of the step.
+// The same with work that heats where it is done. The heat of a step goes where the step works next to the heat of the step
+// before, less and less as a vertex melts, by the amount that makes it the work of the step.
 Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat,
                            NodeState& state, double drive) {
   const Grid grid(options.grid);
@@ -371,9 +371,13 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
     return works.sum() - warms.sum();
   };
   if (surplus(0.0) > 0.0) {
-    power = works;
-    const auto closed = [&] { return std::abs(works.sum() - warms.sum()) <= 1e-13 * warms.sum(); };
+    // Where the work of the step is done next to the heat of the step before.
     const double before = works.sum();
+    power = Eigen::Map<const Eigen::VectorXd>(state.heat_shape.data(), n);
+    power = power.sum() > 0.0 ? Eigen::VectorXd(power * (before / power.sum())) : works;
+    surplus(1.0);
+    if (works.sum() > 0.0) power = works;
+    const auto closed = [&] { return std::abs(works.sum() - warms.sum()) <= 1e-13 * warms.sum(); };
     double lo = 0.0, at_lo = before, hi = 1.0, at_hi = 0.0;
     for (int round = 0; round < 60; ++round) {
       at_hi = surplus(hi);
@@ -400,6 +404,7 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
     if (!closed()) surplus(hi);
   }
   stage.flux = works.sum();
+  for (int i = 0; stage.flux > 0.0 && i < n; ++i) after.heat_shape[i] = works[i] / stage.flux;
   Profile T = heat.T_ad;
   const double all = warms.sum();
   for (int j = 0; j < n; ++j)

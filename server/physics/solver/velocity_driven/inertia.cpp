@@ -71,6 +71,7 @@ void copy_start(const Problem& problem, const TileInputs& inputs, const double* 
   copy_rows(layout.plastic_strain, layout.num_strain_vertices);
   copy_rows(layout.shear_stress, layout.num_stress_vertices);
   copy_rows(layout.layer_velocity, layout.num_velocity_cells);
+  if (layout.heat_shape != TileLayout::kAbsent) copy_rows(layout.heat_shape, layout.num_strain_vertices);
   for (const int l : lanes_of(inputs.active)) {
     if (committed[layout.regime + l] != static_cast<double>(Regime::kOpen)) continue;
     for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)

@@ -11,6 +11,7 @@
 namespace shearbus::physics {
 namespace {
 
+constexpr double kVelocity = 1e-12;     // the velocities of the waves are known to this part of the largest
 constexpr double kClosed = 1e-12;       // largest difference of work and heat, relative to the heat
 constexpr double kDigits = 1e-9;        // the same where the last digit of a temperature decides, next to melting
 constexpr double kLeastRoom = 1e-12;    // a vertex that is nearer to melting takes no heat, relative to T_melt
@@ -19,8 +20,8 @@ constexpr int kMostCloseAmounts = 6;    // so does one that is left after so man
 constexpr double kFartherAmount = 4.0;  // factor by which the amount then grows
 constexpr int kMostAmounts = 60;        // of the search for enough heat
 
-// The heat of a step goes where a step at the temperatures without it does its work W0:
-//   Q[i] = amount W0[i] (T_melt - T[i])/(T_melt - T_ad[i]),
+// The heat of a step goes where its work W1 is done at the temperatures that the heat of the step before would bring:
+//   Q[i] = amount W1[i] (T_melt - T[i])/(T_melt - T_ad[i]),
 // which is linear in T, ceases at melting and rises with the amount, for any step and conduction. The amount is that at
 // which the layer with the temperatures of this heat does as much work: without heat it does more, and a layer that is
 // molten wherever it works does none.
@@ -36,15 +37,15 @@ class HeatedWaves {
     evaluate(lanes, nullptr);
     std::uint32_t working = 0;
     for (const int l : lanes_of(lanes & ~lost_)) {
-      Lane& own = lanes_[l];
       found_[l].flux = 0.0;
-      if (!(own.work > 0.0)) continue;
-      own.work_before = own.work;
-      copy_lane(done_, power_, row(), l);
-      own.amount = 1.0;
+      if (!(lanes_[l].work > 0.0)) continue;
+      heat_as_before(l);
       working |= 1u << l;
     }
-    search(bracket(working));
+    evaluate(working, guess_);
+    for (const int l : lanes_of(working & ~lost_))
+      if (lanes_[l].work > 0.0) copy_lane(done_, power_, row(), l);
+    search(bracket(working & ~lost_));
     for (const int l : lanes_of(working & ~lost_)) heat_up(l);
     return lost_;
   }
@@ -56,8 +57,21 @@ class HeatedWaves {
     double low = 0.0, work_at_low = 0.0;          // the largest amount known that is too small, its lack of heat
     double high = 0.0;                            // the smallest amount known that is enough
     RootSearch amounts;
-    bool closed(double share = kClosed) const { return std::abs(work - heat) <= share * heat; }
+    double unknown = 0.0;  // what the last digits of the velocities do  [W/m2]
+    bool closed(double share = kClosed) const { return std::abs(work - heat) <= share * heat + unknown; }
   };
+
+  // Lets the work without heat, `done_`, heat where that of the step before did.
+  void heat_as_before(int l) {
+    const double* shape = start_ + problem_.layout.heat_shape;
+    Lane& own = lanes_[l];
+    own.work_before = own.work;
+    own.amount = 1.0;
+    double sum = 0.0;
+    for (std::size_t i = static_cast<std::size_t>(l); i < row(); i += kLanes) sum += shape[i];
+    for (std::size_t i = static_cast<std::size_t>(l); i < row(); i += kLanes)
+      power_[i] = sum > 0.0 ? own.work * (shape[i] / sum) : done_[i];
+  }
 
   std::size_t row() const { return problem_.layout.num_strain_vertices * kLanes; }
   std::ptrdiff_t vertices() const { return static_cast<std::ptrdiff_t>(problem_.layout.num_strain_vertices); }
@@ -115,14 +129,19 @@ class HeatedWaves {
     const std::size_t strain = problem_.layout.plastic_strain + static_cast<std::size_t>(l);
     const std::size_t stress = problem_.layout.shear_stress + static_cast<std::size_t>(l);
     const double factor = *problem_.options.taylor_quinney_factor * kSqrt3 / operators_.dt();
-    double sum = 0.0;
+    double sum = 0.0, largest = 0.0;
     for (std::size_t i = 0; i < problem_.layout.num_strain_vertices; ++i) {
       const std::size_t at = i * kLanes;
+      largest = std::max(largest, std::abs(trial_[stress + at]));
       const double flow = problem_.grid.weight[i] * std::max(0.0, trial_[strain + at] - start_[strain + at]);
       double done = factor * std::abs(trial_[stress + at]) * flow;
       if (i == 0) done += std::abs(trial_[stress] * found_[l].interface_slip);
       sum += done_[at + static_cast<std::size_t>(l)] = done;
     }
+    double fastest = std::abs(inputs_.velocity_jump[l]);
+    for (std::size_t c = 0; c < problem_.layout.num_velocity_cells; ++c)
+      fastest = std::max(fastest, std::abs(trial_[problem_.layout.layer_velocity + c * kLanes + l]));
+    lanes_[l].unknown = kVelocity * largest * fastest;
     return sum;
   }
 
@@ -163,7 +182,7 @@ class HeatedWaves {
   }
 
   // Finds the amount. Where work leaps from more to less than the heat, as a contact changes from stick to slip or the
-  // last digit of a temperature next to melting changes, the answer is that of the hotter side.
+  // last digit of a temperature next to melting changes, the answer is that of the hotter side, one of several.
   void search(std::uint32_t lanes) {
     while (lanes != 0) {
       for (const int l : lanes_of(lanes)) lanes_[l].amount = lanes_[l].amounts.at();
@@ -186,14 +205,19 @@ class HeatedWaves {
     }
   }
 
-  // The temperatures at the end of the step: those of its work, which is that of the temperatures of evaluate() but for
+  // The temperatures at the end of the step, and where its work has heated: the temperatures are those of its work, which is that of the temperatures of evaluate() but for
   // rounding and leaps, which only cool.
   void heat_up(int l) {
     const Lane& own = lanes_[l];
     const std::size_t first = problem_.layout.first_temperature();
+    double* shape = trial_ + problem_.layout.heat_shape;
+    for (std::size_t i = static_cast<std::size_t>(l); own.work > 0.0 && i < row(); i += kLanes)
+      shape[i] = done_[i] / own.work;
     copy_lane(start_ + first, trial_ + first, static_cast<std::size_t>(problem_.heat_rows) * kLanes, l);
     if (!(own.heat > 0.0)) return;
-    const double share = own.closed(kDigits) ? 1.0 : std::min(1.0, own.work / own.heat);
+    const bool leaps = !own.closed(kDigits);
+    found_[l].several = found_[l].several || leaps;
+    const double share = leaps ? std::min(1.0, own.work / own.heat) : 1.0;
     add_spread_lane(operators_.heat(), operators_.spread(), l, share, rise_, trial_ + first);
     found_[l].flux = share * own.heat;
   }
