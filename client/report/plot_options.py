@@ -126,7 +126,7 @@ def section_6(axis, replay):
 
 
 def section_4(axis, replay):
-    scene, history = EXAMPLES / "paper_section_4.toml", ("constant", "--dt", 1e-10, "--steps", 3000)
+    scene, history = EXAMPLES / "paper_section_4.toml", ("constant", "--dt", 2e-10, "--steps", 1000)
     for keys, label, colour, dashes in (((), "layer with mass", WITH, "-"), (("layer.inertia=false",), "without", WITHOUT, "--")):
         lines(axis, replay(scene, history, *keys), "interface_temperature", 1.0, label, colour, dashes, nodes=[0])
     axis.set(xlabel="time (µs)", ylabel=style.QUANTITIES["interface_temperature"][0])
