@@ -198,7 +198,7 @@ NodeState initial_state(const ModelOptions& options) {
     const bool molten = options.initial_temperature > options.soft.melting_temperature;
     state.liquid_fraction.assign(state.temperature.size(), molten ? 1.0 : 0.0);
   }
-  if (options.taylor_quinney_factor) {
+  if (options.taylor_quinney_factor && !options.inertia) {
     for (double weight : grid.weight) {
       state.heat_shape.push_back(*options.taylor_quinney_factor * weight / options.grid.thickness);
     }

@@ -69,7 +69,8 @@ class TileLayout : public StateList {
   std::size_t temperature = add("temperature_k", "K", num_vertices);
   std::size_t plastic_strain = add("plastic_strain", "1", num_strain_vertices);
   // Fraction phi of the work of the imposed jump that heats each vertex (MODEL.md, "Plastic-work heating").
-  std::size_t heat_shape = add("heat_shape", "1", options_->taylor_quinney_factor ? num_strain_vertices : 0);
+  std::size_t heat_shape =
+      add("heat_shape", "1", options_->taylor_quinney_factor && !options_->inertia ? num_strain_vertices : 0);
   std::size_t shear_stress = add("shear_stress_pa", "Pa", num_stress_vertices);  // shear stress s, signed
   // Change of the shear stress in the last step over its length, 0 if the layer did not flow: start of the next search.
   std::size_t stress_rate =
