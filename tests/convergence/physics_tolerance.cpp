@@ -176,7 +176,7 @@ std::vector<LoopScene> loop_scenes() {
           {"TwoSided", profile, 1e-4, 256},
           {"Junctions", junctions, 1e-3, 512},
           {"VelocityWeakening", weakening, 1e-3, 512},
-          {"PlasticLayer", flowing, 1e-3, 1024, 24, 8.5}};
+          {"PlasticLayer", flowing, 1e-3, 1024, 24, 7.0}};
 }
 
 // Requests are kept over random force-driven histories, too, as far down as each scene says: T0 and heat. SHEARBUS_SEEDS sets
