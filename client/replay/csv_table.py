@@ -233,7 +233,7 @@ class CsvTable:
         if decimal_comma:
             lines, options["skiprows"] = self._with_points(), 0
         return np.loadtxt(lines, **{"delimiter": self._separator, "comments": None, "quotechar": '"', "skiprows": self._head,
-                                    "encoding": self._encoding, **options})
+                                    "encoding": "utf-16" if self._encoding == "utf-16" else "latin-1", **options})
 
     def _with_points(self):
         for line in itertools.islice(self._text(), self._head, None):
@@ -272,8 +272,7 @@ class CsvTable:
 
     def _arrange(self):
         """Sorts the rows by step and node, converts them to SI, and checks what a history needs."""
-        values = {name: self.values[name] if name in ("pair", "node_id") else self.values[name] * factor
-                  for name, factor in self.columns if name}
+        values = {name: self.values[name] if factor == 1.0 else self.values[name] * factor for name, factor in self.columns if name}
         times, ids, pairs = values.pop("time"), values.pop("node_id", None), values.pop("pair", None)
         nodes = 1 if ids is None else self._nodes(times, ids)
         self.ids = np.zeros(1, np.uint64) if ids is None else ids[:nodes]
