@@ -5,6 +5,7 @@
 
 #include <cstring>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/store/store.hpp"
@@ -23,6 +24,12 @@ inline std::uint64_t value_of(Bytes bytes) {
   std::uint64_t value = 0;
   std::memcpy(&value, bytes.data(), sizeof value);
   return value;
+}
+
+inline bool write_checkpoint(Store& store, Snapshot snapshot) {
+  const auto job = store.begin_checkpoint(std::move(snapshot));
+  store.write(*job);
+  return store.end_checkpoint(*job);
 }
 
 struct Counter final : Recovery {
@@ -65,7 +72,14 @@ struct Server {
     store.append({.sequence = value, .header_frame = frame});
     counter.seen.push_back(value);
   }
-  bool checkpoint() { return store.checkpoint(counter.snapshot()); }
+  // Runs the requests that follow up to `last`, with a checkpoint after every `each` of them; 0: none.
+  void run_to(std::uint64_t last, std::uint64_t each = 0) {
+    for (std::uint64_t i = counter.seen.size() + 1; i <= last; ++i) {
+      run(i);
+      EXPECT_TRUE(each == 0 || i % each != 0 || checkpoint());
+    }
+  }
+  bool checkpoint() { return write_checkpoint(store, counter.snapshot()); }
 
   std::string log;
   Counter counter;

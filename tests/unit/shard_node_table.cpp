@@ -12,6 +12,7 @@
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 #include "tests/support/scenes.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::shard {
 namespace {
@@ -86,11 +87,7 @@ class Changing : public testing::TestWithParam<wire::Strategy> {
 
   TaskPool pool{2};
 };
-INSTANTIATE_TEST_SUITE_P(Strategies, Changing,
-                         testing::Values(wire::Strategy::kVelocityDriven, wire::Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == wire::Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, Changing, support::both<wire::Strategy>(), support::name_of_strategy);
 
 TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
   std::mt19937 random(11);
@@ -132,7 +129,7 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
     }
     most = std::max(most, ids.size());
     ASSERT_EQ(shard.nodes().ids(), ids) << "step " << step;
-    ASSERT_EQ(shard.state_bytes(), Shard::bytes_for(shard.model(), ids.size()));
+    ASSERT_EQ(shard.state_bytes(), shard.bytes_for(ids.size()));
     if (ids.empty()) continue;
     const Ids asked = random() % 2 == 0 ? ids : pick(random() % ids.size() + 1);
     Rows rows;
