@@ -9,6 +9,7 @@
 #include "client/src/client.hpp"
 #include "client/src/embedded_server.hpp"
 #include "client/src/json_rows.hpp"
+#include "client/src/session.hpp"
 
 using namespace shearbus;
 
@@ -32,17 +33,17 @@ wire::SessionId session_of(const shearbus_question& question) {
 }
 
 // The columns of an answer, by their names on the wire.
-void add_columns(std::string& json, const TopNodes& top) {
-  const auto add = [&]<typename T>(Field field, const std::vector<T>& values) {
-    if (values.empty()) return;
-    json += fmt::format(", \"{}\": ", wire::name(field));
-    JsonRows::add_list(json, std::span<const T>(values));
-  };
-  add(Field::kNodeId, top.node_ids);
-  add(Field::kInterfaceTemperature, top.interface_temperature_k);
-  add(Field::kShearStress, top.shear_stress_pa);
-  add(Field::kSlidingVelocity, top.sliding_velocity_m_per_s);
-  add(Field::kRegime, std::vector<std::uint32_t>(top.regime.begin(), top.regime.end()));
+void add_columns(std::string& json, const Batch& batch) {
+  for (const wire::Column& column : batch.columns()) {
+    if (column.count == 0) continue;
+    json += fmt::format(", \"{}\": ", wire::name(column.field));
+    if (column.element == wire::Element::kUint64)
+      JsonRows::add_list(json, batch.u64(column.field));
+    else if (column.element == wire::Element::kUint8)
+      JsonRows::add_list(json, batch.u8(column.field));
+    else
+      JsonRows::add_list(json, batch.f64(column.field));
+  }
 }
 
 std::string answer_to(const shearbus_question& question, Client& client) {
@@ -54,9 +55,12 @@ std::string answer_to(const shearbus_question& question, Client& client) {
     case SHEARBUS_ASK_SESSIONS:
       return JsonRows::of(wire::Inspected{.sessions = client.sessions()});
     case SHEARBUS_ASK_TOP: {
-      const TopNodes top = client.top_nodes(session_of(question), static_cast<wire::Top>(question.top), question.count);
-      std::string json = fmt::format("{{\"session\": {}, \"matching\": {}", JsonRows::of(top.session), top.matching);
-      add_columns(json, top);
+      Received top = client.top_nodes(session_of(question), static_cast<wire::Top>(question.top), question.count);
+      auto& answer = body_of<wire::Inspected>(top);
+      answer.sessions.resize(1);
+      std::string json =
+          fmt::format("{{\"session\": {}, \"matching\": {}", JsonRows::of(answer.sessions.front()), answer.matching);
+      add_columns(json, std::as_const(top.reply.batch));
       return json + "}";
     }
     case SHEARBUS_ASK_CLOSE:

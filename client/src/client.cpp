@@ -182,20 +182,8 @@ std::vector<wire::SessionInfo> Client::sessions() {
   return all;
 }
 
-TopNodes Client::top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count) {
-  Received received =
-      shearbus::ask(*connection_, {.session_id = session, .body = wire::Inspect{.top = by, .count = count}});
-  auto& inspected = body_of<wire::Inspected>(received);
-  const Batch& batch = received.reply.batch;
-  TopNodes top{.session = inspected.sessions.empty() ? wire::SessionInfo{} : std::move(inspected.sessions.front()),
-               .matching = inspected.matching};
-  const auto copy = [](const auto& column, auto& to) { to.assign(column.begin(), column.end()); };
-  copy(batch.u64(Field::kNodeId), top.node_ids);
-  copy(batch.f64(Field::kInterfaceTemperature), top.interface_temperature_k);
-  copy(batch.f64(Field::kShearStress), top.shear_stress_pa);
-  copy(batch.f64(Field::kSlidingVelocity), top.sliding_velocity_m_per_s);
-  copy(batch.u8(Field::kRegime), top.regime);
-  return top;
+Received Client::top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count) {
+  return shearbus::ask(*connection_, {.session_id = session, .body = wire::Inspect{.top = by, .count = count}});
 }
 
 wire::SessionClosed Client::close(const wire::SessionInfo& session) {

@@ -184,15 +184,12 @@ struct Profiles {
   std::uint64_t state_version = 0;  // number of commits that led to these states
   Batch rows;
 
-  // The values of all nodes or of one node; empty if the scene does not have the quantity.
+  // The values of all nodes; empty if the scene does not have the quantity.
   std::span<const double> of(Field field, std::uint32_t component = 0) const { return rows.f64(field, component); }
-  std::span<const double> of_node(std::size_t node, Field field, std::uint32_t component = 0) const {
-    const std::span<const double> all = of(field, component);
-    return all.empty() ? all : all.subspan(node * vertices, vertices);
-  }
 };
 
 class Connection;  // owns the socket and applies deadlines and retries
+struct Received;
 
 class Session {
  public:
@@ -245,7 +242,6 @@ class Session {
 
   // Columns of the replies to later steps; an empty list asks for all default columns of the session.
   void want(std::vector<Field> columns);
-  void want_energy_ledger();  // asks for all default columns and, if the session has them, wire::kLedgerColumns
   const std::string& effective_scene()
       const;  // canonical TOML text with every default and constant, as the server understood it
   const wire::SessionOpened& opened() const;  // the reply to the opening: scene, strategy, columns of a step, ...
@@ -276,19 +272,6 @@ class Session {
   std::unique_ptr<Impl> impl_;
 };
 
-// The nodes of a session that rank highest: by the interface temperature for Top::kHottest and Top::kMolten; for
-// Top::kFastest by the magnitude of the sliding velocity in the reply to the session's last step. The column
-// sliding_velocity_m_per_s is filled for Top::kFastest only.
-struct TopNodes {
-  wire::SessionInfo session;
-  std::uint64_t matching = 0;  // number of nodes that qualify, including those beyond `count`
-  std::vector<std::uint64_t> node_ids;
-  std::vector<double> interface_temperature_k;
-  std::vector<double> shear_stress_pa;
-  std::vector<double> sliding_velocity_m_per_s;
-  std::vector<std::uint8_t> regime;
-};
-
 class Client {
  public:
   explicit Client(ClientOptions options);                   // connects and says hello
@@ -308,12 +291,14 @@ class Client {
   Session resume(const Session::Ticket& ticket, const ExpectedNodes& expected = {});
   wire::ServerStatus server_status();
 
-  // Calls for operators. top_nodes() returns at most `count` nodes of a session, highest value first.
+  // Calls for operators. top_nodes() answers with `inspected` and the columns of at most `count` nodes, highest value
+  // first: by the interface temperature for Top::kHottest and Top::kMolten, for Top::kFastest by the magnitude of the
+  // sliding velocity in the reply to the session's last step.
   wire::Checkpointed checkpoint();
   // within_s: with `exit` the server ends after this time even if sessions are open; 0: no such time.
   wire::Draining drain(bool exit, std::uint64_t within_s = 0);
   std::vector<wire::SessionInfo> sessions();
-  TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
+  Received top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
   // Ends a session whose client has ended, given as returned by sessions(), and frees its states. The server refuses
   // the call if the session has continued since.
   wire::SessionClosed close(const wire::SessionInfo& session);

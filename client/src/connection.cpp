@@ -148,12 +148,7 @@ bool SocketConnection::in_process() const {
 
 // A recording that cannot be made is reported, and is no error of the host.
 void SocketConnection::start_recording() {
-  const auto report = [log = options().log](const std::string& line) {
-    if (log)
-      log(line);
-    else
-      fmt::print(stderr, "shearbus: {}\n", line);
-  };
+  const auto report = [log = options().log](const std::string& line) { write_line(log, line); };
   try {
     recorder_.emplace(files::RecorderOptions{
         .place = options().record, .recorder = files::Recorder::kClient, .sessions = {}, .log = report});

@@ -188,12 +188,6 @@ wire::SessionClosed Session::close() {
 void Session::want(std::vector<Field> columns) {
   impl_->wanted = std::move(columns);
 }
-void Session::want_energy_ledger() {
-  const std::vector<Field>& offered = impl_->opened.columns_on_request;
-  if (std::ranges::find(offered, wire::kLedgerColumns.front()) == offered.end()) return;
-  impl_->wanted = impl_->opened.reply_columns;
-  impl_->wanted.insert(impl_->wanted.end(), wire::kLedgerColumns.begin(), wire::kLedgerColumns.end());
-}
 const std::string& Session::effective_scene() const {
   return impl_->opened.effective_scene;
 }

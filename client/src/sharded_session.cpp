@@ -29,6 +29,13 @@ void check_leaving(std::span<const std::uint64_t> leaving, std::span<const std::
                   Field::kNodeId, {id});
 }
 
+// The hash of a request: of its header, which holds the checksum of the payload.
+std::uint64_t hash_of(const wire::Request& request) {
+  const std::string header = wire::encode_header(request);
+  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
+  return wire::hash_of(bytes);
+}
+
 }  // namespace
 
 void refuse_call(Code code, std::string text, std::string remedy, Field field, std::vector<std::uint64_t> node_ids) {
@@ -104,9 +111,7 @@ ShardedSession::ShardedSession(ShardLinks& links, std::vector<std::unique_ptr<Se
 // ---- one request ----
 
 Received ShardedSession::call(const wire::Request& request) {
-  const std::string header = wire::encode_header(request);  // holds the checksum of the payload
-  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
-  const std::uint64_t hash = wire::hash_of(bytes);
+  const std::uint64_t hash = hash_of(request);
   if (operation_ && operation_->hash != hash) {
     const std::uint64_t sequence = operation_->sequence;
     bool has_run = true;
@@ -136,9 +141,7 @@ Received ShardedSession::call(const wire::Request& request) {
 
 void ShardedSession::post(const wire::Request& request) {
   if (operation_) return;  // call() goes on with it
-  const std::string header = wire::encode_header(request);
-  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
-  const std::uint64_t hash = wire::hash_of(bytes);
+  const std::uint64_t hash = hash_of(request);
   if (ahead_ && ahead_->operation.hash != hash) return;  // call() settles it first
   begin(request, hash);
 }
@@ -148,10 +151,8 @@ void ShardedSession::post_behind(const wire::Request& request) {
   if (ahead_ && !operation_ && step.follows == ahead_->operation.hash) begin_ahead();  // its call comes next
   // After a fault the part before, or this one, may be under way already.
   if (ahead_ || !operation_ || operation_->stage != Stage::kAsked || step.follows != operation_->hash) return;
-  const std::string header = wire::encode_header(request);
-  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
   Ahead ahead;
-  ahead.operation = {.hash = wire::hash_of(bytes),
+  ahead.operation = {.hash = hash_of(request),
                      .sequence = request.sequence,
                      .rows = request.batch.columns().front().count,
                      .named = request.batch.has(Field::kNodeId)};
@@ -159,15 +160,13 @@ void ShardedSession::post_behind(const wire::Request& request) {
   if (ahead.operation.named) ahead.named_rows = rows_of_shards(request.batch.u64(Field::kNodeId), links_.size());
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
     const Shard& shard = shards_[k];
-    const std::string before = wire::encode_header(shard.request);
-    const std::array<std::span<const std::byte>, 1> bytes_before = {std::as_bytes(std::span(before))};
     wire::Request part = shard.session->next_request();
     part.sequence = shard.request.sequence + 1;
     part.epoch = shard.request.epoch;
     part.request_id = shard.session->connection->next_request_id();
     auto& asked = part.body.emplace<wire::Downscale>(step);
     asked.mode = wire::Mode::kTrial;
-    asked.follows = wire::hash_of(bytes_before);
+    asked.follows = hash_of(shard.request);
     part.batch = rows_of(request.batch, ahead.operation.named ? ahead.named_rows[k] : shard.rows);
     ahead.requests.push_back(std::move(part));
   }
