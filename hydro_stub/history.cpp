@@ -1,44 +1,41 @@
 #include "hydro_stub/history.hpp"
 
+#include <iterator>
 #include <numeric>
 #include <span>
 #include <vector>
+
+#include "hydro_stub/history_rows.hpp"
+#include "hydro_stub/scene.hpp"
+#include "proto/scene/scene.hpp"
 
 namespace shearbus::hydro {
 namespace {
 
 using wire::Field;
 
-enum Row : std::size_t {
-  kShearStress,
-  kSlidingVelocity,
-  kInterfaceTemperature,
-  kVelocityJumpNew,
-  kRegime,
-  kPressure,
-  kStressSoft,
-  kStressHard,
-  kVelocityJump,
-  kFreeSurface,  // only of a hard body with a free back
-};
+constexpr LawColumn kColumns[] = {
+    {Field::kShearStress, "shear stress at the interface, during the step", {}, &InterfaceAnswer::shear_stress},
+    {Field::kSlidingVelocity, "sliding velocity, mean of the step", {}, &InterfaceAnswer::sliding_velocity},
+    {Field::kInterfaceTemperature,
+     "temperature of the interface at the end of the step",
+     {},
+     &InterfaceAnswer::interface_temperature},
+    {Field::kVelocityJumpNew, "V_soft - V_hard at the end of the step", {}, &InterfaceAnswer::velocity_jump_new},
+    {Field::kRegime, ""},
+    {Field::kPressure, "sent: pressure on the interface, compression positive", &InterfaceInputs::pressure},
+    {Field::kStressSoft, "sent: shear stress in the soft zone at the interface", &InterfaceInputs::stress_soft},
+    {Field::kStressHard, "sent: shear stress in the hard zone at the interface", &InterfaceInputs::stress_hard},
+    {Field::kVelocityJump, "sent: V_soft - V_hard at the start of the step", &InterfaceInputs::velocity_jump}};
 
+// Whether the history has the velocity of the hard body's back, behind kColumns.
 bool has_free_surface(const ShearBody& body) {
   return body.mesh.far_end == guest::FAR_END_FREE;
 }
 
-// The quantities that history.h5 records, in the order of the enum Row.
-std::vector<files::Quantity> rows(const ShearColumn& column) {
-  std::vector<files::Quantity> quantities = {
-      files::quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),
-      files::quantity_of_column(Field::kSlidingVelocity, 0, "sliding velocity, mean of the step"),
-      files::quantity_of_column(Field::kInterfaceTemperature, 0, "temperature of the interface at the end of the step"),
-      files::quantity_of_column(Field::kVelocityJumpNew, 0, "V_soft - V_hard at the end of the step"),
-      files::quantity_of_column(Field::kRegime),
-      files::quantity_of_column(Field::kPressure, 0, "sent: pressure on the interface, compression positive"),
-      files::quantity_of_column(Field::kStressSoft, 0, "sent: shear stress in the soft zone at the interface"),
-      files::quantity_of_column(Field::kStressHard, 0, "sent: shear stress in the hard zone at the interface"),
-      files::quantity_of_column(Field::kVelocityJump, 0, "sent: V_soft - V_hard at the start of the step"),
-  };
+std::vector<files::Quantity> quantities_of(const ShearColumn& column) {
+  std::vector<files::Quantity> quantities;
+  for (const LawColumn& of_law : kColumns) quantities.push_back(of_law.quantity());
   if (has_free_surface(column.hard()))
     quantities.push_back({.name = "free_surface_velocity",
                           .units = "m s-1",
@@ -54,19 +51,18 @@ std::vector<std::uint64_t> node_ids(std::size_t columns) {
   return ids;
 }
 
-std::map<std::string, std::string> History::origin(const server::Entries& provenance) {
-  std::map<std::string, std::string> meta = {{"producer", "shearbus-hydro " + server::value_of(provenance, "version")}};
+std::map<std::string, std::string> meta_of(const guest::HydroScene& effective, const server::Entries& provenance) {
+  std::map<std::string, std::string> meta = {{"producer", "shearbus-hydro " + server::value_of(provenance, "version")},
+                                             {"scene", scene::to_toml(effective)},
+                                             {"scene_name", effective.scene().name()},
+                                             {"interface_law", name(effective.hydro().interface_law())}};
   for (const char* key : {"commit", "machine", "command"}) meta.emplace(key, server::value_of(provenance, key));
   return meta;
 }
 
 History::History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
-                 const std::string& scene, const std::string& law, const server::Entries& provenance)
-    : writer_(file, node_ids(problem.columns), rows(column), [&] {
-        std::map<std::string, std::string> meta = origin(provenance);
-        meta.insert({{"scene", scene}, {"scene_name", problem.name}, {"interface_law", law}});
-        return meta;
-      }()) {
+                 const std::map<std::string, std::string>& meta)
+    : writer_(file, node_ids(problem.columns), quantities_of(column), meta) {
   writer_.add_static(files::quantity_of_column(Field::kMassSoft, 0, "sent: half the soft zone at the interface"),
                      column.inputs().mass_soft);
   writer_.add_static(files::quantity_of_column(Field::kMassHard, 0, "sent: half the hard zone at the interface"),
@@ -79,17 +75,10 @@ void History::record(const ShearColumn& column) {
   const InterfaceInputs& sent = column.inputs();
   const InterfaceAnswer& answer = column.answer();
   writer_.begin_row(sent.time, sent.dt);
-  writer_.set(kShearStress, answer.shear_stress);
-  writer_.set(kSlidingVelocity, answer.sliding_velocity);
-  writer_.set(kInterfaceTemperature, answer.interface_temperature);
-  writer_.set(kVelocityJumpNew, answer.velocity_jump_new);
-  writer_.set(kRegime, answer.regime);
-  writer_.set(kPressure, sent.pressure);
-  writer_.set(kStressSoft, sent.stress_soft);
-  writer_.set(kStressHard, sent.stress_hard);
-  writer_.set(kVelocityJump, sent.velocity_jump);
+  for (std::size_t q = 0; q < std::size(kColumns); ++q)
+    kColumns[q].record(sent, answer, [&](const auto& values) { writer_.set(q, values); });
   if (const ShearBody& hard = column.hard(); has_free_surface(hard))
-    writer_.set(kFreeSurface, std::span(hard.velocity_at(hard.mesh.zones), hard.mesh.columns));
+    writer_.set(std::size(kColumns), std::span(hard.velocity_at(hard.mesh.zones), hard.mesh.columns));
   writer_.end_row();
 }
 

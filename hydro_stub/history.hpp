@@ -16,12 +16,8 @@ namespace shearbus::hydro {
 
 class History {
  public:
-  // Opens the file. `scene` is the TOML text of the scene with all constants filled in; `law` is the name of the
-  // interface law.
   History(const std::filesystem::path& file, const ColumnProblem& problem, const ShearColumn& column,
-          const std::string& scene, const std::string& law, const server::Entries& provenance);
-  // Returns what /meta says of a result's origin: producer, commit, machine, command.
-  static std::map<std::string, std::string> origin(const server::Entries& provenance);
+          const std::map<std::string, std::string>& meta);
 
   void record(const ShearColumn& column);
   void close(const files::ProfileRecord& profiles) {
@@ -32,6 +28,9 @@ class History {
  private:
   files::HistoryWriter writer_;
 };
+
+// Returns what /meta says of a result: its scene, with all constants filled in, its interface law, and its origin.
+std::map<std::string, std::string> meta_of(const guest::HydroScene& effective, const server::Entries& provenance);
 
 // Returns the node ids of the columns in sessions and histories: 0, 1, 2, ...
 std::vector<std::uint64_t> node_ids(std::size_t columns);

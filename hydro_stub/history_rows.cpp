@@ -6,23 +6,23 @@
 
 namespace shearbus::hydro {
 
-HistoryRows::HistoryRows(std::vector<files::Quantity> quantities, std::size_t nodes)
-    : quantities_(std::move(quantities)), nodes_(nodes), values_(quantities_.size()) {}
+HistoryRows::HistoryRows(std::string name, std::vector<files::Quantity> quantities, std::size_t nodes)
+    : name_(std::move(name)), quantities_(std::move(quantities)), nodes_(nodes), values_(quantities_.size()) {}
 
 void HistoryRows::begin_row(double time) {
   times_.push_back(time);
 }
 
-void HistoryRows::save(files::DumpWriter& dump, const std::string& name) const {
-  dump.numbers(name + "/time", times_);
-  for (std::size_t q = 0; q < quantities_.size(); ++q) dump.numbers(name + "/" + quantities_[q].name, values_[q]);
+void HistoryRows::save(files::DumpWriter& dump) const {
+  dump.numbers(name_ + "/time", times_);
+  for (std::size_t q = 0; q < quantities_.size(); ++q) dump.numbers(name_ + "/" + quantities_[q].name, values_[q]);
 }
 
-void HistoryRows::load(const files::DumpReader& dump, const std::string& name) {
-  times_ = dump.numbers(name + "/time");
+void HistoryRows::load(const files::DumpReader& dump) {
+  times_ = dump.numbers(name_ + "/time");
   for (std::size_t q = 0; q < quantities_.size(); ++q) {
     values_[q].resize(times_.size() * nodes_);
-    dump.fill(name + "/" + quantities_[q].name, values_[q]);
+    dump.fill(name_ + "/" + quantities_[q].name, values_[q]);
   }
 }
 

@@ -8,34 +8,34 @@
 namespace shearbus::hydro {
 namespace {
 
+using wire::Field;
+
+constexpr LawColumn kColumns[] = {
+    {Field::kShearStress, "shear stress at the interface, during the step", {}, &InterfaceAnswer::shear_stress},
+    {Field::kSlidingVelocity, "sliding velocity, mean of the step", {}, &InterfaceAnswer::sliding_velocity},
+    {Field::kInterfaceTemperature, "temperature of the interface", {}, &InterfaceAnswer::interface_temperature},
+    {Field::kVelocityJumpNew, "V_soft - V_hard as the law expects it", {}, &InterfaceAnswer::velocity_jump_new},
+    {Field::kPressure, "sent: pressure on the interface", &InterfaceInputs::pressure},
+    {Field::kVelocityJump, "sent: V_soft - V_hard at the start of the step", &InterfaceInputs::velocity_jump},
+    {Field::kStressSoft, "sent: shear stress of the soft body's zones", &InterfaceInputs::stress_soft},
+    {Field::kStressHard, "sent: shear stress of the hard body's zones", &InterfaceInputs::stress_hard},
+    {Field::kRegime, ""}};
+
+// The quantities behind kColumns, in the order in which record() sets them.
 std::vector<files::Quantity> interface_quantities(bool bound) {
-  using files::quantity_of_column;
-  using wire::Field;
-  std::vector<files::Quantity> all = {
-      quantity_of_column(Field::kShearStress, 0, "shear stress at the interface, during the step"),
-      quantity_of_column(Field::kSlidingVelocity, 0, "sliding velocity, mean of the step"),
-      quantity_of_column(Field::kInterfaceTemperature, 0, "temperature of the interface"),
-      quantity_of_column(Field::kVelocityJumpNew, 0, "V_soft - V_hard as the law expects it"),
-      quantity_of_column(Field::kPressure, 0, "sent: pressure on the interface"),
-      quantity_of_column(Field::kVelocityJump, 0, "sent: V_soft - V_hard at the start of the step"),
-      quantity_of_column(Field::kStressSoft, 0, "sent: shear stress of the soft body's zones"),
-      quantity_of_column(Field::kStressHard, 0, "sent: shear stress of the hard body's zones"),
-      {.name = "zone_temperature", .units = "K", .long_name = "of the soft zones at the interface"},
-      {.name = "slip_distance", .units = "m", .long_name = "integral of |sliding velocity| while closed"},
-      {.name = "displacement_half_mm", .units = "m", .long_name = "of metal against metal over +-0.5 mm while closed"},
-      {.name = "displacement_one_mm", .units = "m", .long_name = "of metal against metal over +-1 mm while closed"},
-      {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
-      {.name = "height", .units = "m", .long_name = "second coordinate of the node"},
-      quantity_of_column(Field::kRegime)};
+  std::vector<files::Quantity> all;
+  for (const LawColumn& column : kColumns) all.push_back(column.quantity());
+  all.insert(
+      all.end(),
+      {{.name = "zone_temperature", .units = "K", .long_name = "of the soft zones at the interface"},
+       {.name = "slip_distance", .units = "m", .long_name = "integral of |sliding velocity| while closed"},
+       {.name = "displacement_half_mm", .units = "m", .long_name = "of metal against metal over +-0.5 mm while closed"},
+       {.name = "displacement_one_mm", .units = "m", .long_name = "of metal against metal over +-1 mm while closed"},
+       {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
+       {.name = "height", .units = "m", .long_name = "second coordinate of the node"}});
   if (bound)
     all.push_back({.name = "bound_used", .units = "1", .long_name = "friction work over its bound below melting"});
   return all;
-}
-
-std::vector<files::Quantity> surface_quantities() {
-  return {{.name = "axial_velocity", .units = "m s-1", .long_name = "along the second axis"},
-          {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
-          {.name = "height", .units = "m", .long_name = "second coordinate of the node"}};
 }
 
 // The members of NodeTotals by their names in restart dumps.
@@ -56,11 +56,19 @@ constexpr std::pair<const char*, std::vector<double> NodeTotals::*> kTotals[] = 
 
 }  // namespace
 
-InterfaceHistory::InterfaceHistory(InterfaceLine line, InterfaceFacts facts)
-    : line_(std::move(line)),
-      rows_(interface_quantities(facts.bound.has_value()), line_.lengths().size()),
-      facts_(std::move(facts)),
-      totals_(line_.lengths().size()) {}
+NodeTotals::NodeTotals(std::size_t nodes) {
+  for (const auto& [name, values] : kTotals) (this->*values).assign(nodes, 0.0);
+}
+
+InterfaceHistory::InterfaceHistory(const Problem2d& problem)
+    : line_(problem.bodies),
+      bound_(problem.heat_bound),
+      rows_("interface", interface_quantities(has_bound()), line_.lengths().size()),
+      totals_(line_.lengths().size()) {
+  if (nodes() == 0) return;
+  bands_.emplace(problem.bodies);
+  if (problem.strength) critical_jump_.emplace(problem.soft, problem.hard, problem.strength->start_temperature);
+}
 
 void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
   const InterfaceInputs& in = cycle.contact().inputs();
@@ -77,9 +85,9 @@ void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
       totals_.highest_pressure[i] = std::max(totals_.highest_pressure[i], in.pressure[i]);
       totals_.fastest_slip[i] = std::max(totals_.fastest_slip[i], speed);
       totals_.friction_impulse[i] += answer.shear_stress[i] * in.dt;
-      if (facts_.bands) add_displacement(cycle, i);
-      if (facts_.critical_jump) {
-        const double share = std::abs(in.velocity_jump[i]) / facts_.critical_jump->at(in.pressure[i]);
+      if (bands_) add_displacement(cycle, i);
+      if (critical_jump_) {
+        const double share = std::abs(in.velocity_jump[i]) / critical_jump_->at(in.pressure[i]);
         totals_.critical_jump_share[i] = std::max(totals_.critical_jump_share[i], share);
       }
     }
@@ -87,24 +95,23 @@ void InterfaceHistory::observe(const lagrange::Cycle& cycle) {
       totals_.pressure_impulse[i] += in.pressure[i] * in.dt;
       totals_.slip_time[i] += in.dt;
     }
-    if (facts_.bound) use_bound(i, answer.shear_stress[i] * answer.sliding_velocity[i] * in.dt, in);
+    if (bound_) use_bound(i, answer.shear_stress[i] * answer.sliding_velocity[i] * in.dt, in);
   }
   energy_.add(answer.energy);
 }
 
 void InterfaceHistory::add_displacement(const lagrange::Cycle& cycle, std::size_t i) {
   const double dt = cycle.contact().inputs().dt;
-  totals_.displacement_half_mm[i] += dt * facts_.bands->velocity_difference(cycle, 0, i);
-  totals_.displacement_one_mm[i] += dt * facts_.bands->velocity_difference(cycle, 1, i);
+  totals_.displacement_half_mm[i] += dt * bands_->velocity_difference(cycle, 0, i);
+  totals_.displacement_one_mm[i] += dt * bands_->velocity_difference(cycle, 1, i);
 }
 
 void InterfaceHistory::use_bound(std::size_t i, double work, const InterfaceInputs& in) {
   totals_.friction_work[i] += work;
   if (!(totals_.friction_work[i] > 0.0)) return;
   totals_.friction_time[i] += in.dt;
-  totals_.highest_melting[i] = std::max(totals_.highest_melting[i], facts_.bound->melting_temperature(in.pressure[i]));
-  totals_.bound_used[i] =
-      totals_.friction_work[i] / facts_.bound->work(totals_.highest_melting[i], totals_.friction_time[i]);
+  totals_.highest_melting[i] = std::max(totals_.highest_melting[i], bound_->melting_temperature(in.pressure[i]));
+  totals_.bound_used[i] = totals_.friction_work[i] / bound_->work(totals_.highest_melting[i], totals_.friction_time[i]);
   peaks_[kBoundUsed] = std::max(peaks_[kBoundUsed], totals_.bound_used[i]);
 }
 
@@ -119,18 +126,17 @@ void InterfaceHistory::record(const lagrange::Cycle& cycle) {
   }
   rows_.begin_row(in.time);
   std::size_t q = 0;
+  for (const LawColumn& column : kColumns)
+    column.record(in, answer, [&](const auto& values) { rows_.set(q++, values); });
   for (const std::vector<double>* values : std::initializer_list<const std::vector<double>*>{
-           &answer.shear_stress, &answer.sliding_velocity, &answer.interface_temperature, &answer.velocity_jump_new,
-           &in.pressure, &in.velocity_jump, &in.stress_soft, &in.stress_hard, &in.zone_temperature, &totals_.slip,
-           &totals_.displacement_half_mm, &totals_.displacement_one_mm, &radius, &height}) {
+           &in.zone_temperature, &totals_.slip, &totals_.displacement_half_mm, &totals_.displacement_one_mm, &radius,
+           &height})
     rows_.set(q++, *values);
-  }
-  rows_.set(q++, answer.regime);
-  if (facts_.bound) rows_.set(q, totals_.bound_used);
+  if (bound_) rows_.set(q, totals_.bound_used);
 }
 
 void InterfaceHistory::save(files::DumpWriter& dump) const {
-  rows_.save(dump, "interface");
+  rows_.save(dump);
   for (const auto& [name, values] : kTotals) dump.numbers(name, totals_.*values);
   dump.numbers("interface_regimes", regimes_);
   dump.numbers("interface_regime_slip", regime_slip_);
@@ -139,7 +145,7 @@ void InterfaceHistory::save(files::DumpWriter& dump) const {
 }
 
 void InterfaceHistory::load(const files::DumpReader& dump) {
-  rows_.load(dump, "interface");
+  rows_.load(dump);
   for (const auto& [name, values] : kTotals) dump.fill(name, totals_.*values);
   dump.fill("interface_regimes", regimes_);
   dump.fill("interface_regime_slip", regime_slip_);
@@ -168,8 +174,8 @@ std::size_t InterfaceHistory::nodes_above_critical_jump() const {
       std::ranges::count_if(totals_.critical_jump_share, [](double share) { return share > 1.0; }));
 }
 std::optional<double> InterfaceHistory::mean_displacement(std::size_t band) const {
-  if (!facts_.bands) return std::nullopt;
-  return line_.mean(displacement(totals_, band), [&](std::size_t i) { return facts_.bands->reaches(band, i); });
+  if (!bands_) return std::nullopt;
+  return line_.mean(displacement(totals_, band), [&](std::size_t i) { return bands_->reaches(band, i); });
 }
 double InterfaceHistory::mean_pressure_root_time() const {
   std::vector<double> loads;
@@ -178,22 +184,6 @@ double InterfaceHistory::mean_pressure_root_time() const {
     loads.push_back(time > 0.0 ? totals_.pressure_impulse[i] / std::sqrt(time) : 0.0);
   }
   return mean(loads);
-}
-
-SurfaceHistory::SurfaceHistory(std::vector<int> nodes)
-    : nodes_(std::move(nodes)), rows_(surface_quantities(), nodes_.size()) {}
-
-void SurfaceHistory::record(const lagrange::Cycle& cycle) {
-  std::vector<double> speed, radius, height;
-  for (const int n : nodes_) {
-    speed.push_back(cycle.state().velocity[n].y);
-    radius.push_back(cycle.state().position[n].x);
-    height.push_back(cycle.state().position[n].y);
-  }
-  rows_.begin_row(cycle.state().time);
-  rows_.set(0, speed);
-  rows_.set(1, radius);
-  rows_.set(2, height);
 }
 
 }  // namespace shearbus::hydro

@@ -1,4 +1,4 @@
-// Histories of a two-dimensional run: the interface nodes and a free surface.
+// The history of the interface nodes of a two-dimensional run.
 #pragma once
 
 #include <array>
@@ -6,12 +6,11 @@
 #include <optional>
 #include <vector>
 
-#include "hydro_stub/heat_bound.hpp"
 #include "hydro_stub/history_rows.hpp"
 #include "hydro_stub/interface_line.hpp"
 #include "hydro_stub/lagrange/cycle.hpp"
 #include "hydro_stub/metal_bands.hpp"
-#include "hydro_stub/shear_limits.hpp"
+#include "hydro_stub/problem2d.hpp"
 #include "proto/files/energy_totals.hpp"
 #include "proto/wire/messages.hpp"
 
@@ -19,20 +18,7 @@ namespace shearbus::hydro {
 
 // What happened to each interface node from the start to the last step: one value per node.
 struct NodeTotals {
-  explicit NodeTotals(std::size_t nodes)
-      : slip(nodes, 0.0),
-        displacement_half_mm(nodes, 0.0),
-        displacement_one_mm(nodes, 0.0),
-        friction_impulse(nodes, 0.0),
-        critical_jump_share(nodes, 0.0),
-        highest_pressure(nodes, 0.0),
-        fastest_slip(nodes, 0.0),
-        pressure_impulse(nodes, 0.0),
-        slip_time(nodes, 0.0),
-        friction_work(nodes, 0.0),
-        friction_time(nodes, 0.0),
-        highest_melting(nodes, 0.0),
-        bound_used(nodes, 0.0) {}
+  explicit NodeTotals(std::size_t nodes);
 
   std::vector<double> slip;  // slip distance: integral of |sliding velocity| dt while the contact is closed  [m]
   // displacement of the soft metal against the hard metal over +-0.5 and +-1 mm (metal_bands.hpp) while the contact is
@@ -56,17 +42,10 @@ inline const std::vector<double>& displacement(const NodeTotals& totals, std::si
   return band == 0 ? totals.displacement_half_mm : totals.displacement_one_mm;
 }
 
-// What a history needs to know of its problem. Without a member nothing is said of it.
-struct InterfaceFacts {
-  std::optional<HeatBound> bound = {};
-  std::optional<MetalBands> bands = {};
-  std::optional<CriticalJump> critical_jump = {};
-};
-
 // The history of the interface nodes, and the totals over nodes and steps that the summary prints.
 class InterfaceHistory {
  public:
-  InterfaceHistory(InterfaceLine line, InterfaceFacts facts);
+  explicit InterfaceHistory(const Problem2d& problem);
 
   void observe(const lagrange::Cycle& cycle);  // adds the last step to the totals
   void record(const lagrange::Cycle& cycle);   // adds a row to the history
@@ -79,8 +58,8 @@ class InterfaceHistory {
 
   std::size_t nodes() const { return totals_.slip.size(); }
   const NodeTotals& totals() const { return totals_; }
-  bool has_bound() const { return facts_.bound.has_value(); }
-  bool has_critical_jump() const { return facts_.critical_jump.has_value(); }
+  bool has_bound() const { return bound_.has_value(); }
+  bool has_critical_jump() const { return critical_jump_.has_value(); }
   std::size_t nodes_above_critical_jump() const;
   // All means are over the length of the interface, that of a displacement where both bodies reach as far as the band;
   // it is absent if they do so nowhere.
@@ -108,32 +87,16 @@ class InterfaceHistory {
   void add_displacement(const lagrange::Cycle& cycle, std::size_t i);
 
   InterfaceLine line_;
+  std::optional<HeatBound> bound_;  // without one of these three nothing is said of it
+  std::optional<MetalBands> bands_;
+  std::optional<CriticalJump> critical_jump_;
   HistoryRows rows_;
-  InterfaceFacts facts_;
   NodeTotals totals_;
   std::array<double, wire::kRegimeCount> regimes_{};  // number of node-steps in each regime
   std::array<double, wire::kRegimeCount>
       regime_slip_{};              // integral of the slip distance over the interface in each regime  [m2]
   std::array<double, 3> peaks_{};  // largest temperature [K], pressure [Pa] and share of the bound so far
   files::EnergyTotals energy_;
-};
-
-// The history of the nodes of a free surface, in their order along the surface.
-class SurfaceHistory {
- public:
-  explicit SurfaceHistory(std::vector<int> nodes);
-
-  void record(const lagrange::Cycle& cycle);
-  void save(files::DumpWriter& dump) const { rows_.save(dump, "free_surface"); }
-  void load(const files::DumpReader& dump) { rows_.load(dump, "free_surface"); }
-  void write(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) const {
-    rows_.write(file, meta);
-  }
-  bool empty() const { return nodes_.empty(); }
-
- private:
-  std::vector<int> nodes_;
-  HistoryRows rows_;
 };
 
 }  // namespace shearbus::hydro

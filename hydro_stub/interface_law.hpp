@@ -103,7 +103,7 @@ class InterfaceLaw {
   // Reads the profiles of some nodes across their layers, as the last advance() left them; that step can then not be
   // taken back. The rows are those of wire::Profiles. Throws wire::Error; laws without layers refuse the call.
   virtual wire::Batch profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa);
-  virtual LawTime time_spent() const = 0;
+  virtual LawTime time_spent() const { return {}; }
 
   // Saves the state of the law under `name` and returns a text from which another process restores the state
   // (make_law). The state is kept until two later states have been saved. A law without a state returns an empty text.

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "hydro_stub/law_name.hpp"
 #include "hydro_stub/problem.hpp"
+#include "hydro_stub/scene.hpp"
 #include "proto/program/progress.hpp"
 
 namespace shearbus::hydro {

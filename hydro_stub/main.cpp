@@ -1,8 +1,11 @@
 // shearbus-hydro: reads a scene, makes its problem and interface law, runs the problem and writes the results.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -17,7 +20,6 @@
 #include "hydro_stub/restart.hpp"
 #include "hydro_stub/run.hpp"
 #include "hydro_stub/run2d.hpp"
-#include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/subgrid_law.hpp"
 #include "hydro_stub/verification/problems.hpp"
 #include "hydro_stub/wall_zones.hpp"
@@ -40,29 +42,14 @@ std::filesystem::path output_directory(const Options& options, const guest::Hydr
   return std::filesystem::path("out") / fmt::format("{}-{}", plain, name(scene.hydro().interface_law()));
 }
 
-bool has_problem2d(const guest::Hydro& hydro) {
-  return hydro.has_cone_target() || hydro.has_piston() || hydro.has_flyer_impact() || hydro.has_implosion() ||
-         hydro.has_gas_flow() || hydro.has_taylor_bar() || hydro.has_sliding_plates();
-}
-
-void fill_constants(const std::string& table, v1::Body& body) {
-  scene::set_numbers(physics::constants_of(resolve(body, table)), body);
-}
-
 // Returns the scene with the missing constants of its bodies filled in.
 guest::HydroScene effective_scene(guest::HydroScene scene) {
-  if (scene.scene().has_soft()) fill_constants("soft", *scene.mutable_scene()->mutable_soft());
-  if (scene.scene().has_hard()) fill_constants("hard", *scene.mutable_scene()->mutable_hard());
+  const auto fill = [](const std::string& table, v1::Body& body) {
+    scene::set_numbers(physics::constants_of(resolve(body, table)), body);
+  };
+  if (scene.scene().has_soft()) fill("soft", *scene.mutable_scene()->mutable_soft());
+  if (scene.scene().has_hard()) fill("hard", *scene.mutable_scene()->mutable_hard());
   return scene;
-}
-
-// Makes the interface law of a two-dimensional problem. If no node of the problem slides under a law, the result is
-// free slip, and no session is opened. `temperature`: of each node's layer at the start  [K]
-std::unique_ptr<InterfaceLaw> make_law_2d(const SceneFile& file, const Problem2d& problem,
-                                          const std::vector<double>& temperature, const SubgridServer& server,
-                                          const std::string& kept) {
-  if (temperature.empty()) return std::make_unique<FreeSlipLaw>();
-  return make_law(file, problem.soft, problem.hard, temperature, problem.layer_thickness, server, kept);
 }
 
 // Sets what follows from the mesh and the metals together: thickness of plastic layers, depth of friction heat, limits of
@@ -128,7 +115,8 @@ void carry_out_2d(const Options& options, const SceneFile& file, const files::Du
   if (shocked) problem.start_temperature = temperature;
   if (shocked && problem.heat_bound) problem.heat_bound->start_temperature = *std::ranges::min_element(temperature);
   const auto make = [&] {
-    return make_law_2d(file, problem, temperature, server, from != nullptr ? from->text("kept") : "");
+    return make_law(file, problem.soft, problem.hard, temperature, problem.layer_thickness, server,
+                    from != nullptr ? from->text("kept") : "");
   };
   if (from != nullptr && has_ended(run.out)) {
     if (!options.check) end_run(run.out, make);
@@ -142,13 +130,14 @@ void carry_out_2d(const Options& options, const SceneFile& file, const files::Du
     return;
   }
   run_problem2d(file, effective_scene(scene), std::move(problem), *law, run, from);
-  if (options.plot && cone) plot_cone(run.out);
+  if (options.plot && cone) plot(run.out, cone);
   fmt::print("  {:<24}{}\n", "results", program::shown(run.out));
 }
 
 void carry_out(const Options& options, SceneFile& file) {
   guest::HydroScene& scene = file.scene;
-  if (options.interface_law && scene.has_hydro()) scene.mutable_hydro()->set_interface_law(*options.interface_law);
+  if (!options.interface_law.empty() && scene.has_hydro())
+    scene.mutable_hydro()->set_interface_law(interface_law(options.interface_law));
   if (has_problem2d(scene.hydro())) return carry_out_2d(options, file, nullptr);
   if (options.dumps.wanted())
     throw wire::Error({.code = wire::Code::kInvalidScene,
@@ -170,7 +159,9 @@ void carry_out(const Options& options, SceneFile& file) {
   }
   const std::filesystem::path out = output_directory(options, scene);
   const files::OneWriter writer(out);
-  run(scene, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
+  guest::HydroScene effective = effective_scene(scene);
+  effective.mutable_hydro()->set_dt_s(problem.dt);
+  run(effective, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
       options.progress);
   if (options.plot) plot(out);
   fmt::print("  {:<24}{}\n", "results", program::shown(out));
@@ -205,10 +196,23 @@ int shearbus_hydro(int argc, char** argv) {
   return 1;
 }
 
+// Several threads of OpenMP wait for each other many times a step. They spin for milliseconds, which on processors that
+// others use, too, costs many times what the threads gain. libgomp reads how long before main begins, so the program
+// starts once more with a wait of some microseconds, unless the user has chosen.
+void shorten_waiting(char** arguments) {
+  if (std::getenv("OMP_NUM_THREADS") == nullptr) return;
+  if (std::getenv("OMP_WAIT_POLICY") != nullptr || std::getenv("GOMP_SPINCOUNT") != nullptr) return;
+  std::error_code fault;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", fault);
+  if (fault || setenv("GOMP_SPINCOUNT", "1000", 1) != 0) return;
+  execv(self.c_str(), arguments);  // if it returns the threads spin for longer
+}
+
 }  // namespace
 }  // namespace shearbus::hydro
 
 int main(int argc, char** argv) {
+  shearbus::hydro::shorten_waiting(argv);
   shearbus::program::begin_program();
   return shearbus::hydro::shearbus_hydro(argc, argv);
 }

@@ -25,7 +25,6 @@ CommandLine parse_command_line(int argc, char** argv) {
   CommandLine line;
   Options& options = line.options;
   options.arguments = {argv, static_cast<std::size_t>(argc)};
-  guest::InterfaceLaw law = guest::INTERFACE_LAW_UNSPECIFIED;
 
   CLI::App app("Runs a scene's hydrodynamic problem and leaves histories, a summary and pictures.", "shearbus-hydro");
   CLI::Option* scene = app.add_option("SCENE", options.scene, "scene to run (TOML)");
@@ -44,13 +43,8 @@ CommandLine parse_command_line(int argc, char** argv) {
   std::filesystem::path key;
   app.add_option("--server-key", server_key, "by tcp: file of the server's public key")->type_name("FILE");
   app.add_option("--key", key, "by tcp: file of one's own secret key, from shearbus-ctl keygen")->type_name("FILE");
-  program::add_choice<guest::InterfaceLaw>(app, "--interface-law", law,
-                                           {{"subgrid", guest::INTERFACE_LAW_SUBGRID},
-                                            {"coulomb_tresca", guest::INTERFACE_LAW_COULOMB_TRESCA},
-                                            {"free_slip", guest::INTERFACE_LAW_FREE_SLIP},
-                                            {"stick", guest::INTERFACE_LAW_STICK},
-                                            {"constant", guest::INTERFACE_LAW_CONSTANT}},
-                                           "interface law in place of the scene's")
+  program::add_choice(app, "--interface-law", options.interface_law, interface_laws(),
+                      "interface law in place of the scene's")
       ->excludes(restart);
   app.add_option("--dump-every", options.dumps.every_steps, "restart dump after every so many steps (default: none)");
   app.add_option("--dump-interval", options.dumps.interval_s,
@@ -81,7 +75,6 @@ CommandLine parse_command_line(int argc, char** argv) {
   });
   if (line.exit_code) return line;
   files::read_keys_into(options.server, server_key, key);
-  if (law != guest::INTERFACE_LAW_UNSPECIFIED) options.interface_law = law;
   return line;
 }
 

@@ -6,7 +6,6 @@
 #include <span>
 #include <string>
 
-#include "hydro_stub/hydro.pb.h"
 #include "hydro_stub/restart.hpp"
 #include "proto/files/key_file.hpp"
 
@@ -18,7 +17,7 @@ struct Options {
   std::filesystem::path restart;           // directory of a run to continue; empty if `scene` is given
   std::filesystem::path out;               // directory for the results; empty: out/<scene name>-<interface law>
   files::ServerAddress server;             // subgrid server; without an endpoint it runs in this process
-  std::optional<guest::InterfaceLaw> interface_law;  // if set, replaces the interface law of the scene
+  std::string interface_law;               // name of the interface law in place of the scene's; empty: the scene's
   DumpSchedule dumps;
   bool overlap = true;
   bool check = false;

@@ -11,7 +11,6 @@ class PressureHistory {
   PressureHistory() = default;
   PressureHistory(std::vector<double> times, std::vector<double> values);
 
-  bool varies() const { return !times_.empty(); }
   // Returns the pressure at `time` in `column`, linear between the times of the table and constant outside  [Pa].
   double at(double time, std::size_t column) const;
 

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "hydro_stub/law_name.hpp"
 #include "hydro_stub/problem.hpp"
+#include "hydro_stub/scene.hpp"
 
 namespace shearbus::hydro {
 

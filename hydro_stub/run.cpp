@@ -20,25 +20,12 @@
 #include "proto/wire/text.hpp"
 
 namespace shearbus::hydro {
-namespace {
-
-using Clock = std::chrono::steady_clock;
-
-// Returns the scene as it is run: with all constants and the time step filled in.
-guest::HydroScene effective_scene(guest::HydroScene scene, const ColumnProblem& problem) {
-  scene::set_numbers(physics::constants_of(problem.soft_material), *scene.mutable_scene()->mutable_soft());
-  scene::set_numbers(physics::constants_of(problem.hard_material), *scene.mutable_scene()->mutable_hard());
-  scene.mutable_hydro()->set_dt_s(problem.dt);
-  return scene;
-}
-
-}  // namespace
-
 std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
                                        std::span<const double> layer_thickness, const SubgridServer& server,
                                        const std::string& kept) {
   const guest::HydroScene& scene = file.scene;
+  if (initial_temperature.empty()) return std::make_unique<FreeSlipLaw>();
   switch (scene.hydro().interface_law()) {
     case guest::INTERFACE_LAW_COULOMB_TRESCA:
       return std::make_unique<CoulombTrescaLaw>(scene.hydro().coulomb_tresca(), soft, hard, initial_temperature);
@@ -74,12 +61,11 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
 
 void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
          const std::filesystem::path& out, const server::Entries& provenance, bool progress) {
-  const std::string law_name = name(scene.hydro().interface_law());
+  using Clock = std::chrono::steady_clock;
   ShearColumn column(problem);
-  History history(out / "history.h5", problem, column, scene::to_toml(effective_scene(scene, problem)), law_name,
-                  provenance);
+  History history(out / "history.h5", problem, column, meta_of(scene, provenance));
   files::ProfileRecord profiles = profile_record(scene, problem.columns, law);
-  Summary summary(problem, law_name, provenance);
+  Summary summary(problem, name(scene.hydro().interface_law()), provenance);
   program::Progress bar(problem.name, progress);
 
   RunTime time;
@@ -103,9 +89,7 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
   time.total = Clock::now() - start;
   bar.clear();
 
-  const LawTime law_time = law.time_spent();
-  time.solver = law_time.solver;
-  time.bus = law_time.bus;
+  time.law = law.time_spent();
   summary.finish(column, time);
   files::write_whole(out / "summary.json", files::kSummaryFile, summary.json());
   fmt::print("{}", summary.text());
@@ -116,22 +100,11 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
   files::write_whole(out / "summary.json", files::kSummaryFile, summary.json());
 }
 
-namespace {
-
-// Runs a plotting script on a directory of results; the pictures are written there, too.
-void draw(const char* script, const std::filesystem::path& out) {
+void plot(const std::filesystem::path& out, bool cone) {
+  const char* script = cone ? SHEARBUS_PLOT_CONE_SCRIPT : SHEARBUS_PLOT_SCRIPT;
   if (program::run_python({script, out.string(), "--out", out.string()})) return;
   throw std::runtime_error(fmt::format(
       "the plots failed; the results are whole in {} (see the lines above, or run with --no-plot)", out.string()));
-}
-
-}  // namespace
-
-void plot(const std::filesystem::path& out) {
-  draw(SHEARBUS_PLOT_SCRIPT, out);
-}
-void plot_cone(const std::filesystem::path& out) {
-  draw(SHEARBUS_PLOT_CONE_SCRIPT, out);
 }
 
 }  // namespace shearbus::hydro

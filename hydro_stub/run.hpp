@@ -7,7 +7,6 @@
 #include <string>
 
 #include "hydro_stub/interface_law.hpp"
-#include "hydro_stub/law_name.hpp"
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/scene.hpp"
 #include "hydro_stub/subgrid_law.hpp"
@@ -15,21 +14,20 @@
 
 namespace shearbus::hydro {
 
-// Makes the interface law of the scene, for nodes with these initial temperatures and layers of this thickness (empty: the
-// scene's), or restores it from `kept`, the text that InterfaceLaw::keep() returned. Prints the server's warnings to
+// Makes the interface law of the scene, for nodes with these initial temperatures (without nodes: free slip, and no
+// session) and layers of this thickness (empty: the scene's), or restores it from `kept`, the text that InterfaceLaw::keep() returned. Prints the server's warnings to
 // stderr. Throws wire::Error.
 std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Material& soft,
                                        const physics::Material& hard, std::span<const double> initial_temperature,
                                        std::span<const double> layer_thickness, const SubgridServer& server,
                                        const std::string& kept = {});
 
-// Runs the problem, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
+// Runs the problem of `scene`, which has all constants and the time step filled in, writes history.h5 and summary.json to `out` and prints the summary. Throws wire::Error or
 // std::exception; if a step fails, no file has the name of a complete result.
 void run(const guest::HydroScene& scene, const ColumnProblem& problem, InterfaceLaw& law,
          const std::filesystem::path& out, const server::Entries& provenance, bool progress);
 
-// Draw the results in `out` with plot_histories.py or plot_cone.py. Throw std::runtime_error if that fails.
-void plot(const std::filesystem::path& out);
-void plot_cone(const std::filesystem::path& out);
+// Draws the results in `out` with plot_histories.py or plot_cone.py. Throws std::runtime_error if that fails.
+void plot(const std::filesystem::path& out, bool cone = false);
 
 }  // namespace shearbus::hydro

@@ -17,7 +17,6 @@
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/interface_history.hpp"
 #include "hydro_stub/lagrange/strength.hpp"
-#include "hydro_stub/law_name.hpp"
 #include "hydro_stub/profiles.hpp"
 #include "hydro_stub/summary2d.hpp"
 #include "hydro_stub/wall_zones.hpp"
@@ -73,12 +72,10 @@ void write_fields(files::FieldWriter& writer, const Cycle& cycle) {
   writer.frame(s.time, three(s.position), three(s.velocity), zones);
 }
 
-InterfaceFacts facts_of(const Problem2d& problem) {
-  InterfaceFacts facts{.bound = problem.heat_bound};
-  if (interface_nodes(problem.bodies) == 0) return facts;
-  facts.bands.emplace(problem.bodies);
-  if (problem.strength) facts.critical_jump.emplace(problem.soft, problem.hard, problem.strength->start_temperature);
-  return facts;
+std::vector<files::Quantity> surface_quantities() {
+  return {{.name = "axial_velocity", .units = "m s-1", .long_name = "along the second axis"},
+          {.name = "radius", .units = "m", .long_name = "first coordinate of the node"},
+          {.name = "height", .units = "m", .long_name = "second coordinate of the node"}};
 }
 
 class Run {
@@ -86,27 +83,19 @@ class Run {
   Run(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
       const RunOptions& options, const files::DumpReader* from)
       : file_(file),
-        effective_text_(scene::to_toml(effective)),
+        meta_(meta_of(effective, options.provenance)),
         law_(law),
         options_(options),
-        end_time_(problem.end_time),
-        history_interval_(problem.history_interval),
-        frames_(problem.frames),
-        over_(std::move(problem.over)),
-        compare_(std::move(problem.compare)),
+        problem_(std::move(problem)),
         dumps_(options.out, options.dumps),
-        published_(problem.published),
-        start_temperature_(std::move(problem.start_temperature)),
-        layer_thickness_(std::move(problem.layer_thickness)),
-        strength_(problem.strength),
-        half_zone_(half_wall_zones(problem.bodies)),
+        half_zone_(half_wall_zones(problem_.bodies)),
         warns_of_melting_(file.scene.hydro().interface_law() == guest::INTERFACE_LAW_COULOMB_TRESCA),
-        interface_(InterfaceLine(problem.bodies), facts_of(problem)),
-        surface_(problem.free_surface),
+        interface_(problem_),
+        surface_("free_surface", surface_quantities(), problem_.free_surface.size()),
         profiles_(profile_record(file.scene, interface_.nodes(), law)),
-        fields_(field_writer(options.out / "fields.xmf", problem, effective_text_,
+        fields_(field_writer(options.out / "fields.xmf", problem_, meta_.at("scene"),
                              from != nullptr ? from->numbers("frame_times") : std::vector<double>())),
-        cycle_(std::move(problem.bodies), &law),
+        cycle_(std::move(problem_.bodies), &law),
         start_(cycle_.ledger()) {
     if (from != nullptr) load(*from);
     if (interface_.has_melted()) warns_of_melting_ = false;
@@ -117,7 +106,7 @@ class Run {
     const std::size_t begun_step = cycle_.steps();
     program::Progress bar(file_.scene.scene().name(), options_.progress);
     if (fields_.times_s().empty()) timed([&] { write_fields(fields_, cycle_); });
-    while (cycle_.state().time < end_time_) {
+    while (cycle_.state().time < problem_.end_time) {
       step();
       if (warns_of_melting_ && interface_.has_melted()) {
         bar.clear();
@@ -131,13 +120,13 @@ class Run {
       bar.show([&](double elapsed_s) {
         return program::extent_of_time({.begun_s = begun_s,
                                         .now_s = cycle_.state().time,
-                                        .end_s = end_time_,
+                                        .end_s = problem_.end_time,
                                         .begun_step = begun_step,
                                         .step = cycle_.steps()},
                                        elapsed_s);
       });
-      if (cycle_.state().time >= end_time_) break;
-      if (over_ && over_(cycle_)) {
+      if (cycle_.state().time >= problem_.end_time) break;
+      if (problem_.over && problem_.over(cycle_)) {
         if (cycle_.state().time > fields_.times_s().back()) timed([&] { write_fields(fields_, cycle_); });
         break;
       }
@@ -149,8 +138,6 @@ class Run {
   }
 
  private:
-  static double seconds(Clock::duration d) { return std::chrono::duration<double>(d).count(); }
-
   template <typename Work>
   void timed(const Work& work) {
     const Clock::time_point start = Clock::now();
@@ -160,25 +147,40 @@ class Run {
 
   void step() {
     const std::size_t frame = fields_.times_s().size();
-    const double until = frame >= frames_ ? end_time_ : end_time_ * static_cast<double>(frame) / frames_;
+    const double until =
+        frame >= problem_.frames ? problem_.end_time : problem_.end_time * static_cast<double>(frame) / problem_.frames;
     cycle_.advance(until);
     timed([&] {
       interface_.observe(cycle_);
       if (cycle_.state().time >= next_row_) {
         interface_.record(cycle_);
-        surface_.record(cycle_);
-        next_row_ += history_interval_;
+        record_surface();
+        next_row_ += problem_.history_interval;
       }
       record_profiles(profiles_, cycle_.state().time, cycle_.contact().inputs().pressure, law_);
       if (cycle_.state().time >= until) write_fields(fields_, cycle_);
     });
   }
 
+  void record_surface() {
+    const lagrange::State& state = cycle_.state();
+    std::vector<double> speed, radius, height;
+    for (const int n : problem_.free_surface) {
+      speed.push_back(state.velocity[n].y);
+      radius.push_back(state.position[n].x);
+      height.push_back(state.position[n].y);
+    }
+    surface_.begin_row(state.time);
+    surface_.set(0, speed);
+    surface_.set(1, radius);
+    surface_.set(2, height);
+  }
+
   // The scene of a restart: it names the interface law that the command line chose. A thickness that follows from the
   // zones is left out: a scene with plastic layers may not give another one.
   guest::HydroScene kept_scene() const {
     guest::HydroScene kept = file_.scene;
-    if (!layer_thickness_.empty()) kept.mutable_scene()->mutable_layer()->clear_thickness_m();
+    if (!problem_.layer_thickness.empty()) kept.mutable_scene()->mutable_layer()->clear_thickness_m();
     return kept;
   }
 
@@ -193,7 +195,7 @@ class Run {
       interface_.save(to);
       surface_.save(to);
       profiles_.save(to);
-      if (!start_temperature_.empty()) to.numbers("start_temperature", start_temperature_);
+      if (!problem_.start_temperature.empty()) to.numbers("start_temperature", problem_.start_temperature);
       to.numbers("frame_times", fields_.times_s());
       to.numbers("next_row", std::span(&next_row_, 1));
     });
@@ -210,8 +212,8 @@ class Run {
   }
 
   [[noreturn]] void stop() {
-    const std::string where =
-        fmt::format("interrupted at step {}, {:.4g} of {:.4g} s", cycle_.steps(), cycle_.state().time, end_time_);
+    const std::string where = fmt::format("interrupted at step {}, {:.4g} of {:.4g} s", cycle_.steps(),
+                                          cycle_.state().time, problem_.end_time);
     if (const std::string why = law_.cannot_keep(); !why.empty())
       throw std::runtime_error(fmt::format("{}; no restart dump: {}", where, why));
     dump();
@@ -219,28 +221,22 @@ class Run {
   }
 
   void finish() {
-    std::map<std::string, std::string> meta = History::origin(options_.provenance);
-    meta.insert({{"scene", effective_text_},
-                 {"scene_name", file_.scene.scene().name()},
-                 {"interface_law", name(file_.scene.hydro().interface_law())}});
     timed([&] {
-      if (interface_.nodes() > 0) interface_.write(options_.out / "interface.h5", meta, profiles_, start_temperature_);
-      if (!surface_.empty()) surface_.write(options_.out / "free_surface.h5", meta);
+      if (interface_.nodes() > 0)
+        interface_.write(options_.out / "interface.h5", meta_, profiles_, problem_.start_temperature);
+      if (!problem_.free_surface.empty()) surface_.write(options_.out / "free_surface.h5", meta_);
     });
-    Summary2d summary{.scene = file_.scene.scene().name(),
-                      .interface_law = name(file_.scene.hydro().interface_law()),
+    Summary2d summary{.scene = meta_.at("scene_name"),
+                      .interface_law = meta_.at("interface_law"),
                       .provenance = options_.provenance,
+                      .problem = problem_,
                       .cycle = cycle_,
                       .start = start_,
                       .interface = interface_,
-                      .start_temperature = start_temperature_,
-                      .layer_thickness = layer_thickness_,
-                      .strength = strength_,
-                      .published = published_,
-                      .comparisons = compare_ ? compare_(cycle_) : std::vector<Comparison>(),
-                      .time = {.total = seconds(Clock::now() - begun_),
-                               .output = seconds(output_),
-                               .cpu = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
+                      .comparisons = problem_.compare ? problem_.compare(cycle_) : std::vector<Comparison>(),
+                      .time = {.total = Clock::now() - begun_,
+                               .output = output_,
+                               .cpu_s = static_cast<double>(std::clock()) / CLOCKS_PER_SEC,
                                .law = law_.time_spent()}};
     summary.omitted = law_.omitted_cost();
     files::write_whole(options_.out / "summary.json", files::kSummaryFile, summary.json());
@@ -254,23 +250,15 @@ class Run {
   }
 
   const SceneFile& file_;
-  std::string effective_text_;
+  std::map<std::string, std::string> meta_;  // of the histories
   InterfaceLaw& law_;
   RunOptions options_;
-  double end_time_;
-  double history_interval_;
-  std::uint32_t frames_;
-  std::function<bool(const Cycle&)> over_;
-  std::function<std::vector<Comparison>(const Cycle&)> compare_;
+  Problem2d problem_;  // without its bodies, which are the cycle's
   RestartDumps dumps_;
-  std::optional<Envelope> published_;
-  std::vector<double> start_temperature_;  // of each node's layer, where it is not that of the scene  [K]
-  std::vector<double> layer_thickness_;    // of each node's layer, where it is not that of the scene  [m]
-  std::optional<InterfaceStrength> strength_;
   std::vector<double> half_zone_;  // half the thickness of the soft zones at each interface node  [m]
   bool warns_of_melting_;          // the interface law is law (5), and no zone has been near melting yet
   InterfaceHistory interface_;
-  SurfaceHistory surface_;
+  HistoryRows surface_;
   files::ProfileRecord profiles_;
   files::FieldWriter fields_;
   Cycle cycle_;

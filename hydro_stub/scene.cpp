@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <span>
 #include <utility>
 
 #include "proto/scene/scene.hpp"
@@ -13,92 +14,87 @@ namespace {
 
 const std::string kColumn = "hydro.shear_column.";
 
-// Rules between several keys of [hydro], and between [hydro] and the rest of the scene. A rule is skipped if a value
-// that it needs is itself faulty.
-class CrossChecks {
- public:
-  CrossChecks(const guest::HydroScene& scene, scene::Findings& findings) : scene_(scene), findings_(findings) {}
-
-  // Checks that [hydro] names exactly one problem and that the scene has the bodies which this problem needs.
-  void hydro() {
-    const guest::Hydro& hydro = scene_.hydro();
-    const auto needs = [&](const char* problem, bool present, const char* key) {
-      if (!present && sound(key)) add("", fmt::format("[{}] is missing: hydro.{} needs it", key, problem));
-    };
-    int problems = 0;
-    const auto problem = [&](const char* name, bool present, bool soft, bool hard) {
-      if (!present) return;
-      ++problems;
-      if (soft) needs(name, scene_.scene().has_soft(), "soft");
-      if (hard) needs(name, scene_.scene().has_hard(), "hard");
-    };
-    problem("shear_column", hydro.has_shear_column(), true, true);
-    problem("cone_target", hydro.has_cone_target(), true, true);
-    problem("piston", hydro.has_piston(), true, false);
-    problem("flyer_impact", hydro.has_flyer_impact(), true, true);
-    problem("implosion", hydro.has_implosion(), true, false);
-    problem("gas_flow", hydro.has_gas_flow(), false, false);
-    problem("taylor_bar", hydro.has_taylor_bar(), true, false);
-    problem("sliding_plates", hydro.has_sliding_plates(), true, true);
-    if (problems > 1) add("hydro", fmt::format("[hydro] names {} problems, expected one", problems));
-    if (hydro.interface_law() == guest::INTERFACE_LAW_CONSTANT && !hydro.has_constant_shear_stress_pa() &&
-        sound("hydro.constant_shear_stress_pa"))
-      add("hydro.interface_law", "interface_law constant needs hydro.constant_shear_stress_pa, which is missing");
-  }
-
-  // Checks the lengths of the lists. A paired list holds one value for all columns or one value per column; pressure_pa
-  // may instead hold one value for each time in pressure_time_s.
-  void shear_column() {
-    const guest::ShearColumn& column = scene_.hydro().shear_column();
-    const int jumps = column.velocity_jump_m_per_s_size();
-    const int temperatures = column.initial_temperature_k_size();
-    const int pressures = column.pressure_pa_size();
-    const int times = column.pressure_time_s_size();
-    if (!sound(kColumn + "velocity_jump_m_per_s") || !sound(kColumn + "initial_temperature_k") ||
-        !sound(kColumn + "pressure_pa") || !sound(kColumn + "pressure_time_s"))
-      return;
-    if (column.lists() == guest::LISTS_COMBINED) {
-      combinations(jumps, temperatures, times > 0 ? 1 : pressures);
-    } else {
-      const int columns = std::max({jumps, temperatures, times > 0 ? 0 : pressures});
-      one_or_all("velocity_jump_m_per_s", jumps, columns);
-      one_or_all("initial_temperature_k", temperatures, columns);
-      if (times == 0) one_or_all("pressure_pa", pressures, columns);
-    }
-    if (times == 0) return;
-    if (pressures != times)
-      add(kColumn + "pressure_pa",
-          fmt::format("{}pressure_pa has {} values, expected {} (one per pressure_time_s)", kColumn, pressures, times));
-    for (int i = 1; i < times; ++i)
-      if (!(column.pressure_time_s(i) > column.pressure_time_s(i - 1)))
-        return add(kColumn + "pressure_time_s",
-                   fmt::format("{}pressure_time_s[{}] = {} s is not after {} s, expected increasing times", kColumn, i,
-                               scene::number_text(column.pressure_time_s(i)),
-                               scene::number_text(column.pressure_time_s(i - 1))));
-  }
-
- private:
-  void add(std::string path, std::string text) { findings_.add(std::move(path), std::move(text)); }
-  bool sound(std::string_view path) const { return findings_.sound(path); }
-
-  void one_or_all(const char* key, int size, int columns) {
-    if (size > 1 && size != columns)
-      add(kColumn + key,
-          fmt::format("{}{} has {} values, expected 1 or {} (one per column)", kColumn, key, size, columns));
-  }
-
-  void combinations(std::size_t jumps, int temperatures, std::size_t pressures) {
-    const std::size_t columns =
-        // each of the three factors is at most 2e6 (kMaxNodesPerSession), so that the product does not overflow
-        jumps * std::max<std::size_t>(1, temperatures) * pressures;
-    if (columns > wire::kMaxNodesPerSession)
-      add(kColumn + "lists", fmt::format("{}lists combine to {} columns, expected at most {}", kColumn, columns,
-                                         wire::kMaxNodesPerSession));
-  }
-
-  const guest::HydroScene& scene_;
-  scene::Findings& findings_;
+// The problems that [hydro] may name, and which bodies they need.
+struct Problem {
+  const char* name;
+  bool soft = true;
+  bool hard = false;
 };
+constexpr Problem kProblems[] = {
+    {"shear_column", true, true},
+    {"cone_target", true, true},
+    {"piston"},
+    {"flyer_impact", true, true},
+    {"implosion"},
+    {"gas_flow", false},
+    {"taylor_bar"},
+    {"sliding_plates", true, true},
+};
+
+bool has_problem(const guest::Hydro& hydro, const Problem& problem) {
+  return hydro.GetReflection()->HasField(hydro, hydro.GetDescriptor()->FindFieldByName(problem.name));
+}
+
+// Checks that [hydro] names exactly one problem and that the scene has the bodies which this problem needs. This rule
+// and the next, between several keys, are skipped if a value that they need is itself faulty.
+void check_hydro(const guest::HydroScene& scene, scene::Findings& findings) {
+  const guest::Hydro& hydro = scene.hydro();
+  int problems = 0;
+  for (const Problem& problem : kProblems) {
+    if (!has_problem(hydro, problem)) continue;
+    ++problems;
+    const auto needs = [&](bool needed, bool present, const char* key) {
+      if (needed && !present && findings.sound(key))
+        findings.add("", fmt::format("[{}] is missing: hydro.{} needs it", key, problem.name));
+    };
+    needs(problem.soft, scene.scene().has_soft(), "soft");
+    needs(problem.hard, scene.scene().has_hard(), "hard");
+  }
+  if (problems > 1) findings.add("hydro", fmt::format("[hydro] names {} problems, expected one", problems));
+  if (hydro.interface_law() == guest::INTERFACE_LAW_CONSTANT && !hydro.has_constant_shear_stress_pa() &&
+      findings.sound("hydro.constant_shear_stress_pa"))
+    findings.add("hydro.interface_law",
+                 "interface_law constant needs hydro.constant_shear_stress_pa, which is missing");
+}
+
+// Checks the lengths of the lists. A paired list holds one value for all columns or one value per column; pressure_pa
+// may instead hold one value for each time in pressure_time_s.
+void check_shear_column(const guest::ShearColumn& column, scene::Findings& findings) {
+  const int jumps = column.velocity_jump_m_per_s_size();
+  const int temperatures = column.initial_temperature_k_size();
+  const int pressures = column.pressure_pa_size();
+  const int times = column.pressure_time_s_size();
+  for (const char* key : {"velocity_jump_m_per_s", "initial_temperature_k", "pressure_pa", "pressure_time_s"})
+    if (!findings.sound(kColumn + key)) return;
+  if (column.lists() == guest::LISTS_COMBINED) {
+    // each of the three factors is at most 2e6 (kMaxNodesPerSession), so that the product does not overflow
+    const std::size_t columns = std::size_t{1} * jumps * std::max(1, temperatures) * (times > 0 ? 1 : pressures);
+    if (columns > wire::kMaxNodesPerSession)
+      findings.add(kColumn + "lists", fmt::format("{}lists combine to {} columns, expected at most {}", kColumn,
+                                                  columns, wire::kMaxNodesPerSession));
+  } else {
+    const int columns = std::max({jumps, temperatures, times > 0 ? 0 : pressures});
+    const auto one_or_all = [&](const char* key, int size) {
+      if (size > 1 && size != columns)
+        findings.add(kColumn + key,
+                     fmt::format("{}{} has {} values, expected 1 or {} (one per column)", kColumn, key, size, columns));
+    };
+    one_or_all("velocity_jump_m_per_s", jumps);
+    one_or_all("initial_temperature_k", temperatures);
+    if (times == 0) one_or_all("pressure_pa", pressures);
+  }
+  if (times == 0) return;
+  if (pressures != times)
+    findings.add(kColumn + "pressure_pa", fmt::format("{}pressure_pa has {} values, expected {} (one per "
+                                                      "pressure_time_s)",
+                                                      kColumn, pressures, times));
+  for (int i = 1; i < times; ++i)
+    if (!(column.pressure_time_s(i) > column.pressure_time_s(i - 1)))
+      return findings.add(kColumn + "pressure_time_s",
+                          fmt::format("{}pressure_time_s[{}] = {} s is not after {} s, expected increasing times",
+                                      kColumn, i, scene::number_text(column.pressure_time_s(i)),
+                                      scene::number_text(column.pressure_time_s(i - 1))));
+}
 
 void check_hydro_scene(const google::protobuf::Message& root, scene::Findings& findings) {
   const auto& scene = static_cast<const guest::HydroScene&>(root);
@@ -107,12 +103,15 @@ void check_hydro_scene(const google::protobuf::Message& root, scene::Findings& f
   // A scene whose [hydro] problem has no shear layer needs no strategy and possibly no bodies, but always a name.
   if (scene.scene().name().empty() && findings.sound("name"))
     findings.add("", "name is missing (what the scene is called in files and logs)");
-  CrossChecks checks(scene, findings);
-  checks.hydro();
-  if (scene.hydro().has_shear_column()) checks.shear_column();
+  check_hydro(scene, findings);
+  if (scene.hydro().has_shear_column()) check_shear_column(scene.hydro().shear_column(), findings);
 }
 
 }  // namespace
+
+bool has_problem2d(const guest::Hydro& hydro) {
+  return std::ranges::any_of(std::span(kProblems).subspan(1), [&](const Problem& p) { return has_problem(hydro, p); });
+}
 
 SceneFile parse_scene(std::string text, std::string file) {
   SceneFile parsed{.scene = {}, .text = std::move(text), .document = {}};
@@ -126,6 +125,18 @@ SceneFile load_scene(const std::filesystem::path& path) {
 
 std::string SceneFile::server_text() const {
   return scene::without_table(text, document.file, "hydro");
+}
+
+const std::vector<std::string>& interface_laws() {
+  return scene::choices_of(*guest::Hydro::descriptor()->FindFieldByName("interface_law"));
+}
+
+const std::string& name(guest::InterfaceLaw law) {
+  return interface_laws().at(static_cast<std::size_t>(law) - 1);
+}
+
+guest::InterfaceLaw interface_law(const std::string& name) {
+  return static_cast<guest::InterfaceLaw>(1 + (std::ranges::find(interface_laws(), name) - interface_laws().begin()));
 }
 
 std::string reference() {

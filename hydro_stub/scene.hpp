@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "hydro_stub/hydro.pb.h"
 #include "proto/scene/reader.hpp"
@@ -22,6 +23,14 @@ struct SceneFile {
 // Read a scene from its text or its file. Throw wire::Error{kInvalidScene} that lists every fault of the scene.
 SceneFile parse_scene(std::string text, std::string file);
 SceneFile load_scene(const std::filesystem::path& path);
+
+// Whether the problem of a scene is one in two dimensions.
+bool has_problem2d(const guest::Hydro& hydro);
+
+// The names of the interface laws in scenes: "subgrid", "coulomb_tresca", ...
+const std::vector<std::string>& interface_laws();
+const std::string& name(guest::InterfaceLaw law);
+guest::InterfaceLaw interface_law(const std::string& name);  // of one of these names
 
 // Returns the reference of every key of a scene, as Markdown.
 std::string reference();

@@ -8,14 +8,12 @@ namespace shearbus::hydro {
 class FreeSlipLaw : public InterfaceLaw {
  public:
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
-  LawTime time_spent() const override { return {}; }
 };
 
 // Sticks wherever the pressure is positive.
 class StickLaw : public InterfaceLaw {
  public:
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
-  LawTime time_spent() const override { return {}; }
 };
 
 // |s| = limit while the interface slips and |s| <= limit while it sticks, whatever the pressure.
@@ -23,7 +21,6 @@ class ConstantFrictionLaw : public InterfaceLaw {
  public:
   explicit ConstantFrictionLaw(double limit) : limit_(limit) {}  // [Pa]
   void advance(const InterfaceInputs& inputs, InterfaceAnswer& answer) override;
-  LawTime time_spent() const override { return {}; }
 
  private:
   double limit_;

@@ -89,7 +89,6 @@ struct SubgridLaw::Impl {
         takes_plastic_strain_rate(
             contains(session.columns(SHEARBUS_OPTIONAL_INPUT), SHEARBUS_SOFT_PLASTIC_STRAIN_RATE)),
         outcome(node_ids.size()),
-        server(where.address.endpoint.empty() ? "in this process" : where.address.endpoint),
         outlives_process(!where.address.endpoint.empty() || !where.state_dir.empty()) {
     const std::vector<std::uint32_t> on_request = session.columns(SHEARBUS_OUTPUT_ON_REQUEST);
     for (const wire::Field term : wire::kLedgerColumns)
@@ -112,7 +111,6 @@ struct SubgridLaw::Impl {
   std::vector<std::pair<wire::Field, std::vector<double>>> ledger;  // the columns of the answer's energy ledger
   std::vector<std::uint8_t> outcome;
   std::vector<std::string> warnings;
-  std::string server;
   bool outlives_process;
   LawTime time;
   const InterfaceInputs* asked = nullptr;  // inputs of the step that was last sent
@@ -214,9 +212,6 @@ void SubgridLaw::finish() {
 
 LawTime SubgridLaw::time_spent() const {
   return impl_->time;
-}
-const std::string& SubgridLaw::server() const {
-  return impl_->server;
 }
 const std::vector<std::string>& SubgridLaw::warnings() const {
   return impl_->warnings;

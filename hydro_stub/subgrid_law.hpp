@@ -57,7 +57,6 @@ class SubgridLaw : public InterfaceLaw {
   void close() override;  // throws if the session cannot be closed
   OmittedCost omitted_cost() const override;
 
-  const std::string& server() const;                 // address of the subgrid server, for messages
   const std::vector<std::string>& warnings() const;  // warnings of the server about the scene
 
  private:

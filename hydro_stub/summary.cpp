@@ -8,7 +8,6 @@
 #include <numeric>
 #include <utility>
 
-#include "hydro_stub/summary_json.hpp"
 #include "proto/wire/enum_names.hpp"
 #include "server/physics/material/strength.hpp"
 
@@ -22,10 +21,6 @@ double length_of(const BodyMesh& mesh) {
   return std::accumulate(mesh.widths.begin(), mesh.widths.end(), 0.0);
 }
 
-double seconds(std::chrono::nanoseconds time) {
-  return std::chrono::duration<double>(time).count();
-}
-
 // Returns a residual relative to the sum of the magnitudes in its balance; 0 if the balance has no terms.
 double relative(double residual, double magnitude) {
   return magnitude > 0.0 ? std::abs(residual) / magnitude : std::abs(residual);
@@ -34,22 +29,12 @@ double relative(double residual, double magnitude) {
 }  // namespace
 
 Summary::Summary(const ColumnProblem& problem, std::string interface_law, server::Entries provenance)
-    : name_(problem.name),
+    : problem_(problem),
       interface_law_(std::move(interface_law)),
       provenance_(std::move(provenance)),
-      columns_(problem.columns),
-      dt_(problem.dt),
-      dt_reason_(problem.dt_reason),
-      soft_zones_(problem.soft.zones),
-      hard_zones_(problem.hard.zones),
-      soft_length_(length_of(problem.soft)),
-      hard_length_(length_of(problem.hard)),
-      soft_(problem.soft_material),
-      heat_share_(physics::heat_partition(problem.soft_material, problem.hard_material)),
       melting_time_(problem.columns, -1.0),
       slip_(problem.columns, 0.0),
-      friction_impulse_(problem.columns, 0.0),
-      yields_(problem.yields) {
+      friction_impulse_(problem.columns, 0.0) {
   for (std::size_t b = 0; b < kBands.size(); ++b) {
     const auto soft = place_at(problem.soft, kBands[b]);
     const auto hard = place_at(problem.hard, kBands[b]);
@@ -60,15 +45,15 @@ Summary::Summary(const ColumnProblem& problem, std::string interface_law, server
 }
 
 double Summary::melting_threshold(double pressure) const {
-  const bool rises = soft_.melting_curve != physics::MeltingCurve::kConstant;
-  return physics::kMeltingShare *
-         (rises ? physics::at_pressure(soft_, pressure).melting_temperature : soft_.melting_temperature);
+  const bool rises = problem_.soft_material.melting_curve != physics::MeltingCurve::kConstant;
+  return physics::kMeltingShare * (rises ? physics::at_pressure(problem_.soft_material, pressure).melting_temperature
+                                         : problem_.soft_material.melting_temperature);
 }
 
 void Summary::observe(const ShearColumn& column) {
   const InterfaceAnswer& answer = column.answer();
   const double dt = column.inputs().dt;
-  for (std::size_t i = 0; i < columns_; ++i) {
+  for (std::size_t i = 0; i < problem_.columns; ++i) {
     const double temperature = answer.interface_temperature[i];
     if (temperature > peak_.value) peak_ = {.node = i, .time = column.time(), .value = temperature};
     if (melting_time_[i] < 0.0 && temperature >= melting_threshold(column.inputs().pressure[i]))
@@ -80,7 +65,7 @@ void Summary::observe(const ShearColumn& column) {
   }
   for (Band& band : bands_) {
     if (!band.places) continue;
-    for (std::size_t i = 0; i < columns_; ++i)
+    for (std::size_t i = 0; i < problem_.columns; ++i)
       band.displacement[i] +=
           dt * (velocity_at(column.soft(), band.places->first, i) - velocity_at(column.hard(), band.places->second, i));
   }
@@ -92,7 +77,7 @@ void Summary::finish(const ShearColumn& column, const RunTime& time) {
   steps_ = column.step();
   end_time_ = column.time();
   time_ = time;
-  for (std::size_t i = 0; i < columns_; ++i) {
+  for (std::size_t i = 0; i < problem_.columns; ++i) {
     const ShearColumn::Ledger ledger = column.ledger(i);
     friction_work_ += ledger.friction_work;
     momentum_residual_ =
@@ -111,27 +96,28 @@ std::string Summary::text() const {
   const auto line = [&](const char* label, const std::string& value) {
     out += fmt::format("  {:<24}{}\n", label, value);
   };
-  const double node_steps = static_cast<double>(steps_) * static_cast<double>(columns_);
-  out += fmt::format("{}, interface law {}\n", name_, interface_law_);
-  line("columns, steps",
-       fmt::format("{}, {} of {:.6g} ns ({}), to {:.6g} µs", columns_, steps_, dt_ * 1e9, dt_reason_, end_time_ * 1e6));
-  line("bodies",
-       fmt::format("soft {:.4g} mm in {} zones, hard {:.4g} mm in {} zones; {}", soft_length_ * 1e3, soft_zones_,
-                   hard_length_ * 1e3, hard_zones_, yields_ ? "the soft one yields" : "elastic"));
+  const double node_steps = static_cast<double>(steps_) * static_cast<double>(problem_.columns);
+  out += fmt::format("{}, interface law {}\n", problem_.name, interface_law_);
+  line("columns, steps", fmt::format("{}, {} of {:.6g} ns ({}), to {:.6g} µs", problem_.columns, steps_,
+                                     problem_.dt * 1e9, problem_.dt_reason, end_time_ * 1e6));
+  line("bodies", fmt::format("soft {:.4g} mm in {} zones, hard {:.4g} mm in {} zones; {}",
+                             length_of(problem_.soft) * 1e3, problem_.soft.zones, length_of(problem_.hard) * 1e3,
+                             problem_.hard.zones, problem_.yields ? "the soft one yields" : "elastic"));
   line("peak temperature",
        fmt::format("{:.2f} K in column {} at {:.6g} µs", peak_.value, peak_.node, peak_.time * 1e6));
   const auto melted = std::ranges::count_if(melting_time_, [](double t) { return t >= 0.0; });
   if (melted > 0) {
     double first = end_time_;
     for (const double t : melting_time_) first = t >= 0.0 ? std::min(first, t) : first;
-    line("0.99 T_melt", fmt::format("reached by {} of {} columns, first at {:.6g} µs", melted, columns_, first * 1e6));
+    line("0.99 T_melt",
+         fmt::format("reached by {} of {} columns, first at {:.6g} µs", melted, problem_.columns, first * 1e6));
   } else {
     line("0.99 T_melt", fmt::format("not reached ({:.1f} K at rest)", melting_threshold(0.0)));
   }
   const auto range = [&](const std::vector<double>& values, double scale, const char* unit) {
     const auto [least, most] = std::ranges::minmax_element(values);
-    return columns_ == 1 ? fmt::format("{:.6g} {}", *least * scale, unit)
-                         : fmt::format("{:.6g} to {:.6g} {}", *least * scale, *most * scale, unit);
+    return problem_.columns == 1 ? fmt::format("{:.6g} {}", *least * scale, unit)
+                                 : fmt::format("{:.6g} to {:.6g} {}", *least * scale, *most * scale, unit);
   };
   line("slip distance", range(slip_, 1e6, "µm"));
   for (std::size_t b = 0; b < kBands.size(); ++b) {
@@ -152,22 +138,23 @@ std::string Summary::text() const {
     for (const auto& [label, value] : regime_lines()) line(label.c_str(), value);
   line("friction work",
        fmt::format("{:.6g} kJ/m2, heat into the soft body {:.6g} kJ/m2 (heat partition {:.4f}), all columns",
-                   friction_work_ * 1e-3, heat_ * 1e-3, heat_share_));
+                   friction_work_ * 1e-3, heat_ * 1e-3,
+                   physics::heat_partition(problem_.soft_material, problem_.hard_material)));
   for (const auto& [label, value] : energy_.lines()) line(label.c_str(), value);
   line("momentum ledger", fmt::format("closed to {:.1e}", momentum_residual_));
   line("energy ledger", fmt::format("closed to {:.1e} (kinetic + elastic + friction + far ends)", energy_residual_));
   if (flagged_ > 0) line("remarks", fmt::format("{} node-steps were substepped or had several answers", flagged_));
   const double total = seconds(time_.total);
-  const auto share = [&](std::chrono::nanoseconds part) { return 100.0 * seconds(part) / total; };
+  const auto share = [&](std::chrono::nanoseconds part) { return 100.0 * time_.share(part); };
   line("run time", fmt::format("{:.3g} s: solver {:.0f} %, round trips without the solver {:.0f} %, hydro {:.0f} %, "
                                "output {:.0f} %; {:.3g} node-steps/s",
-                               total, share(time_.solver), share(time_.bus), share(time_.hydro()), share(time_.output),
-                               node_steps / total));
+                               total, share(time_.law.solver), share(time_.law.bus), share(time_.hydro()),
+                               share(time_.output), node_steps / total));
   return out;
 }
 
 std::string Summary::json() const {
-  const double node_steps = static_cast<double>(steps_) * static_cast<double>(columns_);
+  const double node_steps = static_cast<double>(steps_) * static_cast<double>(problem_.columns);
   nlohmann::ordered_json shares;
   auto melting_times = nlohmann::ordered_json::array();
   for (std::size_t r = 0; r < regime_count_.size(); ++r)
@@ -175,24 +162,25 @@ std::string Summary::json() const {
         static_cast<double>(regime_count_[r]) / node_steps;
   for (const double time : melting_time_)
     melting_times.push_back(time < 0.0 ? nlohmann::ordered_json() : nlohmann::ordered_json(time));
-  nlohmann::ordered_json out = {{"scene", name_},
-                                {"interface_law", interface_law_},
-                                {"provenance", as_json(provenance_)},
-                                {"columns", columns_},
-                                {"steps", steps_},
-                                {"dt_s", dt_},
-                                {"dt_limit", dt_reason_},
-                                {"end_time_s", end_time_},
-                                {"peak_interface_temperature_k", peak_.value},
-                                {"peak_node", peak_.node},
-                                {"peak_time_s", peak_.time},
-                                {"melting_threshold_k", melting_threshold(0.0)},
-                                {"time_to_melting_threshold_s", melting_times},
-                                {"slip_distance_m", slip_},
-                                {"node_step_share", shares},
-                                {"friction_work_j_per_m2", friction_work_},
-                                {"heat_into_soft_body_j_per_m2", heat_},
-                                {"heat_partition", heat_share_}};
+  nlohmann::ordered_json out = {
+      {"scene", problem_.name},
+      {"interface_law", interface_law_},
+      {"provenance", as_json(provenance_)},
+      {"columns", problem_.columns},
+      {"steps", steps_},
+      {"dt_s", problem_.dt},
+      {"dt_limit", problem_.dt_reason},
+      {"end_time_s", end_time_},
+      {"peak_interface_temperature_k", peak_.value},
+      {"peak_node", peak_.node},
+      {"peak_time_s", peak_.time},
+      {"melting_threshold_k", melting_threshold(0.0)},
+      {"time_to_melting_threshold_s", melting_times},
+      {"slip_distance_m", slip_},
+      {"node_step_share", shares},
+      {"friction_work_j_per_m2", friction_work_},
+      {"heat_into_soft_body_j_per_m2", heat_},
+      {"heat_partition", physics::heat_partition(problem_.soft_material, problem_.hard_material)}};
   for (std::size_t b = 0; b < kBands.size(); ++b) {
     if (bands_[b].places)
       out["displacement"].push_back({{"band_m", kBands[b]}, {"displacement_m", bands_[b].displacement}});
@@ -204,8 +192,8 @@ std::string Summary::json() const {
   out["energy_residual"] = energy_residual_;
   out["flagged_node_steps"] = flagged_;
   out["run_time_s"] = seconds(time_.total);
-  out["solver_time_s"] = seconds(time_.solver);
-  out["bus_time_s"] = seconds(time_.bus);
+  out["solver_time_s"] = seconds(time_.law.solver);
+  out["bus_time_s"] = seconds(time_.law.bus);
   out["hydro_time_s"] = seconds(time_.hydro());
   out["output_time_s"] = seconds(time_.output);
   return out.dump(2) + '\n';

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -11,17 +10,10 @@
 
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/shear_column.hpp"
+#include "hydro_stub/summary_json.hpp"
 #include "server/version.hpp"
 
 namespace shearbus::hydro {
-
-struct RunTime {
-  std::chrono::nanoseconds total{0};
-  std::chrono::nanoseconds solver{0};  // time in the solver of the interface law
-  std::chrono::nanoseconds bus{0};     // round trips to the server, less the time in the server's solver
-  std::chrono::nanoseconds output{0};  // time spent writing histories
-  std::chrono::nanoseconds hydro() const { return total - solver - bus - output; }
-};
 
 class Summary {
  public:
@@ -43,23 +35,16 @@ class Summary {
     double value = 0.0;
   };
 
-  std::string name_;
+  const ColumnProblem& problem_;
   std::string interface_law_;
   server::Entries provenance_;
-  std::size_t columns_;
   std::uint64_t steps_ = 0;
-  double dt_;
-  std::string dt_reason_;
   double end_time_ = 0.0;
-  std::size_t soft_zones_, hard_zones_;
-  double soft_length_, hard_length_;  // [m]
 
   double melting_threshold(double pressure) const;  // [K]
   // Free slip has the regime code of Coulomb friction, with a limit of 0, and a name of its own.
   bool slips_freely() const { return interface_law_ == "free_slip"; }
 
-  physics::Material soft_;
-  double heat_share_;  // share of the friction heat that enters the soft body
   Peak peak_;
   // first time at which the interface temperature of each node reached melting_threshold(); negative: not reached  [s]
   std::vector<double> melting_time_;
@@ -73,7 +58,6 @@ class Summary {
   };
   std::array<Band, kBands.size()> bands_;
   std::vector<double> friction_impulse_;  // integral of s dt of each column  [Pa s]
-  bool yields_;
   std::array<std::uint64_t, wire::kRegimeCount> regime_count_{};
   double heat_ = 0.0;  // friction heat that entered the soft bodies, sum over nodes  [J/m2]
   files::EnergyTotals energy_;

@@ -3,12 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
-
-#include "hydro_stub/summary_json.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -58,9 +55,9 @@ std::string Summary2d::flank_text() const {
       "  flank, highest          pressure {:.2f} GPa (mean of the nodes' highest {:.2f}), slip {:.0f} m/s ({:.0f})",
       1e-9 * interface.highest_pressure(), 1e-9 * interface.mean(nodes.highest_pressure), fastest,
       interface.mean(nodes.fastest_slip));
-  if (published) {
-    out += fmt::format("; published: up to {:.0f} GPa, {:.0f} m/s", 1e-9 * published->pressure,
-                       published->sliding_velocity);
+  if (problem.published) {
+    out += fmt::format("; published: up to {:.0f} GPa, {:.0f} m/s", 1e-9 * problem.published->pressure,
+                       problem.published->sliding_velocity);
   }
   out += fmt::format(
       "\n  P sqrt(t) of slip       {:.2f} GPa us^(1/2): mean pressure times root of the time of slip, mean of the "
@@ -91,19 +88,20 @@ std::string Summary2d::displacement_text() const {
 // Whether the interface slips on every mesh, and what was set from the mesh.
 std::string Summary2d::strength_text() const {
   std::string out;
-  if (strength && strength->cold) {
+  if (problem.strength && problem.strength->cold) {
     out += fmt::format(
         "  interface strength      {:.0f} MPa cold; Y* {:.0f} MPa, which soft metal reaches at strain {:.2f}, {:.0f} "
         "K: {}\n",
-        1e-6 * *strength->cold, 1e-6 * strength->metal.stress, strength->metal.strain, strength->metal.temperature,
-        strength->too_strong() ? "on fine zones the metal shears in place of slip"
-                               : "the interface slips on every mesh");
+        1e-6 * *problem.strength->cold, 1e-6 * problem.strength->metal.stress, problem.strength->metal.strain,
+        problem.strength->metal.temperature,
+        problem.strength->too_strong() ? "on fine zones the metal shears in place of slip"
+                                       : "the interface slips on every mesh");
   }
   if (interface.has_critical_jump())
     out += fmt::format("  jumps above V_crit      at {} of {} nodes, which plastic waves cannot take up\n",
                        interface.nodes_above_critical_jump(), interface.nodes());
-  if (!layer_thickness.empty()) {
-    const auto [thinnest, thickest] = std::ranges::minmax(layer_thickness);
+  if (!problem.layer_thickness.empty()) {
+    const auto [thinnest, thickest] = std::ranges::minmax(problem.layer_thickness);
     out += fmt::format("  layers                  half a wall zone thick, {:.4g} to {:.4g} um\n", 1e6 * thinnest,
                        1e6 * thickest);
   }
@@ -134,10 +132,11 @@ std::string Summary2d::text() const {
         share(wire::Regime::kTresca), share(wire::Regime::kMelting), 1e3 * interface.mean_slip(),
         1e3 * interface.longest_slip(), displacement_text(), interface.hottest(), 1e-9 * interface.highest_pressure(),
         turn * end.friction_heat, joule, turn * start.kinetic, turn * end.closing_heat);
-    if (!start_temperature.empty())
-      out += fmt::format("  layers start            at the shocked zones' {:.1f} to {:.1f} K, mean {:.1f}\n",
-                         *std::ranges::min_element(start_temperature), *std::ranges::max_element(start_temperature),
-                         interface.mean(start_temperature));
+    if (!problem.start_temperature.empty())
+      out +=
+          fmt::format("  layers start            at the shocked zones' {:.1f} to {:.1f} K, mean {:.1f}\n",
+                      *std::ranges::min_element(problem.start_temperature),
+                      *std::ranges::max_element(problem.start_temperature), interface.mean(problem.start_temperature));
     out += flank_text() + strength_text();
   }
   for (const auto& [label, value] : interface.energy().lines()) out += fmt::format("  {:<24}{}\n", label, value);
@@ -146,22 +145,21 @@ std::string Summary2d::text() const {
   }
   out += fmt::format("  ledger residuals        energy {:.1e}, {}momentum {:.1e}\n", energy, has_axis ? "axial " : "",
                      momentum);
-  out += fmt::format("  run time                {:.2f} s, {:.2f} of the processor", time.total, time.cpu);
+  out += fmt::format("  run time                {:.2f} s, {:.2f} of the processor", seconds(time.total), time.cpu_s);
   if (interface.nodes() > 0) {
-    const auto seconds = [](std::chrono::nanoseconds t) { return std::chrono::duration<double>(t).count(); };
     out += fmt::format(
         "\n  interface law           {:.2f} s in the law ({:.1f} %), of which its solver {:.3f}; {:.2f} s of the "
         "host's "
         "processor ({:.1f} %)",
-        seconds(time.law.service), 100.0 * time.service_share(), seconds(time.law.solver), seconds(time.law.cpu),
-        100.0 * time.cpu_share());
+        seconds(time.law.service), 100.0 * time.share(time.law.service), seconds(time.law.solver),
+        seconds(time.law.cpu), 100.0 * seconds(time.law.cpu) / time.cpu_s);
     if (time.law.bus.count() > 0)
       out += fmt::format(
           "\n  exchange                answers were under way {:.2f} s; the run spent {:.2f} ({:.1f} %) on sending and "
           "waiting",
-          seconds(time.law.bus + time.law.solver), seconds(time.law.waited), 100.0 * time.waiting_share());
+          seconds(time.law.bus + time.law.solver), seconds(time.law.waited), 100.0 * time.share(time.law.waited));
   }
-  return out + fmt::format("\n  output                  {:.2f} s\n", time.output);
+  return out + fmt::format("\n  output                  {:.2f} s\n", seconds(time.output));
 }
 
 std::string Summary2d::json() const {
@@ -189,11 +187,11 @@ std::string Summary2d::json() const {
         out["displacement"].push_back({{"band_m", MetalBands::kDistances[band]}, {"mean_m", *mean}});
     }
     out["mean_friction_impulse_pa_s"] = interface.mean_friction_impulse();
-    if (strength) {
-      if (strength->cold) out["interface_strength_pa"] = *strength->cold;
-      out["metal_peak_strength"] = {{"stress_pa", strength->metal.stress},
-                                    {"strain", strength->metal.strain},
-                                    {"temperature_k", strength->metal.temperature}};
+    if (problem.strength) {
+      if (problem.strength->cold) out["interface_strength_pa"] = *problem.strength->cold;
+      out["metal_peak_strength"] = {{"stress_pa", problem.strength->metal.stress},
+                                    {"strain", problem.strength->metal.strain},
+                                    {"temperature_k", problem.strength->metal.temperature}};
     }
     if (interface.has_critical_jump()) out["nodes_above_critical_jump"] = interface.nodes_above_critical_jump();
     out["peak_interface_temperature_k"] = interface.hottest();
@@ -204,9 +202,9 @@ std::string Summary2d::json() const {
     out["slip_share_tresca"] = interface.share_of_slip(wire::Regime::kTresca);
     out["slip_share_melting"] = interface.share_of_slip(wire::Regime::kMelting);
     out["peak_sliding_velocity_m_per_s"] = *std::ranges::max_element(nodes.fastest_slip);
-    if (published) {
-      out["published"] = {{"pressure_pa", published->pressure},
-                          {"sliding_velocity_m_per_s", published->sliding_velocity}};
+    if (problem.published) {
+      out["published"] = {{"pressure_pa", problem.published->pressure},
+                          {"sliding_velocity_m_per_s", problem.published->sliding_velocity}};
     }
     out["slip_pressure_root_time_pa_s_half"] = interface.mean_pressure_root_time();
     out["interface"] = {{"length_m", interface.lengths()},
@@ -217,24 +215,24 @@ std::string Summary2d::json() const {
                         {"displacement_one_mm_m", nodes.displacement_one_mm},
                         {"friction_impulse_pa_s", nodes.friction_impulse}};
     if (interface.has_critical_jump()) out["interface"]["critical_jump_share"] = nodes.critical_jump_share;
-    if (!layer_thickness.empty()) out["interface"]["layer_thickness_m"] = layer_thickness;
-    if (!start_temperature.empty()) out["interface"]["start_temperature_k"] = start_temperature;
+    if (!problem.layer_thickness.empty()) out["interface"]["layer_thickness_m"] = problem.layer_thickness;
+    if (!problem.start_temperature.empty()) out["interface"]["start_temperature_k"] = problem.start_temperature;
     if (interface.has_bound()) {
       out["bound_used_most"] = interface.most_bound_used();
       out["interface"]["bound_used"] = nodes.bound_used;
     }
     out["layer_energy"] = as_json(interface.energy());
-    out["service_share"] = time.service_share();
-    out["waiting_share"] = time.waiting_share();
-    out["cpu_share"] = time.cpu_share();
+    out["service_share"] = time.share(time.law.service);
+    out["waiting_share"] = time.share(time.law.waited);
+    out["cpu_share"] = seconds(time.law.cpu) / time.cpu_s;
   }
   for (const Comparison& c : comparisons)
     out["comparisons"].push_back({{"what", c.what}, {"units", c.units}, {"exact", c.exact}, {"found", c.found}});
   if (!omitted.lines.empty()) out["omitted"] = as_json(omitted);
   out["energy_residual"] = energy;
   out["momentum_residual"] = momentum;
-  out["run_time_s"] = time.total;
-  out["cpu_time_s"] = time.cpu;
+  out["run_time_s"] = seconds(time.total);
+  out["cpu_time_s"] = time.cpu_s;
   return out.dump(2) + '\n';
 }
 

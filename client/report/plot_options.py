@@ -125,6 +125,14 @@ def section_6(axis, replay):
     return "[junctions], plastic_layer, Taylor-Quinney"
 
 
+def section_4(axis, replay):
+    scene, history = EXAMPLES / "paper_section_4.toml", ("constant", "--dt", 1e-10, "--steps", 3000)
+    for keys, label, colour, dashes in (((), "layer with mass", WITH, "-"), (("layer.inertia=false",), "without", WITHOUT, "--")):
+        lines(axis, replay(scene, history, *keys), "interface_temperature", 1.0, label, colour, dashes, nodes=[0])
+    axis.set(xlabel="time (µs)", ylabel=style.QUANTITIES["interface_temperature"][0])
+    return "inertia, [junctions], Taylor-Quinney"
+
+
 def steady(axis, replay):
     scene, history = EXAMPLES / "steady_sliding.toml", ("imposed", "--velocity", 100, "--pressure", 1e9, "--dt", 4e-9)
     eight = {key: f"[{','.join([value] * 8)}]" for key, value in (("thermal_conductivity_table_w_per_m_k", "15"), ("specific_heat_table_j_per_kg_k", "477"))}
@@ -170,7 +178,7 @@ def velocity_step(axis, replay):
 
 
 PICTURES = {"options_layer": (inertia, rates, drive), "options_heat": (pressure, steady, film), "options_contact": (turning, brake, section_6),
-            "options_friction": (memory, velocity_step)}
+            "options_friction": (memory, velocity_step, section_4)}
 
 
 def main():

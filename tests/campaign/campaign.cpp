@@ -118,12 +118,14 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   // 300 sums over the layer; both together seldom evaluate more than 100. Each slip that is tried has a search of its own
   // for the stress of the contact. A limit that falls with slip is searched from both ends.
   const bool falls = has_friction(options) && properties_of(options.interface.friction_law).falls_with_slip;
+  // Work that heats in place asks for the waves, and with them for the limit, at each amount of heat that is tried.
+  const int amounts = options.inertia && options.taylor_quinney_factor ? 30 : 1;
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves * (varies ? kLanes : 1),
           .limit_values = (options.plastic_layer ? 60 * 200
                            : falls               ? 400
                                                  : 60) *
-                          kLanes * solves,
-          .newton_steps = 20000,
+                          kLanes * solves * amounts,
+          .newton_steps = 20000 * amounts,
           .guarded_steps = kLanes};
 }
 

@@ -85,6 +85,8 @@ std::vector<Physics> all_physics() {
   plastic_heating.taylor_quinney_factor = 0.9;
   ModelOptions inertia = velocity;
   inertia.inertia = true;
+  ModelOptions waves_that_heat = plastic_heating;
+  waves_that_heat.inertia = true;
   ModelOptions waves_and_friction = under_pressure(friction);
   waves_and_friction.inertia = true;
   ModelOptions waves_and_junctions = inertia;
@@ -97,6 +99,8 @@ std::vector<Physics> all_physics() {
                                    .direct_effect = 4e-4,
                                    .evolution_effect = 6e-4};
   waves_and_junctions.junctions = {0.5, 1e-7, inertia.soft};
+  ModelOptions waves_all = two_sided(waves_and_junctions);
+  waves_all.taylor_quinney_factor = 0.9;
 
   ModelOptions insulated = force;
   insulated.grid.far_boundary = FarBoundary::kInsulated;
@@ -144,6 +148,8 @@ std::vector<Physics> all_physics() {
                               {"inertia", inertia},
                               {"inertia, Coulomb, T_melt(P)", waves_and_friction},
                               {"inertia, rate and state, junctions", waves_and_junctions},
+                              {"inertia, plastic heating", waves_that_heat},
+                              {"inertia, plastic heating, rate and state, junctions", waves_all},
                               {"T_melt(P), compressed", under_pressure(velocity)},
                               {"Johnson-Cook", johnson_cook(velocity)},
                               {"Preston-Tonks-Wallace", preston(velocity)},

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "hydro_stub/cone_target.hpp"
-#include "hydro_stub/law_name.hpp"
 #include "hydro_stub/problem.hpp"
 #include "server/physics/interface/friction_laws.hpp"
 #include "server/physics/material/flow_laws.hpp"

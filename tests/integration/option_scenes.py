@@ -59,6 +59,12 @@ class OptionScenes(unittest.TestCase):
         early = found["time"] < 5e-9
         self.assertAlmostEqual(np.median(found["shear_stress"][early]) / (soft * 20.0), 1.0, delta=0.01)
 
+    def test_the_jump_does_the_work_that_heats_and_what_the_waves_keep(self):
+        found = self.result("paper_section_4")
+        heat, work = found["friction_heat"][:, 0].sum(), (found["shear_stress"][:, 0] * 100.0 * 1e-10).sum()
+        self.assertLess(heat, work)
+        self.assertGreater(heat, 0.85 * work)
+
     def test_the_stress_follows_the_sliding_and_the_open_contact_sleeps(self):
         found = self.result("turning_contact")
         stress = np.hypot(found["shear_stress"][:, 0], found["shear_stress_second"][:, 0])

@@ -294,6 +294,15 @@ inline ModelOptions random_inertia_contact_options(Draw& draw, bool extreme) {
   return options;
 }
 
+// The same with plastic work that heats in place, under any contact law or none.
+inline ModelOptions random_inertia_heat_options(Draw& draw, bool extreme) {
+  ModelOptions options =
+      draw.chance(0.5) ? random_inertia_contact_options(draw, extreme) : random_inertia_options(draw, extreme);
+  if (!options.hard_grid) options = two_sided(options);
+  options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
+  return options;
+}
+
 // Lets plastic work heat a force-driven layer, with a fair chance where options allow it.
 inline void draw_work_heat(Draw& draw, ModelOptions& options) {
   if (options.strategy == Strategy::kForceDriven && options.plastic_layer && options.hard_grid && draw.chance(0.6))
@@ -329,11 +338,12 @@ inline ModelOptions random_melting_options(Draw& draw, bool extreme) {
 }
 
 // The solver for which random_options() draws the options of a model.
-enum class Solver { kVelocityDriven, kForceDriven, kInertia, kMeltFilm };
+enum class Solver { kVelocityDriven, kForceDriven, kInertia, kInertiaHeat, kMeltFilm };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
   if (solver == Solver::kInertia)
     return draw.chance(0.5) ? random_inertia_contact_options(draw, extreme) : random_inertia_options(draw, extreme);
+  if (solver == Solver::kInertiaHeat) return random_inertia_heat_options(draw, extreme);
   if (solver == Solver::kMeltFilm) {
     ModelOptions options = random_melting_options(draw, extreme);
     options.tangential_components = 1;
@@ -345,6 +355,7 @@ inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
 
 inline std::string name_of(Solver solver) {
   if (solver == Solver::kMeltFilm) return "MeltFilm";
+  if (solver == Solver::kInertiaHeat) return "InertiaHeat";
   return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
 

@@ -1,4 +1,5 @@
 // One step of one layer with inertia, in simple and slow code: the tests compare solver/velocity_driven/waves with it.
+#include <Eigen/Dense>
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -155,18 +156,20 @@ double limit_of_contact(const ModelOptions& options, double dt, const NodeInputs
   return std::min(friction, strength * softening(options.soft, in.pressure, T0).g);
 }
 
-// Backward Euler over dt from `state`, whose temperatures without friction would end at heat.T_ad.
+// Backward Euler over dt from `state`, whose temperatures without friction would end at heat.T_ad. Work that heats in
+// place is no heat here.
 Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat, NodeState& state) {
   Layer layer{options, Grid(options.grid), dt, in, state.stress_field, state.plastic_strain, state.layer_velocity};
   const int n = layer.cells();
   Solved at{layer.velocity_old, state.stress_field, state.plastic_strain, state.plastic_strain};
+  const double share = options.taylor_quinney_factor ? 0.0 : conducted_share(options);
   const auto limit = [&](double T0, double slip) { return limit_of_contact(options, dt, in, state, T0, slip); };
   const auto T0_of = [&](double q) { return heat.T_ad[0] + q * heat.B[0]; };
   const auto solve_at = [&](double q) {
     std::vector<double> T(n + 1);
     for (int i = 0; i <= n; ++i) T[i] = heat.T_ad[i] + q * heat.B[i];
     balance(layer, T, at);
-    return conducted_share(options) * std::max(0.0, at.stress[0] * in.velocity_jump) -
+    return share * std::max(0.0, at.stress[0] * in.velocity_jump) -
            q;  // heat flux that the stress at z = 0 releases, less the flux q that was assumed
   };
   Stage stage;
@@ -193,7 +196,7 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
     // Under a given stress the heat is known, and the slip that waves and flow leave the interface falls with it.
     const double a_stick = std::abs(at.stress[0]);
     const double direction = std::signbit(at.stress[0]) ? -1.0 : 1.0;
-    const double heats = conducted_share(options) * std::max(0.0, direction * in.velocity_jump);
+    const double heats = share * std::max(0.0, direction * in.velocity_jump);
     const auto slip_under = [&](double a) {
       layer.limit = a;
       stage.flux = heats * a;
@@ -239,6 +242,90 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
   heat_up(state, heat.T_ad, stage.flux, heat.B);
   state.stress_field = at.stress;
   state.layer_velocity = at.velocity;
+  return stage;
+}
+
+// The same with work that heats where it is done. The heat of a step goes where the step works next to the heat of the step
+// before, less and less as a vertex melts, by the amount that makes it the work of the step.
+Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat,
+                           NodeState& state) {
+  const Grid grid(options.grid);
+  const int n = grid.num_vertices();
+  const double T_melt = at_pressure(options.soft, in.pressure).melting_temperature;
+  Eigen::MatrixXd G(n, n);  // the rise of each vertex by heat at each
+  std::vector<Profile> responses;
+  for (int j = 0; j < n; ++j) {
+    std::vector<double> shape(n, 0.0);
+    shape[j] = 1.0;
+    responses.push_back(unit_response(options, dt, shape, heat.T_ad));
+    for (int i = 0; i < n; ++i) G(i, j) = responses[j][i];
+  }
+  Eigen::VectorXd room(n), power = Eigen::VectorXd::Zero(n), warms, works(n);
+  for (int i = 0; i < n; ++i) room[i] = T_melt - heat.T_ad[i];
+  NodeState after;
+  Stage stage;
+  // The work that the step does with this amount of heat, less this heat.
+  const auto surplus = [&](double amount) {
+    Eigen::VectorXd at_rest = amount * power;
+    for (int i = 0; i < n; ++i)
+      if (!(room[i] > 1e-12 * T_melt)) at_rest[i] = 0.0;
+    const Eigen::VectorXd per_rise = (at_rest.array() > 0.0).select(at_rest.cwiseQuotient(room), 0.0);
+    const Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(n, n) + G * per_rise.asDiagonal();
+    const Eigen::VectorXd rise = matrix.partialPivLu().solve(G * at_rest);
+    warms = at_rest - per_rise.cwiseProduct(rise);
+    Heat warm = heat;
+    for (int i = 0; i < n; ++i) warm.T_ad.rows[heat.T_ad.interface + i] += rise[i];
+    after = state;
+    stage = advance_stage(options, dt, in, warm, after);
+    for (int i = 0; i < n; ++i) {
+      const double flow = grid.weight[i] * (after.plastic_strain[i] - state.plastic_strain[i]);
+      works[i] = *options.taylor_quinney_factor * kSqrt3 * std::abs(after.stress_field[i]) * flow / dt;
+    }
+    works[0] += std::abs(after.stress_field[0]) * stage.interface_slip;
+    return works.sum() - warms.sum();
+  };
+  if (surplus(0.0) > 0.0) {
+    // Where the work of the step is done next to the heat of the step before.
+    const double before = works.sum();
+    power = Eigen::Map<const Eigen::VectorXd>(state.heat_shape.data(), n);
+    power = power.sum() > 0.0 ? Eigen::VectorXd(power * (before / power.sum())) : works;
+    surplus(1.0);
+    if (works.sum() > 0.0) power = works;
+    const auto closed = [&] { return std::abs(works.sum() - warms.sum()) <= 1e-13 * warms.sum(); };
+    double lo = 0.0, at_lo = before, hi = 1.0, at_hi = 0.0;
+    for (int round = 0; round < 60; ++round) {
+      at_hi = surplus(hi);
+      if (at_hi <= 0.0) break;
+      if (round < 6 && at_hi <= 0.5 * warms.sum()) {
+        lo = hi;
+        at_lo = at_hi;
+        hi *= 1.0 + std::pow(2.0, round + 1) * at_hi / warms.sum();
+      } else {
+        power = power.cwiseMax(works);
+        lo = 0.0;
+        at_lo = before;
+        hi *= 4.0;
+      }
+    }
+    // The false position, each third time the middle.
+    for (int k = 1; !closed() && lo < std::nextafter(hi, 0.0) && k < 200; ++k) {
+      const double share = k % 3 == 0 ? 0.5 : at_lo / (at_lo - at_hi);
+      const double mid = std::clamp(lo + share * (hi - lo), std::nextafter(lo, hi), std::nextafter(hi, lo));
+      const double at_mid = surplus(mid);
+      (at_mid > 0.0 ? lo : hi) = mid;
+      (at_mid > 0.0 ? at_lo : at_hi) = at_mid;
+    }
+    if (!closed()) surplus(hi);
+  }
+  stage.flux = works.sum();
+  for (int i = 0; stage.flux > 0.0 && i < n; ++i) after.heat_shape[i] = works[i] / stage.flux;
+  Profile T = heat.T_ad;
+  const double all = warms.sum();
+  for (int j = 0; j < n; ++j)
+    for (std::size_t i = 0; i < T.rows.size() && all > 0.0; ++i)
+      T.rows[i] += stage.flux / all * warms[j] * responses[j].rows[i];
+  heat_up(after, T, 0.0, heat.B);
+  state = after;
   return stage;
 }
 
@@ -298,7 +385,8 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
     }
   }
   if (!sdirk2 || out.first_order) {
-    step = advance_stage(options, dt, in, heat_of_step(options, dt, state, old), state);
+    const auto advance = options.taylor_quinney_factor ? advance_heated_stage : advance_stage;
+    step = advance(options, dt, in, heat_of_step(options, dt, state, old), state);
   }
 
   // The slip along s(0). Below 1 Pa, next to melting, rounding decides the sign of s(0): then it is the whole slip.

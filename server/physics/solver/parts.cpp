@@ -146,7 +146,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.inertia; },
          .set = [](ModelOptions& o, bool on) { o.inertia = on; },
-         .goes_with = kEitherHardBody | Properties{kVelocityDriven, kCoulombLimit},
+         .goes_with = kEitherHardBody | Properties{kVelocityDriven, kCoulombLimit, kPlasticHeating},
          .equation = "DLP (36)",
          .adds = "the layer has mass: shear waves cross it",
          .when = "steps below the layer's transit time, 6 ns in 20 um of aluminium",
@@ -405,9 +405,9 @@ constexpr std::array kExclusions = {
               "the masses that exchange momentum in force_driven (DLP 61) are those of whole zones, the layer's among "
               "them, which would then count twice"},
     Exclusion{{kInertia},
-              {kPlasticHeating, kTwoComponents},
-              "they take one stress for the whole layer, its work or its direction, and with inertia the stress varies "
-              "across the layer"},
+              {kTwoComponents},
+              "waves turn the stress from depth to depth, and the metal of a layer of two components flows along one "
+              "direction"},
     Exclusion{{kSleep, kTolerance},
               {kInertia},
               "a node at rest and an error are judged at z = 0, where waves that cross the layer are not seen"},

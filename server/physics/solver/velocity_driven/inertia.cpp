@@ -13,6 +13,7 @@
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/inertia_stage.hpp"
+#include "server/physics/solver/velocity_driven/waves_heat.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -57,6 +58,7 @@ void copy_start(const Problem& problem, const TileInputs& inputs, const double* 
   copy_rows(layout.plastic_strain, layout.num_strain_vertices);
   copy_rows(layout.shear_stress, layout.num_stress_vertices);
   copy_rows(layout.layer_velocity, layout.num_velocity_cells);
+  if (layout.heat_shape != TileLayout::kAbsent) copy_rows(layout.heat_shape, layout.num_strain_vertices);
   for (const int l : lanes_of(inputs.active)) {
     if (committed[layout.regime + l] != static_cast<double>(Regime::kOpen)) continue;
     for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
@@ -176,10 +178,12 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
   const std::uint32_t closed = start_lanes(problem, inputs, committed, trial, outputs);
   const std::optional<WaveContacts> contacts = contacts_of(problem, operators, inputs, committed);
   Found found[kLanes];
-  const std::uint32_t lost =
-      solve_stage(problem, operators.heat(), inputs, closed, contacts ? &*contacts : nullptr, trial, found);
+  const WaveContacts* contact = contacts ? &*contacts : nullptr;
+  const std::uint32_t lost = problem.options.taylor_quinney_factor
+                                 ? solve_heated_stage(problem, operators, inputs, closed, contact, trial, found)
+                                 : solve_stage(problem, operators.heat(), inputs, closed, contact, trial, found);
   answer_lanes(problem, operators.dt(), inputs, closed & ~lost, found, trial, outputs);
-  close_lanes(problem, inputs, inputs.active & ~lost, contacts ? &*contacts : nullptr, found, trial, outputs);
+  close_lanes(problem, inputs, inputs.active & ~lost, contact, found, trial, outputs);
   for (const int l : lanes_of(lost)) keep_lane(problem, inputs, committed, trial, l, outputs);
 }
 

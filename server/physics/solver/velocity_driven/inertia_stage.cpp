@@ -20,6 +20,12 @@ namespace {
 constexpr int kStepsOfSearch = 25;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Share of the work of friction that a stage turns into heat at z = 0. Where plastic work heats in place, the
+// temperatures that a stage is given hold all its heat (waves_heat.hpp).
+double heat_share(const Problem& problem) {
+  return problem.options.taylor_quinney_factor ? 0.0 : problem.heat_partition;
+}
+
 void gather(const double* rows, int count, double* values) {
   for (std::ptrdiff_t i = 0; i < count; ++i) values[i] = rows[i * kLanes];
 }
@@ -42,7 +48,7 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
                       .dt = heat.dt,
                       .pressure = inputs.pressure[l],
                       .jump = inputs.velocity_jump[l],
-                      .heat_share = problem.heat_partition,
+                      .heat_share = heat_share(problem),
                       .coulomb = limit};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
@@ -97,7 +103,7 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
                     .grid = &problem.grid,
                     .response = heat.layer_response(),
                     .dt = heat.dt,
-                    .heat_share = problem.heat_partition,
+                    .heat_share = heat_share(problem),
                     .T_melt = {},
                     .bracket = {},
                     .jump = {},
@@ -146,7 +152,7 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
 
 // Heat flux per stress along `direction` at z = 0  [m/s].
 double heat_per_stress(const Problem& problem, const TileInputs& inputs, int l, double direction) {
-  return problem.heat_partition * std::max(0.0, direction * inputs.velocity_jump[l]);
+  return heat_share(problem) * std::max(0.0, direction * inputs.velocity_jump[l]);
 }
 
 double direction_of(double stress) {
@@ -157,8 +163,8 @@ double direction_of(double stress) {
 // stress, since only a stress along the jump heats. The limit of a stress against the jump is the larger one, so that
 // the direction found with the smaller is that of the answer.
 std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                                      std::uint32_t lanes, const WaveContacts& contacts, double* trial,
-                                      Found (&found)[kLanes]) {
+                                      std::uint32_t lanes, const WaveContacts& contacts, const double* guess,
+                                      double* trial, Found (&found)[kLanes]) {
   const TileLayout& layout = problem.layout;
   double* start = scratch_tile(Scratch::kWaves, layout.doubles);
   std::copy_n(trial, layout.doubles, start);
@@ -169,7 +175,7 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
     limit[l] = rise > 0.0 ? slip_stress(contacts[l].limit, heating, kInfinity, 0.0)
                           : contacts[l].limit.at(heating.T_ad).stress;
   }
-  std::uint32_t lost = solve_waves(problem, heat, inputs, lanes, limit, nullptr, trial, found);
+  std::uint32_t lost = solve_waves(problem, heat, inputs, lanes, limit, guess, trial, found);
   std::uint32_t against = 0;
   for (const int l : lanes_of(lanes & ~lost)) {
     if (!found[l].interface_slips || direction_of(trial[layout.shear_stress + l]) * inputs.velocity_jump[l] >= 0.0)
@@ -178,7 +184,7 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
     copy_lane(start, trial, layout.doubles, l);
     against |= 1u << l;
   }
-  lost |= solve_waves(problem, heat, inputs, against, limit, nullptr, trial, found);
+  lost |= solve_waves(problem, heat, inputs, against, limit, guess, trial, found);
   return lost;
 }
 
@@ -187,10 +193,10 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
 class ContactSearch {
  public:
   ContactSearch(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                const WaveContacts& contacts, double* trial, Found (&found)[kLanes])
+                const WaveContacts& contacts, const double* guess, double* trial, Found (&found)[kLanes])
       : problem_(problem), heat_(heat), inputs_(inputs), contacts_(contacts), trial_(trial), found_(found) {
     std::copy_n(trial, problem.layout.doubles, start_);
-    std::copy_n(trial + problem.layout.layer_velocity, velocities_, guess_);
+    std::copy_n(guess != nullptr ? guess : trial + problem.layout.layer_velocity, velocities_, guess_);
     std::fill_n(limit_, kLanes, kInfinity);
   }
 
@@ -359,16 +365,18 @@ WaveContacts::WaveContacts(const Problem& problem, const TileInputs& inputs, con
 }
 
 std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                          std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes]) {
+                          std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes],
+                          const double* guess) {
   if (lanes == 0) return 0;
   if (contacts == nullptr) {
     double limit[kLanes];
     for (const int l : lanes_of(lanes))
       limit[l] = interface_strength(problem.interface, problem.options.soft, inputs.pressure[l], nullptr).coulomb;
-    return solve_waves(problem, heat, inputs, lanes, limit, nullptr, trial, found);
+    return solve_waves(problem, heat, inputs, lanes, limit, guess, trial, found);
   }
-  return limit_follows_slip(problem) ? ContactSearch(problem, heat, inputs, *contacts, trial, found).solve(lanes)
-                                     : solve_under_temperature(problem, heat, inputs, lanes, *contacts, trial, found);
+  return limit_follows_slip(problem)
+             ? ContactSearch(problem, heat, inputs, *contacts, guess, trial, found).solve(lanes)
+             : solve_under_temperature(problem, heat, inputs, lanes, *contacts, guess, trial, found);
 }
 
 }  // namespace shearbus::physics

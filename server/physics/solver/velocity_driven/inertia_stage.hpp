@@ -44,9 +44,10 @@ class WaveContacts {
 };
 
 // Backward Euler of `lanes` over the length of `heat`, from the state in `trial`, whose temperatures have been conducted
-// already. `contacts`: null where a constant friction stress limits the stress, or none. Returns the lanes that have no
-// answer.
+// already. `contacts`: null where a constant friction stress limits the stress, or none. `guess`: rows of velocities
+// from which the search starts; null: those before the step. Returns the lanes that have no answer.
 std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                          std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes]);
+                          std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes],
+                          const double* guess = nullptr);
 
 }  // namespace shearbus::physics
