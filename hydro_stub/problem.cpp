@@ -38,45 +38,37 @@ physics::Material resolve(const v1::Body& body, const std::string& table) {
 
 namespace {
 
-// The lists of values in [hydro.shear_column], each spread to one value per column.
-struct Columns {
-  std::size_t count = 1;
-  std::vector<double> jump;         // initial velocity jump of each column  [m/s]
-  std::vector<double> temperature;  // initial temperature of each column  [K]
-  std::vector<double> pressure;     // pressure of each column  [Pa]; empty if it follows a table in time
-};
-
 using Values = google::protobuf::RepeatedField<double>;
 
 std::vector<double> list(const Values& values) {
   return {values.begin(), values.end()};
 }
 
-Columns columns_of(const guest::ShearColumn& column, double layer_temperature) {
+// Spreads the lists of values in [hydro.shear_column] to one value per column.
+void choose_columns(const guest::ShearColumn& column, double layer_temperature, ColumnProblem& problem) {
   const std::vector<double> jumps = list(column.velocity_jump_m_per_s());
   const std::vector<double> temperatures = column.initial_temperature_k().empty()
                                                ? std::vector<double>{layer_temperature}
                                                : list(column.initial_temperature_k());
-  const std::vector<double> pressures =
-      column.pressure_time_s().empty() ? list(column.pressure_pa()) : std::vector<double>{0.0};
+  const bool in_time = !column.pressure_time_s().empty();
+  const std::vector<double> pressures = in_time ? std::vector<double>{0.0} : list(column.pressure_pa());
   const bool combined = column.lists() == guest::LISTS_COMBINED;
-  Columns columns;
-  columns.count = combined ? jumps.size() * temperatures.size() * pressures.size()
-                           : std::max({jumps.size(), temperatures.size(), pressures.size()});
+  problem.columns = combined ? jumps.size() * temperatures.size() * pressures.size()
+                             : std::max({jumps.size(), temperatures.size(), pressures.size()});
   // Combined lists give one column for each combination of their values: the first list advances from column to column,
   // each later list only when all lists before it have run through. Paired lists advance together; a list of one value
   // holds for all columns.
   std::size_t stride = 1;
   const auto spread = [&](const std::vector<double>& values_of_list) {
-    std::vector<double> values(columns.count);
-    for (std::size_t i = 0; i < columns.count; ++i) values[i] = values_of_list[i / stride % values_of_list.size()];
+    std::vector<double> values(problem.columns);
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = values_of_list[i / stride % values_of_list.size()];
     if (combined) stride *= values_of_list.size();
     return values;
   };
-  columns.jump = spread(jumps);
-  columns.temperature = spread(temperatures);
-  if (column.pressure_time_s().empty()) columns.pressure = spread(pressures);
-  return columns;
+  problem.initial_jump = spread(jumps);
+  problem.initial_temperature = spread(temperatures);
+  problem.pressure = in_time ? PressureHistory{list(column.pressure_time_s()), list(column.pressure_pa())}
+                             : PressureHistory{{}, spread(pressures)};
 }
 
 BodyMesh mesh_of(const physics::Material& material, std::size_t columns, guest::FarEnd far_end) {
@@ -146,13 +138,7 @@ ColumnProblem make_problem(const guest::HydroScene& scene) {
 
   ColumnProblem problem;
   problem.name = scene.scene().name();
-  Columns columns = columns_of(column, scene.scene().layer().initial_temperature_k());
-  problem.columns = columns.count;
-  problem.initial_jump = std::move(columns.jump);
-  problem.initial_temperature = std::move(columns.temperature);
-  problem.pressure = column.pressure_time_s().empty()
-                         ? PressureHistory{{}, std::move(columns.pressure)}
-                         : PressureHistory{list(column.pressure_time_s()), list(column.pressure_pa())};
+  choose_columns(column, scene.scene().layer().initial_temperature_k(), problem);
 
   problem.soft_material = resolve(scene.scene().soft(), "soft");
   problem.hard_material = resolve(scene.scene().hard(), "hard");

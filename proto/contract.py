@@ -77,6 +77,7 @@ class Contract:
     def __init__(self, proto=PROTO, protoc="protoc"):
         """Raises ValueError where the schema and columns.inc have different columns."""
         self.columns = list(columns(proto / "wire/columns.inc"))
+        self.units = re.findall(r'^(UNIT|WORD)\("(.*?)", (.*)\)$', (proto / "wire/units.inc").read_text(encoding="utf-8"), re.M)
         self.enums, self.messages = {}, {}
         files = schema(proto, protoc)
         for file in files:

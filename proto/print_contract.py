@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Prints what lists the contract, from shearbus/v1/*.proto and wire/columns.inc: the messages and enums of C++, the tables of shearbus.h,
+"""Prints what lists the contract, from shearbus/v1/*.proto, wire/columns.inc and wire/units.inc: the messages and enums of C++, the tables of shearbus.h,
 Fortran and Python, the regimes and outcomes of the physics, and the codes of WIRE.md; and from shearbus.h the structs and functions of Fortran and
 what Python calls. What is printed is committed.
 
@@ -361,7 +361,7 @@ def python_result(result):
 
 def contract_py(what):
     lines = ['"""The columns, codes and enums of the protocol. Printed by proto/print_contract.py from proto/shearbus/v1/*.proto and',
-             'proto/wire/columns.inc."""', "import enum", "", "", "class Code(enum.IntEnum):",
+             'proto/wire/columns.inc, and the units of files of units.inc there."""', "import enum", "", "", "class Code(enum.IntEnum):",
              f'    """Status codes of the protocol. The codes from {what.enums["ClientCode"].values[1].number} on exist on the client\'s side only."""', ""]
     lines += [f"    {v.name} = {v.number}" for v in values_of(what, "Code") if v.number]
     for name, text in (("Regime", "Values of the column `regime`: what held the stress in the step."),
@@ -378,7 +378,9 @@ def contract_py(what):
         kind = "Stick" if c.macro == "STICK" else c.kind
         lines.append(f'    ({c.number}, "{c.name}", "{c.quantity}", "{c.unit}", "{c.element}", "{kind}", {c.tangential}, '
                      f'"{contract.SHORT_NAME.get(c.quantity, "")}"),')
-    return [*lines, ")"]
+    lines += [")", "# units of files: name, SI unit of the quantity, factor to it", "UNITS = ("]
+    lines += [f'    ("{name}", {rest}),' for kind, name, rest in what.units if kind == "UNIT"]
+    return [*lines, ")", "UNIT_WORDS = {", *(f'    "{word}": {unit},' for kind, word, unit in what.units if kind == "WORD"), "}"]
 
 
 # ---- WIRE.md ----

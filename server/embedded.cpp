@@ -1,10 +1,5 @@
 #include "server/embedded.hpp"
 
-#include <sys/eventfd.h>
-#include <unistd.h>
-
-#include <cstdint>
-#include <stdexcept>
 #include <thread>
 
 #include "proto/wire/host_process.hpp"
@@ -14,26 +9,6 @@ namespace shearbus::server {
 namespace {
 
 constexpr const char* kEndpoint = "inproc://shearbus";  // one name suffices: each server has its own context
-
-class StopEvent {
- public:
-  StopEvent() : file_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-    if (file_ < 0) throw std::runtime_error("the embedded server got no eventfd: " + wire::limit_of_files());
-  }
-  StopEvent(const StopEvent&) = delete;
-  StopEvent& operator=(const StopEvent&) = delete;
-  ~StopEvent() { ::close(file_); }
-
-  int file() const { return file_; }
-  void set() const {
-    const std::uint64_t one = 1;
-    // The write fails only if the counter of the eventfd is at its maximum, and then the event is set already.
-    [[maybe_unused]] const ssize_t written = ::write(file_, &one, sizeof one);
-  }
-
- private:
-  int file_;
-};
 
 }  // namespace
 
@@ -56,7 +31,7 @@ struct Embedded::Impl {
     thread.join();
   }
 
-  StopEvent stop;
+  wire::Event stop{"the embedded server got no eventfd"};
   Server server;
   std::thread thread;
   std::string endpoint = kEndpoint;

@@ -156,7 +156,7 @@ struct Beside {
 };
 
 std::uint64_t bytes_per_node(const physics::ModelOptions& options, Beside beside) {
-  std::uint64_t bytes = shard::Shard::bytes_per_node(physics::Model(options), false, beside.friction_energy);
+  std::uint64_t bytes = shard::Shard::bytes_per_node({physics::Model(options), false, beside.friction_energy});
   for (const wire::Field field : wire::columns_of(service::strategy_of(options)).reply)
     bytes += wire::size_of(wire::element_of(field));
   if (beside.ledger) bytes += wire::kLedgerColumns.size() * sizeof(double);

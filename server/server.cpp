@@ -169,7 +169,7 @@ void Server::checkpoint_if_due() {
 
 service::ServiceOptions Server::with_hooks(service::ServiceOptions options) {
   options.while_replaying = [this] { while_replaying(); };
-  options.wake = [this] { wake_(); };
+  options.wake = [this] { wake_.set(); };
   options.complete_status = [this](wire::ServerStatus& status) { complete_status(status); };
   if (recorder_)
     options.exchanged = [this](service::Frames request, const service::ReplyFrames& reply) {

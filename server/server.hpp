@@ -8,6 +8,7 @@
 #include <string>
 
 #include "proto/files/session_recorder.hpp"
+#include "proto/wire/host_process.hpp"
 #include "server/access.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
@@ -68,7 +69,7 @@ class Server {
   void complete_status(wire::ServerStatus& status) const;
 
   std::uint64_t epoch_;
-  transport::Wake wake_;
+  wire::Event wake_{"no eventfd to wake the server"};
   shard::TaskPool pool_;
   std::unique_ptr<store::PosixStorage> storage_;  // null without a state directory
   std::unique_ptr<store::Store> store_;

@@ -182,7 +182,7 @@ Answer run(const StudyCase& study_case, const Setting& setting, Outcome* outcome
   outcome->estimate = estimate;
   outcome->ns_per_node = 1e9 * median(seconds) / kLanes;
   outcome->ns_per_node_step = outcome->ns_per_node / setting.steps;
-  outcome->state_bytes = shard::Shard::bytes_per_node(model);
+  outcome->state_bytes = shard::Shard::bytes_per_node({model, false});
   const auto& layout = model.layout();
   outcome->solves_per_step =
       static_cast<double>(layout.num_vertices + layout.num_hard_vertices + layout.num_heat_modes) *

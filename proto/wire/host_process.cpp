@@ -198,4 +198,22 @@ void check_room_for_sockets() {
   ::munmap(memory, kMemoryOfContext);
 }
 
+Event::Event(const char* fault) : file_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  if (file_ < 0) throw std::runtime_error(fault + (": " + limit_of_files()));
+}
+
+Event::~Event() {
+  ::close(file_);
+}
+
+void Event::set() const noexcept {
+  const std::uint64_t one = 1;
+  static_cast<void>(::write(file_, &one, sizeof one) < 0);  // a counter that is full is set already
+}
+
+void Event::clear() const noexcept {
+  std::uint64_t calls = 0;
+  static_cast<void>(::read(file_, &calls, sizeof calls) < 0);
+}
+
 }  // namespace shearbus::wire

@@ -64,6 +64,23 @@ auto uninterrupted(const Call& call) {
   }
 }
 
+// A file that is readable once it is set: it ends the poll() of another thread.
+class Event {
+ public:
+  // Throws std::runtime_error, which begins with `fault` and names the limit, if there is no file to be had.
+  explicit Event(const char* fault);
+  Event(const Event&) = delete;
+  Event& operator=(const Event&) = delete;
+  ~Event();
+
+  int file() const noexcept { return file_; }
+  void set() const noexcept;
+  void clear() const noexcept;
+
+ private:
+  int file_;
+};
+
 inline constexpr std::size_t kLongestSocketPath = 107;  // [bytes] of an ipc socket in the file system
 
 // libzmq ends the process if it cannot make the threads and the files of a context, or gets no memory. Called before the first socket of

@@ -33,15 +33,16 @@ shard::States state_of(const shard::Shard& shard, std::uint32_t slot, bool of_tr
 }  // namespace
 
 // Writes a capsule for each node without an answer. Errors are logged only: the step is answered without a capsule.
-void Service::leave_capsules(const Member& member, const RunningStep& running, const FailedStep& failed) noexcept try {
+void Service::leave_capsules(const Member& member, const RunningStep& running, bool from_trial) noexcept try {
   if (store_ == nullptr || replaying_) return;
   end_checkpoint(true);  // HDF5 is for one thread at a time
   const shard::Shard& shard = *member.shard;
   const wire::Downscale& step = running.step();
   const shard::Rows& rows = running.rows;
+  const std::span<const std::uint8_t> outcomes = running.outcomes();
   std::size_t room = store_->capsule_room();
-  for (std::size_t row = 0; row < failed.outcomes.size() && room > 0; ++row) {
-    if ((failed.outcomes[row] & wire::kFailed) == 0) continue;
+  for (std::size_t row = 0; row < outcomes.size() && room > 0; ++row) {
+    if ((outcomes[row] & wire::kFailed) == 0) continue;
     const std::uint64_t node = node_of(shard.nodes(), rows, running.request.batch, row);
     const std::uint32_t slot = slot_of(shard.nodes(), rows, row);
     const std::string file = store_->leave_capsule(
@@ -54,9 +55,9 @@ void Service::leave_capsules(const Member& member, const RunningStep& running, c
          .time_s = step.time_s,
          .step = step.step,
          .attempt = step.attempt,
-         .state = state_of(shard, slot, failed.from_trial),
+         .state = state_of(shard, slot, from_trial),
          .inputs = values_of(running.request.batch, row),
-         .answer = values_of(failed.answer, row)});
+         .answer = values_of(running.reply->batch, row)});
     log(fmt::format("node {} of session {} has no answer to step {}: {}", node, short_name(member.id), step.step,
                     file));
     --room;

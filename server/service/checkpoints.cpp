@@ -17,9 +17,6 @@ namespace shearbus::service {
 
 namespace {
 
-constexpr const char* kNoMemoryForCheckpoint =
-    "the checkpoint found no memory; the ones before and the journal hold everything";
-
 std::vector<std::byte> copy_of(std::span<const std::byte> bytes) {
   return {bytes.begin(), bytes.end()};
 }
@@ -131,35 +128,28 @@ bool Service::checkpoint() {
   if (store_ == nullptr || failed()) return false;
   finish_changes();
   end_checkpoint(true);
-  if (options_.around_checkpoint) options_.around_checkpoint(true);
-  bool written = false;
-  try {
-    written = timed(options_.now_ns, times_.checkpoint, [&] { return store_->checkpoint(snapshot()); });
-  } catch (const std::bad_alloc&) {
-    log(kNoMemoryForCheckpoint);
-  }
-  if (options_.around_checkpoint) options_.around_checkpoint(false);
-  if (written) last_checkpoint_ns_ = options_.now_ns();
-  return written;
+  begin_checkpoint(false);
+  return end_checkpoint(true);
 }
 
-void Service::begin_checkpoint() {
+void Service::begin_checkpoint(bool aside) {
   if (store_ == nullptr || failed() || job_ || changing()) return;
-  const Longest measured(options_.cpu_ns, metrics_.longest_turn_ns);
+  std::optional<Longest> measured;
+  if (aside) measured.emplace(options_.cpu_ns, metrics_.longest_turn_ns);
   if (options_.around_checkpoint) options_.around_checkpoint(true);
   job_started_ns_ = options_.now_ns();
   try {
     job_ = store_->begin_checkpoint(snapshot());
   } catch (const std::bad_alloc&) {
-    log(kNoMemoryForCheckpoint);
+    log("the checkpoint found no memory; the ones before and the journal hold everything");
     if (options_.around_checkpoint) options_.around_checkpoint(false);
     return;
   }
   try {
-    aside_.start([this] { store_->write(*job_); });
+    if (aside) return aside_.start([this] { store_->write(*job_); });
   } catch (const std::exception&) {  // no thread: everybody waits for the write
-    store_->write(*job_);
   }
+  store_->write(*job_);
 }
 
 // The same for a request, which lets others have their turn while it waits for the checkpoint that may be under way and
@@ -184,8 +174,8 @@ bool Service::checkpoint_in_turn() {
   return store_->counters().checkpoints > before;
 }
 
-void Service::end_checkpoint(bool wait) noexcept try {
-  if (!job_ || (!wait && !aside_.done())) return;
+bool Service::end_checkpoint(bool wait) noexcept try {
+  if (!job_ || (!wait && !aside_.done())) return false;
   aside_.wait();
   const bool written = store_->end_checkpoint(*job_);
   job_.reset();
@@ -193,8 +183,10 @@ void Service::end_checkpoint(bool wait) noexcept try {
   times_.checkpoint.add(now - job_started_ns_);
   if (options_.around_checkpoint) options_.around_checkpoint(false);
   if (written) last_checkpoint_ns_ = now;
+  return written;
 } catch (const std::exception& fault) {
   log(std::string("a checkpoint could not be completed: ") + fault.what());
+  return false;
 }
 
 }  // namespace shearbus::service

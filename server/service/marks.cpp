@@ -18,7 +18,6 @@
 namespace shearbus::service {
 
 using wire::Code;
-using wire::Error;
 
 namespace {
 
@@ -85,11 +84,10 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
   } else {
     const auto found = std::ranges::find(member.marks, rollback.to_mark, mark_name);
     if (found == member.marks.end())
-      throw Error({.code = Code::kUnknownMark,
-                   .text = fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
-                                       names_of(member.marks)),
-                   .remedy = "The oldest mark goes when a session has more than the limit.",
-                   .field = "rollback.to_mark"});
+      refuse(Code::kUnknownMark, "rollback.to_mark",
+             fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
+                         names_of(member.marks)),
+             "The oldest mark goes when a session has more than the limit.");
     const MarkPtr to = *found;
     aside(bytes_of_lists(to->node_ids.size()), [&] { reply.batch = node_column(to->node_ids); });
     rollback_to(member, *to, arrival);

@@ -39,18 +39,14 @@ std::vector<std::uint64_t> common_to(std::span<const std::uint64_t> sorted_ids, 
 
 void check_transfer_id(const wire::TransferId& id) {
   if (id == wire::TransferId{})
-    throw Error({.code = Code::kInvalidValue,
-                 .text = "transfer_id is all zero; expected 16 random bytes",
-                 .remedy = "Draw them from the system's random source.",
-                 .field = "transfer_id"});
+    refuse(Code::kInvalidValue, "transfer_id", "transfer_id is all zero; expected 16 random bytes",
+           "Draw them from the system's random source.");
 }
 
 void check_in_domain(const std::string& domain) {
   if (domain.empty())
-    throw Error({.code = Code::kUnsupported,
-                 .text = "the session has no domain: its nodes are its own",
-                 .remedy = "Open sessions that exchange nodes with the same open_session.domain.",
-                 .field = "open_session.domain"});
+    refuse(Code::kUnsupported, "open_session.domain", "the session has no domain: its nodes are its own",
+           "Open sessions that exchange nodes with the same open_session.domain.");
 }
 
 // Quotes printable(text) as one word of a shell command.
@@ -115,7 +111,8 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   const auto seconds_since = [&](std::uint64_t then_ns) {
     return 1e-9 * static_cast<double>(options_.now_ns() - then_ns);
   };
-  const auto refuse = [&](std::vector<std::uint64_t> owned, const std::string& holder, const std::string& remedy) {
+  const auto refuse_owned = [&](std::vector<std::uint64_t> owned, const std::string& holder,
+                                const std::string& remedy) {
     const std::size_t count = owned.size();
     if (owned.size() > wire::kMaxNodesNamed) owned.resize(wire::kMaxNodesNamed);
     const std::string text = fmt::format("node {} of domain \"{}\" belongs to {} ({} of {} nodes at fault)",
@@ -131,12 +128,11 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   for (const auto& [id, other] : members_) {
     if (!other->shard || other.get() == self || other->identity != domain.identity) continue;
     if (other->domain != domain.name && !other->domain.empty() && run_of(other->domain) == run_of(domain.name))
-      throw Error({.code = Code::kInvalidValue,
-                   .text = fmt::format("the domain is \"{}\", and session {} of the same run is open in \"{}\": their "
-                                       "clients divide the nodes over different servers",
-                                       printable(std::string(domain.name)), short_name(id), printable(other->domain)),
-                   .remedy = "Give all clients of a run the same endpoints in the same order.",
-                   .field = "open_session.domain"});
+      refuse(Code::kInvalidValue, "open_session.domain",
+             fmt::format("the domain is \"{}\", and session {} of the same run is open in \"{}\": their "
+                         "clients divide the nodes over different servers",
+                         printable(std::string(domain.name)), short_name(id), printable(other->domain)),
+             "Give all clients of a run the same endpoints in the same order.");
     if (other->domain_it_is_in() != domain) continue;
     sessions.emplace_back(id, other.get());
   }
@@ -156,11 +152,11 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   if (owned.empty()) return;
   --holder;
   if (holder >= sessions.size())
-    refuse(std::move(owned),
-           fmt::format("no session: session {} offers it", short_name(offers[holder - sessions.size()]->giver)),
-           "Accept the offer with its transfer_id.");
+    refuse_owned(std::move(owned),
+                 fmt::format("no session: session {} offers it", short_name(offers[holder - sessions.size()]->giver)),
+                 "Accept the offer with its transfer_id.");
   const auto& [id, other] = sessions[holder];
-  refuse(
+  refuse_owned(
       std::move(owned),
       fmt::format("session {} (\"{}\"), opened {:.0f} s ago and idle for {:.0f} s", short_name(id),
                   printable(other->scene_name), seconds_since(other->opened_ns), seconds_since(other->last_request_ns)),
@@ -224,14 +220,11 @@ void Service::offer_nodes(Member& member, const wire::OfferNodes& offer, const A
   check_in_domain(member.domain);
   check_transfer_id(offer.transfer_id);
   if (transfers_.contains(offer.transfer_id))
-    throw Error({.code = Code::kInvalidValue,
-                 .text = "an offer with this transfer_id waits already",
-                 .remedy = "Draw a new one for every offer.",
-                 .field = "offer_nodes.transfer_id"});
+    refuse(Code::kInvalidValue, "offer_nodes.transfer_id", "an offer with this transfer_id waits already",
+           "Draw a new one for every offer.");
   if (const auto waiting = offers_of(member).size(); waiting >= wire::kMaxOffers)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("{} offers of the session wait, the most it may have", waiting),
-                 .remedy = "Wait until some are accepted, or offer more nodes at once."});
+    refuse(Code::kLimit, "", fmt::format("{} offers of the session wait, the most it may have", waiting),
+           "Wait until some are accepted, or offer more nodes at once.");
   shard::Rows rows;
   aside(bytes_of_lists(shard.nodes().size()), [&] { rows = check_leaving_nodes(batch, shard.nodes()); });
   const auto ids = batch.u64(Field::kNodeId);
@@ -267,10 +260,9 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
   check_transfer_id(accept.transfer_id);
   const auto found = transfers_.find(accept.transfer_id);
   if (found == transfers_.end() || Domain{found->second->identity, found->second->domain} != member.domain_it_is_in())
-    throw Error({.code = Code::kUnknownTransfer,
-                 .text = fmt::format("no offer with this transfer_id waits in domain \"{}\"", printable(member.domain)),
-                 .remedy = "It was accepted or withdrawn, or not made yet: the giver's offer must be answered first.",
-                 .field = "accept_nodes.transfer_id"});
+    refuse(Code::kUnknownTransfer, "accept_nodes.transfer_id",
+           fmt::format("no offer with this transfer_id waits in domain \"{}\"", printable(member.domain)),
+           "It was accepted or withdrawn, or not made yet: the giver's offer must be answered first.");
   const store::TransferImage& transfer = *found->second;
   if (transfer.layers != layers_of(member.scene))
     throw Error(
@@ -280,16 +272,16 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
          .remedy =
              "Accept them in a session of the same scene; `effective_scene` of both openings tells what differs."});
   if (shard::checks_closure(transfer.states) != shard.check_closure())
-    throw Error({.code = Code::kOtherScene,
-                 .text = fmt::format("session {}, which offered the nodes, {} closure, and this session does {}",
-                                     short_name(transfer.giver), shard.check_closure() ? "does not check" : "checks",
-                                     shard.check_closure() ? "" : "not"),
-                 .remedy = "Open all sessions of the domain with the same open_session.check_closure."});
+    refuse(Code::kOtherScene, "",
+           fmt::format("session {}, which offered the nodes, {} closure, and this session does {}",
+                       short_name(transfer.giver), shard.check_closure() ? "does not check" : "checks",
+                       shard.check_closure() ? "" : "not"),
+           "Open all sessions of the domain with the same open_session.check_closure.");
   if (!SessionPairs::same_columns(transfer.states, shard.pairs()))
-    throw Error({.code = Code::kOtherScene,
-                 .text = fmt::format("session {}, which offered the nodes, has other parameters than this session",
-                                     short_name(transfer.giver)),
-                 .remedy = "Open all sessions of the domain with the same open_session.parameters."});
+    refuse(Code::kOtherScene, "",
+           fmt::format("session {}, which offered the nodes, has other parameters than this session",
+                       short_name(transfer.giver)),
+           "Open all sessions of the domain with the same open_session.parameters.");
   const std::size_t after = shard.nodes().size() + transfer.node_ids.size();
   check_session_size(after);
   std::optional<shard::PairsOfNodes> pairs;

@@ -12,11 +12,11 @@
 
 #include "server/service/member.hpp"
 #include "server/service/service.hpp"
+#include "server/service/validate.hpp"
 
 namespace shearbus::service {
 
 using wire::Code;
-using wire::Error;
 using wire::Field;
 
 namespace {
@@ -27,17 +27,14 @@ struct Candidate {
   std::uint32_t row;
 };
 
-void refuse_top(const std::string& text, const std::string& remedy) {
-  throw Error({.code = Code::kInvalidValue, .text = text, .remedy = remedy, .field = "inspect.top"});
-}
-
 // Sliding velocities of all nodes in the last step. They are no part of a state, so the kept reply must have them.
 std::span<const double> sliding_velocities(const wire::Reply& last, std::size_t nodes) {
   const std::span<const double> column = std::holds_alternative<wire::Upscale>(last.body)
                                              ? last.batch.f64(Field::kSlidingVelocity)
                                              : std::span<const double>();
   if (column.size() != nodes)
-    refuse_top(
+    refuse(
+        Code::kInvalidValue, "inspect.top",
         "the session's last request was no step of all its nodes that asked for their sliding velocities, and nothing "
         "else keeps them",
         "Ask again after such a step, or for the hottest.");
@@ -49,9 +46,8 @@ std::span<const double> sliding_velocities(const wire::Reply& last, std::size_t 
 void Service::check_operator(const Caller& caller) const {
   if (caller.is_operator) return;
   log(fmt::format("REFUSED: {} asked for what only an operator may", caller.identity));
-  throw Error({.code = Code::kNotPermitted,
-               .text = fmt::format("{} is no operator of this server", caller.identity),
-               .remedy = "Ask as the server's own user, by ipc, or with a key marked \"operator\" on its list."});
+  refuse(Code::kNotPermitted, "", fmt::format("{} is no operator of this server", caller.identity),
+         "Ask as the server's own user, by ipc, or with a key marked \"operator\" on its list.");
 }
 
 Service::ReplyPtr Service::tell_status(const wire::ServerStatusQuery& /*asked*/, Arrival& arrival,
@@ -64,14 +60,12 @@ Service::ReplyPtr Service::checkpoint_now(const wire::Checkpoint& /*asked*/, Arr
                                           const ReplyPtr& reply) {
   if (must_wait_for_changes()) return reply;
   if (store_ == nullptr)
-    throw Error({.code = Code::kUnsupported,
-                 .text = "this server has no state directory to write a checkpoint to",
-                 .remedy = "Start it with --state-dir."});
+    refuse(Code::kUnsupported, "", "this server has no state directory to write a checkpoint to",
+           "Start it with --state-dir.");
   const std::uint64_t started_ns = options_.now_ns();
   if (!checkpoint_in_turn())
-    throw Error({.code = Code::kCheckpointFailed,
-                 .text = "the checkpoint could not be written; the server's log tells why",
-                 .remedy = "The checkpoints before and the journal hold everything. Mend the disk and ask again."});
+    refuse(Code::kCheckpointFailed, "", "the checkpoint could not be written; the server's log tells why",
+           "The checkpoints before and the journal hold everything. Mend the disk and ask again.");
   reply->body =
       wire::Checkpointed{.bytes = store_->counters().checkpoint_bytes, .duration_ns = options_.now_ns() - started_ns};
   return reply;
@@ -79,12 +73,11 @@ Service::ReplyPtr Service::checkpoint_now(const wire::Checkpoint& /*asked*/, Arr
 
 Service::ReplyPtr Service::drain(const wire::Drain& drain, Arrival& arrival, const ReplyPtr& reply) {
   if (drain.within_s != 0 && (!drain.exit || drain.within_s > wire::kMaxDrainS))
-    throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("drain.within_s = {}{}", drain.within_s,
-                                     drain.exit ? fmt::format(", expected at most {}", wire::kMaxDrainS)
-                                                : " without drain.exit, which it limits"),
-                 .remedy = "Ask for the end of the server, too, within a year.",
-                 .field = "drain.within_s"});
+    refuse(Code::kInvalidValue, "drain.within_s",
+           fmt::format("drain.within_s = {}{}", drain.within_s,
+                       drain.exit ? fmt::format(", expected at most {}", wire::kMaxDrainS)
+                                  : " without drain.exit, which it limits"),
+           "Ask for the end of the server, too, within a year.");
   log(fmt::format("{} drains the server: no new sessions{}{}; {} are open", arrival.caller.identity,
                   drain.exit ? ", and the end with the last" : "",
                   drain.within_s != 0 ? fmt::format(", or in {} s", drain.within_s) : "", metrics_.sessions));
@@ -144,11 +137,10 @@ void Service::top_nodes(const Member& member, const wire::Inspect& inspect, wire
   auto& answer = std::get<wire::Inspected>(reply.body);
   if (inspect.count == 0) return;
   if (inspect.count > wire::kMaxTopNodes)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("{} top nodes asked for, at most {} are told", inspect.count, wire::kMaxTopNodes),
-                 .field = "inspect.count"});
+    refuse(Code::kLimit, "inspect.count",
+           fmt::format("{} top nodes asked for, at most {} are told", inspect.count, wire::kMaxTopNodes), "");
   if (inspect.top == wire::Top::kUnspecified)
-    refuse_top("inspect.top is not given, expected HOTTEST, FASTEST or MOLTEN", "");
+    refuse(Code::kInvalidValue, "inspect.top", "inspect.top is not given, expected HOTTEST, FASTEST or MOLTEN", "");
   const bool fastest = inspect.top == wire::Top::kFastest;
   std::span<const double> sliding;
   if (fastest) sliding = sliding_velocities(*member.conversation.kept_reply(), shard.nodes().size());

@@ -31,15 +31,6 @@ constexpr std::string_view kParameterColumn = "parameter.";  // and the key
 constexpr std::string_view kTables[] = {"soft.", "hard.", "interface.", "junctions.", "velocity_driven."};
 constexpr std::string_view kKeys[] = {"layer.thickness_m", "hard_layer.thickness_m"};
 
-[[noreturn]] void refuse(Code code, std::string field, std::string text, std::string remedy,
-                         std::vector<std::uint64_t> nodes = {}) {
-  throw Error({.code = code,
-               .text = std::move(text),
-               .remedy = std::move(remedy),
-               .field = std::move(field),
-               .node_ids = std::move(nodes)});
-}
-
 bool may_be_parameter(std::string_view key) {
   const bool allowed = std::ranges::any_of(kTables, [&](std::string_view table) { return key.starts_with(table); }) ||
                        std::ranges::find(kKeys, key) != std::end(kKeys);

@@ -9,12 +9,12 @@
 #include <utility>
 
 #include "proto/wire/status.hpp"
+#include "server/service/validate.hpp"
 
 namespace shearbus::service {
 
 using wire::Code;
 using wire::Downscale;
-using wire::Error;
 
 namespace {
 
@@ -22,11 +22,9 @@ bool same(double a, double b) {
   return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
 }
 
-[[noreturn]] void refuse(const char* field, std::string text) {
-  throw Error({.code = Code::kInvalidValue,
-               .text = std::move(text),
-               .remedy = "Nothing was changed: the parts before stand. Send the next part, or begin the step again.",
-               .field = std::string("downscale.") + field});
+[[noreturn]] void refuse_part(const char* field, std::string text) {
+  refuse(Code::kInvalidValue, std::string("downscale.") + field, std::move(text),
+         "Nothing was changed: the parts before stand. Send the next part, or begin the step again.");
 }
 
 // Name of the first field in which the parts do not agree; null if they agree.
@@ -48,51 +46,44 @@ const char* difference(const Downscale& a, const Downscale& b) {
 void check_part(const Downscale& part, const wire::Batch& batch, const Parts* before) {
   if (part.part == 0 && part.parts == 0) return;
   if (part.part == 0 || part.part > part.parts)
-    refuse("part", fmt::format("part {} of {}; expected 1 to the number of parts", part.part, part.parts));
+    refuse_part("part", fmt::format("part {} of {}; expected 1 to the number of parts", part.part, part.parts));
   if (!batch.has(wire::Field::kNodeId))
-    throw Error({.code = Code::kShape,
-                 .text = fmt::format("part {} of {} has no column node_id", part.part, part.parts),
-                 .remedy = "Name the nodes of each part.",
-                 .field = wire::name(wire::Field::kNodeId)});
+    refuse(Code::kShape, wire::name(wire::Field::kNodeId),
+           fmt::format("part {} of {} has no column node_id", part.part, part.parts), "Name the nodes of each part.");
   if (part.part == 1) return;
   if (part.commit_previous)
-    refuse("commit_previous", fmt::format("commit_previous is set in part {}; only part 1 may have it", part.part));
+    refuse_part("commit_previous",
+                fmt::format("commit_previous is set in part {}; only part 1 may have it", part.part));
   if (before == nullptr)
-    refuse("part", fmt::format("part {} of {}, and no step in parts has begun", part.part, part.parts));
+    refuse_part("part", fmt::format("part {} of {}, and no step in parts has begun", part.part, part.parts));
   if (part.part != before->last.part + 1)
-    refuse("part", fmt::format("part {} of {}; expected part {}", part.part, part.parts, before->last.part + 1));
+    refuse_part("part", fmt::format("part {} of {}; expected part {}", part.part, part.parts, before->last.part + 1));
   if (const char* field = difference(part, before->last))
-    refuse(field, fmt::format("{} of part {} is another than that of part {}", field, part.part, before->last.part));
+    refuse_part(field,
+                fmt::format("{} of part {} is another than that of part {}", field, part.part, before->last.part));
 }
 
 void check_follows(const Downscale& part, std::uint64_t last) {
   if (part.part < 2)
-    refuse("follows",
-           fmt::format("follows is set in part {} of {}; only a later part may have it", part.part, part.parts));
+    refuse_part("follows",
+                fmt::format("follows is set in part {} of {}; only a later part may have it", part.part, part.parts));
   if (part.follows == last) return;
-  throw Error(
-      {.code = Code::kSequenceGap,
-       .text = fmt::format("part {} follows a request whose header has XXH3-64 {:016x}; that of the last request "
-                           "has {:016x}",
-                           part.part, part.follows, last),
-       .remedy = "Nothing was changed. Wait for the answer to the part before, then send this one.",
-       .field = "downscale.follows"});
+  refuse(Code::kSequenceGap, "downscale.follows",
+         fmt::format("part {} follows a request whose header has XXH3-64 {:016x}; that of the last request "
+                     "has {:016x}",
+                     part.part, part.follows, last),
+         "Nothing was changed. Wait for the answer to the part before, then send this one.");
 }
 
 void check_rows_of_part(const wire::Batch& batch, const shard::Rows& rows, const Parts& before) {
-  std::vector<std::uint64_t> again;
-  for (std::size_t row = 0; row < rows.slots.size(); ++row)
-    if (before.stepped[rows.slots[row]]) again.push_back(batch.u64(wire::Field::kNodeId)[row]);
-  if (again.empty()) return;
-  const std::uint64_t first = again.front();
-  const std::size_t count = again.size();
-  again.resize(std::min(count, wire::kMaxNodesNamed));
-  throw Error({.code = Code::kDuplicateNode,
-               .text = fmt::format("node {} is in an earlier part of the step ({} of {} rows at fault)", first, count,
-                                   rows.slots.size()),
-               .remedy = "Name each node in one part.",
-               .field = wire::name(wire::Field::kNodeId),
-               .node_ids = std::move(again)});
+  const auto ids = batch.u64(wire::Field::kNodeId);
+  check_rows(
+      Code::kDuplicateNode, wire::name(wire::Field::kNodeId), std::span<const std::uint32_t>(rows.slots),
+      [&](std::size_t, std::uint32_t slot) { return !before.stepped[slot]; }, [&](std::size_t row) { return ids[row]; },
+      [](std::uint64_t node, std::size_t, std::uint32_t) {
+        return fmt::format("node {} is in an earlier part of the step", node);
+      },
+      "Name each node in one part.");
 }
 
 void Parts::add(const Downscale& part, const shard::Rows& rows) noexcept {

@@ -12,7 +12,6 @@
 namespace shearbus::service {
 
 using wire::Code;
-using wire::Error;
 using wire::Field;
 
 namespace {
@@ -74,20 +73,18 @@ Service::ReplyPtr Service::read_profiles(const wire::ReadProfiles& /*asked*/, Ar
   const shard::Shard& shard = *member.shard;
   const physics::Model& model = shard.model();
   if (!model.keeps_profile())
-    throw Error({.code = Code::kUnsupported,
-                 .text = "the nodes of this scene keep no profile: layer.heat is \"modes\", a sum of exponentials that "
-                         "gives the interface temperature alone",
-                 .remedy = "Open the session with layer.heat = \"profile\", and with cells and grading in place of a "
-                           "tolerance.",
-                 .field = "layer.heat"});
+    refuse(Code::kUnsupported, "layer.heat",
+           "the nodes of this scene keep no profile: layer.heat is \"modes\", a sum of exponentials that "
+           "gives the interface temperature alone",
+           "Open the session with layer.heat = \"profile\", and with cells and grading in place of a "
+           "tolerance.");
   const shard::Rows rows = check_profile_nodes(request.batch, shard.nodes());
   const std::size_t vertices = model.profile_grid().position.size();
   if (const std::size_t most = wire::kMaxRowsPerMessage / vertices; rows.slots.size() > most)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("profiles of {} nodes with {} vertices each; a message has at most {} rows",
-                                     rows.slots.size(), vertices, wire::kMaxRowsPerMessage),
-                 .remedy = fmt::format("Ask for at most {} nodes at once.", most),
-                 .field = wire::name(Field::kNodeId)});
+    refuse(Code::kLimit, wire::name(Field::kNodeId),
+           fmt::format("profiles of {} nodes with {} vertices each; a message has at most {} rows", rows.slots.size(),
+                       vertices, wire::kMaxRowsPerMessage),
+           fmt::format("Ask for at most {} nodes at once.", most));
   aside(rows.slots.size() * vertices * kBytesPerVertex, [&] { profiles_of(request.batch, rows, shard, reply->batch); });
   reply->body =
       wire::Profiles{.nodes = rows.slots.size(), .vertices = vertices, .state_version = shard.state_version()};

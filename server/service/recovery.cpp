@@ -12,6 +12,7 @@
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/service.hpp"
+#include "server/service/validate.hpp"
 
 namespace shearbus::service {
 
@@ -81,10 +82,8 @@ void Service::journal(const Arrival& arrival, const wire::SessionId& session, co
     });
   } catch (const store::StorageError& fault) {
     if (store_->failed()) throw;
-    throw Error(
-        {.code = Code::kNoSpace,
-         .text = fmt::format("the request could not be kept: {}", fault.what()),
-         .remedy = "Nothing was changed. Make room in the server's state directory; the same request again goes on."});
+    refuse(Code::kNoSpace, "", fmt::format("the request could not be kept: {}", fault.what()),
+           "Nothing was changed. Make room in the server's state directory; the same request again goes on.");
   }
   journaled_now_ = store_->journaling();
 }
@@ -130,11 +129,11 @@ std::optional<ReplyFrames> Service::refuse_while_recovering(Frames frames) const
   reply.epoch = options_.epoch;
   try {
     wire::decode(frames, request);
-    throw Error({.code = Code::kRecovering,
-                 .text = fmt::format("the server replays the requests since its last checkpoint: {:.0f} % are done",
-                                     100.0 * store_->share_replayed()),
-                 .remedy = "Wait, and send the same request again. To leave out a session that takes too long, stop "
-                           "the server and start it with --drop-session."});
+    refuse(Code::kRecovering, "",
+           fmt::format("the server replays the requests since its last checkpoint: {:.0f} % are done",
+                       100.0 * store_->share_replayed()),
+           "Wait, and send the same request again. To leave out a session that takes too long, stop "
+           "the server and start it with --drop-session.");
   } catch (const Error& fault) {
     reply.status = fault.status();
   }
@@ -203,7 +202,7 @@ void Service::run_again(std::span<const std::byte> header, std::span<const std::
   fresh->epoch = epoch;
   if (answer(std::span(frames).first(wire::declares_payload(header) ? 2 : 1),
              {.identity = identity, .in_process = true}, fresh) != fresh)
-    throw Error({.code = Code::kSequenceReused, .text = "it has run already"});
+    refuse(Code::kSequenceReused, "", "it has run already", "");
 }
 
 void Service::replay(const store::Record& record, std::uint64_t epoch) {

@@ -171,14 +171,12 @@ Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const Rep
   arrival.started_ns = options_.now_ns();
   current_ = {.verb = request.body.index(), .started_ns = arrival.started_ns, .sum = arrival.sum};
   if (caller.is_revoked)
-    throw Error({.code = Code::kNotPermitted,
-                 .text = fmt::format("{} was taken off the server's list of authorised keys, or has another role there "
-                                     "since this connection was made",
-                                     caller.identity),
-                 .remedy = "Ask the operator of the server for access. With another role, connect again."});
-  if (shutting_down_)
-    throw Error(
-        {.code = Code::kShuttingDown, .text = "the server is stopping", .remedy = "Connect to another server."});
+    refuse(Code::kNotPermitted, "",
+           fmt::format("{} was taken off the server's list of authorised keys, or has another role there "
+                       "since this connection was made",
+                       caller.identity),
+           "Ask the operator of the server for access. With another role, connect again.");
+  if (shutting_down_) refuse(Code::kShuttingDown, "", "the server is stopping", "Connect to another server.");
 
   // The header holds the sum of the payload, which decode() has compared, so the hash of the header identifies the whole
   // request. A client in this process that leaves out the sum gives each content a request_id of its own.
@@ -194,17 +192,14 @@ void Service::check_epoch(const wire::Request& request, const Member* member) co
   const bool superseded =
       member != nullptr && std::ranges::find(member->superseded, request.epoch) != member->superseded.end();
   if (superseded || request.epoch - epoch_ <= claims_)
-    throw Error({.code = Code::kSuperseded,
-                 .text = "the session was resumed since by a client that showed its token",
-                 .remedy = "Leave it to that one."});
-  throw Error(
-      {.code = Code::kEpoch,
-       .text = fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted{}",
-                           request.epoch, epoch_, member != nullptr ? "" : " and holds none of the earlier states"),
-       .remedy = member != nullptr
-                     ? "Resume the session, which tells where it stands, and go on from there."
-                     : "Its layers are gone: begin the run anew with a new session. With a state directory a "
-                       "server keeps them."});
+    refuse(Code::kSuperseded, "", "the session was resumed since by a client that showed its token",
+           "Leave it to that one.");
+  refuse(Code::kEpoch, "",
+         fmt::format("the request is for server epoch {:016x}; this is {:016x}: the server was restarted{}",
+                     request.epoch, epoch_, member != nullptr ? "" : " and holds none of the earlier states"),
+         member != nullptr ? "Resume the session, which tells where it stands, and go on from there."
+                           : "Its layers are gone: begin the run anew with a new session. With a state directory a "
+                             "server keeps them.");
 }
 
 Service::ReplyPtr Service::repeat(ReplyPtr kept) {
@@ -238,9 +233,8 @@ Service::Member& Service::open_member(const wire::SessionId& id) const {
 void Service::check_identity(const Member& member, const Caller& caller) const {
   if (caller.identity == member.identity || caller.is_operator || replaying_) return;
   log(fmt::format("REFUSED: {} asked for session {} of {}", caller.identity, short_name(member.id), member.identity));
-  throw Error({.code = Code::kNotPermitted,
-               .text = fmt::format("the session was opened by another than {}", caller.identity),
-               .remedy = "Use the key, or the user, that opened it, or ask an operator."});
+  refuse(Code::kNotPermitted, "", fmt::format("the session was opened by another than {}", caller.identity),
+         "Use the key, or the user, that opened it, or ask an operator.");
 }
 
 Service::ReplyPtr Service::answer_by_verb(Arrival& arrival, const ReplyPtr& reply) {
@@ -252,10 +246,10 @@ Service::ReplyPtr Service::answer_by_verb(Arrival& arrival, const ReplyPtr& repl
 Service::ReplyPtr Service::hello(const wire::Hello& hello, Arrival& arrival, const ReplyPtr& reply) {
   const Caller& caller = arrival.caller;
   if (hello.oldest_major > wire::kProtocolMajor || hello.newest_major < wire::kProtocolMajor)
-    throw Error({.code = Code::kVersion,
-                 .text = fmt::format("the client speaks protocol {} to {}; this server speaks {}", hello.oldest_major,
-                                     hello.newest_major, wire::kProtocolMajor),
-                 .remedy = "Use a client and a server of the same major version."});
+    refuse(Code::kVersion, "",
+           fmt::format("the client speaks protocol {} to {}; this server speaks {}", hello.oldest_major,
+                       hello.newest_major, wire::kProtocolMajor),
+           "Use a client and a server of the same major version.");
   check_printable(hello.client_name, "hello.client_name");
   wire::Welcome welcome;
   welcome.server_version = options_.server_version;
@@ -281,9 +275,8 @@ Service::ReplyPtr Service::answer_in_session(const Verb& verb, Arrival& arrival,
   const auto found = members_.find(request.session_id);
   if (found == members_.end()) {
     check_epoch(request, nullptr);
-    throw Error({.code = Code::kUnknownSession,
-                 .text = "no session has this id: it was never opened here, or closed long ago",
-                 .remedy = "Open a session first."});
+    refuse(Code::kUnknownSession, "", "no session has this id: it was never opened here, or closed long ago",
+           "Open a session first.");
   }
   Member& member = *found->second;
   check_identity(member, arrival.caller);
@@ -295,9 +288,9 @@ Service::ReplyPtr Service::answer_in_session(const Verb& verb, Arrival& arrival,
   }
   check_epoch(request, &member);
   if (!member.shard)
-    throw Error({.code = Code::kUnknownSession,
-                 .text = "the session is closed" + (member.closed_because.empty() ? "" : ": " + member.closed_because),
-                 .remedy = "Open a new session."});
+    refuse(Code::kUnknownSession, "",
+           "the session is closed" + (member.closed_because.empty() ? "" : ": " + member.closed_because),
+           "Open a new session.");
   if (verdict.triage == session::Triage::kReject) {
     if (follows_running(member, arrival) && must_wait(member)) return reply;
     throw Error(std::move(verdict.status));

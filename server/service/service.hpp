@@ -117,8 +117,8 @@ class Service : private store::Recovery {
   bool checkpoint();
   // The same while requests are answered: begin_checkpoint() copies the states, another thread writes them, and
   // end_checkpoint(), called between requests, completes a checkpoint that is written, or with `wait` waits for it.
-  void begin_checkpoint();
-  void end_checkpoint(bool wait) noexcept;
+  void begin_checkpoint() { begin_checkpoint(true); }
+  bool end_checkpoint(bool wait) noexcept;  // whether a checkpoint was completed
   bool checkpointing() const { return job_ != nullptr; }
 
   // True if an operator has asked the server to end with the last session, and no session is open any more or the time
@@ -179,6 +179,7 @@ class Service : private store::Recovery {
   void check_operator(const Caller& caller) const;
   ReplyPtr checkpoint_now(const wire::Checkpoint& asked, Arrival& arrival, const ReplyPtr& reply);
   bool checkpoint_in_turn();
+  void begin_checkpoint(bool aside);
   ReplyPtr drain(const wire::Drain& drain, Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr inspect(const wire::Inspect& inspect, Arrival& arrival, const ReplyPtr& reply);
   ReplyPtr read_profiles(const wire::ReadProfiles& asked, Arrival& arrival, const ReplyPtr& reply);
@@ -187,8 +188,6 @@ class Service : private store::Recovery {
   void check_epoch(const wire::Request& request, const Member* member) const;
   void check_may_open(const wire::Request& request) const;
   void check_work_budget(const physics::ModelOptions& options) const;
-  // Refuses states that the server, or the quota of the user `owner`, has no memory for.
-  void check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
   ReplyPtr repeat(ReplyPtr kept);
   // long_requests.cpp: requests that are no steps and take long. Such a request is run again from its beginning, as a
   // task on a thread of its own. There it has its turn on this thread for all that concerns the service, and gives it up
@@ -221,9 +220,7 @@ class Service : private store::Recovery {
   void wait_for_work(Member& member, Frames frames);
   Member* computed_for(Frames frames) const;
   ReplyPtr end_step(Member& member, const Arrival& arrival);
-  void report_budget(const Member& member, std::uint64_t nodes, wire::Upscale& upscale) const noexcept;
-  void report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
-                      const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) const noexcept;
+  void report(const shard::Shard& shard, const RunningStep& running, const shard::StepCount& count) const noexcept;
   wire::SessionOpened opened(const Member& member) const;
   std::unique_ptr<shard::Shard> make_shard(shard::PairTable pairs, bool check_closure, bool sum_energy) const;
   // A shard with the nodes of saved states, at the temperature of the start. Throws std::invalid_argument for states of
@@ -256,17 +253,13 @@ class Service : private store::Recovery {
   };
   Usage usage_of(std::string_view identity) const;
   void check_session_quota(const Caller& caller) const;
-  void check_memory_quota(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
+  void check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
   wire::ServerStatus status_for(const Caller& caller) const;
   User& user(std::string_view identity);
 
   // Defined in capsules.cpp: writes failure capsules of the nodes for which a step found no answer.
-  struct FailedStep {
-    const wire::Batch& answer;
-    std::span<const std::uint8_t> outcomes;
-    bool from_trial;  // true if the step started from a waiting trial, which its request commits first
-  };
-  void leave_capsules(const Member& member, const RunningStep& running, const FailedStep& failed) noexcept;
+  // from_trial: the step started from a waiting trial, which its request commits first.
+  void leave_capsules(const Member& member, const RunningStep& running, bool from_trial) noexcept;
 
   // Defined in nodes.cpp: the functions that change which nodes a session has, and those of marks.
   static constexpr std::uint64_t kNoneWithdrawn = std::numeric_limits<std::uint64_t>::max();

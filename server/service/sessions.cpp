@@ -58,33 +58,29 @@ bool Service::being_opened(const wire::SessionId& session) {
 void Service::check_may_open(const wire::Request& request) const {
   check_epoch(request, nullptr);
   if (request.sequence != 0)
-    throw Error({.code = Code::kSequenceGap,
-                 .text = fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
-                 .remedy = "Send it with sequence 0."});
+    refuse(Code::kSequenceGap, "",
+           fmt::format("open_session has sequence {}; it is number 0 of its session", request.sequence),
+           "Send it with sequence 0.");
   if (draining_ && !replaying_)
-    throw Error({.code = Code::kDraining,
-                 .text = "the server takes no new sessions: it will end when those it has are closed",
-                 .remedy = "Open the session on another server."});
+    refuse(Code::kDraining, "", "the server takes no new sessions: it will end when those it has are closed",
+           "Open the session on another server.");
   if (metrics_.sessions >= options_.max_sessions)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
-                 .remedy = "Close sessions that are no longer used."});
+    refuse(Code::kLimit, "", fmt::format("{} sessions are open, the most this server holds", metrics_.sessions),
+           "Close sessions that are no longer used.");
 }
 
 Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& arrival, const ReplyPtr& reply) {
   const wire::Request& request = arrival.request;
   reply->session_id = open.session_id;
   if (open.session_id == wire::SessionId{})
-    throw Error({.code = Code::kInvalidValue,
-                 .text = "session_id is all zero; expected 16 random bytes",
-                 .remedy = "Draw them from the system's random source.",
-                 .field = "session_id"});
+    refuse(Code::kInvalidValue, "session_id", "session_id is all zero; expected 16 random bytes",
+           "Draw them from the system's random source.");
   if (const auto known = members_.find(open.session_id); known != members_.end()) {
     check_identity(*known->second, arrival.caller);
     session::Verdict verdict = known->second->conversation.triage(request.sequence, arrival.hash);
     if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
     if (verdict.triage == session::Triage::kProcess)
-      throw Error({.code = Code::kSequenceReused, .text = "the session is open already"});
+      refuse(Code::kSequenceReused, "", "the session is open already", "");
     ++user(arrival.caller.identity).replayed;
     return repeat(std::move(verdict.reply));
   }
@@ -207,21 +203,10 @@ wire::SessionOpened Service::opened(const Member& member) const {
 // What was granted once is in the journal and is granted again by every server that replays it.
 void Service::check_work_budget(const physics::ModelOptions& options) const {
   if (replaying_ || options_.max_work_budget == 0.0 || options.work_budget <= options_.max_work_budget) return;
-  throw Error({.code = Code::kLimit,
-               .text = fmt::format("work_budget = {:g}: this server grants at most {:g} evaluations for a node's step",
-                                   options.work_budget, options_.max_work_budget),
-               .remedy = "Ask for less, or have the server started with a larger --max-work-budget.",
-               .field = "work_budget"});
-}
-
-void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller,
-                           std::string_view owner) const {
-  check_memory_quota(wanted, nodes, caller, owner);
-  if (metrics_.state_bytes > options_.max_state_bytes || wanted > options_.max_state_bytes - metrics_.state_bytes)
-    throw Error({.code = Code::kLimit,
-                 .text = fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
-                                     metrics_.state_bytes >> 20, options_.max_state_bytes >> 20),
-                 .remedy = "Use a graded grid with fewer cells, close sessions, or give the server more memory."});
+  refuse(Code::kLimit, "work_budget",
+         fmt::format("work_budget = {:g}: this server grants at most {:g} evaluations for a node's step",
+                     options.work_budget, options_.max_work_budget),
+         "Ask for less, or have the server started with a larger --max-work-budget.");
 }
 
 // Lets the claimant own the session. The claim is journaled, so that the clients before it stay superseded after a
@@ -247,21 +232,19 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, Arrival& ar
   check_identity(member, arrival.caller);
   if (must_wait(member)) return reply;
   if (member.resume_token == wire::ResumeToken{} || !same_token(member.resume_token, resume.resume_token))
-    throw Error({.code = Code::kResumeRefused,
-                 .text = "the resume token is not the one the session was opened with",
-                 .remedy = "Only the client that opened the session, or one it gave its token, may resume it."});
+    refuse(Code::kResumeRefused, "", "the resume token is not the one the session was opened with",
+           "Only the client that opened the session, or one it gave its token, may resume it.");
   // A claim is repeated only within the epoch of the server that granted it.
   const bool repeated = member.epoch != 0 && resume.claim == member.claim && resume.claimant == member.claimant;
   if (resume.claim != 0 && !repeated) {
     if (request.epoch != epoch_)
-      throw Error({.code = Code::kEpoch,
-                   .text = fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
-                   .remedy = "Ask where the session stands, and claim it with the epoch and number of that reply."});
+      refuse(Code::kEpoch, "",
+             fmt::format("the claim is for server epoch {:016x}; this is {:016x}", request.epoch, epoch_),
+             "Ask where the session stands, and claim it with the epoch and number of that reply.");
     if (resume.claim != member.claim + 1)
-      throw Error(
-          {.code = Code::kSuperseded,
-           .text = fmt::format("claim {} of the session, after claim {} was granted", resume.claim, member.claim),
-           .remedy = "Ask where the session stands, and claim it if its client is known to be gone."});
+      refuse(Code::kSuperseded, "",
+             fmt::format("claim {} of the session, after claim {} was granted", resume.claim, member.claim),
+             "Ask where the session stands, and claim it if its client is known to be gone.");
   }
   hold(member);
   const shard::Shard& shard = *member.shard;

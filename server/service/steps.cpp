@@ -30,10 +30,9 @@ constexpr std::uint64_t kWatched = 101;
 
 // Adds a warning to the reply if the layers that flow are not the half zones that move with their interface nodes, in
 // most of the closed contacts. Half zones differ a little from density times thickness: by the curvature of an
-// axisymmetric interface, and where a contact covers a part of a node's area. Without memory for the warning the reply
-// goes without it.
+// axisymmetric interface, and where a contact covers a part of a node's area.
 void report_layers(const shard::Shard& shard, const wire::Batch& batch, const shard::Rows& rows,
-                   wire::Upscale& upscale) noexcept try {
+                   wire::Upscale& upscale) {
   if (!shard.model().options().plastic_layer || !batch.has(Field::kMassSoft) || shard.state_version() > kWatched)
     return;
   const auto mass = batch.f64(Field::kMassSoft), pressure = batch.f64(Field::kPressure);
@@ -61,7 +60,24 @@ void report_layers(const shard::Shard& shard, const wire::Batch& batch, const sh
       "the zones: set layer.thickness_m, or where zones differ the parameter of each node, to half the zone at the "
       "wall",
       found.node, found.layer, found.half_zone, found.other, found.closed));
-} catch (const std::exception&) {
+}
+
+// Adds to the reply the largest difference between a jump of the host and the answered one, and a warning if the host's
+// times do not fit dt.
+void report_closure(const shard::Shard& shard, const wire::Downscale& step, const wire::Batch& batch,
+                    const shard::Rows& rows, const shard::Closure& closure, wire::Upscale& upscale) {
+  if (rows.all ? shard.nodes().size() == 0 : rows.slots.empty()) return;
+  upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
+  upscale.closure_node = node_of(shard.nodes(), rows, batch, closure.row);
+  upscale.layer_time_s = shard.layer_time(slot_of(shard.nodes(), rows, closure.row));
+  if (shard.state_version() > kWatched || closure.timed == 0 || closure.agree != 0) return;
+  upscale.warnings.push_back(fmt::format(
+      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
+      "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
+      "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
+      "impedance",
+      closure.host_time_step, node_of(shard.nodes(), rows, batch, closure.time_row), step.dt_s, upscale.closure_node,
+      upscale.layer_time_s, step.time_s));
 }
 
 }  // namespace
@@ -209,6 +225,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   if (step.follows != 0) check_follows(step, member.conversation.last_hash());
   check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
   running->rows = check_step(step, request.batch, options, shard.nodes());
+  check_layer_masses(request.batch, running->rows, shard);
   if (running->extends_trial) check_rows_of_part(request.batch, running->rows, *member.parts);
   const bool commits = step.commit_previous && !previous_committed_;
   if (commits && !member.trial_stands())
@@ -289,14 +306,21 @@ bool Service::work() noexcept {
   }
 }
 
-// Adds a warning to the reply that so many nodes have no answer because of their work budget. Without memory for the
-// warning the reply goes without it, because the step has run.
-void Service::report_budget(const Member& member, std::uint64_t nodes, wire::Upscale& upscale) const noexcept try {
+// Completes the reply with what the host should know of the step. The step has run: without memory for a warning the
+// reply goes without it.
+void Service::report(const shard::Shard& shard, const RunningStep& running,
+                     const shard::StepCount& count) const noexcept try {
+  auto& upscale = std::get<wire::Upscale>(running.reply->body);
+  if (shard.check_closure()) {
+    report_closure(shard, running.step(), running.request.batch, running.rows, count.closure, upscale);
+    report_layers(shard, running.request.batch, running.rows, upscale);
+  }
+  if (count.over_budget == 0) return;
   upscale.warnings.push_back(fmt::format(
       "outcome: {} nodes needed more than the scene's work_budget of {:g} evaluations in this step and keep "
       "their states (outcome 144). Take a shorter step or a larger tolerance, or open the session with a "
       "larger work_budget; this server grants up to {:g}",
-      nodes, member.shard->model().options().work_budget, options_.max_work_budget));
+      count.over_budget, shard.model().options().work_budget, options_.max_work_budget));
 } catch (const std::exception&) {
 }
 
@@ -310,8 +334,7 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
   current_.started_ns = running.started_ns;
   const shard::StepCount count = shard::Shard::count_of(*running.run);
   const bool all_or_nothing = step.policy == wire::Policy::kAllOrNothing;
-  if (count.failed != 0)
-    leave_capsules(member, running, {reply.batch, running.outcomes(), all_or_nothing && step.commit_previous});
+  if (count.failed != 0) leave_capsules(member, running, all_or_nothing && step.commit_previous);
   if (all_or_nothing || running.extends_trial) {
     if (count.failed != 0 && all_or_nothing) refuse_failed_step(batch, shard.nodes(), running.outcomes());
     journal(arrival, member.id, &member, running.request.sequence);
@@ -325,11 +348,7 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
   member.parts = step.part < step.parts ? std::move(running.parts) : std::nullopt;
   if (step.mode == wire::Mode::kAdvance && !member.parts) shard.commit();
   auto& upscale = std::get<wire::Upscale>(reply.body);
-  if (shard.check_closure()) {
-    report_closure(member, step, batch, rows, count.closure, upscale);
-    report_layers(shard, batch, rows, upscale);
-  }
-  if (count.over_budget != 0) report_budget(member, count.over_budget, upscale);
+  report(shard, running, count);
   upscale.nodes = rows.all ? shard.nodes().size() : rows.slots.size();
   upscale.flagged_nodes = count.flagged;
   upscale.state_version = shard.state_version();
@@ -349,28 +368,6 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
     owner->second.solver_ns += upscale.solver_ns;
   }
   times_.solver.add(upscale.solver_ns);
-}
-
-// Adds to the reply the largest difference between a jump of the host and the answered one, and a warning if the host's
-// times do not fit dt. Without memory for the warning the reply goes without it, because the step has run.
-void Service::report_closure(const Member& member, const wire::Downscale& step, const wire::Batch& batch,
-                             const shard::Rows& rows, const shard::Closure& closure,
-                             wire::Upscale& upscale) const noexcept try {
-  const shard::Shard& shard = *member.shard;
-  const std::uint64_t version = shard.state_version();
-  if (rows.all ? shard.nodes().size() == 0 : rows.slots.empty()) return;
-  upscale.largest_closure_m_per_s = std::max(0.0, closure.largest);
-  upscale.closure_node = node_of(shard.nodes(), rows, batch, closure.row);
-  upscale.layer_time_s = shard.layer_time(slot_of(shard.nodes(), rows, closure.row));
-  if (version > kWatched || closure.timed == 0 || closure.agree != 0) return;
-  upscale.warnings.push_back(fmt::format(
-      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
-      "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
-      "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
-      "impedance",
-      closure.host_time_step, node_of(shard.nodes(), rows, batch, closure.time_row), step.dt_s, upscale.closure_node,
-      upscale.layer_time_s, step.time_s));
-} catch (const std::exception&) {
 }
 
 }  // namespace shearbus::service

@@ -7,11 +7,11 @@
 
 #include "server/service/member.hpp"
 #include "server/service/service.hpp"
+#include "server/service/validate.hpp"
 
 namespace shearbus::service {
 
 using wire::Code;
-using wire::Error;
 
 Service::User& Service::user(std::string_view identity) {
   const auto found = users_.find(identity);
@@ -40,24 +40,28 @@ void Service::check_session_quota(const Caller& caller) const {
   if (caller.is_operator || replaying_) return;
   const std::size_t sessions = usage_of(caller.identity).sessions;
   if (sessions < options_.max_sessions_per_user) return;
-  throw Error({.code = Code::kLimit,
-               .text = fmt::format("{} has {} sessions open, the quota of a user", caller.identity, sessions),
-               .remedy = "Close sessions that are no longer used, or ask the operator of the server for a larger "
-                         "--sessions-per-user."});
+  refuse(Code::kLimit, "", fmt::format("{} has {} sessions open, the quota of a user", caller.identity, sessions),
+         "Close sessions that are no longer used, or ask the operator of the server for a larger "
+         "--sessions-per-user.");
 }
 
-void Service::check_memory_quota(std::uint64_t wanted, std::size_t nodes, const Caller& caller,
-                                 std::string_view owner) const {
-  const std::uint64_t most = options_.max_state_bytes_per_user;
-  if (caller.is_operator || replaying_) return;
-  const std::uint64_t used = usage_of(owner).state_bytes;
-  if (used <= most && wanted <= most - used) return;
-  throw Error({.code = Code::kLimit,
-               .text = fmt::format("the states of {} nodes need {} MB; {} has {} MB in use, and the quota of a user is "
-                                   "{} MB",
-                                   nodes, wanted >> 20, owner, used >> 20, most >> 20),
-               .remedy = "Use a graded grid with fewer cells, close sessions, or ask the operator of the server for a "
-                         "larger --memory-per-user-mb."});
+// Refuses states that the quota of the user `owner`, or the server, has no memory for.
+void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller,
+                           std::string_view owner) const {
+  const std::uint64_t most = options_.max_state_bytes_per_user, all = options_.max_state_bytes;
+  const std::uint64_t used = caller.is_operator || replaying_ ? 0 : usage_of(owner).state_bytes;
+  if (!caller.is_operator && !replaying_ && (used > most || wanted > most - used))
+    refuse(Code::kLimit, "",
+           fmt::format("the states of {} nodes need {} MB; {} has {} MB in use, and the quota of a user "
+                       "is {} MB",
+                       nodes, wanted >> 20, owner, used >> 20, most >> 20),
+           "Use a graded grid with fewer cells, close sessions, or ask the operator of the server for "
+           "a larger --memory-per-user-mb.");
+  if (metrics_.state_bytes > all || wanted > all - metrics_.state_bytes)
+    refuse(Code::kLimit, "",
+           fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
+                       metrics_.state_bytes >> 20, all >> 20),
+           "Use a graded grid with fewer cells, close sessions, or give the server more memory.");
 }
 
 // The regimes are counted only here: a step does no work for them.

@@ -22,13 +22,7 @@ namespace shearbus::service {
 using wire::Code;
 using wire::Field;
 
-namespace {
-
-constexpr double kShortestStep = 1e-18;  // shortest accepted step  [s]
-constexpr double kLongestStep = 1.0;     // longest accepted step  [s]
-
-[[noreturn]] void refuse(Code code, std::string field, std::string text, std::string remedy,
-                         std::vector<std::uint64_t> node_ids = {}) {
+void refuse(Code code, std::string field, std::string text, std::string remedy, std::vector<std::uint64_t> node_ids) {
   if (node_ids.size() > wire::kMaxNodesNamed) node_ids.resize(wire::kMaxNodesNamed);
   throw wire::Error({.code = code,
                      .text = std::move(text),
@@ -37,26 +31,10 @@ constexpr double kLongestStep = 1.0;     // longest accepted step  [s]
                      .node_ids = std::move(node_ids)});
 }
 
-// Refuses a column unless valid(value) is true for each of its values; valid() must be false for NaN. For the message,
-// expected() is what the values should be, and node_of(row) the node of a row.
-template <typename Expected, typename Valid, typename NodeOf>
-void check_values(Field field, std::span<const double> column, const Expected& expected, const Valid& valid,
-                  const NodeOf& node_of) {
-  std::vector<std::uint64_t> nodes;
-  double first = 0.0;
-  std::size_t faults = 0;
-  for (std::size_t row = 0; row < column.size(); ++row) {
-    if (valid(column[row])) continue;
-    if (faults++ == 0) first = column[row];
-    if (nodes.size() < wire::kMaxNodesNamed) nodes.push_back(node_of(row));
-  }
-  if (faults == 0) return;
-  const std::uint64_t first_node = nodes.front();
-  refuse(Code::kInvalidValue, wire::name(field),
-         fmt::format("{} of node {} is {}; expected {} ({} of {} rows at fault)", wire::name(field), first_node, first,
-                     expected(), faults, column.size()),
-         "Nothing was changed; correct the values and send the step again.", std::move(nodes));
-}
+namespace {
+
+constexpr double kShortestStep = 1e-18;  // shortest accepted step  [s]
+constexpr double kLongestStep = 1.0;     // longest accepted step  [s]
 
 // Returns whether all values are from `lowest` to `highest`; false if one is NaN. The loop is in vectors, and counts
 // the two bounds apart: gcc 12 compares the values one by one in a plain loop, and where the two masks are combined.
@@ -197,6 +175,15 @@ void check_times(const wire::Downscale& step, const physics::ModelOptions& optio
 
 namespace {
 
+void check_counts(const wire::Batch& batch, std::size_t expected, const char* why) {
+  for (const wire::Column& column : batch.columns())
+    if (column.count != expected)
+      refuse(Code::kShape, wire::name(column.field),
+             fmt::format("column {} has {} values; expected {} ({})", wire::name(column.field), column.count, expected,
+                         why),
+             "Give every column one value per row.");
+}
+
 shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes) {
   shard::Rows rows;
   std::size_t expected = nodes.size();
@@ -206,12 +193,7 @@ shard::Rows locate_rows(const wire::Batch& batch, const shard::NodeTable& nodes)
   } else {
     rows.all = true;
   }
-  for (const wire::Column& column : batch.columns())
-    if (column.count != expected)
-      refuse(Code::kShape, wire::name(column.field),
-             fmt::format("column {} has {} values; expected {} ({})", wire::name(column.field), column.count, expected,
-                         rows.all ? "one per node of the session" : "one per node_id"),
-             "Give every column one value per row.");
+  check_counts(batch, expected, rows.all ? "one per node of the session" : "one per node_id");
   if (!rows.unknown.empty())
     refuse(Code::kUnknownNode, wire::name(Field::kNodeId),
            fmt::format("node {} is not of this session ({} of {} rows at fault)", rows.unknown.front(),
@@ -236,11 +218,15 @@ void check_inputs(const wire::Batch& batch, const shard::Rows& rows, const shard
   // The first fault in the order of the table is refused, whatever the order of the request's columns.
   for (const wire::ColumnRow& row : wire::column_rows())
     for (std::uint32_t component = 0; row.kind == wire::Kind::kInput && component < 2; ++component)
-      check_values(
-          row.field, batch.f64(row.field, component),
-          [&] { return fmt::format("a number from {:g} to {:g} {}", row.lowest, row.highest, row.unit); },
-          [&](double value) { return value >= row.lowest && value <= row.highest; },
-          [&](std::size_t at) { return node_of(nodes, rows, batch, at); });
+      check_rows(
+          Code::kInvalidValue, wire::name(row.field), batch.f64(row.field, component),
+          [&](std::size_t, double value) { return value >= row.lowest && value <= row.highest; },
+          [&](std::size_t at) { return node_of(nodes, rows, batch, at); },
+          [&](std::uint64_t node, std::size_t, double value) {
+            return fmt::format("{} of node {} is {}; expected a number from {:g} to {:g} {}", wire::name(row.field),
+                               node, value, row.lowest, row.highest, row.unit);
+          },
+          "Nothing was changed; correct the values and send the step again.");
 }
 
 // The node_id column of an opening or of a change of nodes. The column may be empty only if `needed` is null; else
@@ -261,16 +247,8 @@ std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
            fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.",
            repeated);
+  check_counts(batch, ids.size(), "one per node_id");
   return ids;
-}
-
-void check_count(const wire::Batch& batch, Field field, std::uint32_t component, std::size_t nodes) {
-  for (const wire::Column& column : batch.columns())
-    if (column.field == field && column.component == component && column.count != nodes)
-      refuse(
-          Code::kShape, wire::name(field),
-          fmt::format("column {} has {} values; expected {} (one per node_id)", wire::name(field), column.count, nodes),
-          "Give every column one value per row.");
 }
 
 // Refuses a start temperature of the scene at which the soft body is not solid.
@@ -292,25 +270,17 @@ std::vector<double> initial_temperatures(const wire::Batch& batch, const Options
     for (std::size_t row = 0; row < ids.size(); ++row) temperatures[row] = options_of(row).initial_temperature;
     return temperatures;
   }
-  check_count(batch, Field::kInitialTemperature, 0, ids.size());
   const auto given = batch.f64(Field::kInitialTemperature);
   const auto melts_at = [&](std::size_t row) { return options_of(row).soft.melting_temperature; };
-  std::vector<std::uint64_t> nodes;
-  std::size_t first = 0;
-  for (std::size_t row = 0; row < ids.size(); ++row) {
-    if (given[row] > 0.0 && given[row] < melts_at(row)) continue;
-    if (nodes.empty()) first = row;
-    nodes.push_back(ids[row]);
-  }
-  if (!nodes.empty()) {
-    const std::size_t faults = nodes.size();
-    refuse(Code::kInvalidValue, wire::name(Field::kInitialTemperature),
-           fmt::format("{} of node {} is {}; expected above 0 and below {} K, where the soft body melts ({} of {} rows "
-                       "at fault)",
-                       wire::name(Field::kInitialTemperature), ids[first], given[first], melts_at(first), faults,
-                       ids.size()),
-           "Nothing was changed; correct the values and send the step again.", std::move(nodes));
-  }
+  check_rows(
+      Code::kInvalidValue, wire::name(Field::kInitialTemperature), given,
+      [&](std::size_t row, double value) { return value > 0.0 && value < melts_at(row); },
+      [&](std::size_t row) { return ids[row]; },
+      [&](std::uint64_t node, std::size_t row, double value) {
+        return fmt::format("{} of node {} is {}; expected above 0 and below {} K, where the soft body melts",
+                           wire::name(Field::kInitialTemperature), node, value, melts_at(row));
+      },
+      "Nothing was changed; correct the values and send the step again.");
   temperatures.assign(given.begin(), given.end());
   return temperatures;
 }
@@ -414,20 +384,14 @@ std::span<const std::uint64_t> check_pairs(const wire::Batch& batch, std::size_t
     refuse(Code::kShape, wire::name(Field::kPair),
            names > 0 ? "the request names pairs and has no column pair" : "column pair without a list `pairs` of names",
            "Send both: the names of the pairs, and for each node a place in this list.");
-  check_count(batch, Field::kPair, 0, ids.size());
-  std::vector<std::uint64_t> nodes;
-  for (std::size_t row = 0; row < places.size(); ++row)
-    if (places[row] >= names) nodes.push_back(ids[row]);
-  if (!nodes.empty()) {
-    const std::size_t faults = nodes.size();
-    const std::uint64_t first = nodes.front();
-    const auto at = static_cast<std::size_t>(std::ranges::find(ids, first) - ids.begin());
-    refuse(
-        Code::kInvalidValue, wire::name(Field::kPair),
-        fmt::format("pair of node {} is {}; expected a place from 0 to {} in the list `pairs` ({} of {} rows at fault)",
-                    first, places[at], names - 1, faults, ids.size()),
-        "Nothing was changed; correct the column.", std::move(nodes));
-  }
+  check_rows(
+      Code::kInvalidValue, wire::name(Field::kPair), places,
+      [&](std::size_t, std::uint64_t place) { return place < names; }, [&](std::size_t row) { return ids[row]; },
+      [&](std::uint64_t node, std::size_t, std::uint64_t place) {
+        return fmt::format("pair of node {} is {}; expected a place from 0 to {} in the list `pairs`", node, place,
+                           names - 1);
+      },
+      "Nothing was changed; correct the column.");
   return places;
 }
 
@@ -440,17 +404,14 @@ void check_parameters(const wire::Batch& batch, std::span<const std::string> key
              fmt::format("column parameter has component {}; the session has {} parameters", column.component,
                          keys.size()),
              "Name the keys in open_session.parameters.");
-    check_count(batch, Field::kParameter, column.component, ids.size());
-    std::vector<std::uint64_t> nodes;
-    const auto values = batch.f64(Field::kParameter, column.component);
-    for (std::size_t row = 0; row < ids.size(); ++row)
-      if (!std::isfinite(values[row])) nodes.push_back(ids[row]);
-    if (nodes.empty()) continue;
-    const std::uint64_t first = nodes.front();
-    refuse(Code::kInvalidValue, keys[column.component],
-           fmt::format("{} of node {} is not a finite number ({} of {} rows at fault)", keys[column.component], first,
-                       nodes.size(), ids.size()),
-           "Nothing was changed; give each node a value, or leave the column out.", nodes);
+    const std::string& key = keys[column.component];
+    check_rows(
+        Code::kInvalidValue, key, batch.f64(Field::kParameter, column.component),
+        [](std::size_t, double value) { return std::isfinite(value); }, [&](std::size_t row) { return ids[row]; },
+        [&](std::uint64_t node, std::size_t, double) {
+          return fmt::format("{} of node {} is not a finite number", key, node);
+        },
+        "Nothing was changed; give each node a value, or leave the column out.");
   }
 }
 
@@ -479,6 +440,33 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   rows.others_are_open = !rows.all && step.absent_nodes == wire::AbsentNodes::kOpen && step.part == step.parts;
   check_inputs(batch, rows, nodes);
   return rows;
+}
+
+void check_layer_masses(const wire::Batch& batch, const shard::Rows& rows, const shard::Shard& shard) {
+  const physics::ModelOptions& scene = shard.model().options();
+  if (!scene.inertia || scene.strategy != physics::Strategy::kForceDriven) return;
+  const auto mass = batch.f64(Field::kMassSoft), pressure = batch.f64(Field::kPressure);
+  std::vector<std::uint64_t> nodes;
+  std::string first;
+  for (std::size_t row = 0; row < mass.size(); ++row) {
+    if (!(pressure[row] > 0.0)) continue;
+    const physics::ModelOptions& options = shard.model_of(slot_of(shard.nodes(), rows, row)).options();
+    const double layer = options.soft.density * options.grid.thickness;
+    if (mass[row] > layer) continue;
+    nodes.push_back(node_of(shard.nodes(), rows, batch, row));
+    if (nodes.size() == 1)
+      first = fmt::format(
+          "{} of node {} is {}; expected above {} kg/m2, the mass of the layer (density times "
+          "layer.thickness_m), which with layer.inertia is taken from that of the half zone",
+          wire::name(Field::kMassSoft), nodes.front(), mass[row], layer);
+  }
+  if (nodes.empty()) return;
+  const std::size_t faults = nodes.size();
+  refuse(Code::kInvalidValue, wire::name(Field::kMassSoft),
+         fmt::format("{} ({} of {} rows at fault)", first, faults, mass.size()),
+         "Nothing was changed; open the session with a layer.thickness_m that is less than half the zone, or without "
+         "layer.inertia.",
+         std::move(nodes));
 }
 
 shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {

@@ -2,9 +2,12 @@
 // expected and what was found.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "proto/wire/batch.hpp"
@@ -13,6 +16,28 @@
 #include "server/shard/shard.hpp"
 
 namespace shearbus::service {
+
+// Throws wire::Error; of many nodes at fault it names the first few.
+[[noreturn]] void refuse(wire::Code code, std::string field, std::string text, std::string remedy,
+                         std::vector<std::uint64_t> node_ids = {});
+
+// Refuses the rows of a request whose value is not valid(row, value), which is false for NaN. text(node, row, value): what
+// is wrong with the first of them.
+template <typename Value>
+void check_rows(wire::Code code, const std::string& field, std::span<const Value> values, const auto& valid,
+                const auto& node_of, const auto& text, const char* remedy) {
+  std::vector<std::uint64_t> nodes;
+  std::size_t first = 0, faults = 0;
+  for (std::size_t row = 0; row < values.size(); ++row) {
+    if (valid(row, values[row])) continue;
+    if (faults++ == 0) first = row;
+    if (nodes.size() < wire::kMaxNodesNamed) nodes.push_back(node_of(row));
+  }
+  if (faults == 0) return;
+  std::string first_fault = fmt::format("{} ({} of {} rows at fault)", text(nodes.front(), first, values[first]), faults,
+                                        values.size());
+  refuse(code, field, std::move(first_fault), remedy, std::move(nodes));
+}
 
 // The node ids of an opening: unique and not too many. They may be absent only if the session has a domain.
 std::span<const std::uint64_t> check_opening_nodes(const wire::Batch& batch, const std::string& domain);
@@ -55,6 +80,9 @@ void check_times(const wire::Downscale& step, const physics::ModelOptions& optio
 // Checks options and columns of a step; returns for each row of the request the slot of its node in the node table.
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
                        const shard::NodeTable& nodes);
+
+// Refuses closed contacts of force-driven layers with inertia whose soft half zone has no mass but the layer's.
+void check_layer_masses(const wire::Batch& batch, const shard::Rows& rows, const shard::Shard& shard);
 
 // The columns of the reply: the wanted columns, which belong to `step`, or all default columns of the strategy.
 std::span<const wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,

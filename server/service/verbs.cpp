@@ -9,12 +9,12 @@
 
 #include "server/service/member.hpp"
 #include "server/service/service.hpp"
+#include "server/service/validate.hpp"
 #include "server/service/verb.hpp"
 
 namespace shearbus::service {
 
 using wire::Code;
-using wire::Error;
 
 struct Service::Verbs {
   enum class For { kAnybody, kOperators };
@@ -113,15 +113,14 @@ bool Service::begin_change(const Verb& verb, Member& member) {
   if (verb.changes_domain && must_wait_for_domain(member.identity, member.domain)) return false;
   hold(member);
   if (verb.trial == Trial::kMustStand && !member.trial_stands())
-    throw Error({.code = Code::kNothingToCommit,
-                 .text = member.parts ? fmt::format("parts of the step are missing: {} of {} have come",
-                                                    member.parts->last.part, member.parts->last.parts)
-                                      : "no trial is standing",
-                 .remedy = "Send a trial step first, with all of its parts."});
+    refuse(Code::kNothingToCommit, "",
+           member.parts ? fmt::format("parts of the step are missing: {} of {} have come", member.parts->last.part,
+                                      member.parts->last.parts)
+                        : "no trial is standing",
+           "Send a trial step first, with all of its parts.");
   if (verb.trial == Trial::kMustNotStand && member.shard->has_trial())
-    throw Error({.code = Code::kTrialStands,
-                 .text = "a trial stands; its states are of the nodes there are",
-                 .remedy = "Commit it or roll it back, then change the set of nodes."});
+    refuse(Code::kTrialStands, "", "a trial stands; its states are of the nodes there are",
+           "Commit it or roll it back, then change the set of nodes.");
   return true;
 }
 

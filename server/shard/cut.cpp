@@ -14,18 +14,6 @@ namespace {
 
 constexpr std::uint32_t kNoPlace = std::numeric_limits<std::uint32_t>::max();
 
-// Sets a flag at the end of a scope, whether or not it throws.
-class SetAtEnd {
- public:
-  explicit SetAtEnd(std::atomic<bool>& flag) : flag_(flag) {}
-  SetAtEnd(const SetAtEnd&) = delete;
-  SetAtEnd& operator=(const SetAtEnd&) = delete;
-  ~SetAtEnd() { flag_.store(true, std::memory_order_release); }
-
- private:
-  std::atomic<bool>& flag_;
-};
-
 }  // namespace
 
 Cut::Cut(Of of)
@@ -71,33 +59,17 @@ void Cut::save_all() {
   for (std::size_t tile = 0; tile < of_.committed.size() && !over(); ++tile) save(tile);
 }
 
-// States of these rows, whose values of the layers are to be put.
 States Cut::blank(std::vector<std::uint32_t> rows) const {
-  States states{.rows = std::move(rows), .columns = {}};
-  for (const physics::State& state : of_.layout.states())
-    states.columns.push_back({.name = state.name,
-                              .units = state.unit,
-                              .width = state.width,
-                              .values = std::vector<double>(states.rows.size() * state.width)});
   std::vector<std::uint32_t> slots;
-  for (const std::uint32_t row : states.rows) slots.push_back(of_.nodes->slot_of(row));
-  add_pair_columns(of_.pairs, of_.map, slots, states);
-  return states;
-}
-
-// Writes the states of one node from its lane of a tile to its place in the columns.
-void Cut::put(const double* from, std::size_t lane, std::size_t place, States& states) const {
-  const std::span<const physics::State> known = of_.layout.states();
-  for (std::size_t column = 0; column < known.size(); ++column) {
-    const std::size_t width = known[column].width;
-    const double* values = from + known[column].offset + lane;
-    double* to = states.columns[column].values.data() + place * width;
-    for (std::size_t i = 0; i < width; ++i) to[i] = values[i * kLanes];
-  }
+  for (const std::uint32_t row : rows) slots.push_back(of_.nodes->slot_of(row));
+  return blank_states(of_.layout.states(), of_.pairs, of_.map, std::move(rows), slots);
 }
 
 Cut::Contents Cut::read() {
-  const SetAtEnd at_end(over_);
+  const struct AtEnd {
+    std::atomic<bool>& over;
+    ~AtEnd() { over.store(true, std::memory_order_release); }
+  } at_end{over_};
   const NodeTable& nodes = *of_.nodes;
   std::vector<std::uint32_t> row_of_slot(of_.committed.size() * kLanes, kNoPlace);
   std::vector<std::uint32_t> rows(nodes.size());
@@ -118,8 +90,11 @@ Cut::Contents Cut::read() {
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const std::uint32_t row = row_of_slot[tile * kLanes + lane];
       if (row == kNoPlace) continue;
-      put(taken ? in_place(tile, false) : saved(tile, false), lane, row, contents.committed);
-      if (trial) put(taken ? in_place(tile, true) : saved(tile, true), lane, place_in_trial[row], *contents.trial);
+      const auto states = of_.layout.states();
+      put_state((taken ? in_place(tile, false) : saved(tile, false)) + lane, states, row, contents.committed);
+      if (trial)
+        put_state((taken ? in_place(tile, true) : saved(tile, true)) + lane, states, place_in_trial[row],
+                  *contents.trial);
     }
     tiles_[tile].store(kRead, std::memory_order_release);
   }

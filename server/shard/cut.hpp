@@ -59,7 +59,6 @@ class Cut {
   void save(std::size_t tile);
   bool take(std::size_t tile);
   States blank(std::vector<std::uint32_t> rows) const;
-  void put(const double* from, std::size_t lane, std::size_t place, States& states) const;
 
   Of of_;
   std::unique_ptr<std::atomic<std::uint8_t>[]> tiles_;  // State of each tile

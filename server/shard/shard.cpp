@@ -88,10 +88,6 @@ std::uint64_t Shard::bytes_per_node(const TileStates& layout) {
   return 2 * sizeof(double) * layout.doubles / kLanes + kLists;
 }
 
-std::uint64_t Shard::bytes_for(const TileStates& layout, std::size_t nodes) {
-  return bytes_of_tiles(layout, tiles_for(nodes));
-}
-
 std::uint64_t Shard::bytes_with(std::size_t nodes, const PairsOfNodes* of_nodes) const {
   if (!pairs_.several() || of_nodes == nullptr) return bytes_for(map_.nodes() + nodes);
   PairTable pairs = pairs_;
@@ -281,8 +277,8 @@ void Shard::find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles) {
   tiles.erase(std::unique(tiles.begin(), tiles.end()), tiles.end());
 }
 
-std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const Operators& operators,
-                                                const StepColumns& columns, std::shared_ptr<StepRun> run) {
+std::shared_ptr<Shard::StepRun> Shard::prepare(const Rows& rows, const Operators& operators, const StepColumns& columns,
+                                               std::shared_ptr<StepRun> run) {
   const StepOf step{stepped_nodes(rows), rows.all && nodes_->slots_are_rows(), rows.others_are_open, operators, columns,
                     columns.has_ledger()};
   if (run) {
@@ -302,17 +298,13 @@ std::shared_ptr<Shard::StepRun> Shard::prepared(const Rows& rows, const Operator
   return run;
 }
 
-std::shared_ptr<Shard::StepRun> Shard::prepare(const Rows& rows, const Operators& operators, const StepColumns& columns,
-                                               std::shared_ptr<StepRun> memory) {
-  return prepared(rows, operators, columns, std::move(memory));
-}
-
 std::shared_ptr<Shard::StepRun> Shard::prepare_attempt(const Rows& rows, const Operators& operators,
                                                        const StepColumns& columns, bool from_trial) {
-  auto run = prepared(rows, operators, columns);
+  auto run = prepare(rows, operators, columns);
   Attempt& attempt = run->attempt.emplace();
   attempt.tiles.reserve(std::max(num_tiles(), rows.slots.size()));
   attempt.states = make_block(std::min(num_tiles(), run->step.num_nodes) * layout_.doubles);
+  run->touched.reserve(num_tiles());
   attempt.start = committed_;
   for (const std::uint32_t tile : touched_)
     if (from_trial) attempt.start[tile] = static_cast<std::uint8_t>(1 - attempt.start[tile]);
@@ -325,7 +317,6 @@ std::shared_ptr<Shard::StepRun> Shard::prepare_extension(const Rows& rows, const
   auto run = prepare_attempt(rows, operators, columns, true);
   run->step.stepped = &stepped;
   run->extends = true;
-  run->touched.reserve(num_tiles());
   return run;
 }
 
@@ -416,17 +407,15 @@ bool Shard::is_small(const StepRun& run) {
 }
 
 void Shard::finish(StepRun& run) {
-  if (run.extends) {
+  if (run.attempt) {
+    if (!run.extends) rollback();
     const Attempt& attempt = *run.attempt;
     for (std::size_t i = 0; i < attempt.tiles.size(); ++i)
       std::copy_n(attempt.states.get() + i * layout_.doubles, layout_.doubles, trial_to_write(attempt.tiles[i]));
     std::ranges::set_union(touched_, attempt.tiles, std::back_inserter(run.touched));
     touched_.assign(run.touched.begin(), run.touched.end());
-  } else if (run.attempt) {
-    adopt(*run.attempt);
-  } else {
-    has_trial_ = true;
   }
+  has_trial_ = true;
 }
 
 StepCount Shard::step(const Rows& rows, const Operators& operators, const StepColumns& columns) {
@@ -436,17 +425,6 @@ StepCount Shard::step(const Rows& rows, const Operators& operators, const StepCo
   }
   finish(*run);
   return run->count;
-}
-
-void Shard::adopt(const Attempt& attempt) {
-  rollback();
-  const std::size_t doubles = layout_.doubles;
-  for (std::size_t i = 0; i < attempt.tiles.size(); ++i) {
-    const std::uint32_t tile = attempt.tiles[i];
-    touched_.push_back(tile);
-    std::copy_n(attempt.states.get() + i * doubles, doubles, trial_to_write(tile));
-  }
-  has_trial_ = true;
 }
 
 void Shard::begin_tile(const StepOf& step, TileStep& tile) const {

@@ -66,19 +66,15 @@ class Shard {
 
   // Memory in bytes. bytes_of_state(): the state of one node, as marks and files store it. bytes_per_node(): one node
   // in a shard, which has a committed state, a trial state and an entry in the index. bytes_for(): a number of nodes,
-  // in whole tiles. The static functions give the numbers of a model for which there is no shard yet.
-  static std::uint64_t bytes_per_node(const physics::Model& model, bool check_closure = false,
-                                      bool sum_energy = false) {
-    return bytes_per_node(TileStates(model, check_closure, sum_energy));
-  }
-  static std::uint64_t bytes_for(const physics::Model& model, std::size_t nodes, bool check_closure = false) {
-    return bytes_for(TileStates(model, check_closure), nodes);
-  }
+  // in whole tiles. The static function gives the number for a layout of which there is no shard yet.
+  static std::uint64_t bytes_per_node(const TileStates& layout);
   std::uint64_t bytes_of_state() const {
     return sizeof(double) * (layout_.doubles / physics::kLanes + pairs_.columns().size());
   }
   std::uint64_t bytes_per_node() const { return bytes_per_node(layout_); }
-  std::uint64_t bytes_for(std::size_t nodes) const { return bytes_for(layout_, nodes); }
+  std::uint64_t bytes_for(std::size_t nodes) const {
+    return bytes_of_tiles(layout_, (nodes + physics::kLanes - 1) / physics::kLanes);
+  }
   // Memory of the shard after these nodes have been added, as by adding().
   std::uint64_t bytes_with(std::size_t nodes, const PairsOfNodes* of_nodes) const;
 
@@ -177,13 +173,10 @@ class Shard {
   static constexpr std::size_t kOperatorsKeptOfPairs = 2;  // in a shard of several pairs
 
  private:
-  static std::size_t tiles_for(std::size_t nodes) { return (nodes + physics::kLanes - 1) / physics::kLanes; }
   std::size_t num_tiles() const { return map_.tiles(); }
-  static std::uint64_t bytes_per_node(const TileStates& layout);
   static std::uint64_t bytes_of_tiles(const TileStates& layout, std::size_t tiles) {
     return tiles * (physics::kLanes * bytes_per_node(layout));
   }
-  static std::uint64_t bytes_for(const TileStates& layout, std::size_t nodes);
   // Memory of the models and operators of the pairs that have nodes; 0 with one pair, whose share is small.
   std::uint64_t bytes_of_pairs(const TileMap& map, std::size_t pairs) const;
   std::size_t tile_doubles() const { return 2 * layout_.doubles; }
@@ -202,10 +195,7 @@ class Shard {
   struct StepOf;
   struct TileStep;
   struct LaneRows;
-  std::shared_ptr<StepRun> prepared(const Rows& rows, const Operators& operators, const StepColumns& columns,
-                                    std::shared_ptr<StepRun> run = nullptr);
   void find_tiles(const Rows& rows, std::vector<std::uint32_t>& tiles);
-  void adopt(const Attempt& attempt);
   void run_seat(StepRun& run, std::size_t seat, double work);
   void begin_tile(const StepOf& step, TileStep& tile) const;
   StepCount end_tile(const StepOf& step, TileStep& tile) const;

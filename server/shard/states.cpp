@@ -15,32 +15,40 @@ std::uint32_t Shard::tile_of(std::uint32_t slot) {
   return slot / kLanes;
 }
 
-void add_pair_columns(const PairTable& pairs, const TileMap& map, std::span<const std::uint32_t> slots,
-                      States& states) {
+States blank_states(std::span<const physics::State> known, const PairTable& pairs, const TileMap& map,
+                    std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots) {
+  States states{.rows = std::move(rows), .columns = {}};
+  for (const physics::State& state : known)
+    states.columns.push_back({.name = state.name,
+                              .units = state.unit,
+                              .width = state.width,
+                              .values = std::vector<double>(slots.size() * state.width)});
   for (std::size_t i = 0; i < pairs.columns().size(); ++i) {
     const PairColumn& of_pair = pairs.columns()[i];
     StateColumn column{.name = of_pair.name, .units = of_pair.units, .width = 1, .values = {}};
-    column.values.reserve(slots.size());
     for (const std::uint32_t slot : slots) column.values.push_back(pairs[map.pair_of(slot / kLanes)].values[i]);
     states.columns.push_back(std::move(column));
+  }
+  return states;
+}
+
+void put_state(const double* from, std::span<const physics::State> known, std::size_t place, States& states) {
+  for (std::size_t column = 0; column < known.size(); ++column) {
+    const std::size_t width = known[column].width;
+    const double* values = from + known[column].offset;
+    double* to = states.columns[column].values.data() + place * width;
+    for (std::size_t i = 0; i < width; ++i) to[i] = values[i * kLanes];
   }
 }
 
 States Shard::states_in(std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots, bool of_trial) const {
-  States states{.rows = std::move(rows), .columns = {}};
-  for (const physics::State& state : layout_.states()) {
-    StateColumn column{.name = state.name, .units = state.unit, .width = state.width, .values = {}};
-    column.values.reserve(slots.size() * state.width);
-    for (const std::uint32_t slot : slots) {
-      const std::uint32_t tile = tile_of(slot);
-      const bool in_trial = of_trial && std::binary_search(touched_.begin(), touched_.end(), tile);
-      const double* from =
-          buffer(tile, in_trial ? 1U - committed_[tile] : committed_[tile]) + state.offset + slot % kLanes;
-      for (std::size_t i = 0; i < state.width; ++i) column.values.push_back(from[i * kLanes]);
-    }
-    states.columns.push_back(std::move(column));
+  States states = blank_states(layout_.states(), pairs_, map_, std::move(rows), slots);
+  for (std::size_t place = 0; place < slots.size(); ++place) {
+    const std::uint32_t tile = tile_of(slots[place]);
+    const bool in_trial = of_trial && std::binary_search(touched_.begin(), touched_.end(), tile);
+    put_state(buffer(tile, in_trial ? 1U - committed_[tile] : committed_[tile]) + slots[place] % kLanes,
+              layout_.states(), place, states);
   }
-  add_pair_columns(pairs_, map_, slots, states);
   return states;
 }
 

@@ -28,8 +28,11 @@ struct States {
 class PairTable;
 class TileMap;
 
-// Adds the columns that tell the pairs of the nodes in these slots.
-void add_pair_columns(const PairTable& pairs, const TileMap& map, std::span<const std::uint32_t> slots, States& states);
+// States of these rows, whose nodes are in these slots: with the columns that tell their pairs, and room for the states
+// that put_state() copies there. `from`: the place in a tile where the states of a node begin.
+States blank_states(std::span<const physics::State> known, const PairTable& pairs, const TileMap& map,
+                    std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots);
+void put_state(const double* from, std::span<const physics::State> known, std::size_t place, States& states);
 
 // Writes the values of `states` into tiles. `states` must begin with one column for each entry of `known`, in the same
 // order, but may lack those that begin at 0; columns that tell the pairs of the nodes may follow, of which no tile has a

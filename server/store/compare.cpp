@@ -39,13 +39,7 @@ std::string number(double value) {
 }
 
 std::string name_of(const SessionImage& session) {
-  std::string name = "session ";
-  for (std::size_t i = 0; i < 4; ++i) {
-    constexpr const char* kDigits = "0123456789abcdef";
-    name += kDigits[session.id[i] >> 4];
-    name += kDigits[session.id[i] & 15];
-  }
-  return name;
+  return "session " + hexadecimal(session.id).substr(0, 8);
 }
 
 std::string difference(const std::string& where, const shard::States& a, const shard::States& b,
@@ -108,11 +102,6 @@ std::string difference(const std::string& where, const std::vector<MarkImage>& a
   return {};
 }
 
-std::string difference(const SessionImage& a, const SessionImage& b) {
-  if (a.open != b.open) return name_of(a) + ": open in one, closed in the other";
-  return difference_of(name_of(a), a, b);
-}
-
 // Compares the nodes that sessions have offered and no session has accepted yet, in the order of the ids of the offers.
 std::string difference_of_transfers(const Snapshot& a, const Snapshot& b) {
   const std::string where = "nodes offered";
@@ -146,7 +135,8 @@ std::string first_difference(const std::filesystem::path& a, const std::filesyst
         return s->open == session.open && s->scene == session.scene && s->node_ids == session.node_ids;
       });
     if (partners[i] == nullptr) return name_of(session) + " is in " + a.string() + " only";
-    if (std::string text = difference(session, *partners[i]); !text.empty()) return text;
+    if (session.open != partners[i]->open) return name_of(session) + ": open in one, closed in the other";
+    if (std::string text = difference_of(name_of(session), session, *partners[i]); !text.empty()) return text;
   }
   if (!left.empty()) return name_of(*left.front()) + " is in " + b.string() + " only";
   return difference_of_transfers(one, other);

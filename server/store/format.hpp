@@ -111,25 +111,18 @@ inline std::string hexadecimal(const std::array<std::uint8_t, 16>& id) {
   return text;
 }
 
-inline std::string segment_name(std::uint64_t number);
-inline std::string checkpoint_name(std::uint64_t generation);
-inline std::string capsule_name(std::uint64_t number);
-
-namespace detail {
 inline std::string numbered(const char* prefix, std::uint64_t number, const char* suffix) {
   std::string digits = std::to_string(number);
   return prefix + std::string(digits.size() < 12 ? 12 - digits.size() : 0, '0') + digits + suffix;
 }
-}  // namespace detail
-
 inline std::string segment_name(std::uint64_t number) {
-  return detail::numbered("journal-", number, ".log");
+  return numbered("journal-", number, ".log");
 }
 inline std::string checkpoint_name(std::uint64_t generation) {
-  return detail::numbered("checkpoint-", generation, ".h5");
+  return numbered("checkpoint-", generation, ".h5");
 }
 inline std::string capsule_name(std::uint64_t number) {
-  return detail::numbered("capsule-", number, ".h5");
+  return numbered("capsule-", number, ".h5");
 }
 
 }  // namespace shearbus::store

@@ -33,7 +33,7 @@ struct Rest {
 
 // Returns false if the header is incomplete: the file is too short, or all its bytes are 0.
 bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment) {
-  SegmentHeader header;
+  SegmentHeader& header = segment;
   if (bytes.size() < sizeof header || files::all_zero(bytes)) return false;
   std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kJournalMagic) damaged(name, 0, "not a journal: it does not begin with the journal's mark");
@@ -45,12 +45,6 @@ bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment)
     damaged(name, 0, "the segment's header does not match its sum");
   if (header.settled_sum != sum_of_settled(header.settled, header.sum))
     damaged(name, offsetof(SegmentHeader, settled), "the number of settled records does not match its sum");
-  segment.number = header.number;
-  segment.epoch = header.epoch;
-  segment.first_index = header.first_index;
-  segment.store = header.store;
-  segment.settled = header.settled;
-  segment.numerics = header.numerics;
   return true;
 }
 
@@ -77,16 +71,8 @@ bool read_record(Bytes bytes, const std::string& name, Segment& segment) {
 
 }  // namespace
 
-JournalWriter::JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index,
-                             bool durable, const StoreId& store, std::uint16_t numerics)
-    : JournalWriter(
-          storage, segment_name(number),
-          {.numerics = numerics, .number = number, .epoch = epoch, .first_index = first_index, .store = store},
-          durable) {}
-
 JournalWriter::JournalWriter(Storage& storage, const std::string& name, SegmentHeader header, bool durable)
     : file_(storage.create(name)),
-      number_(header.number),
       first_index_(header.first_index),
       next_index_(header.first_index),
       durable_(durable) {

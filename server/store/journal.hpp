@@ -9,7 +9,6 @@
 #include <string_view>
 #include <vector>
 
-#include "server/physics/numerics.hpp"
 #include "server/store/format.hpp"
 #include "server/store/storage.hpp"
 
@@ -30,11 +29,8 @@ struct Record {
 // Appends records to a new segment, which is one file of the journal.
 class JournalWriter {
  public:
-  // Creates the file. With `durable` the name and the header are on the disk when the constructor returns. A file that
-  // cannot be finished is removed.
-  JournalWriter(Storage& storage, std::uint64_t number, std::uint64_t epoch, std::uint64_t first_index, bool durable,
-                const StoreId& store = {}, std::uint16_t numerics = physics::kNumericsVersion);
-  // Likewise, a file of any name with the numbers, epoch and id of `header`.
+  // Creates the file, with the numbers, epoch, id and numerics of `header`. With `durable` the name and the header are on
+  // the disk when the constructor returns. A file that cannot be finished is removed.
   JournalWriter(Storage& storage, const std::string& name, SegmentHeader header, bool durable);
 
   // Throws StorageError. If no_space() is true the file is unchanged and the call may be repeated; after any other
@@ -45,7 +41,6 @@ class JournalWriter {
   // was appended since the last call. A failure is final.
   void settle();
 
-  std::uint64_t number() const { return number_; }
   std::uint64_t next_index() const { return next_index_; }
   std::uint64_t first_index() const { return first_index_; }
   std::uint64_t bytes() const { return bytes_; }
@@ -53,7 +48,6 @@ class JournalWriter {
 
  private:
   std::unique_ptr<File> file_;
-  std::uint64_t number_;
   std::uint64_t first_index_;
   std::uint64_t next_index_;
   std::uint64_t bytes_ = 0;
@@ -64,13 +58,7 @@ class JournalWriter {
 };
 
 // The contents of a segment (one file of the journal). `records` point into the bytes that the segment was read from.
-struct Segment {
-  std::uint64_t number = 0;
-  std::uint64_t epoch = 0;
-  std::uint64_t first_index = 0;
-  StoreId store{};             // id of the directory that the segment belongs to
-  std::uint16_t numerics = 0;  // version of the numerics that ran the requests
-  std::uint64_t settled = 0;   // records before this index are settled: their requests may have been answered
+struct Segment : SegmentHeader {
   std::vector<Record> records;
   std::uint64_t sound_bytes = 0;  // bytes up to the end of the last complete record; 0: the header is incomplete
   bool torn = false;              // true if the last record is incomplete; its request was then never answered

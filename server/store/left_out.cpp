@@ -79,13 +79,13 @@ void LeftOut::check_found() const {
 std::string LeftOut::set_aside(Storage& storage, const StoreId& store) const {
   std::uint64_t number = 1;
   for (const std::string& file : storage.list())
-    for (; file.starts_with(detail::numbered("dropped-", number, ".")); ++number) {
+    for (; file.starts_with(numbered("dropped-", number, ".")); ++number) {
     }
   std::string files;
   if (!sessions_.sessions.empty()) {
     Snapshot snapshot = sessions_;
     snapshot.store = store;
-    const std::string name = detail::numbered("dropped-", number, ".h5");
+    const std::string name = numbered("dropped-", number, ".h5");
     const std::vector<std::byte> bytes = checkpoint_bytes(snapshot, number);
     const std::array<Bytes, 1> parts = {bytes};
     const auto file = storage.create(name);
@@ -94,7 +94,7 @@ std::string LeftOut::set_aside(Storage& storage, const StoreId& store) const {
     files = name;
   }
   if (!records_.empty()) {
-    const std::string name = detail::numbered("dropped-", number, ".log");
+    const std::string name = numbered("dropped-", number, ".log");
     JournalWriter journal(storage, name, {.number = number, .store = store}, true);
     for (const Kept& record : records_)
       journal.append({.session = record.session,

@@ -12,19 +12,12 @@
 #include <utility>
 
 #include "proto/files/record_file.hpp"
+#include "proto/wire/host_process.hpp"
 
 namespace shearbus::store {
 namespace {
 
 constexpr const char* kLockName = "lock";
-
-template <typename Call>
-auto retried(Call call) {
-  for (;;) {
-    const auto result = call();
-    if (result >= 0 || errno != EINTR) return result;
-  }
-}
 
 class PosixFile final : public File {
  public:
@@ -38,13 +31,13 @@ class PosixFile final : public File {
   }
   void overwrite(std::uint64_t offset, Bytes bytes) override {
     const auto written =
-        retried([&] { return ::pwrite(file_, bytes.data(), bytes.size(), static_cast<off_t>(offset)); });
+        wire::uninterrupted([&] { return ::pwrite(file_, bytes.data(), bytes.size(), static_cast<off_t>(offset)); });
     if (written != static_cast<ssize_t>(bytes.size()))
       throw StorageError("cannot write " + name_, written < 0 ? errno : EIO);
   }
   void truncate(std::uint64_t size) override {
     const auto end = static_cast<off_t>(size);
-    if (retried([&] { return ::ftruncate(file_, end); }) < 0 || ::lseek(file_, end, SEEK_SET) < 0)
+    if (wire::uninterrupted([&] { return ::ftruncate(file_, end); }) < 0 || ::lseek(file_, end, SEEK_SET) < 0)
       throw StorageError("cannot shorten " + name_, errno);
   }
   void sync() override {
@@ -151,7 +144,7 @@ std::vector<std::byte> PosixStorage::read(const std::string& name) {
   if (taken == 0) {
     bytes.resize(static_cast<std::size_t>(found.st_size));
     while (size < bytes.size() &&
-           (taken = retried([&] { return ::read(file, bytes.data() + size, bytes.size() - size); })) > 0)
+           (taken = wire::uninterrupted([&] { return ::read(file, bytes.data() + size, bytes.size() - size); })) > 0)
       size += static_cast<std::size_t>(taken);
   }
   const int fault = errno;

@@ -52,22 +52,12 @@ StoreIdentity identity_in(Bytes bytes) {
 }  // namespace
 
 const char* name(Durability durability) {
-  switch (durability) {
-    case Durability::kNone:
-      return "none";
-    case Durability::kProcess:
-      return "process";
-    case Durability::kPower:
-      return "power";
-  }
-  return "?";
+  return std::array{"none", "process", "power"}.at(static_cast<std::size_t>(durability));
 }
 
-// The files of the directory by kind, each kind with ascending numbers.
+// The files of the directory by kind, each kind by its numbers.
 struct Store::Found {
-  std::vector<std::uint64_t> checkpoints;
-  std::vector<std::uint64_t> segments;
-  std::vector<std::uint64_t> capsules;
+  std::set<std::uint64_t> checkpoints, segments, capsules;
   std::vector<std::string> unfinished;
   std::set<std::string> names;  // names of all files
 };
@@ -97,17 +87,14 @@ Store::Found Store::find() {
     if (kept != file) {
       if (checkpoint || capsule || kept == kIdentityName) found.unfinished.push_back(file);
     } else if (checkpoint) {
-      found.checkpoints.push_back(*checkpoint);
+      found.checkpoints.insert(*checkpoint);
     } else if (segment) {
-      found.segments.push_back(*segment);
+      found.segments.insert(*segment);
     } else if (capsule) {
-      found.capsules.push_back(*capsule);
+      found.capsules.insert(*capsule);
     }
     found.names.insert(std::move(file));
   }
-  std::sort(found.checkpoints.begin(), found.checkpoints.end());
-  std::sort(found.segments.begin(), found.segments.end());
-  std::sort(found.capsules.begin(), found.capsules.end());
   return found;
 }
 
@@ -174,7 +161,7 @@ bool Store::read_identity(const Found& found) {
                              std::to_string(found.segments.size()) + " segments";
     if (options_.durability == Durability::kPower) throw DamagedFile(text + kOfLoss);
     log("LOST: " + text + ". Whether later files are lost cannot be known");
-    if (!found.segments.empty()) identity_.last_segment = found.segments.back();
+    if (!found.segments.empty()) identity_.last_segment = *found.segments.rbegin();
     adopt_id(found);
   }
   return false;
@@ -448,9 +435,13 @@ void Store::start_segment() {
   const Found found = find();
   while (found.names.contains(segment_name(next_segment_))) ++next_segment_;
   const std::uint64_t number = next_segment_++;
-  auto journal =
-      std::make_unique<JournalWriter>(storage_, number, options_.epoch, next_index_,
-                                      options_.durability == Durability::kPower, identity_.id, options_.numerics);
+  auto journal = std::make_unique<JournalWriter>(storage_, segment_name(number),
+                                                 SegmentHeader{.numerics = options_.numerics,
+                                                               .number = number,
+                                                               .epoch = options_.epoch,
+                                                               .first_index = next_index_,
+                                                               .store = identity_.id},
+                                                 options_.durability == Durability::kPower);
   StoreIdentity identity = identity_;
   identity.last_segment = number;
   identity.first_index = next_index_;
@@ -533,12 +524,6 @@ struct Store::CheckpointJob {
   std::string fault;       // empty: the checkpoint is sound
 };
 
-bool Store::checkpoint(Snapshot snapshot) {
-  const auto job = begin_checkpoint(std::move(snapshot));
-  write(*job);
-  return end_checkpoint(*job);
-}
-
 // Ends the segment, so that it can be removed once its records are not needed. The records are made durable before the
 // checkpoint that includes them: if that checkpoint is damaged later, they are replayed after the checkpoint before it.
 std::shared_ptr<Store::CheckpointJob> Store::begin_checkpoint(Snapshot snapshot) {
@@ -619,7 +604,7 @@ std::size_t Store::capsule_room() {
 
 std::string Store::leave_capsule(const Capsule& capsule) {
   const auto there = find().capsules;
-  std::string file = capsule_name(there.empty() ? 1 : there.back() + 1);
+  std::string file = capsule_name(there.empty() ? 1 : *there.rbegin() + 1);
   write_new(file + std::string(kUnfinished), capsule_bytes(capsule), false);
   storage_.rename(file + std::string(kUnfinished), file);
   return file;

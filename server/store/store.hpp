@@ -94,11 +94,10 @@ class Store {
   double checkpoint_work() const { return options_.checkpoint_work; }
   bool checkpoint_due() const;
   bool changed_since_checkpoint() const { return changed_; }
-  // Writes a snapshot of the present state, reads it back for verification and removes files that are no longer needed.
-  // Returns false if it could not be written; the older checkpoints and the journal then still hold everything.
-  bool checkpoint(Snapshot snapshot);
-  // checkpoint() in three parts. write() touches only the files of the checkpoint, so another thread may make it while
-  // requests are recorded; it never throws. One job at a time.
+  // A checkpoint in three parts: writes a snapshot of the present state, reads it back for verification and removes files
+  // that are no longer needed. write() touches only the files of the checkpoint, so another thread may make it while
+  // requests are recorded; it never throws. One job at a time. end_checkpoint() returns false if the snapshot could not be
+  // written; the older checkpoints and the journal then still hold everything.
   struct CheckpointJob;
   std::shared_ptr<CheckpointJob> begin_checkpoint(Snapshot snapshot);
   void write(CheckpointJob& job) const;

@@ -1,21 +1,14 @@
 #include "server/transport/access.hpp"
 
-#include <sys/eventfd.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cstdlib>
 #include <exception>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string_view>
 #include <utility>
 #include <vector>
-
-#include "proto/wire/host_process.hpp"
 
 namespace shearbus::transport {
 namespace {
@@ -87,26 +80,18 @@ void AccessHandler::guard(zmq::socket_t& socket, Peer::Way way) {
 }
 
 AccessHandler::AccessHandler(zmq::context_t& context, Authorise authorise, std::function<void(const std::string&)> log)
-    : authorise_(std::move(authorise)), log_(std::move(log)), stop_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  if (stop_ < 0) throw std::runtime_error("no eventfd for the access handler: " + wire::limit_of_files());
-  try {
-    const auto socket = std::make_shared<zmq::socket_t>(context, zmq::socket_type::rep);
-    socket->set(zmq::sockopt::linger, 0);
-    if (wire::uninterrupted([&] { return zmq_bind(socket->handle(), kZapEndpoint); }) != 0) throw zmq::error_t();
-    // Here the socket passes from this thread to the new thread. libzmq permits this because the start of a thread
-    // orders the memory accesses of the two threads.
-    thread_ = wire::own_thread([this, socket] { run(*socket); });
-  } catch (...) {
-    ::close(stop_);
-    throw;
-  }
+    : authorise_(std::move(authorise)), log_(std::move(log)) {
+  const auto socket = std::make_shared<zmq::socket_t>(context, zmq::socket_type::rep);
+  socket->set(zmq::sockopt::linger, 0);
+  if (wire::uninterrupted([&] { return zmq_bind(socket->handle(), kZapEndpoint); }) != 0) throw zmq::error_t();
+  // Here the socket passes from this thread to the new thread. libzmq permits this because the start of a thread
+  // orders the memory accesses of the two threads.
+  thread_ = wire::own_thread([this, socket] { run(*socket); });
 }
 
 AccessHandler::~AccessHandler() {
-  const std::uint64_t one = 1;
-  if (::write(stop_, &one, sizeof one) != sizeof one) std::abort();
+  stop_.set();
   thread_.join();
-  ::close(stop_);
 }
 
 void AccessHandler::run(zmq::socket_t& socket) {
@@ -115,7 +100,8 @@ void AccessHandler::run(zmq::socket_t& socket) {
     ~Farewell() { handler.alive_ = false; }
   } const farewell{*this};
   try {
-    std::array<zmq::pollitem_t, 2> items = {{{socket.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, stop_, ZMQ_POLLIN, 0}}};
+    std::array<zmq::pollitem_t, 2> items = {
+        {{socket.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, stop_.file(), ZMQ_POLLIN, 0}}};
     for (;;) {
       if (wire::uninterrupted([&] { return zmq_poll(items.data(), static_cast<int>(items.size()), -1); }) < 0)
         throw zmq::error_t();

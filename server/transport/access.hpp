@@ -11,6 +11,8 @@
 #include <thread>
 #include <zmq.hpp>
 
+#include "proto/wire/host_process.hpp"
+
 namespace shearbus::transport {
 
 // The verified properties of a peer that asks for a connection.
@@ -55,7 +57,7 @@ class AccessHandler {
 
   Authorise authorise_;
   std::function<void(const std::string&)> log_;
-  int stop_;
+  wire::Event stop_{"no eventfd for the access handler"};
   std::int64_t lines_left_ = kBurstOfLines;
   std::chrono::steady_clock::time_point lines_since_ = std::chrono::steady_clock::now();
   std::atomic<std::uint64_t> admitted_{0};

@@ -1,7 +1,6 @@
 #include "server/transport/router.hpp"
 
 #include <poll.h>
-#include <sys/eventfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,7 +11,6 @@
 #include <tuple>
 #include <utility>
 
-#include "proto/wire/host_process.hpp"
 #include "server/transport/descriptor_guard.hpp"
 #include "server/transport/endpoint.hpp"
 #include "server/transport/socket_path.hpp"
@@ -32,18 +30,6 @@ constexpr int kHeartbeatMs = 2'000;
 constexpr int kHeartbeatTimeoutMs = 6'000;
 constexpr int kKeepaliveIdleS = 60;
 constexpr int kLingerMs = 1'000;  // longest wait at the end until peers have read their answers
-
-// Sets the umask, and with it the permissions of the socket's file, for the duration of a bind.
-class Umask {
- public:
-  explicit Umask(mode_t mask) : previous_(::umask(mask)) {}
-  Umask(const Umask&) = delete;
-  Umask& operator=(const Umask&) = delete;
-  ~Umask() { ::umask(previous_); }
-
- private:
-  mode_t previous_;
-};
 
 // Returns a property of the sender, which libzmq attaches to each frame after the first; null if it has no such
 // property.
@@ -82,19 +68,6 @@ Router::Router(RouterOptions options)
 }
 
 Router::~Router() = default;
-
-Wake::Wake() : file_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  if (file_ < 0) throw std::runtime_error("no eventfd to wake the server: too many open files");
-}
-
-Wake::~Wake() {
-  ::close(file_);
-}
-
-void Wake::operator()() const noexcept {
-  const std::uint64_t one = 1;
-  static_cast<void>(::write(file_, &one, sizeof one) < 0);  // a counter that is full wakes, too
-}
 
 std::string Router::bind(const std::string& text) {
   const Endpoint endpoint = Endpoint::parse(text);
@@ -136,7 +109,10 @@ void Router::bind_ipc(const Endpoint& endpoint) {
 void Router::listen_at(SocketPath& path, const std::string& endpoint) {
   socket_.set(zmq::sockopt::curve_server, false);
   guard(Peer::Way::kIpc);
-  const Umask umask(077);
+  const struct Umask {  // and with it the permissions of the socket's file
+    mode_t before = ::umask(077);
+    ~Umask() { ::umask(before); }
+  } umask;
   bind_socket(endpoint);
   path.remember();
 }
@@ -200,16 +176,13 @@ void Router::guard(Peer::Way way) {
 // zmq_poll() would look at the socket before and after it sleeps, and ask the kernel each time. Here the file of the
 // socket is enough: the last call of receive() before has found no message, and libzmq makes the file readable when it
 // has something to tell after that.
-bool Router::sleep(int stop_fd, int wait_ms, const Wake* wake) {
+bool Router::sleep(int stop_fd, int wait_ms, const wire::Event* wake) {
   std::array<pollfd, 3> files = {{{.fd = socket_.get(zmq::sockopt::fd), .events = POLLIN, .revents = 0},
                                   {.fd = stop_fd, .events = POLLIN, .revents = 0},
-                                  {.fd = wake != nullptr ? wake->file_ : -1, .events = POLLIN, .revents = 0}}};
+                                  {.fd = wake != nullptr ? wake->file() : -1, .events = POLLIN, .revents = 0}}};
   if (::poll(files.data(), files.size(), wait_ms) < 0 && errno != EINTR)
     throw std::system_error(errno, std::generic_category(), "the server cannot wait for messages");
-  if (files[2].revents != 0) {
-    std::uint64_t calls = 0;
-    static_cast<void>(::read(wake->file_, &calls, sizeof calls) < 0);
-  }
+  if (files[2].revents != 0) wake->clear();
   return files[1].revents == 0;
 }
 

@@ -15,6 +15,7 @@
 #include <vector>
 #include <zmq.hpp>
 
+#include "proto/wire/host_process.hpp"
 #include "server/transport/access.hpp"
 #include "server/transport/endpoint.hpp"
 #include "server/transport/socket_path.hpp"
@@ -49,21 +50,6 @@ struct Answer {
 // process.
 using Handler = std::function<Answer(Frames, std::string_view user)>;
 
-// Ends the wait of a router from another thread.
-class Wake {
- public:
-  Wake();  // throws std::runtime_error if there is no file to be had
-  Wake(const Wake&) = delete;
-  Wake& operator=(const Wake&) = delete;
-  ~Wake();
-
-  void operator()() const noexcept;
-
- private:
-  friend class Router;
-  int file_;
-};
-
 // Work that the router does between requests.
 struct Pulse {
   int every_ms = -1;           // longest wait between two calls of `beat`; -1: called after requests only
@@ -73,7 +59,7 @@ struct Pulse {
   // empty.
   std::function<bool()> busy;
   std::function<bool()> work;
-  const Wake* wake = nullptr;  // called when busy() may have become true while the router waits; may be null
+  const wire::Event* wake = nullptr;  // called when busy() may have become true while the router waits; may be null
 };
 
 struct RouterOptions {
@@ -153,7 +139,7 @@ class Router {
   void bind_socket(const std::string& endpoint);
   void process_events();
   bool receive(zmq::message_t& frame);
-  bool sleep(int stop_fd, int wait_ms, const Wake* wake);  // false: stop_fd is readable
+  bool sleep(int stop_fd, int wait_ms, const wire::Event* wake);  // false: stop_fd is readable
   void send(zmq::message_t& peer, const Answer& answer);
 
   RouterOptions options_;

@@ -303,7 +303,7 @@ TEST(Recovery, AJournalOfAnotherPhysicsIsRefused) {
   const auto segment = store::read_segment(bytes, "file");
   disk.remove(store::segment_name(1));
   {
-    store::JournalWriter writer(disk, 1, 77, 0, false);
+    store::JournalWriter writer(disk, store::segment_name(1), segment, false);
     for (store::Record record : segment.records) {
       if (record.sequence == 2) record.previous_reply ^= 1;
       writer.append(record);

@@ -565,7 +565,7 @@ TEST(Recovery, TheLastReplyOfASessionIsProvenToo) {
   // The same journal, in which the last reply was another one.
   disk.remove(store::segment_name(1));
   {
-    store::JournalWriter writer(disk, 1, 77, 0, false, segment.store);
+    store::JournalWriter writer(disk, store::segment_name(1), segment, false);
     for (store::Record record : segment.records) {
       if (record.header_frame.empty()) record.previous_reply ^= 1;
       writer.append(record);

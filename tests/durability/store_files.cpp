@@ -207,7 +207,7 @@ TEST(Checkpoint, UnknownVersionIsRefusedByName) {
 
 struct Journal {
   Journal() {
-    JournalWriter writer(disk, 7, 99, 100, true);
+    JournalWriter writer(disk, segment_name(7), {.number = 7, .epoch = 99, .first_index = 100}, true);
     for (int i = 0; i < 4; ++i) {
       headers.push_back(some_bytes(20 + static_cast<std::size_t>(i), i));
       payloads.push_back(i == 2 ? std::vector<std::byte>() : std::vector<std::byte>(64, std::byte{0}));
@@ -302,7 +302,7 @@ TEST(Journal, UnknownVersionIsRefusedByName) {
 
 TEST(Journal, DiskFullLeavesTheFileAsItWasAndTheNextAppendGoesOn) {
   support::MemoryStorage disk;
-  JournalWriter writer(disk, 1, 1, 0, false);
+  JournalWriter writer(disk, segment_name(1), {.number = 1, .epoch = 1}, false);
   const auto header = some_bytes(40, 1);
   writer.append({.sequence = 0, .header_frame = header});
   disk.plan({.at_call = 1, .code = ENOSPC, .of = support::MemoryStorage::Call::kAppend});
@@ -317,7 +317,7 @@ TEST(Journal, DiskFullLeavesTheFileAsItWasAndTheNextAppendGoesOn) {
 TEST(Journal, AnyOtherFailureIsFinal) {
   for (const auto call : {support::MemoryStorage::Call::kAppend, support::MemoryStorage::Call::kSync}) {
     support::MemoryStorage disk;
-    JournalWriter writer(disk, 1, 1, 0, true);
+    JournalWriter writer(disk, segment_name(1), {.number = 1, .epoch = 1}, true);
     const auto header = some_bytes(40, 1);
     disk.plan({.at_call = 1, .code = EIO, .of = call});
     EXPECT_THROW(

@@ -37,7 +37,7 @@ TEST(Numerics, ATailOfAnotherVersionIsRefusedByNameAndACleanStopLeavesNone) {
   {
     VersionedServer server(disk, 3);
     for (std::uint64_t i = 1; i <= 4; ++i) server.run(i);
-    ASSERT_TRUE(server.store.checkpoint(server.counter.snapshot()));
+    ASSERT_TRUE(write_checkpoint(server.store, server.counter.snapshot()));
     for (std::uint64_t i = 5; i <= 7; ++i) server.run(i);
   }
   for (const bool accept_empty : {false, true}) {
@@ -50,7 +50,7 @@ TEST(Numerics, ATailOfAnotherVersionIsRefusedByNameAndACleanStopLeavesNone) {
   {
     VersionedServer finishes(disk, 3);
     EXPECT_EQ(finishes.counter.seen, up_to(7));
-    ASSERT_TRUE(finishes.store.checkpoint(finishes.counter.snapshot())) << "as a clean stop does";
+    ASSERT_TRUE(write_checkpoint(finishes.store, finishes.counter.snapshot())) << "as a clean stop does";
   }
   VersionedServer next(disk, 4);
   EXPECT_EQ(next.counter.seen, up_to(7));
@@ -71,7 +71,7 @@ TEST(Numerics, ACheckpointWhoseStatesAreNotTheModelsNamesTheVersionThatWroteIt) 
   {
     VersionedServer server(disk, 3);
     for (std::uint64_t i = 1; i <= 4; ++i) server.run(i);
-    ASSERT_TRUE(server.store.checkpoint(server.counter.snapshot()));
+    ASSERT_TRUE(write_checkpoint(server.store, server.counter.snapshot()));
   }
   const auto refusal = [&](std::uint16_t numerics, bool accept_empty) -> std::string {
     const auto names = disk.names();

@@ -14,8 +14,7 @@ constexpr std::uint64_t kMemory = std::uint64_t{1} << 20;
 
 std::vector<std::byte> written(const store::Segment& segment) {
   support::MemoryStorage disk;
-  store::JournalWriter writer(disk, segment.number, segment.epoch, segment.first_index, false, segment.store,
-                              segment.numerics);
+  store::JournalWriter writer(disk, store::segment_name(segment.number), segment, false);
   for (const store::Record& record : segment.records) writer.append(record);
   return disk.bytes(store::segment_name(segment.number));
 }

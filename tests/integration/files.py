@@ -355,7 +355,7 @@ class Tables(Files):
             self.assert_refused(run, "line 3", "velocity_jump", "finite number")
 
     def test_a_long_line(self):
-        self.assert_refused(self.table(self.HEAD + "1" * 20_000_000), "line 2", "bytes")
+        self.assert_refused(self.table(self.HEAD + "1" * 20_000_000), "line 2", "more than 1048576 characters")
 
     def test_names_that_are_nearly_right(self):
         run = self.table("Time,pressure [GPa],velocity_jump [m/s]\n0,11,100\n1,11,100\n")

@@ -5,6 +5,7 @@
 
 #include <cstring>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/store/store.hpp"
@@ -23,6 +24,12 @@ inline std::uint64_t value_of(Bytes bytes) {
   std::uint64_t value = 0;
   std::memcpy(&value, bytes.data(), sizeof value);
   return value;
+}
+
+inline bool write_checkpoint(Store& store, Snapshot snapshot) {
+  const auto job = store.begin_checkpoint(std::move(snapshot));
+  store.write(*job);
+  return store.end_checkpoint(*job);
 }
 
 struct Counter final : Recovery {
@@ -72,7 +79,7 @@ struct Server {
       EXPECT_TRUE(each == 0 || i % each != 0 || checkpoint());
     }
   }
-  bool checkpoint() { return store.checkpoint(counter.snapshot()); }
+  bool checkpoint() { return write_checkpoint(store, counter.snapshot()); }
 
   std::string log;
   Counter counter;

@@ -129,7 +129,7 @@ TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
     }
     most = std::max(most, ids.size());
     ASSERT_EQ(shard.nodes().ids(), ids) << "step " << step;
-    ASSERT_EQ(shard.state_bytes(), Shard::bytes_for(shard.model(), ids.size()));
+    ASSERT_EQ(shard.state_bytes(), shard.bytes_for(ids.size()));
     if (ids.empty()) continue;
     const Ids asked = random() % 2 == 0 ? ids : pick(random() % ids.size() + 1);
     Rows rows;

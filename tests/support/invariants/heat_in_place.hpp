@@ -32,7 +32,10 @@ inline void require_heat_in_place(const Rig& rig, const Answered& a, int lane) {
   double fastest = a.jump_length;
   for (int c = 0; c < rig.model.grid().num_cells(); ++c)
     fastest = std::max(fastest, std::abs(rig.committed[place(layout.layer_velocity, c, lane)]));
-  const double slip = std::abs(a.slip) * a.dt, at_interface = std::abs(stress(0)) * std::max(0.0, slip - along);
+  // Force-driven [v] is the slip at z = 0 alone.
+  const bool forced = rig.model.options().strategy == Strategy::kForceDriven;
+  const double slip = std::abs(a.slip) * a.dt;
+  const double at_interface = std::abs(stress(0)) * (forced ? slip : std::max(0.0, slip - along));
   const double unknown = std::abs(stress(0)) * (grain + 1e-13 * (slip + along)) + kNoStress * (slip + all) +
                          2e-12 * largest * fastest * a.dt;
   require_near(a.heat, *rig.model.options().taylor_quinney_factor * work + at_interface,

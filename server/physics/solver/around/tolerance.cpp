@@ -191,10 +191,12 @@ double ControlledStep::yield_of(int l) const {
   if (problem_.basis && asleep(layout, accepted_, l)) return 0.0;
   const double pressure = inputs_.pressure[l];
   const Material soft = at_pressure(problem_.options.soft, pressure);
-  double least = std::numeric_limits<double>::infinity();
+  double least = std::numeric_limits<double>::infinity(), last_strain = -1.0, last_T = 0.0;
   for (std::size_t i = static_cast<std::size_t>(l); i < layout.num_strain_vertices * kLanes; i += kLanes) {
     const double strain = accepted_[layout.plastic_strain + i], T = accepted_[layout.temperature + i];
-    least = std::min(least, flow_stress(soft, strain, pressure, T));
+    if (strain != last_strain || T != last_T) least = std::min(least, flow_stress(soft, strain, pressure, T));
+    last_strain = strain;
+    last_T = T;
   }
   return std::copysign(least / kSqrt3, now_.velocity_jump[l]);
 }
@@ -346,7 +348,12 @@ void ControlledStep::finish(int l) {
   const SubstepAnswer& sum = lanes_[l].sum;
   open_ &= ~(1u << l);
   copy_lane(accepted_, trial_, problem_.layout.doubles, l);
-  trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;
+  double& stress = trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)];
+  // The search of the next step starts from the stress and its rate: from the mean stress it is three times as far to the
+  // end of the next step as to the end of this one.
+  if (forced_ && problem_.options.plastic_layer)
+    trial_[problem_.layout.stress_rate + l] = 3.0 * (std::abs(stress) - std::abs(sum.stress)) / operators_.dt();
+  stress = sum.stress;
   outputs_.error_estimate[l] = lanes_[l].estimate;
   outputs_.shear_stress[l] = sum.stress;
   if (inputs_.wants_mean_stress) outputs_.mean_shear_stress[l] = lanes_[l].mean_stress;

@@ -16,12 +16,13 @@ constexpr double kSurely = 1e-9;       // a stress this far above the flow stres
 constexpr double kByRounding = 1e-11;  // a layer that flows only under the last such part of a stress does not flow
 constexpr double kClosed = 1e-12;      // largest accepted residual of the flux, relative to it
 constexpr double kLeastGuess = 1e-12;  // smallest useful first stress, relative to the upper end of its interval
-constexpr int kMostGuesses = 6;        // largest number of stresses tried below the root before the upper end
-constexpr int kNearbySteps = 6;        // most steps of a search with the flow nearby
-constexpr double kMostBend = 0.5;      // limit of Halley's correction of Newton's step
-constexpr double kNearbyFlowMet = 3e-5;  // a step that changes the flow by less ends a search of third order
-constexpr double kNearbyMet = 1e-8;      // a relative step below this one ends them: the error is about its square
-constexpr double kBeyond = 1e-10;        // relative margin added to an upper bound of the stress, against rounding
+constexpr double kNextBlindGuess = 1.02;  // the next stress, relative to one under which nothing flows
+constexpr int kMostGuesses = 6;           // largest number of stresses tried below the root before the upper end
+constexpr int kNearbySteps = 6;           // most steps of a search with the flow nearby
+constexpr double kMostBend = 0.5;         // limit of Halley's correction of Newton's step
+constexpr double kNearbyFlowMet = 3e-5;   // a step that changes the flow by less ends a search of third order
+constexpr double kNearbyMet = 1e-8;       // a relative step below this one ends them: the error is about its square
+constexpr double kBeyond = 1e-10;         // relative margin added to an upper bound of the stress, against rounding
 
 }  // namespace
 
@@ -413,7 +414,9 @@ void FlowingSlip::bound_stick_by_first_vertex() {
 // is evaluated only where no guess lies above the root.
 void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
   const double balance = stick_balance(slip), a = load_.stress;
-  const double next = nearby_stick(nearby);
+  // Under a stress below all flow stresses nothing is known of the flow nearby.
+  const bool blind = start_.turns_within && !(slip > 0.0);
+  const double next = blind ? a * kNextBlindGuess : nearby_stick(nearby);
   if (balance > 0.0) {
     search_ = RootSearch(low_, low_value_, a, balance, left_to_flow(0.0), next);
     return ask_stick(Phase::kStick, search_.at());

@@ -128,6 +128,7 @@ struct FlowingLane {
   int lane;
   ContactState contact;
   double heat_of_work;  // heat that plastic work has released in the substeps  [J/m2]
+  bool peaks_inside;    // the layer may be hottest behind z = 0
 
   double pressure() const { return inputs.pressure[lane]; }
 
@@ -143,7 +144,8 @@ struct FlowingLane {
         .first_strain = strain_old[lane],
         .first_strength = first.strength[lane],
         .first_g = first.g[lane],
-        .layer = {T + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1,
+        .layer = {T + lane, heat.layer_response(), 1,
+                  problem.options.hard_grid || peaks_inside ? problem.grid.num_vertices() : 1,
                   B_work != nullptr ? B_work + lane : nullptr},
         .heat_partition = problem.heat_partition,
         .dt = heat.dt,
@@ -209,28 +211,34 @@ struct FlowingLane {
   }
 };
 
-// The lanes with a temperature out of the range of those before, but for rounding, which is taken away.
-std::uint32_t lanes_beyond(int num_rows, const double* before, double* after) {
+// Lanes whose temperatures were conducted to second order.
+struct Conducted {
+  std::uint32_t out = 0;     // out of the range of the temperatures before
+  std::uint32_t inside = 0;  // hottest behind z = 0, before the heat of the step
+};
+// Takes rounding away.
+Conducted lanes_conducted(int num_rows, std::ptrdiff_t interface, const double* before, double* after) {
   constexpr double kRounding = 1e-12;
   double coldest[kLanes], hottest[kLanes], lowest[kLanes], highest[kLanes];
   range_of_rows(num_rows, before, coldest, hottest);
   range_of_rows(num_rows, after, lowest, highest);
-  std::uint32_t out = 0;
+  Conducted lanes;
   for (int l = 0; l < kLanes; ++l) {
+    if (highest[l] > after[interface * kLanes + l]) lanes.inside |= 1u << l;
     if (!(lowest[l] >= coldest[l] * (1.0 - kRounding) && highest[l] <= hottest[l] * (1.0 + kRounding))) {
-      out |= 1u << l;
+      lanes.out |= 1u << l;
     } else if (lowest[l] < coldest[l] || highest[l] > hottest[l]) {
       for (int i = 0; i < num_rows; ++i)
         after[i * kLanes + l] = std::clamp(after[i * kLanes + l], coldest[l], hottest[l]);
     }
   }
-  return out;
+  return lanes;
 }
 
 // The step of the active lanes. Their temperatures T_ad after conduction without heat of the step, DLP (28-35), are in
-// `trial`; `heat` has the response.
-void advance(const Problem& problem, const StepOperators& operators, const HeatOperator& heat, const TileInputs& inputs,
-             const double* committed, double* trial, TileOutputs& outputs) {
+// `trial`; `heat` has the response. `inside`: lanes that may be hottest behind z = 0 though one body conducts.
+void advance(const Problem& problem, const StepOperators& operators, const HeatOperator& heat, std::uint32_t inside,
+             const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const Material& soft = problem.options.soft;
   const int n = problem.heat_grid.num_vertices();
@@ -256,9 +264,12 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   LaneStep before[kLanes];
   const LaneMaterials soft_at(soft, inputs);
   const auto lane_at = [&](int l) {
-    return FlowingLane{problem, soft_at,    soft_at(l), inputs, work,
-                       T,       strain_new, shape_new,  l,      contact_before(problem, committed, l),
-                       0.0};
+    return FlowingLane{problem,    soft_at,
+                       soft_at(l), inputs,
+                       work,       T,
+                       strain_new, shape_new,
+                       l,          contact_before(problem, committed, l),
+                       0.0,        contains(inside, l)};
   };
   const double* B_work = work != nullptr ? work->response() : nullptr;
   struct Search {
@@ -357,7 +368,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   double* T = trial + first;
   if (operators.even() == nullptr) {
     conduct(operators.heat(), n, T_old, T);
-    return advance(problem, operators, operators.heat(), inputs, committed, trial, outputs);
+    return advance(problem, operators, operators.heat(), 0, inputs, committed, trial, outputs);
   }
   // Under a tolerance heat is conducted to second order, except where that would leave the range of the temperatures.
   const HeatOperator& even = *operators.even();
@@ -365,14 +376,14 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   extrapolate_rows(n, sdirk2::kExtrapolation, T_old, T);
   conduct(even, n, T, T);
   TileInputs part = inputs;
-  const std::uint32_t out = lanes_beyond(n, T_old, T);
-  part.active = inputs.active & ~out;
-  if (part.active != 0) advance(problem, operators, even, part, committed, trial, outputs);
-  part.active = inputs.active & out;
+  const Conducted lanes = lanes_conducted(n, problem.heat_grid.interface, T_old, T);
+  part.active = inputs.active & ~lanes.out;
+  if (part.active != 0) advance(problem, operators, even, lanes.inside, part, committed, trial, outputs);
+  part.active = inputs.active & lanes.out;
   if (part.active == 0) return;
   double* fallback = scratch_tile(Scratch::kStages, problem.layout.doubles);
   conduct(operators.heat(), n, T_old, fallback + first);
-  advance(problem, operators, operators.heat(), part, committed, fallback, outputs);
+  advance(problem, operators, operators.heat(), 0, part, committed, fallback, outputs);
   for (const int l : lanes_of(part.active)) copy_lane(fallback, trial, problem.layout.doubles, l);
 }
 
