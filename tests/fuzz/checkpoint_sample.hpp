@@ -45,10 +45,7 @@ inline std::vector<std::byte> sample_checkpoint() {
 
   ask(opening_of_pairs(support::force_scene(4), nodes, 5, "domain"));
   ask(opening_of_pairs(support::force_scene(4), std::vector{nodes.back() + 1}, 6, "domain"));
-  wire::Request offer = ServiceHarness::in_session(wire::OfferNodes{kSampleTransfer}, 1, 5);
-  offer.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, 1);
-  offer.batch.u64(wire::Field::kNodeId)[0] = nodes.back();
-  ask(std::move(offer));
+  ask(ServiceHarness::of_nodes(wire::OfferNodes{kSampleTransfer}, std::span(nodes).last(1), 1, 5));
   const auto part = [&](std::uint32_t number) {
     const auto one = std::span(nodes).subspan(number - 1, 1);
     wire::Request request = ServiceHarness::step(

@@ -87,14 +87,6 @@ class Script {
   int steps_ = 0;
 };
 
-template <typename Body>
-wire::Request named(Body body, const std::vector<std::uint64_t>& nodes) {
-  wire::Request request = ServiceHarness::in_session(std::move(body), 1);
-  request.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, nodes.size());
-  std::ranges::copy(nodes, request.batch.u64(wire::Field::kNodeId).begin());
-  return request;
-}
-
 v1::Scene with_options(Strategy strategy) {
   v1::Scene scene = strategy == Strategy::kVelocityDriven ? support::velocity_scene(6) : support::force_scene(6);
   scene.mutable_hard_layer();
@@ -173,7 +165,7 @@ void pair_seeds(const Corpus& corpus) {
     pairs.event(kRestartEvent);
     pairs.tell(wire::ResumeSession{.resume_token = token, .claim = 0, .claimant = 0});
     pairs.tell(wire::Commit{});
-    pairs.ask(named(wire::RetireNodes{}, {pairs.nodes[1]}));
+    pairs.ask(ServiceHarness::of_nodes(wire::RetireNodes{}, std::vector{pairs.nodes[1]}));
     pairs.tell(wire::Rollback{.to_mark = "a"});
     pairs.nodes = first;
     pairs.step(strategy);
@@ -186,7 +178,7 @@ void pair_seeds(const Corpus& corpus) {
     moved.ask(opening_of_pairs(scene, late, 2, "d"));
     wire::TransferId transfer{};
     transfer.fill(5);
-    moved.ask(named(wire::OfferNodes{.transfer_id = transfer}, {moved.nodes[2]}));
+    moved.ask(ServiceHarness::of_nodes(wire::OfferNodes{.transfer_id = transfer}, std::vector{moved.nodes[2]}));
     moved.event(kCheckpointEvent);
     moved.tell(wire::AcceptNodes{.transfer_id = transfer}, 2);
     moved.nodes.pop_back();
