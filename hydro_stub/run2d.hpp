@@ -21,8 +21,8 @@ struct RunOptions {
   std::string server;  // endpoint of the subgrid server, stored in restart dumps for --restart
 };
 
-// Makes runs use one thread, unless OMP_NUM_THREADS says otherwise: the threads of OpenMP wait by spinning, which on a
-// shared machine costs more than the threads gain.
+// Makes runs use one thread, unless OMP_NUM_THREADS says otherwise: where others use the processors, too, several gain
+// nothing.
 void choose_threads();
 
 // Writes interface.h5 (histories of the interface nodes), free_surface.h5, fields.xmf with its directory, and

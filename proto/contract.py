@@ -52,6 +52,22 @@ class Value(NamedTuple):
     title: tuple
 
 
+class Declared(NamedTuple):
+    """A parameter or a member of a struct of C: `const kind**... name[count]`."""
+
+    name: str
+    kind: str
+    stars: int
+    const: bool
+    count: int  # 0: no array
+
+
+class Function(NamedTuple):
+    name: str
+    result: str
+    parameters: list
+
+
 class Enum(NamedTuple):
     name: str
     values: list
@@ -61,11 +77,16 @@ class Contract:
     def __init__(self, proto=PROTO, protoc="protoc"):
         """Raises ValueError where the schema and columns.inc have different columns."""
         self.columns = list(columns(proto / "wire/columns.inc"))
+        self.units = re.findall(r'^(UNIT|WORD)\("(.*?)", (.*)\)$', (proto / "wire/units.inc").read_text(encoding="utf-8"), re.M)
         self.enums, self.messages = {}, {}
         files = schema(proto, protoc)
         for file in files:
             self._read(file)
-        self.functions = list(functions((proto.parent / "client/include/shearbus/shearbus.h").read_text(encoding="utf-8")))
+        client = proto.parent / "client"
+        self.structs, self.functions = read_header((client / "include/shearbus/shearbus.h").read_text(encoding="utf-8"))
+        self.fortran = {name: (client / name).read_text(encoding="utf-8") for name in ("fortran/shearbus.f90", "mpi/shearbus_ranks.f90")}
+        self.of_mpi = [function for name in ("include/shearbus/shearbus_mpi.h", "mpi/shearbus_mpi.c")
+                       for function in read_header((client / name).read_text(encoding="utf-8"))[1]]
         numbers = {value.name.lower(): value.number for value in self.enums.pop("Field").values if value.number}
         rows = {column.name: column.number for column in self.columns}
         if numbers != rows:
@@ -96,16 +117,20 @@ def columns(file):
         yield Column(**{**row, "number": int(row["number"])}, macro=macro)
 
 
-def functions(header):
-    """Yields (name, result, arguments) of the functions that a header declares: names of types of ctypes, as _library.py calls them."""
-    kinds = {"size_t": "Size", "double": "Double", "int": "Whole", "uint32_t": "Word", "shearbus_fallback_fn": "Address"}
+def declared(text, constants):
+    """Returns a parameter or a member of a struct of C."""
+    const, kind, stars, inner, name, size = re.fullmatch(r"(const )?(\w+)((?: ?(?:const ?)?\*)*) ?(\(\*)?(\w+)\)? ?(?:\[(\w+)\])?", " ".join(text.split())).groups()
+    return Declared(name, kind, stars.count("*") + bool(inner), bool(const), int(constants.get(size, size)) if size else 0)
 
-    def kind(declared):
-        return "Address" if "*" in declared or "[" in declared else kinds[declared.replace("const ", "").split()[0]]
 
-    for result, name, given in re.findall(r"^SHEARBUS_API ([\w *]+?)\s*\bshearbus_(\w+)\(([^;]*)\);", header, re.M):
-        of_result = "Text" if result == "const char*" else "" if result == "void" else kind(result)
-        yield name, of_result, " ".join(kind(word.strip()) for word in re.split(r",(?![^(]*\))", given) if word.strip() != "void")
+def read_header(text):
+    """Returns (structs, functions) that a header of C declares: {name: members} and [Function], names without shearbus_."""
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    constants = dict(re.findall(r"^#define (\w+) (\d+)$", text, re.M))
+    structs = {name: [declared(member, constants) for member in body.split(";")[:-1]]
+               for name, body in re.findall(r"^typedef struct shearbus_(\w+) \{(.*?)\} shearbus_\1;", text, re.M | re.S)}
+    found = re.findall(r"^(?:SHEARBUS_API )?((?:const )?(?:int|void|size_t|char|uint\d+_t)\*?) shearbus_(\w+)\(([^;{]*)\);", text, re.M)
+    return structs, [Function(name, result, [declared(word, constants) for word in given.split(",") if word != "void"]) for result, name, given in found]
 
 
 def arguments(text):

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
-"""Prints what lists the contract, from shearbus/v1/*.proto and wire/columns.inc: the messages and enums of C++, the tables of shearbus.h,
-Fortran and Python, the regimes and outcomes of the physics, and the codes of WIRE.md; and from shearbus.h what Python calls. What is printed is committed.
+"""Prints what lists the contract, from shearbus/v1/*.proto, wire/columns.inc and wire/units.inc: the messages and enums of C++, the tables of shearbus.h,
+Fortran and Python, the regimes and outcomes of the physics, and the codes of WIRE.md; and from shearbus.h the structs and functions of Fortran and
+what Python calls. What is printed is committed.
 
 print_contract.py              writes the files
 print_contract.py --check      fails where a file is not as printed, and shows the difference
@@ -223,12 +224,18 @@ def fortran_columns(what, kinds):
 STEP, LAYER = ("Input", "Output", "Ledger"), ("Profile",)
 
 
+def continued(head, text):
+    """Returns a statement of Fortran on as many lines as it needs; \\0 are blanks at which no line ends."""
+    lines = textwrap.wrap(head.lstrip() + text, 122, subsequent_indent=" " * 4)
+    indent = " " * (len(head) - len(head.lstrip()))
+    return [indent + line.replace("\0", " ") + (" &" if i + 1 < len(lines) else "") for i, line in enumerate(lines)]
+
+
 def fortran_numbers(what):
     names = [*((f"shearbus_regime_{v.name.lower()}", v.number) for v in what.enums["Regime"].values),
              *((f"shearbus_outcome_{v.name.lower()}", v.number) for v in outcomes_of(what)),
              *((f"shearbus_code_{v.name.lower()}", v.number) for v in values_of(what, "Code") if v.number > 1)]
-    lines = textwrap.wrap(", ".join(f"{name}\0=\0{number}" for name, number in names), 122, initial_indent=" " * 4, subsequent_indent=" " * 4)
-    return ["  integer, parameter, public :: &", *(line.replace("\0", " ") + (" &" if line is not lines[-1] else "") for line in lines)]
+    return continued("  integer, parameter, public :: ", ", ".join(f"{name}\0=\0{number}" for name, number in names))
 
 
 def fortran_members(what, kinds, shape):
@@ -254,10 +261,7 @@ def fortran_places(what):
 
 
 def fortran_visits(what):
-    lines = []
-    for at, (_, _, name) in enumerate(fortran_columns(what, STEP), 1):
-        lines += [f"    visitor%at = {at}", f"    if (allocated(self%{name}) .or. visitor%all) call visitor%visit(self%{name})"]
-    return lines
+    return [f"    if (is_next(visitor, allocated(self%{name}))) call visitor%visit(self%{name})" for _, _, name in fortran_columns(what, STEP)]
 
 
 def fortran_profiles(what):
@@ -271,12 +275,93 @@ def fortran_sizes(what):
             f"columns_of_profiles = {len(list(fortran_columns(what, LAYER)))}"]
 
 
+# Types of C by value. A text is an array of characters, and where NULL may be given the address is.
+FORTRAN = {"size_t": "integer(c_size_t)", "int": "integer(c_int)", "uint32_t": "integer(c_int32_t)", "uint64_t": "integer(c_int64_t)",
+           "uint8_t": "integer(c_int8_t)", "ptrdiff_t": "integer(c_intptr_t)", "double": "real(c_double)", "char": "character(kind=c_char)"}
+# Structs without initial values, which would be copied in every step.
+OF_STEPS = ("status", "input", "output", "request", "result")
+
+
+def fortran_member(member, start):
+    if member.stars:
+        return "type(c_ptr)", member.name + start * " = c_null_ptr"
+    if member.kind.startswith("shearbus_"):
+        return "type(c_funptr)", member.name + start * " = c_null_funptr"
+    return FORTRAN[member.kind], member.name + (f"({member.count})" if member.count else start * " = 0")
+
+
+def fortran_parameter(parameter, structs):
+    kind, intent = parameter.kind.removeprefix("shearbus_"), f"intent({'in' if parameter.const else 'inout'})"
+    if not parameter.stars and not parameter.count:
+        return ("type(c_funptr)" if kind.endswith("_fn") else FORTRAN[kind]) + ", value", parameter.name
+    if parameter.stars == 2:
+        return "type(c_ptr), intent(inout)", parameter.name
+    if kind in structs:
+        return f"type(c_{kind}), {intent}", parameter.name + ("" if structs[kind][0].name == "size" else "(*)")
+    if kind in ("void", "double") or kind not in FORTRAN:
+        return "type(c_ptr), value", parameter.name
+    return f"{FORTRAN[kind]}, {intent}", parameter.name + (f"({parameter.count})" if parameter.count else "" if kind == "size_t" else "(*)")
+
+
+def fortran_rows(rows, indent):
+    """Returns the declarations of (type, name), those of one type together."""
+    heads = []
+    for kind, name in rows:
+        if not heads or heads[-1][0] != kind:
+            heads.append((kind, []))
+        heads[-1][1].append(name.replace(" ", "\0"))
+    return [line for kind, names in heads for line in continued(f"{' ' * indent}{kind} :: ", ", ".join(names))]
+
+
+def fortran_function(function, structs):
+    result = "type(c_ptr)" if "*" in function.result else FORTRAN.get(function.result)
+    head = f"    {result + ' function' if result else 'subroutine'} c_{function.name}("
+    given = {}
+    for parameter in function.parameters:
+        kind, name = fortran_parameter(parameter, structs)
+        given.setdefault(kind, []).append(name)
+    return [*continued(head, f"{', '.join(p.name for p in function.parameters)}) bind(c,\0name='shearbus_{function.name}')"), "      import",
+            *fortran_rows([(kind, name) for kind, names in given.items() for name in names], 6), f"    end {'function' if result else 'subroutine'}"]
+
+
+def contract_inc(what):
+    """What shearbus.f90 and shearbus_ranks.f90 name as c_..., and the columns."""
+    used = {name for text in what.fortran.values() for name in re.findall(r"\bc_(\w+)", text)}
+    lines = ["! Printed by proto/print_contract.py from shearbus/v1/*.proto, wire/columns.inc and shearbus.h; shearbus.f90 includes it.", "",
+             "  ! Values of regime, bits of outcome, and codes of faults, which are those of shearbus.h.", *fortran_numbers(what), *fortran_sizes(what), "",
+             "  type :: columns_of_a_step", *fortran_members(what, STEP, "(:)"), "  end type",
+             "  type :: columns_of_a_profile", *fortran_members(what, LAYER, "(:, :)"), "  end type", "",
+             "  ! What a column is: an input of one form or of all, a column of the answer, or of its energy ledger.",
+             "  integer, parameter :: of_all_forms = 0, far_field = 1, stick_form = 2, answered = 3, in_ledger = 4",
+             "  type :: column_place", "    character(len=32) :: name", "    integer :: field, component, role", "  end type", *fortran_places(what), ""]
+    for name, members in what.structs.items():
+        if name in used:
+            rows = [fortran_member(member, name not in OF_STEPS) for member in members]
+            lines += [f"  type, bind(c) :: c_{name}", *fortran_rows(rows, 4), "  end type"]
+    lines += ["", "  interface"]
+    for function in what.functions + what.of_mpi:
+        if function.name in used:
+            lines += fortran_function(function, what.structs)
+    return [*lines, "  end interface"]
+
+
 # ---- Python ----
+
+
+PYTHON = {"size_t": "Size", "double": "Double", "int": "Whole", "uint32_t": "Word"}  # names of types of ctypes, as _library.py calls them
+
+
+def python_parameter(parameter):
+    return "Address" if parameter.stars or parameter.count else PYTHON.get(parameter.kind, "Address")
+
+
+def python_result(result):
+    return "Text" if result == "const char*" else "" if result == "void" else "Address" if "*" in result else PYTHON[result]
 
 
 def contract_py(what):
     lines = ['"""The columns, codes and enums of the protocol. Printed by proto/print_contract.py from proto/shearbus/v1/*.proto and',
-             'proto/wire/columns.inc."""', "import enum", "", "", "class Code(enum.IntEnum):",
+             'proto/wire/columns.inc, and the units of files of units.inc there."""', "import enum", "", "", "class Code(enum.IntEnum):",
              f'    """Status codes of the protocol. The codes from {what.enums["ClientCode"].values[1].number} on exist on the client\'s side only."""', ""]
     lines += [f"    {v.name} = {v.number}" for v in values_of(what, "Code") if v.number]
     for name, text in (("Regime", "Values of the column `regime`: what held the stress in the step."),
@@ -285,7 +370,7 @@ def contract_py(what):
         lines += [f"    {v.name} = {v.number}" + (f"  # {plain(v.text)}" if v.text else "") for v in
                   (outcomes_of(what) if name == "Outcome" else what.enums[name].values)]
     lines += ["", "", "# name without shearbus_, types of result and arguments, of the functions of shearbus.h", "FUNCTIONS = ("]
-    lines += [f'    ("{name}", "{result}", "{arguments}"),' for name, result, arguments in what.functions]
+    lines += [f'    ("{f.name}", "{python_result(f.result)}", "{" ".join(map(python_parameter, f.parameters))}"),' for f in what.functions]
     strategies = ", ".join(f'{v.number}: "{v.name.lower()}"' for v in what.enums["Strategy"].values if v.number)
     lines += [")", "", f"STRATEGY = {{{strategies}}}", f"FAR_FIELD_FORM = {FAR_FIELD_FORM}".replace("'", '"'),
               "# number, name on the wire, quantity, unit, element, kind, tangential, short name", "COLUMNS = ("]
@@ -293,7 +378,9 @@ def contract_py(what):
         kind = "Stick" if c.macro == "STICK" else c.kind
         lines.append(f'    ({c.number}, "{c.name}", "{c.quantity}", "{c.unit}", "{c.element}", "{kind}", {c.tangential}, '
                      f'"{contract.SHORT_NAME.get(c.quantity, "")}"),')
-    return [*lines, ")"]
+    lines += [")", "# units of files: name, SI unit of the quantity, factor to it", "UNITS = ("]
+    lines += [f'    ("{name}", {rest}),' for kind, name, rest in what.units if kind == "UNIT"]
+    return [*lines, ")", "UNIT_WORDS = {", *(f'    "{word}": {unit},' for kind, word, unit in what.units if kind == "WORD"), "}"]
 
 
 # ---- WIRE.md ----
@@ -312,13 +399,12 @@ def wire_codes(what):
 
 # ---- files ----
 
-WHOLE = {"proto/wire/enums.hpp": enums_hpp, "proto/wire/messages.hpp": messages_hpp, "client/python/shearbus/_contract.py": contract_py}
+WHOLE = {"proto/wire/enums.hpp": enums_hpp, "proto/wire/messages.hpp": messages_hpp, "client/python/shearbus/_contract.py": contract_py,
+         "client/fortran/shearbus_contract.inc": contract_inc}
 PARTS = {
     "server/physics/solver/tile.hpp": {"regimes and outcomes": tile_hpp},
     "client/include/shearbus/shearbus.h": {"codes": c_codes, "columns": c_columns, "regimes and outcomes": c_answers},
-    "client/fortran/shearbus.f90": {
-        "numbers": fortran_numbers, "sizes": fortran_sizes, "columns": lambda what: fortran_members(what, STEP, "(:)"),
-        "columns of a profile": lambda what: fortran_members(what, LAYER, "(:, :)"), "places": fortran_places, "visits": fortran_visits, "profiles": fortran_profiles},
+    "client/fortran/shearbus.f90": {"visits": fortran_visits, "profiles": fortran_profiles},
     "proto/WIRE.md": {"codes": wire_codes},
 }
 
@@ -361,7 +447,7 @@ def self_test(what):
     what.columns.insert(at, gone)
     what.enums["Regime"].values.append(contract.Value("NEW", 9, "", "", ()))
     more = {file for file, text, new in printed(what, ROOT) if text != new}
-    header, fortran = ROOT / "client/include/shearbus/shearbus.h", ROOT / "client/fortran/shearbus.f90"
+    header, fortran = ROOT / "client/include/shearbus/shearbus.h", ROOT / "client/fortran/shearbus_contract.inc"
     if not {ROOT / "client/python/shearbus/_contract.py", header, fortran} <= fewer:
         faults.append(f"a column less changes {fewer}")
     if not {ROOT / "server/physics/solver/tile.hpp", header, fortran} <= more:

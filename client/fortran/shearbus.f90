@@ -1,5 +1,5 @@
 ! The Fortran interface of the shearbus subgrid service (Fortran 2008): one source file, compiled with the host, over the C
-! library libshearbus.so. The interface carries its columns:
+! library libshearbus.so. It includes shearbus_contract.inc, which lies beside it. The interface carries its columns:
 !
 !   use shearbus
 !   type(shearbus_interface) :: bus
@@ -73,88 +73,18 @@ module shearbus
   private
 
   public :: shearbus_interface, shearbus_version
-  ! Values of regime, bits of outcome, and codes of faults, which are those of shearbus.h.
-  ! print_contract.py: numbers
-  integer, parameter, public :: &
-    shearbus_regime_open = 0, shearbus_regime_stick = 1, shearbus_regime_coulomb = 2, shearbus_regime_tresca = 3, &
-    shearbus_regime_melting = 4, shearbus_outcome_substepped = 1, shearbus_outcome_multiple_roots = 2, &
-    shearbus_outcome_outside_domain = 4, shearbus_outcome_sudden = 8, shearbus_outcome_over_budget = 16, &
-    shearbus_outcome_asleep = 32, shearbus_outcome_first_order = 64, shearbus_outcome_failed = 128, &
-    shearbus_outcome_fallback = 160, shearbus_code_bad_framing = 100, shearbus_code_malformed = 101, &
-    shearbus_code_version = 102, shearbus_code_limit = 103, shearbus_code_checksum = 104, shearbus_code_shape = 105, &
-    shearbus_code_unsupported = 106, shearbus_code_unknown_session = 200, shearbus_code_stale_sequence = 201, &
-    shearbus_code_sequence_gap = 202, shearbus_code_sequence_reused = 203, shearbus_code_epoch = 204, &
-    shearbus_code_nothing_to_commit = 205, shearbus_code_resume_refused = 206, shearbus_code_superseded = 207, &
-    shearbus_code_unknown_mark = 208, shearbus_code_trial_stands = 209, shearbus_code_unknown_transfer = 210, &
-    shearbus_code_not_permitted = 220, shearbus_code_invalid_scene = 300, shearbus_code_invalid_value = 301, &
-    shearbus_code_unknown_node = 302, shearbus_code_duplicate_node = 303, shearbus_code_node_owned = 304, &
-    shearbus_code_other_scene = 305, shearbus_code_step_failed = 306, shearbus_code_shutting_down = 400, &
-    shearbus_code_internal = 401, shearbus_code_no_space = 402, shearbus_code_draining = 403, &
-    shearbus_code_checkpoint_failed = 404, shearbus_code_recovering = 405, shearbus_code_unreachable = 500, &
-    shearbus_code_unknown_outcome = 501, shearbus_code_unexpected_reply = 502, shearbus_code_auth = 503, &
-    shearbus_code_not_closed = 504, shearbus_code_no_memory = 510, shearbus_code_library_fault = 511, &
-    shearbus_code_in_use = 512, shearbus_code_other_process = 513, shearbus_code_no_library = 514
-  ! print_contract.py: end
+  include 'shearbus_contract.inc'
   integer, parameter, public :: shearbus_ticket_length = 65, shearbus_transfer_length = 32
 
   ! The nodes of an interface and the columns of its steps, one value per node. Names that end in 2 are the second component of
   ! a scene with tangential_components = 2. open allocates the inputs that the scene requires and the columns of every answer;
   ! a host allocates the other ones that it sends or wants, or names them to want. A step has the stick form if the host
   ! allocates impedance and stick_stress; then the stresses and masses of both sides are not sent.
-  type :: shearbus_columns
+  type, extends(columns_of_a_step) :: shearbus_columns
     integer :: n = 0                                 ! number of nodes
     integer(int64), allocatable :: nodes(:)          ! their ids, in the order of the columns
-    ! print_contract.py: columns
-    ! m/s: [V] = V_soft - V_hard, tangential. Velocity-driven: of the step. Force-driven: at the middle of the last step,
-    ! n-1/2
-    real(real64), allocatable :: jump(:), jump2(:)
-    real(real64), allocatable :: pressure(:)  ! Pa: P, compression positive; P <= 0: no contact
-    ! Pa: shear stress in the soft body, half a zone away from the interface
-    real(real64), allocatable :: stress_soft(:), stress_soft2(:)
-    ! Pa: shear stress in the hard body, half a zone away from the interface
-    real(real64), allocatable :: stress_hard(:), stress_hard2(:)
-    real(real64), allocatable :: mass_soft(:)  ! kg/m2: mass per area of the soft half zone that moves with the interface
-    real(real64), allocatable :: mass_hard(:)  ! kg/m2: mass per area of the hard half zone that moves with the interface
-    real(real64), allocatable :: soft_shear_rate(:)  ! 1/s: shear rate of the soft zone
-    real(real64), allocatable :: soft_plastic_strain_rate(:)  ! 1/s: equivalent plastic strain rate of the soft zone, not negative
-    real(real64), allocatable :: stick_stress(:), stick_stress2(:)  ! Pa: stick form: traction that would make the new jump zero
-    ! Pa s/m: stick form: Z = 1 / (dt (1/m_soft + 1/m_hard)), stress per reduction of the jump
-    real(real64), allocatable :: impedance(:)
-    ! Pa: s = sigma_xz at the interface; positive when [V] > 0: the interface pulls the soft body back
-    real(real64), allocatable :: stress(:), stress2(:)
-    real(real64), allocatable :: slip(:), slip2(:)  ! m/s: [v], slip at the interface; s [v] >= 0
-    real(real64), allocatable :: temperature(:)  ! K: T0, at z = 0
-    real(real64), allocatable :: jump_new(:), jump_new2(:)  ! m/s: [V] at n+1/2
-    real(real64), allocatable :: friction_heat(:)  ! J/m2: heat that entered the layer in this step
-    real(real64), allocatable :: mean_shear_stress(:), mean_shear_stress2(:)  ! Pa: impulse of s over the step, divided by dt_s
-    real(real64), allocatable :: stress_per_jump(:)  ! Pa s/m: derivative of s by [V] of the request; 0: none is known
-    real(real64), allocatable :: stress_per_pressure(:)  ! 1: derivative of s by P; 0: none is known
-    ! s: time after the step in which T0 reaches T_melt at the mean rate of the step; infinity: it does not rise
-    real(real64), allocatable :: time_to_melting(:)
-    real(real64), allocatable :: interface_work(:)  ! J/m2: work of the interface stress
-    real(real64), allocatable :: heat_to_soft(:)  ! J/m2: heat given to the soft body
-    real(real64), allocatable :: heat_to_hard(:)  ! J/m2: heat given to the hard body
-    real(real64), allocatable :: plastic_work(:)  ! J/m2: plastic work in the layer
-    real(real64), allocatable :: stored_heat_soft(:)  ! J/m2: growth of the heat stored in the soft body
-    real(real64), allocatable :: stored_heat_hard(:)  ! J/m2: growth of the heat stored in the hard body, where it conducts
-    real(real64), allocatable :: elastic_energy(:)  ! J/m2: growth of the layer's elastic energy h s^2 / (2 G0); velocity-driven
-    real(real64), allocatable :: heat_residual(:)  ! J/m2: heat released less heat stored where it is resolved: rounding
-    real(real64), allocatable :: energy_residual(:)  ! J/m2: work less heat, cold plastic work and elastic energy
-    ! 1: largest error of this step: of T0, relative to what it had to melting at the start; velocity-driven also of heat and
-    ! impulse; scenes with a tolerance
-    real(real64), allocatable :: error_estimate(:)
-    ! m/s: jump of the request less the jump answered before; NaN: none was; sessions that check closure
-    real(real64), allocatable :: closure(:), closure2(:)
-    real(real64), allocatable :: film_thickness(:)  ! m: thickness of the melt at the end of the step; scenes with [melt_film]
-    ! Pa: impulse of the stress at z = h over the step, divided by dt_s; scenes with inertia
-    real(real64), allocatable :: mean_far_stress(:)
-    ! J/m2: heat that friction has given to the soft body since the node began; scenes with friction_energy = true
-    real(real64), allocatable :: friction_energy_soft(:)
-    ! J/m2: heat that friction has given to the hard body since the node began; scenes with friction_energy = true
-    real(real64), allocatable :: friction_energy_hard(:)
-    ! print_contract.py: end
-    integer(c_int8_t), allocatable :: regime(:)      ! a value above: what held the stress
-    integer, allocatable :: outcome(:)               ! bits above: what is remarkable of it
+    integer(c_int8_t), allocatable :: regime(:)      ! shearbus_regime_...: what held the stress
+    integer, allocatable :: outcome(:)               ! bits shearbus_outcome_...: what is remarkable of it
     integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
     real(real64) :: largest_closure = 0              ! m/s, largest difference of a jump from the one answered before
     real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
@@ -162,20 +92,8 @@ module shearbus
 
   ! The layers of nodes at their vertices, in ascending z: arrays (vertices, nodes). NaN: the vertex lies outside of the layer and
   ! the quantity is one of the layer, or the scene does not have the quantity.
-  type, public :: shearbus_profiles
+  type, public, extends(columns_of_a_profile) :: shearbus_profiles
     integer :: nodes = 0, vertices = 0
-    ! print_contract.py: columns of a profile
-    ! m: z of the vertex: 0 at the interface, above 0 in the soft body, below 0 in a conducting hard body
-    real(real64), allocatable :: position(:, :)
-    real(real64), allocatable :: width(:, :)  ! m: length across the interface that the vertex stands for
-    real(real64), allocatable :: layer_temperature(:, :)  ! K: T at the vertex
-    ! 1: equivalent plastic strain at the vertex; scenes whose layer flows; NaN outside of the layer
-    real(real64), allocatable :: layer_plastic_strain(:, :)
-    ! Pa: Y(ep, P, T) at the vertex without the effect of the rate; scenes whose layer flows; NaN outside of the layer
-    real(real64), allocatable :: layer_flow_stress(:, :)
-    ! Pa: s at the vertex: uniform in a layer without inertia; NaN outside of the layer
-    real(real64), allocatable :: layer_shear_stress(:, :), layer_shear_stress2(:, :)
-    ! print_contract.py: end
   end type
 
   type, extends(shearbus_columns) :: shearbus_interface
@@ -317,140 +235,19 @@ module shearbus
 
   ! ---- the C interface ----
 
-  integer(c_size_t), parameter :: text_bytes = 2048, remedy_bytes = 512, field_bytes = 64
   integer, parameter :: columns_at_most = 32
-  ! print_contract.py: sizes
-  integer(c_int32_t), parameter :: regime_column = 34, outcome_column = 35
-  integer, parameter :: columns_of_steps = 43, columns_of_profiles = 7
-  ! print_contract.py: end
-
-  type, bind(c) :: c_status
-    integer(c_size_t) :: size
-    integer(c_int) :: code, n_nodes
-    integer(c_int64_t) :: nodes(16)
-    character(kind=c_char) :: field(field_bytes), remedy(remedy_bytes), text(text_bytes)
-  end type
-  type, bind(c) :: c_options
-    integer(c_size_t) :: size
-    type(c_ptr) :: endpoint, scene_file, scene_text, domain, name, server_key_file, secret_key_file
-    real(c_double) :: connect_deadline_s, reply_deadline_s, retry_after_s
-    type(c_funptr) :: log
-    type(c_ptr) :: log_user, state_dir
-    integer(c_int32_t) :: threads
-    integer(c_int) :: check_closure
-    integer(c_int64_t) :: idle_limit_s
-    type(c_funptr) :: interrupted
-    type(c_ptr) :: interrupted_user, scene_name
-    integer(c_int) :: ignore_environment
-  end type
-  type :: c_text
+  type :: text_of_c
     character(kind=c_char, len=:), allocatable :: bytes
-  end type
-  type, bind(c) :: c_nodes
-    integer(c_size_t) :: size, n
-    type(c_ptr) :: node_ids, initial_temperature_k
-    integer(c_size_t) :: n_pairs
-    type(c_ptr) :: pairs, pair
-    integer(c_size_t) :: n_parameters
-    type(c_ptr) :: parameters, values
   end type
   type :: node_values                               ! what c_nodes points to
     integer(c_int64_t), allocatable :: ids(:), pair(:)
     real(c_double), allocatable :: temperatures(:), values(:, :)
-    type(c_text), allocatable :: names(:), keys(:)
+    type(text_of_c), allocatable :: names(:), keys(:)
     type(c_ptr), allocatable :: names_at(:), keys_at(:), values_at(:)
   end type
   type :: column_pointer
     real(real64), pointer :: values(:)
   end type
-  type, bind(c) :: c_column
-    integer(c_int32_t) :: field, component
-    type(c_ptr) :: values
-    integer(c_intptr_t) :: stride_bytes
-  end type
-  type, bind(c) :: c_request
-    integer(c_size_t) :: size
-    real(c_double) :: dt_s, time_s
-    integer(c_int64_t) :: step
-    integer(c_int32_t) :: attempt
-    integer(c_int) :: mode, commit_previous, all_or_nothing
-    integer(c_size_t) :: n
-    type(c_ptr) :: node_ids, inputs
-    integer(c_size_t) :: n_inputs
-    type(c_ptr) :: outputs
-    integer(c_size_t) :: n_outputs
-    integer(c_int) :: open_absent
-  end type
-  type, bind(c) :: c_result
-    integer(c_size_t) :: size
-    integer(c_int64_t) :: nodes, flagged_nodes, state_version, solver_ns, service_ns, round_trip_ns
-    real(c_double) :: largest_closure
-    integer(c_int64_t) :: closure_node
-    real(c_double) :: layer_time
-    integer(c_int) :: replayed
-  end type
-  type, bind(c) :: c_info
-    integer(c_size_t) :: size
-    integer(c_int) :: strategy
-    integer(c_int32_t) :: tangential_components
-    integer(c_int64_t) :: bytes_per_node, last_sequence
-    integer(c_int) :: outlives_server
-    integer(c_int64_t) :: state_version, max_rows_per_message, max_marks
-  end type
-
-  ! What a column is: an input of one form or of all, a column of the answer, or of its energy ledger.
-  integer, parameter :: of_all_forms = 0, far_field = 1, stick_form = 2, answered = 3, in_ledger = 4
-  type :: column_place
-    character(len=32) :: name
-    integer :: field, component, role
-  end type
-  ! print_contract.py: places
-  type(column_place), parameter :: places(columns_of_steps) = [ &
-    column_place('jump', 10, 0, of_all_forms), &
-    column_place('jump2', 10, 1, of_all_forms), &
-    column_place('pressure', 11, 0, of_all_forms), &
-    column_place('stress_soft', 12, 0, far_field), &
-    column_place('stress_soft2', 12, 1, far_field), &
-    column_place('stress_hard', 13, 0, far_field), &
-    column_place('stress_hard2', 13, 1, far_field), &
-    column_place('mass_soft', 14, 0, far_field), &
-    column_place('mass_hard', 15, 0, far_field), &
-    column_place('soft_shear_rate', 16, 0, of_all_forms), &
-    column_place('soft_plastic_strain_rate', 17, 0, of_all_forms), &
-    column_place('stick_stress', 18, 0, stick_form), &
-    column_place('stick_stress2', 18, 1, stick_form), &
-    column_place('impedance', 19, 0, stick_form), &
-    column_place('stress', 30, 0, answered), &
-    column_place('stress2', 30, 1, answered), &
-    column_place('slip', 31, 0, answered), &
-    column_place('slip2', 31, 1, answered), &
-    column_place('temperature', 32, 0, answered), &
-    column_place('jump_new', 33, 0, answered), &
-    column_place('jump_new2', 33, 1, answered), &
-    column_place('friction_heat', 36, 0, answered), &
-    column_place('mean_shear_stress', 37, 0, answered), &
-    column_place('mean_shear_stress2', 37, 1, answered), &
-    column_place('stress_per_jump', 38, 0, answered), &
-    column_place('stress_per_pressure', 39, 0, answered), &
-    column_place('time_to_melting', 49, 0, answered), &
-    column_place('interface_work', 40, 0, in_ledger), &
-    column_place('heat_to_soft', 41, 0, in_ledger), &
-    column_place('heat_to_hard', 42, 0, in_ledger), &
-    column_place('plastic_work', 43, 0, in_ledger), &
-    column_place('stored_heat_soft', 44, 0, in_ledger), &
-    column_place('stored_heat_hard', 45, 0, in_ledger), &
-    column_place('elastic_energy', 46, 0, in_ledger), &
-    column_place('heat_residual', 47, 0, in_ledger), &
-    column_place('energy_residual', 48, 0, in_ledger), &
-    column_place('error_estimate', 60, 0, answered), &
-    column_place('closure', 61, 0, answered), &
-    column_place('closure2', 61, 1, answered), &
-    column_place('film_thickness', 62, 0, answered), &
-    column_place('mean_far_stress', 63, 0, answered), &
-    column_place('friction_energy_soft', 70, 0, answered), &
-    column_place('friction_energy_hard', 71, 0, answered)]
-  ! print_contract.py: end
-
   ! A pass over the columns of doubles of an interface, which each_column makes: over the allocated ones, or over all.
   type, abstract :: column_visitor
     logical :: all
@@ -482,7 +279,8 @@ module shearbus
     logical :: stick, masked
     integer, allocatable :: rows(:)                    ! that are stepped, of those of the interface
     real(c_double), allocatable :: in(:, :), out(:, :)
-    type(c_column) :: inputs(columns_of_steps), outputs(columns_of_steps + 2)
+    type(c_input) :: inputs(columns_of_steps)
+    type(c_output) :: outputs(columns_of_steps + 2)
     type(column_pointer) :: answers(columns_of_steps)
     real(c_double) :: nothing                          ! address of a column without rows
     logical :: direct                                  ! regimes are written where they stay
@@ -505,193 +303,8 @@ module shearbus
       import
       class(shearbus_interface), intent(inout) :: bus
     end subroutine
-    ! A step of all ranks: `fault` is that of this rank before the step, which all ranks then report.
-    function step_of_all_ranks(ranks, session, fault, request, result, status) bind(c) result(code)
-      import
-      type(c_ptr), value :: ranks, session
-      integer(c_int), value :: fault
-      type(c_request), intent(in) :: request
-      type(c_result), intent(inout) :: result
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
   end interface
   interface
-    function c_open_nodes(session, options, nodes, status) bind(c, name='shearbus_open_nodes') result(code)
-      import
-      type(c_ptr), intent(inout) :: session
-      type(c_options), intent(in) :: options
-      type(c_nodes), intent(in) :: nodes
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_resume_nodes(session, options, ticket, nodes, status) bind(c, name='shearbus_resume_nodes') result(code)
-      import
-      type(c_ptr), intent(inout) :: session
-      type(c_options), intent(in) :: options
-      character(kind=c_char), intent(in) :: ticket(*)
-      type(c_nodes), intent(in) :: nodes
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_close(session, status) bind(c, name='shearbus_close') result(code)
-      import
-      type(c_ptr), intent(inout) :: session
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    subroutine c_leave(session) bind(c, name='shearbus_leave')
-      import
-      type(c_ptr), intent(inout) :: session
-    end subroutine
-    function c_start(session, request, status) bind(c, name='shearbus_start') result(code)
-      import
-      type(c_ptr), value :: session
-      type(c_request), intent(in) :: request
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_finish(session, result, status) bind(c, name='shearbus_finish') result(code)
-      import
-      type(c_ptr), value :: session
-      type(c_result), intent(inout) :: result
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_step(session, request, result, status) bind(c, name='shearbus_step') result(code)
-      import
-      type(c_ptr), value :: session
-      type(c_request), intent(in) :: request
-      type(c_result), intent(inout) :: result
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_set_fallback(session, law, user, status) bind(c, name='shearbus_set_fallback') result(code)
-      import
-      type(c_ptr), value :: session
-      type(c_funptr), value :: law
-      type(c_ptr), value :: user
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_commit(session, status) bind(c, name='shearbus_commit') result(code)
-      import
-      type(c_ptr), value :: session
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_rollback(session, status) bind(c, name='shearbus_rollback') result(code)
-      import
-      type(c_ptr), value :: session
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_mark(session, name, status) bind(c, name='shearbus_mark') result(code)
-      import
-      type(c_ptr), value :: session
-      character(kind=c_char), intent(in) :: name(*)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_rollback_to(session, name, status) bind(c, name='shearbus_rollback_to') result(code)
-      import
-      type(c_ptr), value :: session
-      character(kind=c_char), intent(in) :: name(*)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_register_nodes(session, nodes, status) bind(c, name='shearbus_register_nodes') result(code)
-      import
-      type(c_ptr), value :: session
-      type(c_nodes), intent(in) :: nodes
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_retire(session, n, ids, status) bind(c, name='shearbus_retire') result(code)
-      import
-      type(c_ptr), value :: session
-      integer(c_size_t), value :: n
-      integer(c_int64_t), intent(in) :: ids(*)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_offer(session, n, ids, transfer, status) bind(c, name='shearbus_offer') result(code)
-      import
-      type(c_ptr), value :: session
-      integer(c_size_t), value :: n
-      integer(c_int64_t), intent(in) :: ids(*)
-      integer(c_int8_t), intent(out) :: transfer(16)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_accept(session, transfer, status) bind(c, name='shearbus_accept') result(code)
-      import
-      type(c_ptr), value :: session
-      integer(c_int8_t), intent(in) :: transfer(16)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_ticket(session, ticket, status) bind(c, name='shearbus_ticket') result(code)
-      import
-      type(c_ptr), value :: session
-      character(kind=c_char), intent(out) :: ticket(80)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_profiles(session, n, ids, pressure, outputs, n_outputs, vertices, status) bind(c, name='shearbus_profiles') &
-      result(code)
-      import
-      type(c_ptr), value :: session, pressure, outputs
-      integer(c_size_t), value :: n, n_outputs
-      integer(c_int64_t), intent(in) :: ids(*)
-      integer(c_size_t), intent(inout) :: vertices
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_inspect(session, info, status) bind(c, name='shearbus_inspect') result(code)
-      import
-      type(c_ptr), value :: session
-      type(c_info), intent(inout) :: info
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_columns(session, use, capacity, fields) bind(c, name='shearbus_columns') result(count)
-      import
-      type(c_ptr), value :: session
-      integer(c_int), value :: use
-      integer(c_size_t), value :: capacity
-      integer(c_int32_t), intent(inout) :: fields(*)
-      integer(c_size_t) :: count
-    end function
-    function c_node_count(session) bind(c, name='shearbus_node_count') result(count)
-      import
-      type(c_ptr), value :: session
-      integer(c_size_t) :: count
-    end function
-    function c_node_ids(session) bind(c, name='shearbus_node_ids') result(ids)
-      import
-      type(c_ptr), value :: session
-      type(c_ptr) :: ids
-    end function
-    function c_effective_scene(session) bind(c, name='shearbus_effective_scene') result(text)
-      import
-      type(c_ptr), value :: session
-      type(c_ptr) :: text
-    end function
-    function c_warnings(session) bind(c, name='shearbus_warnings') result(text)
-      import
-      type(c_ptr), value :: session
-      type(c_ptr) :: text
-    end function
-    function c_code_name(code) bind(c, name='shearbus_code_name') result(text)
-      import
-      integer(c_int), value :: code
-      type(c_ptr) :: text
-    end function
-    function c_version() bind(c, name='shearbus_version') result(text)
-      import
-      type(c_ptr) :: text
-    end function
     function c_strlen(text) bind(c, name='strlen') result(length)
       import
       type(c_ptr), value :: text
@@ -782,9 +395,11 @@ contains
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    call enter(self, nodes, '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, &
-               retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
+    type(text_of_c), target :: texts(8)
+    type(c_options) :: options
+    call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
+                      connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
+    call enter(self, options, '', nodes, initial_temperature, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine open_32(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
@@ -798,9 +413,9 @@ contains
     integer, intent(in), optional :: threads, idle_limit
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    call enter(self, int(nodes, int64), '', scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-               secret_key_file, connect_deadline, reply_deadline, &
-               retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
+    call self%open(int(nodes, int64), scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
+                   secret_key_file, connect_deadline, reply_deadline, &
+                   retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
   end subroutine
 
   subroutine resume(self, ticket, endpoint, name, server_key_file, secret_key_file, connect_deadline, reply_deadline, &
@@ -814,37 +429,32 @@ contains
     integer, intent(in), optional :: threads
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
+    type(text_of_c), target :: texts(8)
+    type(c_options) :: options
     integer(int64), allocatable :: expected(:)
     allocate (expected(0))
     if (present(nodes)) expected = nodes
-    call enter(self, expected, ticket//c_null_char, endpoint=endpoint, name=name, server_key_file=server_key_file, &
-               secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
-               retry_after=retry_after, state_dir=state_dir, threads=threads, check_closure=check_closure, &
-               pair=pair, parameters=parameters, values=values, stat=stat, msg=msg)
+    call give_options(options, texts, endpoint=endpoint, name=name, server_key_file=server_key_file, &
+                      secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
+                      retry_after=retry_after, state_dir=state_dir, threads=threads, check_closure=check_closure)
+    call enter(self, options, ticket//c_null_char, expected, pair=pair, parameters=parameters, values=values, stat=stat, msg=msg)
   end subroutine
 
   ! Opens a session, or resumes the one of the ticket.
-  subroutine enter(self, nodes, ticket, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
-                   secret_key_file, connect_deadline, reply_deadline, &
-                   retry_after, state_dir, threads, check_closure, idle_limit, pair, parameters, values, stat, msg)
+  subroutine enter(self, options, ticket, nodes, initial_temperature, pair, parameters, values, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
-    integer(int64), intent(in) :: nodes(:)
+    type(c_options), intent(in) :: options
     character(len=*), intent(in) :: ticket
-    character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                                              state_dir, check_closure, pair(:), parameters(:)
-    real(real64), intent(in), optional :: initial_temperature(:), connect_deadline, reply_deadline, retry_after, values(:, :)
-    integer, intent(in), optional :: threads, idle_limit
+    integer(int64), intent(in) :: nodes(:)
+    real(real64), intent(in), optional :: initial_temperature(:), values(:, :)
+    character(len=*), intent(in), optional :: pair(:), parameters(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    type(c_text), target :: texts(8)
     type(node_values), target :: held
     type(c_nodes) :: of
-    type(c_options) :: options
     type(c_status) :: status
     integer(c_int) :: code
     call clear(status)
-    call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
-                      connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     call give_nodes(of, held, nodes, initial_temperature, pair, parameters, values, code, status)
     if (code == 0 .and. len(ticket) > 0) then
       code = c_resume_nodes(self%handle, options, ticket, of, status)
@@ -871,13 +481,7 @@ contains
     if (present(parameters)) keys = size(parameters)
     of%size = c_sizeof(of)
     of%n = n
-    of%node_ids = c_null_ptr
-    of%n_pairs = 0
-    of%pairs = c_null_ptr
-    of%pair = c_null_ptr
     of%n_parameters = keys
-    of%parameters = c_null_ptr
-    of%values = c_null_ptr
     call per_node(initial_temperature, n, held%temperatures, of%initial_temperature_k, code, status)
     if (code == 0 .and. present(pair)) then
       if (size(pair) /= n) call refuse(code, status, 'pair', size(pair), n)
@@ -937,7 +541,7 @@ contains
   subroutine give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                           connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     type(c_options), intent(out) :: options
-    type(c_text), intent(out), target :: texts(8)
+    type(text_of_c), intent(out), target :: texts(8)
     character(len=*), intent(in), optional :: scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                                               state_dir, check_closure
     real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after
@@ -951,18 +555,6 @@ contains
     call to_c(server_key_file, texts(6)%bytes, options%server_key_file)
     call to_c(secret_key_file, texts(7)%bytes, options%secret_key_file)
     call to_c(state_dir, texts(8)%bytes, options%state_dir)
-    options%connect_deadline_s = 0
-    options%reply_deadline_s = 0
-    options%retry_after_s = 0
-    options%log = c_null_funptr
-    options%log_user = c_null_ptr
-    options%threads = 0
-    options%check_closure = 0
-    options%idle_limit_s = 0
-    options%interrupted = c_null_funptr
-    options%interrupted_user = c_null_ptr
-    options%scene_name = c_null_ptr
-    options%ignore_environment = 0
     if (present(connect_deadline)) options%connect_deadline_s = connect_deadline
     if (present(reply_deadline)) options%reply_deadline_s = reply_deadline
     if (present(retry_after)) options%retry_after_s = retry_after
@@ -1042,97 +634,63 @@ contains
     value = ieee_value(value, ieee_quiet_nan)
   end function
 
+  ! Counts a column, and returns whether the visitor wants it.
+  logical function is_next(visitor, there)
+    class(column_visitor), intent(inout) :: visitor
+    logical, intent(in) :: there
+    visitor%at = visitor%at + 1
+    is_next = there .or. visitor%all
+  end function
+
   ! Shows each column of doubles to a visitor.
   subroutine each_column(self, visitor)
     type(shearbus_interface), intent(inout), target :: self
     class(column_visitor), intent(inout), target :: visitor
+    visitor%at = 0
     ! print_contract.py: visits
-    visitor%at = 1
-    if (allocated(self%jump) .or. visitor%all) call visitor%visit(self%jump)
-    visitor%at = 2
-    if (allocated(self%jump2) .or. visitor%all) call visitor%visit(self%jump2)
-    visitor%at = 3
-    if (allocated(self%pressure) .or. visitor%all) call visitor%visit(self%pressure)
-    visitor%at = 4
-    if (allocated(self%stress_soft) .or. visitor%all) call visitor%visit(self%stress_soft)
-    visitor%at = 5
-    if (allocated(self%stress_soft2) .or. visitor%all) call visitor%visit(self%stress_soft2)
-    visitor%at = 6
-    if (allocated(self%stress_hard) .or. visitor%all) call visitor%visit(self%stress_hard)
-    visitor%at = 7
-    if (allocated(self%stress_hard2) .or. visitor%all) call visitor%visit(self%stress_hard2)
-    visitor%at = 8
-    if (allocated(self%mass_soft) .or. visitor%all) call visitor%visit(self%mass_soft)
-    visitor%at = 9
-    if (allocated(self%mass_hard) .or. visitor%all) call visitor%visit(self%mass_hard)
-    visitor%at = 10
-    if (allocated(self%soft_shear_rate) .or. visitor%all) call visitor%visit(self%soft_shear_rate)
-    visitor%at = 11
-    if (allocated(self%soft_plastic_strain_rate) .or. visitor%all) call visitor%visit(self%soft_plastic_strain_rate)
-    visitor%at = 12
-    if (allocated(self%stick_stress) .or. visitor%all) call visitor%visit(self%stick_stress)
-    visitor%at = 13
-    if (allocated(self%stick_stress2) .or. visitor%all) call visitor%visit(self%stick_stress2)
-    visitor%at = 14
-    if (allocated(self%impedance) .or. visitor%all) call visitor%visit(self%impedance)
-    visitor%at = 15
-    if (allocated(self%stress) .or. visitor%all) call visitor%visit(self%stress)
-    visitor%at = 16
-    if (allocated(self%stress2) .or. visitor%all) call visitor%visit(self%stress2)
-    visitor%at = 17
-    if (allocated(self%slip) .or. visitor%all) call visitor%visit(self%slip)
-    visitor%at = 18
-    if (allocated(self%slip2) .or. visitor%all) call visitor%visit(self%slip2)
-    visitor%at = 19
-    if (allocated(self%temperature) .or. visitor%all) call visitor%visit(self%temperature)
-    visitor%at = 20
-    if (allocated(self%jump_new) .or. visitor%all) call visitor%visit(self%jump_new)
-    visitor%at = 21
-    if (allocated(self%jump_new2) .or. visitor%all) call visitor%visit(self%jump_new2)
-    visitor%at = 22
-    if (allocated(self%friction_heat) .or. visitor%all) call visitor%visit(self%friction_heat)
-    visitor%at = 23
-    if (allocated(self%mean_shear_stress) .or. visitor%all) call visitor%visit(self%mean_shear_stress)
-    visitor%at = 24
-    if (allocated(self%mean_shear_stress2) .or. visitor%all) call visitor%visit(self%mean_shear_stress2)
-    visitor%at = 25
-    if (allocated(self%stress_per_jump) .or. visitor%all) call visitor%visit(self%stress_per_jump)
-    visitor%at = 26
-    if (allocated(self%stress_per_pressure) .or. visitor%all) call visitor%visit(self%stress_per_pressure)
-    visitor%at = 27
-    if (allocated(self%time_to_melting) .or. visitor%all) call visitor%visit(self%time_to_melting)
-    visitor%at = 28
-    if (allocated(self%interface_work) .or. visitor%all) call visitor%visit(self%interface_work)
-    visitor%at = 29
-    if (allocated(self%heat_to_soft) .or. visitor%all) call visitor%visit(self%heat_to_soft)
-    visitor%at = 30
-    if (allocated(self%heat_to_hard) .or. visitor%all) call visitor%visit(self%heat_to_hard)
-    visitor%at = 31
-    if (allocated(self%plastic_work) .or. visitor%all) call visitor%visit(self%plastic_work)
-    visitor%at = 32
-    if (allocated(self%stored_heat_soft) .or. visitor%all) call visitor%visit(self%stored_heat_soft)
-    visitor%at = 33
-    if (allocated(self%stored_heat_hard) .or. visitor%all) call visitor%visit(self%stored_heat_hard)
-    visitor%at = 34
-    if (allocated(self%elastic_energy) .or. visitor%all) call visitor%visit(self%elastic_energy)
-    visitor%at = 35
-    if (allocated(self%heat_residual) .or. visitor%all) call visitor%visit(self%heat_residual)
-    visitor%at = 36
-    if (allocated(self%energy_residual) .or. visitor%all) call visitor%visit(self%energy_residual)
-    visitor%at = 37
-    if (allocated(self%error_estimate) .or. visitor%all) call visitor%visit(self%error_estimate)
-    visitor%at = 38
-    if (allocated(self%closure) .or. visitor%all) call visitor%visit(self%closure)
-    visitor%at = 39
-    if (allocated(self%closure2) .or. visitor%all) call visitor%visit(self%closure2)
-    visitor%at = 40
-    if (allocated(self%film_thickness) .or. visitor%all) call visitor%visit(self%film_thickness)
-    visitor%at = 41
-    if (allocated(self%mean_far_stress) .or. visitor%all) call visitor%visit(self%mean_far_stress)
-    visitor%at = 42
-    if (allocated(self%friction_energy_soft) .or. visitor%all) call visitor%visit(self%friction_energy_soft)
-    visitor%at = 43
-    if (allocated(self%friction_energy_hard) .or. visitor%all) call visitor%visit(self%friction_energy_hard)
+    if (is_next(visitor, allocated(self%jump))) call visitor%visit(self%jump)
+    if (is_next(visitor, allocated(self%jump2))) call visitor%visit(self%jump2)
+    if (is_next(visitor, allocated(self%pressure))) call visitor%visit(self%pressure)
+    if (is_next(visitor, allocated(self%stress_soft))) call visitor%visit(self%stress_soft)
+    if (is_next(visitor, allocated(self%stress_soft2))) call visitor%visit(self%stress_soft2)
+    if (is_next(visitor, allocated(self%stress_hard))) call visitor%visit(self%stress_hard)
+    if (is_next(visitor, allocated(self%stress_hard2))) call visitor%visit(self%stress_hard2)
+    if (is_next(visitor, allocated(self%mass_soft))) call visitor%visit(self%mass_soft)
+    if (is_next(visitor, allocated(self%mass_hard))) call visitor%visit(self%mass_hard)
+    if (is_next(visitor, allocated(self%soft_shear_rate))) call visitor%visit(self%soft_shear_rate)
+    if (is_next(visitor, allocated(self%soft_plastic_strain_rate))) call visitor%visit(self%soft_plastic_strain_rate)
+    if (is_next(visitor, allocated(self%stick_stress))) call visitor%visit(self%stick_stress)
+    if (is_next(visitor, allocated(self%stick_stress2))) call visitor%visit(self%stick_stress2)
+    if (is_next(visitor, allocated(self%impedance))) call visitor%visit(self%impedance)
+    if (is_next(visitor, allocated(self%stress))) call visitor%visit(self%stress)
+    if (is_next(visitor, allocated(self%stress2))) call visitor%visit(self%stress2)
+    if (is_next(visitor, allocated(self%slip))) call visitor%visit(self%slip)
+    if (is_next(visitor, allocated(self%slip2))) call visitor%visit(self%slip2)
+    if (is_next(visitor, allocated(self%temperature))) call visitor%visit(self%temperature)
+    if (is_next(visitor, allocated(self%jump_new))) call visitor%visit(self%jump_new)
+    if (is_next(visitor, allocated(self%jump_new2))) call visitor%visit(self%jump_new2)
+    if (is_next(visitor, allocated(self%friction_heat))) call visitor%visit(self%friction_heat)
+    if (is_next(visitor, allocated(self%mean_shear_stress))) call visitor%visit(self%mean_shear_stress)
+    if (is_next(visitor, allocated(self%mean_shear_stress2))) call visitor%visit(self%mean_shear_stress2)
+    if (is_next(visitor, allocated(self%stress_per_jump))) call visitor%visit(self%stress_per_jump)
+    if (is_next(visitor, allocated(self%stress_per_pressure))) call visitor%visit(self%stress_per_pressure)
+    if (is_next(visitor, allocated(self%time_to_melting))) call visitor%visit(self%time_to_melting)
+    if (is_next(visitor, allocated(self%interface_work))) call visitor%visit(self%interface_work)
+    if (is_next(visitor, allocated(self%heat_to_soft))) call visitor%visit(self%heat_to_soft)
+    if (is_next(visitor, allocated(self%heat_to_hard))) call visitor%visit(self%heat_to_hard)
+    if (is_next(visitor, allocated(self%plastic_work))) call visitor%visit(self%plastic_work)
+    if (is_next(visitor, allocated(self%stored_heat_soft))) call visitor%visit(self%stored_heat_soft)
+    if (is_next(visitor, allocated(self%stored_heat_hard))) call visitor%visit(self%stored_heat_hard)
+    if (is_next(visitor, allocated(self%elastic_energy))) call visitor%visit(self%elastic_energy)
+    if (is_next(visitor, allocated(self%heat_residual))) call visitor%visit(self%heat_residual)
+    if (is_next(visitor, allocated(self%energy_residual))) call visitor%visit(self%energy_residual)
+    if (is_next(visitor, allocated(self%error_estimate))) call visitor%visit(self%error_estimate)
+    if (is_next(visitor, allocated(self%closure))) call visitor%visit(self%closure)
+    if (is_next(visitor, allocated(self%closure2))) call visitor%visit(self%closure2)
+    if (is_next(visitor, allocated(self%film_thickness))) call visitor%visit(self%film_thickness)
+    if (is_next(visitor, allocated(self%mean_far_stress))) call visitor%visit(self%mean_far_stress)
+    if (is_next(visitor, allocated(self%friction_energy_soft))) call visitor%visit(self%friction_energy_soft)
+    if (is_next(visitor, allocated(self%friction_energy_hard))) call visitor%visit(self%friction_energy_hard)
     ! print_contract.py: end
   end subroutine
 
@@ -1252,16 +810,6 @@ contains
 
   ! ---- steps ----
 
-  subroutine step_64(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
-    class(shearbus_interface), intent(inout), target :: self
-    real(real64), intent(in) :: dt, time
-    integer(int64), intent(in) :: n
-    logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
-    integer, intent(out), optional :: stat
-    character(len=*), intent(inout), optional :: msg
-    call run(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
-  end subroutine
-
   subroutine step_32(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     real(real64), intent(in) :: dt, time
@@ -1269,7 +817,7 @@ contains
     logical, intent(in), optional :: trial, commit_previous, all_or_nothing, open_absent, mask(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    call run(self, dt, time, int(n, int64), trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
+    call self%step(dt, time, int(n, int64), trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
   end subroutine
 
   subroutine step_plain(self, dt, time, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
@@ -1282,10 +830,10 @@ contains
     real(real64) :: end_time
     end_time = 0
     if (present(time)) end_time = time
-    call run(self, dt, end_time, 0_int64, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
+    call self%step(dt, end_time, 0_int64, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
   end subroutine
 
-  subroutine run(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
+  subroutine step_64(self, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     real(real64), intent(in) :: dt, time
     integer(int64), intent(in) :: n
@@ -1293,7 +841,7 @@ contains
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(columns_of_step), target :: columns
-    procedure(step_of_all_ranks), pointer :: step_all
+    procedure(c_mpi_step_f), pointer :: step_all
     call prepare(self, columns, dt, time, n, trial, commit_previous, all_or_nothing, mask, open_absent)
     if (c_associated(self%step_of_all)) then
       call c_f_procpointer(self%step_of_all, step_all)
@@ -1393,8 +941,8 @@ contains
         request%node_ids = c_loc(columns%ids)
       end if
       call each_column(self, columns)
-      columns%outputs(columns%n_out + 1) = c_column(outcome_column, 0, c_loc(self%bytes(1, 1)), 0)
-      columns%outputs(columns%n_out + 2) = c_column(regime_column, 0, c_loc(self%bytes(1, 2)), 0)
+      columns%outputs(columns%n_out + 1) = c_output(outcome_column, 0, c_loc(self%bytes(1, 1)), 0)
+      columns%outputs(columns%n_out + 2) = c_output(regime_column, 0, c_loc(self%bytes(1, 2)), 0)
       if (columns%direct) columns%outputs(columns%n_out + 2)%values = c_loc(self%regime(1))
       request%inputs = c_loc(columns%inputs)
       request%n_inputs = int(columns%n_in, c_size_t)
@@ -1417,8 +965,8 @@ contains
     type(columns_of_step), intent(in) :: columns
     integer :: i
     self%flagged = int(columns%answer%flagged_nodes)
-    self%largest_closure = columns%answer%largest_closure
-    self%layer_time = columns%answer%layer_time
+    self%largest_closure = columns%answer%largest_closure_m_per_s
+    self%layer_time = columns%answer%layer_time_s
     if (.not. columns%masked) then
       if (.not. columns%direct) self%regime = self%bytes(:columns%count, 2)
       if (self%flagged > 0) then
@@ -1447,7 +995,7 @@ contains
     if (visitor%code /= 0) return
     if (place%role < answered) then
       visitor%n_in = visitor%n_in + 1
-      visitor%inputs(visitor%n_in) = c_column(place%field, place%component, c_loc(visitor%nothing), 0)
+      visitor%inputs(visitor%n_in) = c_input(place%field, place%component, c_loc(visitor%nothing), 0)
       if (visitor%masked) then
         visitor%in(:visitor%count, visitor%n_in) = column(visitor%rows)
         visitor%inputs(visitor%n_in)%values = c_loc(visitor%in(1, visitor%n_in))
@@ -1456,7 +1004,7 @@ contains
       end if
     else
       visitor%n_out = visitor%n_out + 1
-      visitor%outputs(visitor%n_out) = c_column(place%field, place%component, c_loc(visitor%nothing), 0)
+      visitor%outputs(visitor%n_out) = c_output(place%field, place%component, c_loc(visitor%nothing), 0)
       visitor%answers(visitor%n_out)%values => column
       if (visitor%masked) then
         visitor%outputs(visitor%n_out)%values = c_loc(visitor%out(1, visitor%n_out))
@@ -1475,7 +1023,7 @@ contains
     real(real64), intent(in), optional :: pressure(:)
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
-    type(c_column), target :: outputs(columns_of_profiles)
+    type(c_output) :: outputs(columns_of_profiles)
     real(c_double), allocatable, target :: pressures(:)
     type(c_ptr) :: at_pressure
     type(c_status) :: status
@@ -1493,13 +1041,13 @@ contains
     end if
     vertices = 0
     if (code == 0) &
-      code = c_profiles(self%handle, size(nodes, kind=c_size_t), nodes, at_pressure, c_null_ptr, 0_c_size_t, vertices, status)
+      code = c_profiles(self%handle, size(nodes, kind=c_size_t), nodes, at_pressure, outputs, 0_c_size_t, vertices, status)
     if (code == 0) then
       fields = fields_of(self)
       n_out = 0
       call take_all()
-      code = c_profiles(self%handle, size(nodes, kind=c_size_t), nodes, at_pressure, c_loc(outputs), int(n_out, c_size_t), &
-                        vertices, status)
+      code = c_profiles(self%handle, size(nodes, kind=c_size_t), nodes, at_pressure, outputs, int(n_out, c_size_t), vertices, &
+                        status)
     end if
     if (code == 0) then
       profiles%nodes = size(nodes)
@@ -1524,7 +1072,7 @@ contains
       if (component == 1 .and. fields(0, 3) /= 2) return
       allocate (values(vertices, size(nodes)))
       n_out = n_out + 1
-      outputs(n_out) = c_column(int(field, c_int32_t), int(component, c_int32_t), c_loc(values), 0)
+      outputs(n_out) = c_output(int(field, c_int32_t), int(component, c_int32_t), c_loc(values), 0)
     end subroutine
   end subroutine
 

@@ -21,82 +21,13 @@
 submodule(shearbus) shearbus_mpi_ranks
   implicit none
 
-  interface
-    function c_mpi_open(ranks, comm, fault, on_root, session, options, n, ids, temperatures, status) &
-      bind(c, name='shearbus_mpi_open_f') result(code)
-      import
-      type(c_ptr), intent(inout) :: ranks, session
-      integer(c_int), value :: comm, fault, on_root
-      type(c_options), intent(in) :: options
-      integer(c_size_t), value :: n
-      integer(c_int64_t), intent(in) :: ids(*)
-      type(c_ptr), value :: temperatures
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_mpi_restart(ranks, comm, session, options, manifest, n, ids, status) bind(c, name='shearbus_mpi_restart_f') &
-      result(code)
-      import
-      type(c_ptr), intent(inout) :: ranks, session
-      integer(c_int), value :: comm
-      type(c_options), intent(in) :: options
-      character(kind=c_char), intent(in) :: manifest(*)
-      integer(c_size_t), value :: n
-      integer(c_int64_t), intent(in) :: ids(*)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_mpi_step(ranks, session, fault, request, result, status) bind(c, name='shearbus_mpi_step_f') result(code)
-      import
-      type(c_ptr), value :: ranks, session
-      integer(c_int), value :: fault
-      type(c_request), intent(in) :: request
-      type(c_result), intent(inout) :: result
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    subroutine c_mpi_share(ranks, from_root, bytes) bind(c, name='shearbus_mpi_share_f')
-      import
-      type(c_ptr), value :: ranks
-      integer(c_int32_t), intent(inout) :: from_root(*)
-      integer(c_int), value :: bytes
-    end subroutine
-    function c_mpi_agree(ranks, code, status) bind(c, name='shearbus_mpi_agree') result(agreed)
-      import
-      type(c_ptr), value :: ranks
-      integer(c_int), value :: code
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: agreed
-    end function
-    function c_mpi_redistribute(ranks, session, new_owner, status) bind(c, name='shearbus_mpi_redistribute') result(code)
-      import
-      type(c_ptr), value :: ranks, session
-      integer(c_int), intent(in) :: new_owner(*)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_mpi_dump(ranks, session, mark, manifest, status) bind(c, name='shearbus_mpi_dump') result(code)
-      import
-      type(c_ptr), value :: ranks, session
-      character(kind=c_char), intent(in) :: mark(*), manifest(*)
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-    function c_mpi_close(ranks, session, status) bind(c, name='shearbus_mpi_close') result(code)
-      import
-      type(c_ptr), intent(inout) :: ranks, session
-      type(c_status), intent(inout) :: status
-      integer(c_int) :: code
-    end function
-  end interface
-
 contains
 
   ! on_root=.true.: one session, on rank 0.
   module procedure shearbus_mpi_open
-    type(c_text), target :: texts(8)
+    type(text_of_c), target :: texts(8)
     real(c_double), allocatable, target :: temperatures(:)
-    integer(c_int32_t) :: fields(0:columns_at_most, 0:3)
+    integer(c_int32_t), target :: fields(0:columns_at_most, 0:3)
     type(c_ptr) :: temperatures_at
     type(c_options) :: options
     type(c_status) :: status
@@ -107,26 +38,26 @@ contains
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                       connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
     call per_node(initial_temperature, size(nodes), temperatures, temperatures_at, code, status)
-    code = c_mpi_open(ranks%handle, int(comm, c_int), code, root, bus%handle, options, size(nodes, kind=c_size_t), nodes, &
+    code = c_mpi_open_f(ranks%handle, int(comm, c_int), code, root, bus%handle, options, size(nodes, kind=c_size_t), nodes, &
                       temperatures_at, status)
     if (code == 0 .and. root == 0) then
       call adopt_nodes(bus)
       call make_columns(bus, fields_of(bus))
     else if (code == 0) then
       bus%ranks = ranks%handle
-      bus%step_of_all = c_funloc(c_mpi_step)
+      bus%step_of_all = c_funloc(c_mpi_step_f)
       bus%n = size(nodes)
       bus%nodes = nodes
       fields = 0
       if (bus%is_open()) fields = fields_of(bus)
-      call c_mpi_share(ranks%handle, fields, int(c_sizeof(fields), c_int))
+      call c_mpi_share_f(ranks%handle, c_loc(fields), int(c_sizeof(fields), c_int))
       call make_columns(bus, fields)
     end if
     call report(code, status, stat, msg)
   end procedure
 
   module procedure shearbus_mpi_restart
-    type(c_text), target :: texts(8)
+    type(text_of_c), target :: texts(8)
     type(c_options) :: options
     type(c_status) :: status
     integer(c_int) :: code
@@ -134,7 +65,7 @@ contains
     call give_options(options, texts, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                       secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
                       retry_after=retry_after, check_closure=check_closure, idle_limit=idle_limit)
-    code = c_mpi_restart(ranks%handle, int(comm, c_int), bus%handle, options, trim(manifest)//c_null_char, &
+    code = c_mpi_restart_f(ranks%handle, int(comm, c_int), bus%handle, options, trim(manifest)//c_null_char, &
                          size(nodes, kind=c_size_t), nodes, status)
     if (code == 0) call adopt_nodes(bus)
     if (code == 0) call make_columns(bus, fields_of(bus))

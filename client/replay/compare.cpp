@@ -1,19 +1,19 @@
 #include "client/replay/compare.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "client/replay/log.hpp"
+#include "client/replay/python_part.hpp"
 #include "client/replay/table.hpp"
 #include "client/src/connection.hpp"
+#include "proto/program/python.hpp"
 #include "proto/wire/columns.hpp"
 #include "proto/wire/units.hpp"
 
@@ -102,156 +102,20 @@ bool compare_logs(const fs::path& file_a, const fs::path& file_b, const Names& n
 
 // ---- tables ----
 
-std::vector<std::string> quantities_of(const Table& table) {
-  std::vector<std::string> names;
-  for (const auto& [name, column] : wire::quantities())
-    if (table.has(name)) names.push_back(name);
-  return names;
-}
-
-bool is_per_node(const std::string& name) {
-  return name == "mass_soft" || name == "mass_hard";
-}
-
-// The largest difference of a column among the values that are not equal within the tolerance, and where it is.
-struct Largest {
-  double difference = -1.0;
-  double a = 0.0;
-  double b = 0.0;
-  std::uint64_t node = 0;
-  std::size_t step = 0;
-  double time_s = 0.0;
-  std::size_t differing = 0;
-  std::size_t values = 0;
-
-  void add(double value_a, double value_b, double rtol, std::uint64_t of_node, std::size_t at_step, double at_s) {
-    ++values;
-    if (same(value_a, value_b, rtol)) return;
-    ++differing;
-    // A value that is no number differs from one by more than any number does.
-    const double found =
-        std::isnan(value_a - value_b) ? std::numeric_limits<double>::infinity() : std::abs(value_a - value_b);
-    if (found <= difference) return;
-    *this = {.difference = found,
-             .a = value_a,
-             .b = value_b,
-             .node = of_node,
-             .step = at_step,
-             .time_s = at_s,
-             .differing = differing,
-             .values = values};
+// Python compares two tables; what it reads of a file in HDF5 is checked before.
+[[noreturn]] void compare_tables(const fs::path& file_a, const fs::path& file_b, double rtol) {
+  for (const fs::path& file : {file_a, file_b}) {
+    if (is_text(file)) continue;
+    Table table(file, {});
+    std::vector<double> row(table.nodes());
+    for (const auto& [name, column] : wire::quantities())
+      if (table.has(name) && (name == "mass_soft" || name == "mass_hard"))
+        table.per_node(name);
+      else if (table.has(name))
+        table.row(name, 0, row);
   }
-};
-
-void print_largest(const std::string& name, const Largest& found, const Names& names) {
-  const double size = std::max(std::abs(found.a), std::abs(found.b));
-  const std::string share = std::isfinite(found.difference) && size > 0
-                                ? fmt::format(" ({:.2g} of the larger)", found.difference / size)
-                                : std::string();
-  fmt::print(
-      "{}: {} of {} values differ; largest difference {:.6g}{}, at node {}, step {} (ends at {} s): {} in {}, {} in "
-      "{}\n",
-      name, found.differing, found.values, found.difference, share, found.node, found.step, found.time_s, found.a,
-      names.a, found.b, names.b);
-}
-
-// Calls value(column, node, of a, of b) for each value of a step, at the first step also for those of a node alone.
-template <typename Value>
-void each_value(Table& a, Table& b, std::size_t step, std::span<const std::string> common, const Value& value) {
-  std::vector<double> row_a(a.nodes()), row_b(b.nodes());
-  for (std::size_t column = 0; column < common.size(); ++column) {
-    const std::string& name = common[column];
-    if (!is_per_node(name)) {
-      a.row(name, step, row_a);
-      b.row(name, step, row_b);
-    } else if (step == 0) {
-      row_a = a.per_node(name);
-      row_b = b.per_node(name);
-    } else {
-      continue;
-    }
-    for (std::size_t node = 0; node < row_a.size(); ++node) value(column, a.node_ids()[node], row_a[node], row_b[node]);
-  }
-}
-
-// Compares all steps of two tables within a tolerance and prints the largest difference of each column that has one.
-// Returns whether they are equal.
-bool compare_within(Table& a, Table& b, std::span<const std::string> common, const Names& names, double rtol) {
-  const std::size_t steps = std::min(a.steps(), b.steps());
-  std::vector<Largest> largest(common.size());
-  Largest times;
-  for (std::size_t step = 0; step < steps; ++step) {
-    const double time_s = a.times_s()[step];
-    times.add(time_s, b.times_s()[step], rtol, 0, step, time_s);
-    each_value(a, b, step, common, [&](std::size_t column, std::uint64_t node, double of_a, double of_b) {
-      largest[column].add(of_a, of_b, rtol, node, step, time_s);
-    });
-  }
-  bool equal = true;
-  if (times.differing > 0) {
-    equal = false;
-    fmt::print("{} of {} steps end at other times, the largest difference at step {}: {} s in {}, {} s in {}\n",
-               times.differing, times.values, times.step, times.a, names.a, times.b, names.b);
-  }
-  for (std::size_t column = 0; column < common.size(); ++column) {
-    if (largest[column].differing == 0) continue;
-    equal = false;
-    print_largest(common[column], largest[column], names);
-  }
-  if (a.steps() != b.steps()) {
-    fmt::print("{} has {} steps, {} has {}\n", names.a, a.steps(), names.b, b.steps());
-    return false;
-  }
-  fmt::print("{} within {}: {} steps of {} nodes, {}\n", equal ? "equal" : "different", rtol, steps, a.nodes(),
-             fmt::join(common, ", "));
-  return equal;
-}
-
-bool compare_tables(const fs::path& file_a, const fs::path& file_b, const Names& names, double rtol) {
-  const TableOptions as_it_stands{.rows = Rows::kSteps};
-  const auto a = open_table(file_a, as_it_stands);
-  const auto b = open_table(file_b, as_it_stands);
-  if (a->node_ids() != b->node_ids()) {
-    fmt::print("the nodes differ: {} in {}, {} in {}\n", a->nodes(), names.a, b->nodes(), names.b);
-    return false;
-  }
-  std::vector<std::string> common = quantities_of(*a);
-  std::vector<std::string> single;
-  for (const std::string& name : quantities_of(*b))
-    if (!a->has(name)) single.push_back(name + " in " + names.b);
-  std::erase_if(common, [&](const std::string& name) {
-    if (b->has(name)) return false;
-    single.push_back(name + " in " + names.a);
-    return true;
-  });
-  if (common.empty())
-    throw Error({.code = Code::kInvalidValue,
-                 .text = fmt::format("{} and {} have no quantity in common", file_a.string(), file_b.string())});
-  if (!single.empty()) fmt::print("not compared, since only one has it: {}\n", fmt::join(single, ", "));
-  if (rtol > 0) return compare_within(*a, *b, common, names, rtol);
-  const std::size_t steps = std::min(a->steps(), b->steps());
-  for (std::size_t step = 0; step < steps; ++step) {
-    const double time_a = a->times_s()[step];
-    const double time_b = b->times_s()[step];
-    if (!same(time_a, time_b, 0.0)) {
-      fmt::print("step {}: it ends at {} s in {}, at {} s in {}\n", step, time_a, names.a, time_b, names.b);
-      return false;
-    }
-    Found found;
-    each_value(*a, *b, step, common, [&](std::size_t column, std::uint64_t node, double of_a, double of_b) {
-      add_value(found, common[column], node, of_a, of_b, names, 0.0);
-    });
-    if (const auto text = found.text()) {
-      fmt::print("step {} (ends at {} s): {}\n", step, time_a, *text);
-      return false;
-    }
-  }
-  if (a->steps() != b->steps()) {
-    fmt::print("{} has {} steps, {} has {}; equal until there\n", names.a, a->steps(), names.b, b->steps());
-    return false;
-  }
-  fmt::print("equal: {} steps of {} nodes, {}\n", steps, a->nodes(), fmt::join(common, ", "));
-  return true;
+  program::become_python(
+      {script("replay", "tables.py"), "compare", fmt::format("--rtol={}", rtol), "--", file_a, file_b});
 }
 
 }  // namespace
@@ -335,7 +199,8 @@ bool compare(const fs::path& a, const fs::path& b, double rtol) {
         {.code = Code::kInvalidValue,
          .text = fmt::format("{} is an event log and {} is not", (log_a ? a : b).string(), (log_a ? b : a).string()),
          .remedy = "Make a table of the log first: shearbus-replay export LOG --out TABLE.h5"});
-  return log_a ? compare_logs(a, b, names, rtol) : compare_tables(a, b, names, rtol);
+  if (!log_a) compare_tables(a, b, rtol);
+  return compare_logs(a, b, names, rtol);
 }
 
 }  // namespace shearbus::replay

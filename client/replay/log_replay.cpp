@@ -14,9 +14,9 @@
 #include <variant>
 
 #include "client/replay/compare.hpp"
-#include "client/replay/csv_writer.hpp"
 #include "client/replay/log.hpp"
 #include "client/replay/log_export.hpp"
+#include "client/replay/result_file.hpp"
 #include "client/replay/tally.hpp"
 #include "client/src/connection.hpp"
 #include "client/src/input_check.hpp"

@@ -13,6 +13,7 @@
 #include "client/replay/log_export.hpp"
 #include "client/replay/log_replay.hpp"
 #include "client/replay/plot.hpp"
+#include "client/replay/python_part.hpp"
 #include "client/replay/replay.hpp"
 #include "proto/files/event_log.hpp"
 #include "proto/program/command_line.hpp"
@@ -261,6 +262,8 @@ int main(int argc, char** argv) {
   if (code) return *code;
   try {
     return shearbus::program::end_program("shearbus-replay", run(app, command));
+  } catch (const replay::Told&) {
+    return kRunError;
   } catch (const std::exception& error) {
     shearbus::program::complain("shearbus-replay", error);
     return app.got_subcommand("compare") ? kTrouble : kRunError;

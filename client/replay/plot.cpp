@@ -3,11 +3,10 @@
 #include <fmt/format.h>
 
 #include <optional>
-#include <stdexcept>
-#include <system_error>
 #include <utility>
 
 #include "client/replay/log_export.hpp"
+#include "client/replay/python_part.hpp"
 #include "proto/files/event_log.hpp"
 #include "proto/files/input_file.hpp"
 #include "proto/files/recording.hpp"
@@ -20,22 +19,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The script in the tree of an installation, or in that of the sources.
-fs::path script() {
-  const char* const name = "plot_history.py";
-  std::error_code ignored;
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  const fs::path installed = program.parent_path().parent_path() / "share" / "shearbus" / "report" / name;
-  return fs::exists(installed, ignored) ? installed : fs::path(SHEARBUS_REPLAY_SOURCE) / ".." / "report" / name;
-}
-
 constexpr files::FileKind kPictureFile = {
     "a picture (PNG)", [](const fs::path& file) { return files::head_of(file, 8) == "\x89PNG\r\n\x1a\n"; }};
 
 }  // namespace
 
 void plot(const PlotOptions& options) {
-  std::vector<std::string> words = {script().string(), "--out", options.out.string()};
+  std::vector<std::string> words = {script("report", "plot_history.py"), "--out", options.out.string()};
   if (options.node) words.insert(words.end(), {"--node", std::to_string(*options.node)});
   std::vector<files::InputFile> inputs;
   for (const fs::path& file : options.files) {
@@ -59,8 +49,7 @@ void plot(const PlotOptions& options) {
                 .final_name = exported->file()});
     words.push_back(exported->path().string());
   }
-  if (!program::run_python(std::move(words)))
-    throw std::runtime_error("the picture could not be drawn (see the lines above)");
+  if (!program::run_python(std::move(words))) throw Told();
   fmt::print("{}\n", program::shown(options.out));
 }
 

@@ -14,7 +14,7 @@ struct PlotOptions {
   std::optional<std::uint64_t> node;         // none: the hottest
 };
 
-// Throws std::runtime_error if the picture cannot be drawn.
+// Throws Error, or Told where Python has told why the picture is not drawn.
 void plot(const PlotOptions& options);
 
 }  // namespace shearbus::replay

@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
@@ -233,8 +232,7 @@ void run(const Options& options) {
   if (!options.check) check_out(options);
   const scene::ChangedScene changed(scene::load_text(options.scene), options.scene.string(), options.set);
   const std::string& scene = changed.text();
-  const std::unique_ptr<Table> table = open_table(options.history, options.table);
-  Table& history = *table;
+  Table history(options.history, options.table);
   const NodeProperties properties = NodeProperties::of(history);
   RunTime time{.reading = Clock::now() - start};
 

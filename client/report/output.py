@@ -67,7 +67,9 @@ def write(out, kind, contents, inputs=()):
             opened.flush()
             os.fsync(opened.fileno())
         os.replace(partial, file)
-    except BaseException:
+    except BaseException as fault:
         with contextlib.suppress(OSError):
             os.unlink(partial)
+        if isinstance(fault, OSError):
+            raise Refused(f"{out}: cannot be written: {fault.strerror}; no file is left") from None
         raise

@@ -125,6 +125,14 @@ def section_6(axis, replay):
     return "[junctions], plastic_layer, Taylor-Quinney"
 
 
+def section_4(axis, replay):
+    scene, history = EXAMPLES / "paper_section_4.toml", ("constant", "--dt", 2e-10, "--steps", 1000)
+    for keys, label, colour, dashes in (((), "layer with mass", WITH, "-"), (("layer.inertia=false",), "without", WITHOUT, "--")):
+        lines(axis, replay(scene, history, *keys), "interface_temperature", 1.0, label, colour, dashes, nodes=[0])
+    axis.set(xlabel="time (µs)", ylabel=style.QUANTITIES["interface_temperature"][0])
+    return "inertia, [junctions], Taylor-Quinney"
+
+
 def steady(axis, replay):
     scene, history = EXAMPLES / "steady_sliding.toml", ("imposed", "--velocity", 100, "--pressure", 1e9, "--dt", 4e-9)
     eight = {key: f"[{','.join([value] * 8)}]" for key, value in (("thermal_conductivity_table_w_per_m_k", "15"), ("specific_heat_table_j_per_kg_k", "477"))}
@@ -169,8 +177,16 @@ def velocity_step(axis, replay):
     return "a layer that slides at 1, 10, 1 m/s"
 
 
+def plates(axis, replay):
+    scene, history = EXAMPLES / "plates_with_waves.toml", ("force_driven", "--velocity", 5, "--pressure", 0.5e9, "--dt", 1e-10, "--steps", 1000)
+    for run, label, colour in ((replay(scene, history), "layer with mass", WITH), (replay(scene, history, "layer.inertia=false"), "without", WITHOUT)):
+        axis.plot(1e3 * run["time"], 1e-6 * run["shear_stress"][:, 3], color=colour, lw=1.4, label=label)
+    axis.set(xlabel="time (ns)", ylabel=style.QUANTITIES["shear_stress"][0])
+    return "layer.inertia: two plates stop each other"
+
+
 PICTURES = {"options_layer": (inertia, rates, drive), "options_heat": (pressure, steady, film), "options_contact": (turning, brake, section_6),
-            "options_friction": (memory, velocity_step)}
+            "options_friction": (memory, velocity_step, section_4, plates)}
 
 
 def main():

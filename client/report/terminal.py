@@ -40,14 +40,19 @@ def complain(program, fault):
     print(printable(f"{program}: {fault}"), file=sys.stderr)
 
 
+def open_regular(path, most=MOST_BYTES):
+    """Opens a regular file of at most so many bytes. Raises OSError or ValueError; a pipe is not waited for."""
+    file = open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb")
+    found = os.fstat(file.fileno())
+    if stat.S_ISREG(found.st_mode) and found.st_size <= most:
+        return file
+    file.close()
+    raise ValueError(f"has {found.st_size} bytes, at most {most} are read" if stat.S_ISREG(found.st_mode) else "is no regular file")
+
+
 def read_text(path):
-    """Returns the text of a regular file, in UTF-8. Raises OSError or ValueError; a pipe is not waited for."""
-    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb") as file:
-        found = os.fstat(file.fileno())
-        if not stat.S_ISREG(found.st_mode):
-            raise ValueError("is no regular file")
-        if found.st_size > MOST_BYTES:
-            raise ValueError(f"has {found.st_size} bytes, at most {MOST_BYTES} are read")
+    """Returns the text of a regular file, in UTF-8. Raises OSError or ValueError."""
+    with open_regular(path) as file:
         return file.read().decode("utf-8-sig")
 
 

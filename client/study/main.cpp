@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "client/study/command.hpp"
-#include "client/study/map/command.hpp"
 #include "client/study/option_rows.hpp"
 #include "client/study/precision.hpp"
 #include "client/study/stress_strain.hpp"
@@ -124,27 +123,27 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   StabilityOptions stability;
   const CLI::App* of_stability = add_stability(app, stability);
-  shearbus::map::CommandOptions map;
-  const CLI::App* of_map = shearbus::map::add_command(app, map);
-  CLI::App* of_fit = app.add_subcommand(
-      "fit", "Parameters of a scene from measured curves, or sensitivities; fit --help lists its own options");
-  of_fit->prefix_command()->set_help_flag();
+  const auto add_script = [&](const std::string& name, const std::string& what) {
+    CLI::App* command = app.add_subcommand(name, what + "; " + name + " --help lists its own options");
+    command->prefix_command()->set_help_flag();
+    return command;
+  };
+  const CLI::App* of_map =
+      add_script("map", "The velocity-driven model over pressure and velocity: where its layer sticks, slips and melts");
+  const CLI::App* of_fit = add_script("fit", "Parameters of a scene from measured curves, or sensitivities");
   CurveOptions curve;
   const CLI::App* of_curve = add_curve(app, curve);
-  CLI::App* of_mesh = app.add_subcommand(
-      "mesh", "What zones, steps and layer cost a cone its accuracy; mesh --help lists its own options");
-  of_mesh->prefix_command()->set_help_flag();
-  options.arguments = stability.arguments = map.arguments = {argv, static_cast<std::size_t>(argc)};
+  const CLI::App* of_mesh = add_script("mesh", "What zones, steps and layer cost a cone its accuracy");
+  options.arguments = stability.arguments = {argv, static_cast<std::size_t>(argc)};
   shearbus::program::complete(app, "shearbus-study", shearbus::server::version_text, kFooter);
   if (const auto code = shearbus::program::parse(app, argc, argv)) return *code;
   try {
     if (of_stability->parsed()) return shearbus::program::end_program("shearbus-study", run_stability(stability));
+    if (of_map->parsed()) become("map/map.py", of_map->remaining());
     if (of_fit->parsed()) become("fit.py", of_fit->remaining());
     if (of_mesh->parsed()) become("mesh.py", of_mesh->remaining());
     if (of_curve->parsed()) {
       run_curve(curve);
-    } else if (of_map->parsed()) {
-      shearbus::map::run(map);
     } else {
       of_precision->parsed() ? precision(options) : tolerance(options);
     }

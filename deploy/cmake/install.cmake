@@ -50,7 +50,7 @@ configure_file(deploy/packaging/shearbus.pc.in shearbus.pc @ONLY)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/shearbus.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 install(DIRECTORY client/include/shearbus DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development)
 install(FILES server/physics/interface/friction_law.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/shearbus COMPONENT development)
-install(FILES client/fortran/shearbus.f90 client/mpi/shearbus_mpi.c client/mpi/shearbus_ranks.f90 DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT development)
+install(FILES client/fortran/shearbus.f90 client/fortran/shearbus_contract.inc client/mpi/shearbus_mpi.c client/mpi/shearbus_ranks.f90 DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus COMPONENT development)
 install(FILES client/examples/constant_friction.toml client/examples/host.c client/examples/host.cpp client/examples/host.f90
               client/examples/host_mpi.cpp client/examples/host_mpi.f90 client/examples/friction_law.c
               client/examples/usrfrc.f90 client/examples/vendor_layers.f90 client/examples/vexternaldb.f90

@@ -82,7 +82,7 @@ def call(name, shown, procedure, meaning, note=()):
 
 def constants(text):
     page = ""
-    for before, statement, _ in statements(text.split("type :: shearbus_columns", 1)[0]):
+    for before, statement, _ in statements(text.split(":: shearbus_columns", 1)[0]):
         if statement.startswith("integer, parameter, public"):
             page += ("\n" + " ".join(before) + "\n\n" if before else "") + table(["constant", "value"], [(f"`{n}`", v) for n, v in re.findall(r"(\w+)\s*=\s*(\d+)", statement)]) + "\n"
     return page
@@ -105,7 +105,8 @@ def columns(body):
 
 def page(source):
     """Returns the page."""
-    text = re.sub(r"^.*print_contract\.py: .*\n", "", source.read_text(), flags=re.M)
+    text = re.sub(r"^ *include '(.*)'\n", lambda found: (source.parent / found[1]).read_text(), source.read_text(), flags=re.M)
+    text = re.sub(r"^.*print_contract\.py: .*\n", "", text, flags=re.M)
     meaning, known = meanings(text), procedures(text)
     head = text.split("! Arguments of the calls:", 1)[0]
     intro, _, rest = head.partition("carries its columns:\n!\n")
@@ -113,9 +114,9 @@ def page(source):
     plain = lambda part: " ".join(re.sub(r"^! ?", "", part, flags=re.M).split())
     made = ("# Fortran interface\n\n" + plain(intro + "carries its columns:") + "\n\n```fortran\n" + re.sub(r"^! ? ? ?", "", example, flags=re.M) + "\n```\n\n" + plain(after) +
             f"\n\nThe guide is [Couple your code]({UP}client/README.md); the source, one file that is compiled with the host, is "
-            f"[shearbus.f90]({UP}client/fortran/shearbus.f90).\n")
-    data, profiles, interface = (text.split(f"{kind} :: shearbus_{name}\n", 1)[1].split("\n  end type", 1)[0]
-                                 for kind, name in (("type", "columns"), ("type, public", "profiles"), ("type, extends(shearbus_columns)", "interface")))
+            f"[shearbus.f90]({UP}client/fortran/shearbus.f90) with its [shearbus_contract.inc]({UP}client/fortran/shearbus_contract.inc).\n")
+    steps, layers, own, sizes, interface = (text.split(f" :: {name}\n", 1)[1].split("  end type", 1)[0] for name in (
+        "columns_of_a_step", "columns_of_a_profile", "shearbus_columns", "shearbus_profiles", "shearbus_interface"))
     bound = interface.partition("\n  contains\n")[2]
     made += "\n## Calls of an interface\n"
     for before, statement, _ in statements(bound):
@@ -123,7 +124,7 @@ def page(source):
         if generic or plain_one:
             name, specific = generic.groups() if generic else (plain_one[1],) * 2
             made += call(name, f"bus%{name}", known[specific], meaning, before)
-    made += "\n## Columns\n\n" + columns(data) + "\n## Profiles\n\nThe components of `type(shearbus_profiles)`, arrays (vertices, nodes).\n\n" + columns(profiles) + "\n## Constants\n" + constants(text)
+    made += "\n## Columns\n\n" + columns(own + steps) + "\n## Profiles\n\nThe components of `type(shearbus_profiles)`, arrays (vertices, nodes).\n\n" + columns(sizes + layers) + "\n## Constants\n" + constants(text)
     made += "\n## Other procedures\n" + call("shearbus_version", "shearbus_version", known["shearbus_version"], meaning, known["shearbus_version"][3])
     made += (f"\n## Ranks of MPI\n\nA submodule, [shearbus_ranks.f90]({UP}client/mpi/shearbus_ranks.f90), which a host with MPI compiles, too. Every call is "
              "collective, and has the same `stat` and `msg` on all ranks.\n")

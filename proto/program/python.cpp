@@ -12,7 +12,7 @@ namespace shearbus::program {
 namespace {
 
 [[noreturn]] void fail(int code, const char* doing) {
-  throw std::system_error(code, std::generic_category(), doing + std::string(SHEARBUS_PYTHON));
+  throw std::system_error(code, std::generic_category(), doing + std::string(SHEARBUS_PYTHON) + " (package python3)");
 }
 
 // The arguments as the system takes them. They point into `words`.

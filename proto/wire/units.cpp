@@ -14,33 +14,22 @@ struct Unit {
   const char* si;
   double factor;
 };
-constexpr std::array kUnits = {Unit{"s", "s", 1.0},           Unit{"ms", "s", 1e-3},
-                               Unit{"us", "s", 1e-6},         Unit{"ns", "s", 1e-9},
-                               Unit{"ps", "s", 1e-12},        Unit{"Pa", "Pa", 1.0},
-                               Unit{"kPa", "Pa", 1e3},        Unit{"MPa", "Pa", 1e6},
-                               Unit{"GPa", "Pa", 1e9},        Unit{"bar", "Pa", 1e5},
-                               Unit{"kbar", "Pa", 1e8},       Unit{"Mbar", "Pa", 1e11},
-                               Unit{"m/s", "m/s", 1.0},       Unit{"mm/s", "m/s", 1e-3},
-                               Unit{"km/s", "m/s", 1e3},      Unit{"mm/us", "m/s", 1e3},
-                               Unit{"cm/us", "m/s", 1e4},     Unit{"kg/m2", "kg/m2", 1.0},
-                               Unit{"g/cm2", "kg/m2", 10.0},  Unit{"K", "K", 1.0},
-                               Unit{"1/s", "1/s", 1.0},       Unit{"1/ms", "1/s", 1e3},
-                               Unit{"1/us", "1/s", 1e6},      Unit{"1/ns", "1/s", 1e9},
-                               Unit{"Pa s/m", "Pa s/m", 1.0}, Unit{"MPa s/m", "Pa s/m", 1e6},
-                               Unit{"J/m2", "J/m2", 1.0},     Unit{"m", "m", 1.0},
-                               Unit{"mm", "m", 1e-3},         Unit{"um", "m", 1e-6}};
+constexpr std::array kUnits = {
+#define UNIT(name, si, factor) Unit{name, si, factor},
+#define WORD(word, name)
+#include "proto/wire/units.inc"
+#undef UNIT
+#undef WORD
+};
 
 // Names that are written out, and what they stand for.
-constexpr std::array<std::array<std::string_view, 2>, 10> kWords = {{{"second", "s"},
-                                                                     {"seconds", "s"},
-                                                                     {"sec", "s"},
-                                                                     {"microsecond", "us"},
-                                                                     {"microseconds", "us"},
-                                                                     {"nanoseconds", "ns"},
-                                                                     {"pascal", "Pa"},
-                                                                     {"Pascal", "Pa"},
-                                                                     {"kelvin", "K"},
-                                                                     {"Kelvin", "K"}}};
+constexpr std::array kWords = {
+#define UNIT(name, si, factor)
+#define WORD(word, name) std::array<std::string_view, 2>{word, name},
+#include "proto/wire/units.inc"
+#undef UNIT
+#undef WORD
+};
 
 void replace_all(std::string& text, std::string_view from, std::string_view to) {
   std::string out;

@@ -13,7 +13,6 @@
 #include <optional>
 
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
 
 // protobuf and HDF5 leak when an allocation inside them fails. These leaks are accepted; proto/scene/with_message.hpp
 // says why for protobuf.
@@ -86,13 +85,6 @@ void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept {
 
 namespace shearbus::service {
 namespace {
-
-using support::Answer;
-using support::DurableServer;
-using support::MemoryStorage;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Strategy;
 
 constexpr std::size_t kNodes = 5;
 

@@ -85,6 +85,8 @@ std::vector<Physics> all_physics() {
   plastic_heating.taylor_quinney_factor = 0.9;
   ModelOptions inertia = velocity;
   inertia.inertia = true;
+  ModelOptions waves_that_heat = plastic_heating;
+  waves_that_heat.inertia = true;
   ModelOptions waves_and_friction = under_pressure(friction);
   waves_and_friction.inertia = true;
   ModelOptions waves_and_junctions = inertia;
@@ -97,6 +99,8 @@ std::vector<Physics> all_physics() {
                                    .direct_effect = 4e-4,
                                    .evolution_effect = 6e-4};
   waves_and_junctions.junctions = {0.5, 1e-7, inertia.soft};
+  ModelOptions waves_all = two_sided(waves_and_junctions);
+  waves_all.taylor_quinney_factor = 0.9;
 
   ModelOptions insulated = force;
   insulated.grid.far_boundary = FarBoundary::kInsulated;
@@ -108,6 +112,10 @@ std::vector<Physics> all_physics() {
   ModelOptions flowing_junctions = plastic_layer;
   flowing_junctions.junctions = junctions.junctions;
   flowing_junctions.junctions->metal.yield_strength = plastic_layer.interface.yield_strength;
+  ModelOptions forced_waves = plastic_layer;
+  forced_waves.inertia = true;
+  ModelOptions forced_waves_and_junctions = under_pressure(two_sided(flowing_junctions));
+  forced_waves_and_junctions.inertia = true;
   ModelOptions work_heats = two_sided(flowing_junctions);
   work_heats.taylor_quinney_factor = 0.9;
   ModelOptions weakening = force;
@@ -144,6 +152,8 @@ std::vector<Physics> all_physics() {
                               {"inertia", inertia},
                               {"inertia, Coulomb, T_melt(P)", waves_and_friction},
                               {"inertia, rate and state, junctions", waves_and_junctions},
+                              {"inertia, plastic heating", waves_that_heat},
+                              {"inertia, plastic heating, rate and state, junctions", waves_all},
                               {"T_melt(P), compressed", under_pressure(velocity)},
                               {"Johnson-Cook", johnson_cook(velocity)},
                               {"Preston-Tonks-Wallace", preston(velocity)},
@@ -158,6 +168,8 @@ std::vector<Physics> all_physics() {
                               {"force-driven", force},
                               {"force, insulated", insulated},
                               {"force, plastic layer", plastic_layer},
+                              {"force, inertia", forced_waves},
+                              {"force, inertia, two-sided, junctions, T_melt(P)", forced_waves_and_junctions},
                               {"force, junctions", junctions},
                               {"force, weakening", weakening},
                               {"force, two-sided", two_sided(force)},

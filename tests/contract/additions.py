@@ -13,7 +13,7 @@ import unittest
 
 OPTIONS = None
 # Of the tree: what is printed, and what the compilers need to read it.
-COPIED = ("proto", "client/include", "client/fortran", "client/python/shearbus", "client/report/style.py", "client/ctl/watch_screen.cpp", "server/physics",
+COPIED = ("proto", "client/include", "client/fortran", "client/mpi", "client/python/shearbus", "client/report/style.py", "client/ctl/watch_screen.cpp", "server/physics",
           ".github/CONTRIBUTING.md")
 COLUMN = """OUTPUT(kDamage, 64, damage_j_per_m3, damage, "J/m3", Float64, Tangential, OnRequest, OnRequest, "damage of the interface")
 """

@@ -96,6 +96,17 @@ def build_by_pkg_config(work, prefix, examples):
     return programs
 
 
+def check_tables(work, prefix, scene):
+    """The installed shearbus-replay reads, writes and compares tables of text by the installed part in Python."""
+    if not (prefix / "share/shearbus/replay/tables.py").is_file():
+        sys.exit("the tables of shearbus-replay are not installed")
+    table = work / "table.csv"
+    table.write_text("time [us],pressure [GPa],velocity_jump [m/s]\n1,11,100\n2,11,99\n")
+    for result in ("result.h5", "result.csv"):
+        run(prefix / "bin/shearbus-replay", table, "--steps", "--scene", scene, "--out", work / result)
+    run(prefix / "bin/shearbus-replay", "compare", work / "result.h5", work / "result.csv")
+
+
 def check_hdf5(work, prefix, source, scene):
     """A process with the server in it loads HDF5 for a state directory only, and withstands a host with an HDF5 of its own."""
     (config,), (library,) = prefix.rglob("shearbus.pc"), prefix.rglob("libshearbus.so.1")
@@ -141,6 +152,7 @@ def main():
         programs = build_by_cmake(work, prefix, examples, options.mpiexec) + build_by_pkg_config(work, prefix, examples)
 
         check_components(work, prefix)
+        check_tables(work, prefix, examples / "paper_velocity_driven_graded.toml")
         check_hdf5(work, prefix, options.two_copies.with_name("embedded_hdf5.c"), scene)
         endpoint = f"ipc://{work}/bus"
         server = subprocess.Popen([prefix / "bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])

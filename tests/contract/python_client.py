@@ -17,24 +17,20 @@ import sys
 import tempfile
 import threading
 import time
+import tomllib
 import types
 import unittest
 import warnings
 
 import numpy
 
-OPTIONS = None
-VELOCITY_DRIVEN = """name = "python"
-strategy = "velocity_driven"
-[soft]
-material = "aluminium_dlp"
-[hard]
-material = "steel_dlp"
-[layer]
-thickness_m = 20e-6
-cells = 40
-grading = 1.1
-"""
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import EXAMPLES, OPTIONS
+import shearbus
+from shearbus._library import FUNCTIONS
+
+VELOCITY_DRIVEN = served.scene("velocity_driven", layer={"thickness_m": 20e-6, "cells": 40, "grading": 1.1})
 TWO_COMPONENTS = "tangential_components = 2\n" + VELOCITY_DRIVEN
 NODES = [3, 7, 2**64 - 1]
 
@@ -44,38 +40,11 @@ def drive(*jumps):
 
 
 def example():
-    """Returns the module of the example, which is a host of its own."""
-    path = OPTIONS.source / "client/examples/host.py"
-    spec = importlib.util.spec_from_file_location("host", path)
+    """Returns a new copy of the module of the example, which is a host of its own."""
+    spec = importlib.util.spec_from_file_location("host", EXAMPLES / "host.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-class DurableServer:
-    """A server with a state directory, which can be killed and started again."""
-
-    def __init__(self, directory):
-        self.directory = directory
-        self.socket = pathlib.Path(directory, "run", "bus")
-        self.socket.parent.mkdir(mode=0o700)
-        self.endpoint = f"ipc://{self.socket}"
-        self.process = None
-        self.start()
-
-    def start(self):
-        self.socket.unlink(missing_ok=True)
-        self.process = subprocess.Popen(
-            [OPTIONS.server, "--bind", self.endpoint, "--state-dir", f"{self.directory}/state", "--log-level", "off"])
-        while not self.socket.exists():
-            time.sleep(0.005)
-
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
-
-    def close(self):
-        self.kill()
 
 
 class Live(unittest.TestCase):
@@ -84,12 +53,15 @@ class Live(unittest.TestCase):
         self.addCleanup(bus.__exit__, RuntimeError)
         return bus
 
-    def durable(self):
+    def serve(self, **options):
+        """Starts a server of the test's own, which is durable."""
+        return served.Server(self, self.scratch(), **options)
+
+    def scratch(self):
+        """Returns a directory that ends with the test."""
         directory = tempfile.TemporaryDirectory(prefix="shearbus-")
         self.addCleanup(directory.cleanup)
-        server = DurableServer(directory.name)
-        self.addCleanup(server.close)
-        return server
+        return pathlib.Path(directory.name)
 
     def assert_refused(self, kind, code, call, field=None, nodes=None, text=""):
         with self.assertRaises(kind) as caught:
@@ -263,11 +235,7 @@ class Steps(Live):
         self.assertEqual(answer.temperature.shape, (3,))
         bus.step(1e-9, jump=0, pressure=11.2e9)
         for wrong in (100.0, numpy.ones(3), numpy.ones((2, 3))):
-            self.assert_refused(shearbus.MessageError,
-                                "SHAPE",
-                                lambda: bus.step(1e-9, jump=wrong, pressure=1e9),
-                                "jump",
-                                text="(3, 2)")
+            self.assert_refused(shearbus.MessageError, "SHAPE", lambda: bus.step(1e-9, jump=wrong, pressure=1e9), "jump", text="(3, 2)")
         bad = jump.copy()
         bad[1, 1] = numpy.nan
         self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: bus.step(1e-9, jump=bad, pressure=1e9),
@@ -288,11 +256,9 @@ class Steps(Live):
         self.assertGreater(self.open(initial_temperature=700).step(1e-9, **drive(1, 1, 1)).temperature.min(), 700)
 
     def test_a_scene_is_a_path_a_text_or_a_dict(self):
-        file = pathlib.Path(OPTIONS.source, "client/examples/constant_friction.toml")
-        nested = {
-            "name": "python", "strategy": "velocity_driven", "soft": {"material": "aluminium_dlp"}, "hard":
-            {"material": "steel_dlp"}, "layer": {"thickness_m": numpy.float64(20e-6), "cells": 40, "grading": 1.1}
-        }
+        file = EXAMPLES / "constant_friction.toml"
+        nested = tomllib.loads(VELOCITY_DRIVEN)
+        nested["layer"]["thickness_m"] = numpy.float64(20e-6)
         self.assertEqual(self.open(nested).scene, self.open(VELOCITY_DRIVEN).scene)
         self.assertEqual(self.open(file).scene, self.open(file.read_text()).scene)
         fault = self.assert_refused(shearbus.ContentError, "INVALID_SCENE",
@@ -317,7 +283,7 @@ class Forms(Live):
            "stress_hard": numpy.array([0.0, 1e7, -1e7]), "mass_soft": 0.0043, "mass_hard": 0.0123}
 
     def setUp(self):
-        self.scene = OPTIONS.source / "client/examples/constant_friction.toml"
+        self.scene = EXAMPLES / "constant_friction.toml"
 
     def stick(self, dt):
         """Returns FAR in stick form."""
@@ -562,34 +528,22 @@ class Refusals(Live):
 
     def test_values_are_refused_by_the_name_of_their_column(self):
         good = drive(1, 2, 3)
-        shape = ({"pressure": numpy.ones(2)}, {"pressure": numpy.ones(4)}, {"pressure": numpy.ones(
-            (3, 1))}, {"pressure": []}, {"pressure": numpy.float32(1e9)}, {"pressure": numpy.ones(3, numpy.float32)},
-                 {"pressure": numpy.ones(3, numpy.float16)}, {"pressure": numpy.ones(3, numpy.longdouble)},
-                 {"pressure": numpy.ones(3, complex)}, {"pressure": numpy.ones(3, bool)}, {"pressure": ["1", "2", "3"]},
-                 {"pressure": None}, {"pressure": [1.0, [2.0],
-                                                   3.0]}, {"pressure": numpy.ma.masked_array(numpy.ones(3), [0, 1, 0])
-                                                           }, {"pressure": numpy.ma.masked_array(numpy.ones(3))})
-        for wrong in shape:
-            self.silently(lambda: self.bus.step(1e-9, **{**good, **wrong}), shearbus.MessageError, "SHAPE", "pressure")
+        ones = numpy.ones(3)
+        for wrong in (numpy.ones(2), numpy.ones(4), numpy.ones((3, 1)), [], numpy.float32(1e9), numpy.ones(3, numpy.float32),
+                      numpy.ones(3, numpy.float16), numpy.ones(3, numpy.longdouble), numpy.ones(3, complex), numpy.ones(3, bool), ["1", "2", "3"],
+                      None, [1.0, [2.0], 3.0], numpy.ma.masked_array(ones, [0, 1, 0]), numpy.ma.masked_array(ones)):
+            with self.subTest(repr(wrong)):
+                self.silently(lambda: self.bus.step(1e-9, **{**good, "pressure": wrong}), shearbus.MessageError, "SHAPE", "pressure")
         for value in (numpy.nan, numpy.inf, -numpy.inf):
             bad = numpy.array([1.0, 2.0, value])
             self.assert_refused(shearbus.ContentError, "INVALID_VALUE", lambda: self.bus.step(1e-9, **{**good, "jump": bad}),
                                 "jump", [2**64 - 1], f"jump of node {2**64 - 1} is {value}")
             self.assert_refused(shearbus.ContentError, "INVALID_VALUE",
                                 lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), "jump", [7])
-        self.silently(lambda: self.bus.step(1e-9, jump=1.0),
-                      shearbus.MessageError,
-                      "SHAPE",
-                      "pressure",
-                      text="is missing")
-        self.silently(lambda: self.bus.step(1e-9, presure=1.0, **good),
-                      shearbus.MessageError,
-                      "SHAPE",
-                      "presure",
-                      text='mean "pressure"')
-        self.silently(lambda: self.bus.step(1e-9, stress_soft=1.0, **good), shearbus.MessageError, "SHAPE",
-                      "stress_soft")
-        self.silently(lambda: self.bus.step("1 ns", **good), shearbus.MessageError, "SHAPE", "dt")
+        for dt, values, field, text in ((1e-9, {"jump": 1.0}, "pressure", "is missing"), (1e-9, {**good, "presure": 1.0}, "presure", 'mean "pressure"'),
+                                        (1e-9, {**good, "stress_soft": 1.0}, "stress_soft", ""), ("1 ns", good, "dt", "")):
+            with self.subTest(field):
+                self.silently(lambda: self.bus.step(dt, **values), shearbus.MessageError, "SHAPE", field, text=text)
         numpy.testing.assert_array_equal(self.bus.step(1e-9, **good).stress, self.plain.step(1e-9, **good).stress)
 
     def test_nodes_are_refused_where_they_are_no_distinct_whole_numbers(self):
@@ -622,7 +576,7 @@ class Refusals(Live):
         self.assertEqual(type(shearbus.errors.error(499, "of a later version")), shearbus.ServerError)
 
     def test_a_draining_server_opens_no_session(self):
-        server = self.durable()
+        server = self.serve()
         subprocess.run([OPTIONS.ctl, "drain", "--server", server.endpoint], check=True, stdout=subprocess.DEVNULL)
         self.assert_refused(shearbus.ServerError, "DRAINING", lambda: self.open(endpoint=server.endpoint))
 
@@ -636,64 +590,59 @@ class Refusals(Live):
 
 class Losses(Live):
     def test_a_killed_server_is_waited_for_and_every_step_runs_once(self):
-        server, plain = self.durable(), self.open()
+        server, plain = self.serve(), self.open()
         bus = self.open(endpoint=server.endpoint, reply_deadline=10.0, retry_after=0.3)
         self.assertTrue(bus.durable)
         for round_ in range(6):
             if round_ in (2, 4):
-                server.kill()
+                server.end()
                 threading.Timer(0.1, server.start).start()
             values = drive(100 - round_, 90, 80)
             if round_ == 4:
                 with bus.trial(1e-9, **values) as answer:
-                    server.kill()
+                    server.end()
                     threading.Timer(0.1, server.start).start()
             else:
                 answer = bus.step(1e-9, **values)
             numpy.testing.assert_array_equal(answer.temperature, plain.step(1e-9, **values).temperature)
         self.assertEqual(bus.close().node_steps, 18)
 
-    def test_an_unknown_outcome_is_settled_by_the_same_call(self):
-        server, plain = self.durable(), self.open()
+    def with_a_lost_answer(self, call, steps):
+        """Returns a session that has made these steps, and then a call whose answer was lost."""
+        server = self.serve()
         bus = self.open(endpoint=server.endpoint, reply_deadline=0.4, retry_after=0.15)
-        bus.step(1e-9, **drive(1, 2, 3))
-        plain.step(1e-9, **drive(1, 2, 3))
-        server.process.send_signal(signal.SIGSTOP)
-        self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(50, 60, 70)))
-        server.process.send_signal(signal.SIGCONT)
+        for _ in range(steps):
+            bus.step(1e-9, **drive(1, 2, 3))
+        server.stop()
+        self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: call(bus))
+        server.go()
         bus.reply_deadline = 5.0
-        answer = bus.step(1e-9, **drive(50, 60, 70))
+        return bus
+
+    def test_an_unknown_outcome_is_settled_by_the_same_call(self):
+        plain, step = self.open(), lambda bus: bus.step(1e-9, **drive(50, 60, 70))
+        plain.step(1e-9, **drive(1, 2, 3))
+        answer = step(self.with_a_lost_answer(step, 1))
         self.assertEqual(answer.state_version, 2)
-        numpy.testing.assert_array_equal(answer.stress, plain.step(1e-9, **drive(50, 60, 70)).stress)
+        numpy.testing.assert_array_equal(answer.stress, step(plain).stress)
 
     def test_another_call_after_a_lost_one_is_refused_and_the_session_goes_on(self):
-        server = self.durable()
-        bus = self.open(endpoint=server.endpoint, reply_deadline=0.4, retry_after=0.15)
-        server.process.send_signal(signal.SIGSTOP)
-        self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(50, 60, 70)))
-        server.process.send_signal(signal.SIGCONT)
-        bus.reply_deadline = 5.0
+        bus = self.with_a_lost_answer(lambda bus: bus.step(1e-9, **drive(50, 60, 70)), 0)
         time.sleep(0.1)  # the copies of the lost request are run before the next one arrives
         self.assert_refused(shearbus.SessionError, "SEQUENCE_REUSED", lambda: bus.step(1e-9, **drive(1, 1, 1)))
         self.assertEqual(bus.step(1e-9, **drive(1, 1, 1)).state_version, 2)
 
     def test_a_close_of_unknown_outcome_is_made_again(self):
-        server = self.durable()
-        bus = self.open(endpoint=server.endpoint, reply_deadline=0.4, retry_after=0.15)
-        bus.step(1e-9, **drive(1, 2, 3))
-        server.process.send_signal(signal.SIGSTOP)
-        self.assert_refused(shearbus.UnknownOutcome, "UNKNOWN_OUTCOME", bus.close)
-        server.process.send_signal(signal.SIGCONT)
-        bus.reply_deadline = 5.0
+        bus = self.with_a_lost_answer(shearbus.Session.close, 1)
         totals = bus.close()
         self.assertEqual((totals.node_steps, bus.close()), (3, totals))
 
     def test_the_end_of_a_started_step_without_a_server_costs_one_deadline(self):
-        server = self.durable()
+        server = self.serve()
         for end in ("close", "with"):
             bus = self.open(endpoint=server.endpoint, reply_deadline=0.4, retry_after=0.15)
             library = bus._library
-            server.process.send_signal(signal.SIGSTOP)
+            server.stop()
             bus.start(1e-9, **drive(50, 60, 70))
             bus._library = types.SimpleNamespace(shearbus_finish=library.shearbus_finish)  # nothing else is asked
             if end == "close":
@@ -702,41 +651,29 @@ class Losses(Live):
                 with self.assertRaises(shearbus.UnknownOutcome), bus:
                     pass
             bus._library = library
-            server.process.send_signal(signal.SIGCONT)
+            server.go()
             if end == "close":
                 bus.reply_deadline = 30.0
                 self.assertIn(bus.close().node_steps, (0, 3))
 
     def test_an_interrupt_leaves_a_session_that_can_be_closed(self):
-        server = self.durable()
+        server = self.serve()
         bus = self.open(endpoint=server.endpoint)
-        server.process.send_signal(signal.SIGSTOP)
+        server.stop()
         threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
         with self.assertRaises(KeyboardInterrupt):
             bus.step(1e-9, **drive(50, 60, 70))
-        threading.Timer(0.4, server.process.send_signal, (signal.SIGCONT,)).start()  # the next call waits, too
+        threading.Timer(0.4, server.go).start()  # the next call waits, too
         self.assertEqual(bus.close().node_steps, 3)
 
     def test_a_server_without_durability_that_was_replaced_is_told(self):
-        with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
-            endpoint = f"ipc://{directory}/bus"
-
-            def start():
-                pathlib.Path(directory, "bus").unlink(missing_ok=True)
-                server = subprocess.Popen([OPTIONS.server, "--bind", endpoint, "--log-level", "off"])
-                self.addCleanup(server.wait)
-                self.addCleanup(server.kill)
-                while not pathlib.Path(directory, "bus").exists():
-                    time.sleep(0.005)
-                return server
-            server = start()
-            bus = self.open(endpoint=endpoint, reply_deadline=5.0, retry_after=0.3)
-            bus.step(1e-9, **drive(1, 2, 3))
-            server.kill()
-            server.wait()
-            start()
-            self.assert_refused(shearbus.SessionError, "EPOCH", lambda: bus.step(1e-9, **drive(1, 2, 3)))
-            bus.leave()
+        server = self.serve(durable=False)
+        bus = self.open(endpoint=server.endpoint, reply_deadline=5.0, retry_after=0.3)
+        bus.step(1e-9, **drive(1, 2, 3))
+        server.end()
+        server.start()
+        self.assert_refused(shearbus.SessionError, "EPOCH", lambda: bus.step(1e-9, **drive(1, 2, 3)))
+        bus.leave()
 
 
 class Hosts(Live):
@@ -750,7 +687,7 @@ class Hosts(Live):
     def test_a_wrong_host_is_told_its_mistake_before_the_step_is_sent(self):
         def host(soft=1, hard=1, to_soft=1, to_hard=1, mass_soft=1, mass_hard=1, swap=False, dt=1, sign=1):
             """Two masses under far stresses; the arguments are factors of what a right host has or sends."""
-            bus = self.open(OPTIONS.source / "client/examples/constant_friction.toml", check_closure="error")
+            bus = self.open(EXAMPLES / "constant_friction.toml", check_closure="error")
             v_soft, v_hard, m_soft, m_hard = numpy.array([100.0, 90, 80]), 0.0, 0.0043, 0.0123
             for length in (1e-9, 1.5e-9, 1e-9):
                 sent = {"stress_soft": soft * 30e6, "stress_hard": hard * 10e6}
@@ -764,18 +701,14 @@ class Hosts(Live):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             host()
-        for mistake, text in (({"soft": -1}, "stress_soft has the wrong sign"),
-                              ({"hard": -1}, "stress_hard has the wrong sign"), ({"soft": -1, "hard":
-                                                                                  -1}, "both have the wrong sign"),
-                              ({"to_soft": 0}, "to the hard body only"), ({"to_hard": 0}, "to the soft body only"),
-                              ({"to_soft": 0, "to_hard": 0}, "is not applied"), ({"to_soft": -1, "to_hard":
-                                                                                  -1}, "applied with the wrong sign"),
-                              ({"swap": True}, "are swapped"), ({"mass_soft":
-                                                                 2}, "mass_soft must be half of that sent"),
-                              ({"mass_hard": .5}, "mass_hard must be twice that"), ({"mass_soft": 2, "mass_hard":
-                                                                                     2}, "both masses must be half"),
-                              ({"dt": .5}, "dt half of that sent"), ({"dt": "first"}, "by the dt of this step"),
-                              ({"sign": -1}, "jump has the wrong sign"), ({"to_soft": .3}, "No single mistake")):
+        for mistake, text in (({"soft": -1}, "stress_soft has the wrong sign"), ({"hard": -1}, "stress_hard has the wrong sign"),
+                              ({"soft": -1, "hard": -1}, "both have the wrong sign"), ({"to_soft": 0}, "to the hard body only"),
+                              ({"to_hard": 0}, "to the soft body only"), ({"to_soft": 0, "to_hard": 0}, "is not applied"),
+                              ({"to_soft": -1, "to_hard": -1}, "applied with the wrong sign"), ({"swap": True}, "are swapped"),
+                              ({"mass_soft": 2}, "mass_soft must be half of that sent"), ({"mass_hard": .5}, "mass_hard must be twice that"),
+                              ({"mass_soft": 2, "mass_hard": 2}, "both masses must be half"), ({"dt": .5}, "dt half of that sent"),
+                              ({"dt": "first"}, "by the dt of this step"), ({"sign": -1}, "jump has the wrong sign"),
+                              ({"to_soft": .3}, "No single mistake")):
             fault = self.assert_refused(shearbus.ClosureError, "NOT_CLOSED", lambda: host(**mistake), "jump", text=text)
             self.assertLessEqual(str(fault).count("; or: "), 2, fault)
 
@@ -816,23 +749,16 @@ class Hosts(Live):
         self.assert_refused(shearbus.MessageError, "SHAPE", lambda: self.open(check_closure="maybe"), "check_closure")
 
     def test_the_environment_replaces_endpoint_and_scene(self):
-        scene = OPTIONS.source / "client/examples/constant_friction.toml"
+        scene = EXAMPLES / "constant_friction.toml"
         for name, value in (("SHEARBUS_ENDPOINT", OPTIONS.endpoint), ("SHEARBUS_SCENE", str(scene))):
             os.environ[name] = value
             self.addCleanup(os.environ.pop, name)
         self.assertEqual(self.open(endpoint="ipc:///nowhere").name, "constant_friction")
 
     def test_the_examples_run_as_printed(self):
-        done = subprocess.run([
-            sys.executable, "-B", OPTIONS.source / "client/examples/host.py", OPTIONS.endpoint
-        ],
-                              text=True,
-                              stdout=subprocess.PIPE,
-                              env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+        done, swept = (subprocess.run([sys.executable, "-B", EXAMPLES / name, OPTIONS.endpoint], text=True, stdout=subprocess.PIPE)
+                       for name in ("host.py", "sweep.py"))
         self.assertEqual(done.returncode, 0)
-        swept = subprocess.run([sys.executable, "-B", OPTIONS.source / "client/examples/sweep.py", OPTIONS.endpoint],
-                               text=True, stdout=subprocess.PIPE,
-                               env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
         hottest = [[float(word) for word in line.split()[1::2]] for line in swept.stdout.splitlines()[1:]]
         self.assertEqual((swept.returncode, numpy.shape(hottest)), (0, (3, 3)))
         self.assertTrue((numpy.diff(hottest, axis=0) > 0).all() and (numpy.diff(hottest, axis=1) > 0).all(), hottest)
@@ -845,9 +771,12 @@ class Processes(Live):
     STEP = {"jump": [1.0, 2.0, 3.0], "pressure": 11.2e9}
 
     def run_program(self, text, *arguments, **options):
-        environment = {**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")}
-        return subprocess.run([sys.executable, "-B", "-W", "ignore", "-c", text, *arguments], env=environment, timeout=60,
-                              capture_output=True, text=True, **options)
+        return subprocess.run([sys.executable, "-B", "-W", "ignore", "-c", text, *arguments], timeout=60, capture_output=True, text=True, **options)
+
+    def host(self, text, *arguments):
+        """Starts a host whose streams are pipes."""
+        return served.program(self, sys.executable, "-B", "-W", "ignore", "-c", text, *arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE)
 
     def test_without_an_endpoint_the_server_is_in_this_process(self):
         plain = self.open()
@@ -871,23 +800,21 @@ class Processes(Live):
             self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "end\n", ""))
 
     def test_a_process_ends_while_a_daemon_thread_waits_in_a_call(self):
-        server = self.durable()
+        server = self.serve()
         begin = "import shearbus, sys, threading, time; bus = shearbus.open(sys.argv[1], [1], sys.argv[2]); print(1, flush=True); sys.stdin.readline(); "
         calls = {"a step": "bus.step(1e-9, jump=1.0, pressure=1e9)", "an opening": "shearbus.open(sys.argv[1], [2], sys.argv[2])"}
         for name, call in calls.items():
             program = begin + f"threading.Thread(target=lambda: {call}, daemon=True).start(); time.sleep(0.3)"
-            host = subprocess.Popen([sys.executable, "-B", "-W", "ignore", "-c", program, VELOCITY_DRIVEN, server.endpoint], stdin=subprocess.PIPE,
-                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                                    env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+            host = self.host(program, VELOCITY_DRIVEN, server.endpoint)
             host.stdout.readline()
-            server.process.send_signal(signal.SIGSTOP)
+            server.stop()
             _, said = host.communicate("\n", timeout=60)
-            server.process.send_signal(signal.SIGCONT)
+            server.go()
             self.assertEqual(host.returncode, 0, (name, said))
             self.assertNotIn("FATAL", said)
 
     def test_a_killed_host_leaves_its_layers_and_its_trial_to_a_successor(self):
-        server = self.durable()
+        server = self.serve()
         begin = ("import shearbus, sys; bus = shearbus.open(sys.argv[1], [1, 2, 3], sys.argv[2]); step = dict(jump=[1.0, 2.0, 3.0], pressure=11.2e9)\n"
                  "bus.step(1e-9, **step); bus.trial(1e-9, **step); print(bus.ticket, flush=True); sys.stdin.readline()\n"
                  "try: bus.commit()\n"
@@ -895,12 +822,11 @@ class Processes(Live):
         whole = self.open(nodes=[1, 2, 3], endpoint=server.endpoint)
         expected = [whole.step(1e-9, **self.STEP) for _ in range(3)][-1]
         for killed in (True, False):  # a host that only hangs is told when it goes on
-            host = subprocess.Popen([sys.executable, "-B", "-c", begin, VELOCITY_DRIVEN, server.endpoint], stdin=subprocess.PIPE,
-                                    stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+            host = self.host(begin, VELOCITY_DRIVEN, server.endpoint)
             ticket = host.stdout.readline().strip()
             if killed:
                 host.kill()
-                server.kill()
+                server.end()
                 server.start()
             successor = shearbus.resume(ticket, server.endpoint)
             self.assertEqual(successor.commit(), 2)
@@ -934,16 +860,16 @@ class Processes(Live):
                 os.waitpid(child, 0)
 
     def test_a_second_thread_is_refused_at_once(self):
-        server = self.durable()
+        server = self.serve()
         bus = self.open(endpoint=server.endpoint)
-        server.process.send_signal(signal.SIGSTOP)
+        server.stop()
         thread = threading.Thread(target=bus.step, args=(1e-9,), kwargs=self.STEP)
         thread.start()
         time.sleep(0.2)
         for call in (lambda: bus.step(1e-9, **self.STEP), bus.rollback, bus.close):
             with self.assertRaisesRegex(shearbus.SessionError, "IN_USE: another thread is inside a call"):
                 call()
-        server.process.send_signal(signal.SIGCONT)
+        server.go()
         thread.join()
         self.assertEqual(bus.step(1e-9, **self.STEP).state_version, 2)
 
@@ -957,8 +883,8 @@ class Processes(Live):
         self.assertEqual((again.columns, again.state_version), (answer.columns, 1))
 
     def test_an_interrupt_ends_any_wait(self):
-        server = self.durable()
-        server.process.send_signal(signal.SIGSTOP)
+        server = self.serve()
+        server.stop()
         waits = {"an opening": lambda: self.open(endpoint=server.endpoint, connect_deadline=60.0),
                  "a connection": lambda: self.open(endpoint="ipc:///nowhere/at/all", connect_deadline=60.0),
                  "an endpoint file": lambda: self.open(endpoint="file:///nowhere/at/all", connect_deadline=60.0)}
@@ -968,17 +894,17 @@ class Processes(Live):
             with self.assertRaises(KeyboardInterrupt, msg=name):
                 call()
             self.assertLess(time.monotonic() - begun, 5, name)
-        server.process.send_signal(signal.SIGCONT)
+        server.go()
 
     def test_a_signal_whose_handler_returns_ends_nothing(self):
-        server, came = self.durable(), []
+        server, came = self.serve(), []
         bus = self.open(endpoint=server.endpoint)
         before = signal.signal(signal.SIGUSR1, lambda *_: came.append(1))
         self.addCleanup(signal.signal, signal.SIGUSR1, before)
-        server.process.send_signal(signal.SIGSTOP)
+        server.stop()
         for wait in (0.1, 0.2, 0.3):
             threading.Timer(wait, os.kill, (os.getpid(), signal.SIGUSR1)).start()
-        threading.Timer(0.6, server.process.send_signal, (signal.SIGCONT,)).start()
+        threading.Timer(0.6, server.go).start()
         self.assertEqual(bus.step(1e-9, **self.STEP).state_version, 1)
         self.assertEqual(len(came), 3)
 
@@ -1056,7 +982,7 @@ class Manners(Live):
         self.assertNotIn("interface_work", dir(answer))
 
     def test_doubts_of_the_scene_are_told_at_the_opening(self):
-        sound = (OPTIONS.source / "client/examples/constant_friction.toml").read_text()
+        sound = (EXAMPLES / "constant_friction.toml").read_text()
         swapped = sound.replace("[soft]", "[other]").replace("[hard]", "[soft]").replace("[other]", "[hard]")
         for scene, told in ((sound, []), (VELOCITY_DRIVEN, []), (swapped, ["the layer that flows should be the weaker body"])):
             with warnings.catch_warnings(record=True) as caught:
@@ -1104,40 +1030,24 @@ class Keys(Live):
     def test_a_client_without_or_with_other_keys_is_refused(self):
         with tempfile.TemporaryDirectory() as directory:
             subprocess.run([OPTIONS.ctl, "keygen", f"{directory}/other"], check=True, stdout=subprocess.DEVNULL)
-            other = f"{directory}/other.public", f"{directory}/other.secret"
+            others_public, others_secret = f"{directory}/other.public", f"{directory}/other.secret"
+
+            def refused(text, server_key_file=OPTIONS.server_key, **options):
+                return self.assert_refused(shearbus.AuthError, "AUTH", lambda: self.open(server_key_file=server_key_file, **options), text=text)
+
             self.assert_refused(shearbus.AuthError, "AUTH", self.open, text="expects clients with keys")
-            fault = self.assert_refused(shearbus.AuthError,
-                                        "AUTH",
-                                        lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file=other[1]),
-                                        text="does not admit this client's key")
-            self.assertIn(pathlib.Path(other[0]).read_text().split()[0], fault.remedy)
-            self.assert_refused(shearbus.AuthError,
-                                "AUTH",
-                                lambda: self.open(server_key_file=other[0], secret_key_file=OPTIONS.key),
-                                text="handshake")
-            os.chmod(other[1], 0o644)
-            self.assert_refused(shearbus.AuthError,
-                                "AUTH",
-                                lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file=other[1]),
-                                text="0600")
-            self.assert_refused(shearbus.AuthError, "AUTH",
-                                lambda: self.open(server_key_file=OPTIONS.server_key, secret_key_file="/nowhere"))
+            fault = refused("does not admit this client's key", secret_key_file=others_secret)
+            self.assertIn(pathlib.Path(others_public).read_text().split()[0], fault.remedy)
+            refused("handshake", others_public, secret_key_file=OPTIONS.key)
+            os.chmod(others_secret, 0o644)
+            refused("0600", secret_key_file=others_secret)
+            refused("", secret_key_file="/nowhere")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--endpoint", required=True)
-    parser.add_argument("--server")
-    parser.add_argument("--source", required=True, type=pathlib.Path)
-    parser.add_argument("--ctl")
-    parser.add_argument("--replay")
-    parser.add_argument("--server-key")
-    parser.add_argument("--key")
-    OPTIONS, rest = parser.parse_known_args()
+    for name in ("server", "ctl", "replay", "server-key", "key"):
+        parser.add_argument(f"--{name}")
     for name in ("SHEARBUS_ENDPOINT", "SHEARBUS_SCENE"):
         os.environ.pop(name, None)
-    sys.path.insert(0, str(OPTIONS.source / "client/python"))
-    import shearbus
-    from shearbus._library import FUNCTIONS
-
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    served.main("endpoint", "source", parser=parser)

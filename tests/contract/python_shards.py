@@ -1,31 +1,23 @@
 #!/usr/bin/python3
 """The Python client on several servers: the names that all clients share, the bits of one server, shards that are killed, and tickets that C and Python
 hand to each other."""
-import argparse
 import ctypes
 import pathlib
-import signal
-import subprocess
 import sys
 import tempfile
 import threading
-import time
 import unittest
 
 import numpy
 
-OPTIONS = None
-SCENE = """name = "python shards"
-strategy = "velocity_driven"
-[soft]
-material = "aluminium_dlp"
-[hard]
-material = "steel_dlp"
-[layer]
-thickness_m = 20e-6
-cells = 30
-grading = 1.1
-"""
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS
+import shearbus
+from shearbus import _library
+from shearbus.columns import BY_NAME
+
+SCENE = served.scene("velocity_driven", layer={"thickness_m": 20e-6, "cells": 30, "grading": 1.1})
 NODES = [(7919 * i) % 2**20 for i in range(1, 41)]  # in no order
 
 
@@ -93,49 +85,22 @@ class CHost:
         return ticket.value.decode()
 
 
-class Servers:
-    """Durable servers, each with a socket of its own."""
+class Servers(list):
+    """Durable servers, each with a socket and an endpoint file of its own."""
 
-    def __init__(self, count, *options):
-        self.directory = tempfile.TemporaryDirectory(prefix="shearbus-")
-        self.options, self.processes = options, [None] * count
-        self.files = pathlib.Path(self.directory.name, "endpoints")
+    def __init__(self, test, path, count):
+        self.files = path / "endpoints"
         self.files.mkdir()
-        for number in range(count):
-            self.start(number)
-
-    def socket(self, number):
-        return pathlib.Path(self.directory.name, str(number), "bus")
-
-    def start(self, number):
-        self.socket(number).parent.mkdir(mode=0o700, exist_ok=True)
-        self.socket(number).unlink(missing_ok=True)
-        command = [OPTIONS.server, "--bind", f"ipc://{self.socket(number)}", "--state-dir", f"{self.directory.name}/state-{number}", "--endpoint-file",
-                   str(self.files / str(number)), "--threads", "1", "--log-level", "off", *self.options]
-        self.processes[number] = subprocess.Popen(command)
-        while not self.socket(number).exists():
-            time.sleep(0.005)
-
-    def kill(self, number):
-        self.processes[number].kill()
-        self.processes[number].wait()
-
-    @property
-    def endpoint(self):
-        return ",".join(f"ipc://{self.socket(number)}" for number in range(len(self.processes)))
-
-    def close(self):
-        for number in range(len(self.processes)):
-            self.processes[number].send_signal(signal.SIGCONT)
-            self.kill(number)
-        self.directory.cleanup()
+        super().__init__(served.Server(test, path, "--endpoint-file", self.files / str(number), name=f"bus{number}") for number in range(count))
+        self.endpoints = [server.endpoint for server in self]
+        self.endpoint = ",".join(self.endpoints)
 
 
 class Live(unittest.TestCase):
-    def servers(self, count, *options):
-        servers = Servers(count, *options)
-        self.addCleanup(servers.close)
-        return servers
+    def servers(self, count):
+        directory = tempfile.TemporaryDirectory(prefix="shearbus-")
+        self.addCleanup(directory.cleanup)
+        return Servers(self, pathlib.Path(directory.name), count)
 
     def open(self, servers, nodes=NODES, scene=SCENE, **options):
         bus = shearbus.open(scene, nodes, servers.endpoint, **options)
@@ -163,7 +128,7 @@ class Names(Live):
         bus = self.open(servers)
         bus.leave()
         on = shard_of(NODES, 3)
-        for number, endpoint in enumerate(servers.endpoint.split(",")):
+        for number, endpoint in enumerate(servers.endpoints):
             part = shearbus.resume(ticket_of_shard(bus.ticket, number, 3), endpoint)
             self.assertEqual(part.nodes.tolist(), [node for node, shard in zip(NODES, on) if shard == number])
             part.leave()
@@ -257,9 +222,9 @@ class Losses(Live):
         def killer():
             victims = numpy.random.default_rng(5)
             while not stop.wait(victims.uniform(0.02, 0.15)):
-                number = int(victims.integers(3))
-                servers.kill(number)
-                servers.start(number)
+                victim = servers[victims.integers(3)]
+                victim.end()
+                victim.start()
 
         thread = threading.Thread(target=killer)
         thread.start()
@@ -282,24 +247,24 @@ class Losses(Live):
     def test_a_shard_that_is_away_leaves_the_call_to_be_repeated(self):
         servers = self.servers(2)
         bus = self.open(servers, reply_deadline=0.5, retry_after=0.2)
-        servers.processes[1].send_signal(signal.SIGSTOP)
+        servers[1].stop()
         for _ in range(2):
             self.refused("UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(NODES)))
         self.refused("UNKNOWN_OUTCOME", lambda: bus.mark("a"))
-        servers.processes[1].send_signal(signal.SIGCONT)
+        servers[1].go()
         # Another call first completes the interrupted one, which the shard that was there has run.
         self.refused("SEQUENCE_REUSED", lambda: bus.mark("a"))
         self.assertEqual(bus.step(1e-9, **drive(NODES, 1)).state_version, 2)
         # Of a step that no shard has run nothing remains.
-        for number in (0, 1):
-            servers.kill(number)
+        for server in servers:
+            server.end()
         bus.leave()
         self.refused("UNREACHABLE", lambda: shearbus.open(SCENE, NODES, servers.endpoint, connect_deadline=0.1))
 
     def test_an_opening_without_an_answer_opens_once(self):
         servers = self.servers(2)
-        servers.processes[1].send_signal(signal.SIGSTOP)
-        threading.Timer(0.3, servers.processes[1].send_signal, [signal.SIGCONT]).start()
+        servers[1].stop()
+        threading.Timer(0.3, servers[1].go).start()
 
         def opening():
             return self.open(servers, domain="run", connect_deadline=5.0)
@@ -331,9 +296,8 @@ class Losses(Live):
 class Successors(Live):
     def on_shards(self, bus, servers, numbers, call):
         """Makes a call on some servers of a session that was left, each by itself."""
-        endpoints = servers.endpoint.split(",")
         for number in numbers:
-            part = shearbus.resume(ticket_of_shard(bus.ticket, number, len(endpoints)), endpoints[number])
+            part = shearbus.resume(ticket_of_shard(bus.ticket, number, len(servers)), servers[number].endpoint)
             call(part)
             part.leave()
 
@@ -397,9 +361,9 @@ class Successors(Live):
 
     def test_a_ticket_is_of_all_servers_in_their_order(self):
         servers = self.servers(3)
-        bus = shearbus.open(SCENE, NODES, ",".join(servers.endpoint.split(",")[:2]))
+        bus = shearbus.open(SCENE, NODES, ",".join(servers.endpoints[:2]))
         bus.leave()
-        one, two, three = servers.endpoint.split(",")
+        one, two, three = servers.endpoints
         for others in ((two, one), (one, two, three), (one, three)):
             self.refused("UNKNOWN_SESSION", lambda: shearbus.resume(bus.ticket, ",".join(others)), "all of them, in the same order")
         with shearbus.resume(bus.ticket, f"{one},{two}") as successor:
@@ -408,12 +372,4 @@ class Successors(Live):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    for name in ("server", "library", "source"):
-        parser.add_argument(f"--{name}", required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client/python"))
-    import shearbus
-    from shearbus import _library
-    from shearbus.columns import BY_NAME
-    unittest.main(argv=[sys.argv[0], *rest])
+    served.main("server", "library", "source")

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "tests/support/orders.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -41,9 +42,8 @@ double half_space_rise_backward_euler(const Material& m, double dt, int steps) {
   return kFlux * std::sqrt(m.diffusivity * dt) / m.conductivity * sum;
 }
 
-double computed_rise(const Material& m, const GridOptions& options, double dt, int steps) {
-  const HeatGrid grid(Grid(options), options.far_boundary);
-  const HeatOperator heat(grid, m, dt);
+// Temperatures after steps of conduction under the flux q = kFlux at z = 0.
+std::vector<double> under_flux(const HeatGrid& grid, const HeatOperator& heat, int steps) {
   std::vector<double> T(static_cast<std::size_t>(grid.num_vertices()) * kLanes, kStart);
   double flux[kLanes];
   for (double& q : flux) q = kFlux;
@@ -51,24 +51,23 @@ double computed_rise(const Material& m, const GridOptions& options, double dt, i
     conduct(heat, grid.num_vertices(), T.data(), T.data());
     add_flux(heat, grid.num_vertices(), flux, T.data());
   }
-  return T[0] - kStart;
+  return T;
+}
+
+double computed_rise(const Material& m, const GridOptions& options, double dt, int steps) {
+  const HeatGrid grid(Grid(options), options.far_boundary);
+  return under_flux(grid, HeatOperator(grid, m, dt), steps)[0] - kStart;
 }
 
 TEST(PhysicsHeatConvergence, FirstOrderInTimeAgainstTheHalfSpace) {
   const Material m = paper_options().soft;
   const double t = 100e-9;
-  std::printf("constant flux into a half-space, t = 100 ns, 4000 cells: dt, T0 error, 8 n error, order\n");
-  double before = 0.0;
+  Orders orders("constant flux into a half-space, t = 100 ns, 4000 cells: T0", 1.0, 0.02);
   for (int steps : {25, 50, 100, 200}) {
     const double rise = computed_rise(m, {20e-6, 4000, 1.0, FarBoundary::kInsulated}, t / steps, steps);
     const double error = rise / half_space_rise(m, t) - 1.0;
-    const double order = before != 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %8.2g s  %11.4e  %8.4f  %6.3f\n", t / steps, error, 8 * steps * error, order);
     EXPECT_NEAR(8 * steps * error, -1.0, 0.03);  // after n steps the rise is too low by a share of 1/(8n)
-    if (before != 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.02);
-    }
-    before = error;
+    orders.add(t / steps, error);
   }
 }
 
@@ -82,62 +81,35 @@ TEST(PhysicsHeatConvergence, FirstOrderInTimeWhereBothBodiesConduct) {
   const double exact = 2.0 * kFlux / uptake * std::sqrt(t / M_PI);
   const HeatGrid grid(Grid(GridOptions{20e-6, 4000, 1.0, FarBoundary::kInsulated}), FarBoundary::kInsulated,
                       Grid(GridOptions{12e-6, 1500, 1.001, FarBoundary::kInsulated}), FarBoundary::kInsulated);
-  std::printf("constant flux between two half-spaces, t = 100 ns: dt, T0 error, 8 n error, order\n");
-  double before = 0.0;
+  Orders orders("constant flux between two half-spaces, t = 100 ns: T0", 1.0, 0.02);
   for (int steps : {25, 50, 100, 200}) {
-    const HeatOperator heat(grid, soft, hard, t / steps);
-    std::vector<double> T(static_cast<std::size_t>(grid.num_vertices()) * kLanes, kStart);
-    double flux[kLanes];
-    for (double& q : flux) q = kFlux;
-    for (int n = 0; n < steps; ++n) {
-      conduct(heat, grid.num_vertices(), T.data(), T.data());
-      add_flux(heat, grid.num_vertices(), flux, T.data());
-    }
+    const auto T = under_flux(grid, HeatOperator(grid, soft, hard, t / steps), steps);
     const double error = (T[static_cast<std::size_t>(grid.interface) * kLanes] - kStart) / exact - 1.0;
-    const double order = before != 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %8.2g s  %11.4e  %8.4f  %6.3f\n", t / steps, error, 8 * steps * error, order);
     EXPECT_NEAR(8 * steps * error, -1.0, 0.03);
-    if (before != 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.02);
-    }
-    before = error;
+    orders.add(t / steps, error);
   }
 }
 
 TEST(PhysicsHeatConvergence, SecondOrderInSpace) {
   const Material m = paper_options().soft;
   const double exact = half_space_rise_backward_euler(m, 1e-9, 100);
-  std::printf("constant flux, 100 steps of 1 ns, against backward Euler exact in space: cells, T0 error, order\n");
-  double before = 0.0;
+  Orders orders("constant flux, 100 steps of 1 ns, against backward Euler exact in space, cells: T0", 2.0, 0.1);
   for (int cells : {100, 200, 400, 800}) {
-    const double error = computed_rise(m, {20e-6, cells, 1.0, FarBoundary::kInsulated}, 1e-9, 100) / exact - 1.0;
-    const double order = before != 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %5d  %11.4e  %6.3f\n", cells, error, order);
-    if (before != 0.0) {
-      EXPECT_NEAR(order, 2.0, 0.1);
-    }
-    before = error;
+    orders.add(cells, computed_rise(m, {20e-6, cells, 1.0, FarBoundary::kInsulated}, 1e-9, 100) / exact - 1.0);
   }
-  EXPECT_LT(std::abs(before), 5e-5);
+  EXPECT_LT(std::abs(orders.last()), 5e-5);
 }
 
 TEST(PhysicsHeatConvergence, InsulatedSlabMatchesTheImageSeries) {
   const Material m = paper_options().soft;
   const double t = 3e-6;  // a time at which the heat has just reached the far face
   EXPECT_GT(slab_rise(m, 20e-6, t) / half_space_rise(m, t), 1.01);
-  std::printf("constant flux into an insulated slab of 20 um, 3 us, 2000 cells: steps, T0 error, order\n");
-  double before = 0.0;
+  Orders orders("constant flux into an insulated slab of 20 um, 3 us, 2000 cells, steps: T0", 1.0, 0.1);
   for (int steps : {25, 50, 100, 200}) {
-    const double error =
-        computed_rise(m, {20e-6, 2000, 1.0, FarBoundary::kInsulated}, t / steps, steps) / slab_rise(m, 20e-6, t) - 1.0;
-    const double order = before != 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %5d  %11.4e  %6.3f\n", steps, error, order);
-    if (before != 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.1);
-    }
-    before = error;
+    const double rise = computed_rise(m, {20e-6, 2000, 1.0, FarBoundary::kInsulated}, t / steps, steps);
+    orders.add(steps, rise / slab_rise(m, 20e-6, t) - 1.0);
   }
-  EXPECT_LT(std::abs(before), 1e-3);
+  EXPECT_LT(std::abs(orders.last()), 1e-3);
   // At 12 us the whole slab heats evenly, and the error of the first steps has decayed.
   EXPECT_NEAR(computed_rise(m, {20e-6, 500, 1.0, FarBoundary::kInsulated}, 12e-9, 1000) / slab_rise(m, 20e-6, 12e-6),
               1.0, 1e-6);
@@ -159,31 +131,13 @@ TEST(PhysicsHeatConvergence, SlabWithAHeldFaceMatchesItsSeries) {
   const auto slab = [&](int cells) { return GridOptions{h, cells, 1.0, FarBoundary::kIsothermal}; };
   for (const double t : {3e-6, 10e-6}) {
     EXPECT_LT(held_slab_rise(m, h, t) / half_space_rise(m, t), 0.99);
-    std::printf("constant flux into a slab of 20 um with a held face, %.0f us, 2000 cells: steps, T0 error, order\n",
-                t * 1e6);
-    double before = 0.0;
-    for (int steps : {100, 200, 400}) {
-      const double error = computed_rise(m, slab(2000), t / steps, steps) / held_slab_rise(m, h, t) - 1.0;
-      const double order = before != 0.0 ? std::log2(before / error) : NAN;
-      std::printf("  %5d  %11.4e  %6.3f\n", steps, error, order);
-      if (before != 0.0) {
-        EXPECT_NEAR(order, 1.0, 0.1);
-      }
-      before = error;
-    }
+    Orders orders("constant flux into a slab of 20 um with a held face, 2000 cells, steps: T0", 1.0, 0.1);
+    for (int steps : {100, 200, 400})
+      orders.add(steps, computed_rise(m, slab(2000), t / steps, steps) / held_slab_rise(m, h, t) - 1.0);
   }
-  std::printf("the same, 3 us in 50 steps, against 1600 cells: cells, T0 error, order\n");
+  Orders orders("the same, 3 us in 50 steps, against 1600 cells, cells: T0", 2.0, 0.1);
   const double fine = computed_rise(m, slab(1600), 60e-9, 50);
-  double before = 0.0;
-  for (int cells : {25, 50, 100, 200}) {
-    const double error = computed_rise(m, slab(cells), 60e-9, 50) / fine - 1.0;
-    const double order = before != 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %5d  %11.4e  %6.3f\n", cells, error, order);
-    if (before != 0.0) {
-      EXPECT_NEAR(order, 2.0, 0.1);
-    }
-    before = error;
-  }
+  for (int cells : {25, 50, 100, 200}) orders.add(cells, computed_rise(m, slab(cells), 60e-9, 50) / fine - 1.0);
   EXPECT_NEAR(computed_rise(m, {h, 40, 1.1, FarBoundary::kIsothermal}, 1e-5, 100), kFlux * h / m.conductivity, 1e-6);
 }
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "tests/support/orders.hpp"
 #include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
@@ -25,17 +26,9 @@ ModelOptions cold_copper() {
   return options;
 }
 
-// Returns ep(t_end) of d ep/dt = r0 exp((sqrt(3) s / (A + B ep^n) - 1) / C) by the Runge-Kutta method of order 4. Its
-// steps are far below the relaxation time C A / (3 G0 d ep/dt) of 5 ps.
-double strain_of_shear(const ModelOptions& options, double v, double t_end, int steps) {
-  const Material& m = options.soft;
-  const double h = options.grid.thickness;
-  const auto rate = [&](double t, double ep) {
-    const double stress = m.shear_modulus * (v * t / h - std::sqrt(3.0) * ep);
-    const double strength = m.yield_strength + m.hardening_modulus * std::pow(ep, m.hardening_exponent);
-    const double over = std::sqrt(3.0) * stress / strength - 1.0;
-    return over > 0.0 ? m.reference_strain_rate * std::exp(over / m.rate_coefficient) : 0.0;
-  };
+// Returns ep(t_end) of d ep/dt = rate(t, ep) by the Runge-Kutta method of order 4.
+template <class Rate>
+double strain_by_runge_kutta(const Rate& rate, double t_end, int steps) {
   const double dt = t_end / steps;
   double ep = 0.0;
   for (int n = 0; n < steps; ++n) {
@@ -47,28 +40,45 @@ double strain_of_shear(const ModelOptions& options, double v, double t_end, int 
   return ep;
 }
 
+// The stress that the layer has where it is elastic but for the strain ep.
+double elastic_stress(const ModelOptions& options, double v, double t, double ep) {
+  return options.soft.shear_modulus * (v * t / options.grid.thickness - std::sqrt(3.0) * ep);
+}
+
+// Steps are far below the relaxation time C A / (3 G0 d ep/dt) of 5 ps.
+double strain_of_shear(const ModelOptions& options, double v, double t_end, int steps) {
+  const Material& m = options.soft;
+  const auto rate = [&](double t, double ep) {
+    const double strength = m.yield_strength + m.hardening_modulus * std::pow(ep, m.hardening_exponent);
+    const double over = std::sqrt(3.0) * elastic_stress(options, v, t, ep) / strength - 1.0;
+    return over > 0.0 ? m.reference_strain_rate * std::exp(over / m.rate_coefficient) : 0.0;
+  };
+  return strain_by_runge_kutta(rate, t_end, steps);
+}
+
+// Compares the stress of sheared layers with the exact one, whose plastic strain is ep. From `expected_below` on the
+// steps have their order, 1. Returns the error of the shortest steps.
+double sheared(const char* name, const ModelOptions& options, double pressure, double ep, double even,
+               std::initializer_list<double> step_lengths, double within, double expected_below = 1.0) {
+  constexpr double kJump = 100.0, kEnd = 100e-9;
+  const double s = elastic_stress(options, kJump, kEnd, ep);
+  std::printf("%s copper, 100 m/s, at 100 ns: s %.6f MPa, ep %.8f\n", name, s / 1e6, ep);
+  Orders orders("dt: s", 1.0, within);
+  for (const double dt : step_lengths) {
+    Rig rig(options, 1);
+    rig.set_all(kJump, pressure);
+    for (int n = 0; n < std::lround(kEnd / dt); ++n) rig.step(dt);
+    EXPECT_NEAR(rig.ep(0), rig.ep(4), even * ep);
+    orders.add(dt, std::abs(rig.stress() / s - 1.0), dt < expected_below);
+  }
+  return orders.last();
+}
+
 TEST(PhysicsJohnsonCookConvergence, RateDependentShearIsFirstOrderInTime) {
   const ModelOptions options = cold_copper();
-  const double v = 100.0, t_end = 100e-9, h = options.grid.thickness;
-  const double ep = strain_of_shear(options, v, t_end, 400000);
-  ASSERT_NEAR(strain_of_shear(options, v, t_end, 200000), ep, 1e-10 * ep);  // the reference has converged
-  const double s = options.soft.shear_modulus * (v * t_end / h - std::sqrt(3.0) * ep);
-  std::printf("Johnson-Cook copper, 100 m/s, at 100 ns: s %.6f MPa, ep %.8f\n  dt, error of s, order\n", s / 1e6, ep);
-  double before = 0.0;
-  for (double dt : {4e-9, 2e-9, 1e-9, 0.5e-9, 0.25e-9}) {
-    Rig rig(options, 1);
-    rig.set_all(v, 11.2e9);
-    for (int n = 0; n < std::lround(t_end / dt); ++n) rig.step(dt);
-    const double error = std::abs(rig.stress() / s - 1.0);
-    const double order = before > 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %8.2g s  %.3e  %6.3f\n", dt, error, order);
-    EXPECT_NEAR(rig.ep(0), rig.ep(4), 1e-9 * ep);
-    if (before > 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.15) << dt;
-    }
-    before = error;
-  }
-  EXPECT_LT(before, 1e-4);
+  const double ep = strain_of_shear(options, 100.0, 100e-9, 400000);
+  ASSERT_NEAR(strain_of_shear(options, 100.0, 100e-9, 200000), ep, 1e-10 * ep);  // the reference has converged
+  EXPECT_LT(sheared("Johnson-Cook", options, 11.2e9, ep, 1e-9, {4e-9, 2e-9, 1e-9, 0.5e-9, 0.25e-9}, 0.15), 1e-4);
 }
 
 // Copper by Preston, Tonks and Wallace, held at 300 K by a hard body that takes all the heat. Only d ep/dt = r remains,
@@ -93,49 +103,22 @@ double rate_under(const Material& m, double stress, double ep, double pressure) 
   return std::exp(lo);
 }
 
-// Returns the plastic strain ep(t_end) of d ep/dt = r, where Y(ep, r) = sqrt(3) G0 (v t / h - sqrt(3) ep), by the
-// Runge-Kutta method of order 4. Its steps are below the relaxation time dY/dln(r) / (3 G0 r) of 0.1 ns.
+// Steps are below the relaxation time dY/dln(r) / (3 G0 r) of 0.1 ns.
 double strain_of_preston_shear(const ModelOptions& options, double v, double pressure, double t_end, int steps) {
-  const Material& m = options.soft;
   const auto rate = [&](double t, double ep) {
-    const double stress = m.shear_modulus * (v * t / options.grid.thickness - std::sqrt(3.0) * ep);
-    return rate_under(m, stress, ep, pressure);
+    return rate_under(options.soft, elastic_stress(options, v, t, ep), ep, pressure);
   };
-  const double dt = t_end / steps;
-  double ep = 0.0;
-  for (int n = 0; n < steps; ++n) {
-    const double t = n * dt;
-    const double k1 = rate(t, ep), k2 = rate(t + dt / 2, ep + dt / 2 * k1);
-    const double k3 = rate(t + dt / 2, ep + dt / 2 * k2), k4 = rate(t + dt, ep + dt * k3);
-    ep += dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
-  }
-  return ep;
+  return strain_by_runge_kutta(rate, t_end, steps);
 }
 
 TEST(PhysicsPrestonTonksWallaceConvergence, CoupledShearIsFirstOrderInTime) {
   const ModelOptions options = cooled_copper();
-  const double v = 100.0, pressure = 11.2e9, t_end = 100e-9, h = options.grid.thickness;
-  const double ep = strain_of_preston_shear(options, v, pressure, t_end, 8000);
-  ASSERT_NEAR(strain_of_preston_shear(options, v, pressure, t_end, 4000), ep,
-              1e-6 * ep);  // the reference has converged
-  const double s = options.soft.shear_modulus * (v * t_end / h - std::sqrt(3.0) * ep);
-  std::printf("Preston-Tonks-Wallace copper, 100 m/s, at 100 ns: s %.6f MPa, ep %.8f\n  dt, error of s, order\n",
-              s / 1e6, ep);
-  double before = 0.0;
-  for (double dt : {8e-9, 4e-9, 2e-9, 1e-9, 0.5e-9}) {
-    Rig rig(options, 1);
-    rig.set_all(v, pressure);
-    for (int n = 0; n < std::lround(t_end / dt); ++n) rig.step(dt);
-    const double error = std::abs(rig.stress() / s - 1.0);
-    const double order = before > 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %8.2g s  %.3e  %6.3f\n", dt, error, order);
-    EXPECT_NEAR(rig.ep(0), rig.ep(4), 1e-6 * ep);
-    if (dt < 3e-9) {  // the onset of flow is resolved only by steps below 3 ns
-      EXPECT_NEAR(order, 1.0, 0.05) << dt;
-    }
-    before = error;
-  }
-  EXPECT_LT(before, 2e-6);
+  const double pressure = 11.2e9, ep = strain_of_preston_shear(options, 100.0, pressure, 100e-9, 8000);
+  // the reference has converged
+  ASSERT_NEAR(strain_of_preston_shear(options, 100.0, pressure, 100e-9, 4000), ep, 1e-6 * ep);
+  // the onset of flow is resolved only by steps below 3 ns
+  EXPECT_LT(sheared("Preston-Tonks-Wallace", options, pressure, ep, 1e-6, {8e-9, 4e-9, 2e-9, 1e-9, 0.5e-9}, 0.05, 3e-9),
+            2e-6);
 }
 
 ModelOptions hot_copper() {
@@ -151,20 +134,14 @@ ModelOptions hot_copper() {
 TEST(PhysicsJohnsonCookConvergence, HotSlipIsFirstOrderInTime) {
   ModelOptions options = hot_copper();
   options.drive = Drive::kInterfaceSlip;
-  std::printf("Johnson-Cook copper heated by slip, 100 m/s, at 200 ns: dt, s, T0, order of T0\n");
-  double T_before = 0.0, change_before = 0.0;
+  Orders orders("Johnson-Cook copper heated by slip, 100 m/s, at 200 ns, dt: change of T0", 1.0, 0.15);
+  double T_before = 0.0;
   for (double dt : {4e-9, 2e-9, 1e-9, 0.5e-9, 0.25e-9}) {
     Rig rig(options, 1);
     rig.set_all(100.0, 11.2e9);
     for (int n = 0; n < std::lround(200e-9 / dt); ++n) rig.step(dt);
-    const double change = T_before != 0.0 ? rig.T(0) - T_before : 0.0;
-    const double order = change_before != 0.0 ? std::log2(change_before / change) : NAN;
-    std::printf("  %8.2g s  %.5f MPa  %.4f K  %6.3f\n", dt, rig.stress() / 1e6, rig.T(0), order);
-    if (change_before != 0.0) {
-      EXPECT_NEAR(order, 1.0, 0.15) << dt;
-    }
+    if (T_before != 0.0) orders.add(dt, rig.T(0) - T_before);
     T_before = rig.T(0);
-    change_before = change;
   }
 }
 
@@ -197,14 +174,12 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
     const double k = P * 2.0 / m, r = 0.3 / 0.02 - 1.0;
     return std::log((std::exp(0.01 * V0) + r) * std::exp(-k * 0.01 * 0.02 * t) - r) / 0.01;
   };
-  std::printf("velocity weakening: [V] from %g to %.6f m/s\n  dt, error, order\n", V0, exact(t_end));
   ASSERT_GT(exact(t_end), 50.0);
-  double before = 0.0;
+  Orders orders("velocity weakening from 300 m/s, dt: [V]", 2.0, 0.1);
   for (double dt : {8e-9, 4e-9, 2e-9, 1e-9, 0.5e-9}) {
     Rig rig(options, 1);
-    rig.inputs.pressure[0] = P;
+    rig.set_all(V0, P);
     rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = m;
-    rig.inputs.velocity_jump[0] = V0;
     double dissipated = 0.0;
     for (int n = 0; n < std::lround(t_end / dt); ++n) {
       rig.step(dt);
@@ -215,13 +190,7 @@ TEST(PhysicsVelocityWeakeningConvergence, SlipIsSecondOrderInTime) {
     const double V = rig.inputs.velocity_jump[0];
     // The heat is the loss of kinetic energy of the relative motion, in which two bodies of mass m have the mass m/2.
     EXPECT_NEAR(dissipated, 0.25 * m * (V0 * V0 - V * V), 1e-9 * dissipated);
-    const double error = std::abs(V - exact(t_end));
-    const double order = before > 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %8.2g s  %.3e m/s  %6.3f\n", dt, error, order);
-    if (before > 0.0) {
-      EXPECT_NEAR(order, 2.0, 0.1) << dt;
-    }
-    before = error;
+    orders.add(dt, std::abs(V - exact(t_end)));
   }
 }
 
@@ -234,9 +203,8 @@ TEST(PhysicsVelocityWeakeningConvergence, TheTimeOfStoppingConverges) {
   const double stop = std::log((std::exp(0.01 * V0) + r) / (1.0 + r)) / (k * 0.01 * 0.02);
   for (double dt : {10e-9, 2.5e-9}) {
     Rig rig(options, 1);
-    rig.inputs.pressure[0] = P;
+    rig.set_all(V0, P);
     rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = m;
-    rig.inputs.velocity_jump[0] = V0;
     int n = 0;
     while (rig.outputs.regime[0] != Regime::kStick && n < 1000) {
       rig.step(dt);
@@ -273,9 +241,8 @@ TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
   for (const TimeIntegrator integrator : {TimeIntegrator::kBackwardEuler, TimeIntegrator::kSdirk2}) {
     const bool second = integrator == TimeIntegrator::kSdirk2;
     options.time_integrator = integrator;
-    std::printf("friction softening, %s: steps, T0 error of %.3f K, order\n", second ? "sdirk2" : "backward Euler",
-                exact);
-    double before = 0.0;
+    Orders orders(second ? "friction softening, sdirk2, steps: T0" : "friction softening, backward Euler, steps: T0",
+                  second ? 1.5 : 1.0, 0.1);
     for (const int steps : {25, 50, 100, 200}) {
       Rig rig(options, 1);
       rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 1e12;
@@ -285,15 +252,9 @@ TEST(PhysicsThermalSofteningConvergence, HeatingIsThatOfAConvectiveSurface) {
         ASSERT_EQ(rig.outputs.outcome[0], 0);
         ASSERT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
       }
-      const double error = rig.outputs.interface_temperature[0] - options.initial_temperature - exact;
-      const double order = before != 0.0 ? std::log2(std::abs(before / error)) : NAN;
-      std::printf("  %4d  %10.3e K  %6.3f\n", steps, error, order);
-      if (before != 0.0) {
-        EXPECT_NEAR(order, second ? 1.5 : 1.0, 0.1) << steps;
-      }
-      before = error;
+      orders.add(steps, std::abs(rig.outputs.interface_temperature[0] - options.initial_temperature - exact));
     }
-    EXPECT_LT(std::abs(before), second ? 1e-3 * exact : 1e-2 * exact);
+    EXPECT_LT(orders.last(), second ? 1e-3 * exact : 1e-2 * exact);
   }
 }
 

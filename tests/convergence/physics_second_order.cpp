@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "server/physics/interface/friction_laws.hpp"
+#include "tests/support/orders.hpp"
 #include "tests/support/physics_rig.hpp"
 #include "tests/support/two_half_spaces.hpp"
 
@@ -48,16 +49,11 @@ TEST(PhysicsSecondOrder, ConstantFluxIsOffByItsConstantOverStepsSquared) {
   const double t = 100e-9;
   const Material& m = options.soft;
   const double exact = 2.0 * flux_of(options) / m.conductivity * std::sqrt(m.diffusivity * t / M_PI);
-  std::printf("constant flux into a half-space, SDIRK2, 8000 cells: steps, T0 error, error n^2\n");
-  double before = 0.0;
+  Orders orders("constant flux into a half-space, SDIRK2, 8000 cells, steps: T0", 2.0, 0.2);
   for (int steps : {4, 8, 16, 32}) {
     const double error = rise_after(options, t, steps) / exact - 1.0;
-    std::printf("  %4d  %11.4e  %8.5f\n", steps, error, error * steps * steps);
     EXPECT_NEAR(std::abs(error) * steps * steps, 1.6e-2, 0.2e-2) << steps;
-    if (before != 0.0) {
-      EXPECT_NEAR(std::log2(before / error), 2.0, 0.2);
-    }
-    before = error;
+    orders.add(steps, error);
   }
 }
 
@@ -143,8 +139,9 @@ TEST(PhysicsSecondOrder, BrakedPlatesConvergeWithTheirOrder) {
     ModelOptions options = graded(paper_options(Strategy::kForceDriven), 1200, 1.004);
     options.time_integrator = arm.integrator;
     if (arm.modes) options.modes = {.accuracy = 1e-9, .shortest_step = 1e-9, .longest_time = 1e-6};
-    std::printf("braked plates at 100 ns, %s: steps, T0 error [K], [V] error [m/s], orders\n", arm.name);
-    double T0_before = 0.0, jump_before = 0.0;
+    std::printf("braked plates at 100 ns, %s\n", arm.name);
+    Orders of_T0("steps: T0 [K]", arm.order, 0.1, Orders::kMore),
+        of_jump("steps: [V] [m/s]", arm.order, 0.1, Orders::kMore);
     for (int steps : {10, 20, 40}) {
       Rig rig(options, 1);
       rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = mass;
@@ -155,18 +152,8 @@ TEST(PhysicsSecondOrder, BrakedPlatesConvergeWithTheirOrder) {
         ASSERT_EQ(rig.outputs.outcome[0], 0);
         jump = rig.outputs.velocity_jump_new[0];
       }
-      const double T0_error = rig.T(0) - exact.temperature;
-      const double jump_error = jump - exact.jump;
-      const bool first = T0_before == 0.0;
-      const double T0_order = first ? NAN : std::log2(std::abs(T0_before / T0_error));
-      const double jump_order = first ? NAN : std::log2(std::abs(jump_before / jump_error));
-      std::printf("  %4d  %11.3e  %11.3e  %6.3f  %6.3f\n", steps, T0_error, jump_error, T0_order, jump_order);
-      if (steps == 40) {
-        EXPECT_GT(T0_order, arm.order - 0.1) << arm.name;
-        EXPECT_GT(jump_order, arm.order - 0.1) << arm.name;
-      }
-      T0_before = T0_error;
-      jump_before = jump_error;
+      of_T0.add(steps, std::abs(rig.T(0) - exact.temperature), steps == 40);
+      of_jump.add(steps, std::abs(jump - exact.jump), steps == 40);
     }
   }
 }
@@ -194,20 +181,14 @@ TEST(PhysicsSecondOrder, ASleepingNodeKeepsTheOrder) {
   };
   int none = 0;
   const double exact = T0_after(false, 8192, none);
-  std::printf("T0 of a node at rest under SDIRK2: steps, error asleep [K], awake [K], order asleep\n");
-  double before = 0.0;
+  Orders orders("T0 of a sleeping node at rest under SDIRK2, steps: T0 [K]", 1.7, 0.0, Orders::kMore);
   for (const int steps : {64, 128, 256, 512}) {
     int asleep = 0;
     const double error = std::abs(T0_after(true, steps, asleep) - exact);
     const double awake = std::abs(T0_after(false, steps, none) - exact);
-    const double order = before > 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %5d  %11.3e  %11.3e  %6.3f\n", steps, error, awake, order);
     EXPECT_GT(asleep, steps / 4);
     EXPECT_LE(error, 1.5 * awake);
-    if (before > 0.0) {
-      EXPECT_GT(order, 1.7);
-    }
-    before = error;
+    orders.add(steps, error);
   }
   EXPECT_EQ(none, 0);
 }
@@ -259,14 +240,8 @@ TEST_P(FirstOrderSlip, IsBackwardEulerAndOpenContactsAreOfSecondOrder) {
     return rig;
   };
   const double exact = open_T0(again(), 8192);
-  double before = 0.0;
-  for (const int steps : {32, 64, 128}) {
-    const double error = std::abs(open_T0(again(), steps) - exact);
-    if (before > 0.0) {
-      EXPECT_NEAR(std::log2(before / error), 2.0, 0.25) << steps;
-    }
-    before = error;
-  }
+  Orders orders("an open contact after slip of first order, steps: T0", 2.0, 0.25);
+  for (const int steps : {32, 64, 128}) orders.add(steps, std::abs(open_T0(again(), steps) - exact));
 }
 
 }  // namespace

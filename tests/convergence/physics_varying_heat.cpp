@@ -6,6 +6,7 @@
 #include <memory>
 #include <numbers>
 
+#include "tests/support/orders.hpp"
 #include "tests/support/physics_rig.hpp"
 
 namespace shearbus::testing {
@@ -66,18 +67,10 @@ TEST(PhysicsVaryingHeat, HalfSpacesUnderAConstantFluxFollowKirchhoffsTransform) 
     EXPECT_GT(std::abs(exact - linear), 0.05 * (exact - kStart));
     for (const TimeIntegrator integrator : {TimeIntegrator::kBackwardEuler, TimeIntegrator::kSdirk2}) {
       const double least = integrator == TimeIntegrator::kSdirk2 ? 1.2 : 0.9;  // friction starts suddenly
-      std::printf("a = %g/K, T0 to %.0f K (constant k and c: %.0f K): steps, error [K], order\n", slope, exact, linear);
-      double before = 0.0;
-      for (const int steps : {16, 32, 64}) {
-        const double error = std::abs(T0_after(options(integrator), t, steps) - exact);
-        const double order = before > 0.0 ? std::log2(before / error) : NAN;
-        std::printf("  %5d  %10.3e  %6.3f\n", steps, error, order);
-        if (before > 0.0) {
-          EXPECT_GT(order, least);
-        }
-        before = error;
-      }
-      EXPECT_LT(before, 2.5e-3 * (exact - kStart));
+      std::printf("a = %g/K, T0 to %.0f K (constant k and c: %.0f K)\n", slope, exact, linear);
+      Orders orders("steps: T0 [K]", least, 0.0, Orders::kMore);
+      for (const int steps : {16, 32, 64}) orders.add(steps, std::abs(T0_after(options(integrator), t, steps) - exact));
+      EXPECT_LT(orders.last(), 2.5e-3 * (exact - kStart));
     }
   }
 }
@@ -120,18 +113,10 @@ TEST(PhysicsHeatTables, HalfSpacesUnderAConstantFluxFollowKirchhoffsTransform) {
   const double exact = kinked_temperature_of(linear);
   EXPECT_GT(exact, 700.0);  // beyond both kinks
   EXPECT_GT(std::abs(exact - kStart - linear), 0.05 * linear);
-  std::printf("tables, T0 to %.1f K (constant k and c: %.1f K): steps, error [K], order\n", exact, kStart + linear);
-  double before = 0.0;
-  for (const int steps : {16, 32, 64}) {
-    const double error = std::abs(T0_after(options, t, steps) - exact);
-    const double order = before > 0.0 ? std::log2(before / error) : NAN;
-    std::printf("  %5d  %10.3e  %6.3f\n", steps, error, order);
-    if (before > 0.0) {
-      EXPECT_GT(order, 0.85);
-    }
-    before = error;
-  }
-  EXPECT_LT(before, 4e-3 * (exact - kStart));
+  std::printf("tables, T0 to %.1f K (constant k and c: %.1f K)\n", exact, kStart + linear);
+  Orders orders("steps: T0 [K]", 0.85, 0.0, Orders::kMore);
+  for (const int steps : {16, 32, 64}) orders.add(steps, std::abs(T0_after(options, t, steps) - exact));
+  EXPECT_LT(orders.last(), 4e-3 * (exact - kStart));
 }
 
 TEST(PhysicsHeatTables, ASteadyFluxBetweenHeldFacesIsExact) {

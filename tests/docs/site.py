@@ -120,6 +120,7 @@ def self_test(scratch):
     refused("a code without a cure", stage.codes, tree)
     # An argument of a Fortran call that the comment at the beginning does not explain.
     source = (ROOT / "client/fortran/shearbus.f90").read_text()
+    shutil.copy(ROOT / "client/fortran/shearbus_contract.inc", tree)
     fortran = tree / ("shearbus" + ".f90")
     fortran.write_text(source)
     if "call bus%step(dt, " not in stage.fortran_page.page(fortran):

@@ -7,14 +7,11 @@
 
 #include "server/store/compare.hpp"
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
 #include "tests/support/scratch.hpp"
 
-namespace shearbus {
+namespace shearbus::service {
 namespace {
 
-using support::DurableServer;
-using support::ServiceHarness;
 using ::testing::HasSubstr;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(12);
@@ -97,4 +94,4 @@ TEST_F(Compare, ADamagedFileIsNoCheckpoint) {
 }
 
 }  // namespace
-}  // namespace shearbus
+}  // namespace shearbus::service

@@ -1,42 +1,22 @@
 """Sessions of several pairs and with parameters after kill -9 of the server, of a host, and of both: what is reported, what is
 refused, and the bits of a run to which nothing happens. Each answer is compared with that of a server that lives."""
-import argparse
 import os
 import pathlib
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-import unittest
 
 import numpy as np
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client" / "python"))
-sys.dont_write_bytecode = True
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
 import shearbus
 
-OPTIONS = None
 MU, CONDUCTIVITY = "interface.friction_coefficient", "soft.thermal_conductivity_w_per_m_k"
-SCENE = """name = "several_pairs"
-strategy = "force_driven"
-[soft]
-material = "aluminium_dlp"
-[hard]
-material = "steel_dlp"
-[layer]
-thickness_m = 50e-6
-cells = 30
-grading = 1.14
-[interface]
-friction_coefficient = 0.3
-yield_strength_pa = 60e6
-[pair.copper.soft]
-material = "copper_ofhc"
-[pair.weak.interface]
-friction_coefficient = 0.1
-yield_strength_pa = 20e6
-"""
+SCENE = served.scene("force_driven", layer={"thickness_m": 50e-6, "cells": 30, "grading": 1.14},
+                     interface={"friction_coefficient": 0.3, "yield_strength_pa": 60e6},
+                     pair={"copper": {"soft": {"material": "copper_ofhc"}}, "weak": {"interface": {"friction_coefficient": 0.1, "yield_strength_pa": 20e6}}})
 NODES = np.arange(40, 49)
 PAIR = ["", "copper", "weak"] * 3
 PARAMETERS = {MU: np.linspace(0.1, 0.3, 9), CONDUCTIVITY: np.repeat([100.0, 150.0, 200.0], 3)}
@@ -44,38 +24,9 @@ LATE = dict(nodes=[7], pair="weak", parameters={MU: [0.15], CONDUCTIVITY: [120.0
 STEP = dict(jump=40.0, pressure=0.1e9, stress_soft=0.0, stress_hard=0.0, mass_soft=2.7, mass_hard=7.9)
 
 
-class Server:
-    """A durable server that can be killed and started again."""
-
-    def __init__(self, place, name):
-        self._bus, self.endpoint = place / name, f"ipc://{place / name}"
-        self._command = [OPTIONS.server, "--bind", self.endpoint, "--state-dir", place / f"{name}-state", "--log-level", "error"]
-        self.start()
-
-    def start(self):
-        self._bus.unlink(missing_ok=True)
-        self._process = subprocess.Popen(self._command)
-        end = time.monotonic() + 30
-        while not self._bus.exists():
-            if self._process.poll() is not None or time.monotonic() > end:
-                raise RuntimeError("no server")
-            time.sleep(0.01)
-
-    def end(self, how=signal.SIGKILL):
-        self._process.send_signal(how)
-        self._process.wait()
-
-
-class Resumed(unittest.TestCase):
-    def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-")
-        self.addCleanup(scratch.cleanup)
-        self.place = pathlib.Path(scratch.name)
-
+class Resumed(served.Served):
     def server(self, name):
-        server = Server(self.place, name)
-        self.addCleanup(server.end)
-        return server
+        return served.Server(self, self.path, name=name)
 
     def open(self, endpoint, record=False):
         return shearbus.open(SCENE, NODES, endpoint, pair=PAIR, parameters=PARAMETERS, check_closure="off", record=record)
@@ -185,7 +136,7 @@ while True:
         with shearbus.resume(ticket, server.endpoint, check_closure="off", nodes=NODES, pair=PAIR, parameters=PARAMETERS, record=True) as session:
             self.expect_all(session)
             self.step(session)
-            session.history.to_hdf5(self.place / "h.h5")  # a file of a resumed session has its pairs
+            session.history.to_hdf5(self.path / "h.h5")  # a file of a resumed session has its pairs
 
     def test_a_session_of_one_pair_tells_none(self):
         server = self.server("bus")
@@ -199,8 +150,5 @@ while True:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--server", required=True)
-    OPTIONS, rest = parser.parse_known_args()
     os.environ.pop("SHEARBUS_RECORD", None)
-    unittest.main(argv=["resumed_pairs.py", *rest])
+    served.main("server")

@@ -31,40 +31,25 @@ bool can_trace() {
 }
 
 // A server on a state directory; strace injects `fault` into its system calls unless `fault` is empty.
-class Server {
+class Server : public support::ServerProcess {
  public:
   Server(const ScratchDirectory& scratch, const std::string& durability, const std::string& fault = {})
-      : endpoint_(scratch.ipc()), log_(scratch.path() / ("log" + std::to_string(++started_))) {
-    std::vector<std::string> command;
-    if (!fault.empty())
-      command = {"/usr/bin/strace", "-D", "-f", "-o", "/dev/null", "-e", "trace=writev,fdatasync,fsync,renameat", "-e",
-                 "inject=" + fault};
-    for (const std::string& word : {std::string(SHEARBUS_BINARY_DIR "/bin/shearbus-server"), std::string("--bind"),
-                                    endpoint_, std::string("--threads"), std::string("1"), std::string("--durability"),
-                                    durability, std::string("--state-dir"), (scratch.path() / "state").string()})
-      command.push_back(word);
-    process_.emplace(command, log_.string());
-  }
-  // Waits until the server listens; returns false if the server ends before or does not listen within 20 s.
-  bool ready() {
-    for (const auto end = std::chrono::steady_clock::now() + 20s; std::chrono::steady_clock::now() < end;) {
-      if (log().find("listening on") != std::string::npos) return true;
-      if (process_->exit_code(0ms)) return false;
-      std::this_thread::sleep_for(2ms);
-    }
-    return false;
-  }
-  std::string log() const { return support::text_of(log_); }
-  Process& process() { return *process_; }
+      : ServerProcess({"--bind", scratch.ipc(), "--threads", "1", "--durability", durability, "--state-dir",
+                       (scratch.path() / "state").string()},
+                      launcher(fault)),
+        endpoint_(scratch.ipc()) {}
   ClientOptions client(std::chrono::milliseconds deadline) const {
     return {.endpoint = endpoint_, .connect_deadline = 5s, .reply_deadline = deadline, .retry_after = 100ms};
   }
 
  private:
-  static inline int started_ = 0;
+  static std::vector<std::string> launcher(const std::string& fault) {
+    if (fault.empty()) return {};
+    return {"/usr/bin/strace", "-D", "-f", "-o", "/dev/null", "-e", "trace=writev,fdatasync,fsync,renameat", "-e",
+            "inject=" + fault};
+  }
+
   std::string endpoint_;
-  std::filesystem::path log_;
-  std::optional<Process> process_;
 };
 
 struct Host {

@@ -7,18 +7,9 @@
 #include <vector>
 
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
 
 namespace shearbus::service {
 namespace {
-
-using support::Answer;
-using support::DurableServer;
-using support::MemoryStorage;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Field;
-using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(11);
 constexpr std::uint64_t kSecond = 1'000'000'000;

@@ -11,8 +11,6 @@
 #include "server/store/checkpoint.hpp"
 #include "shearbus_places.hpp"
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
-#include "tests/support/scenes.hpp"
 #include "tests/support/scratch.hpp"
 #include "tests/support/server_process.hpp"
 
@@ -20,14 +18,6 @@ namespace shearbus::service {
 namespace {
 
 using namespace std::chrono_literals;
-using support::DurableServer;
-using support::MemoryStorage;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Field;
-using wire::Mode;
-using wire::Policy;
-using wire::Strategy;
 
 constexpr std::size_t kNodes = 11;
 constexpr std::size_t kBadRow = 4;

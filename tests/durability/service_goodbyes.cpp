@@ -3,16 +3,9 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
 
 namespace shearbus::service {
 namespace {
-
-using support::Answer;
-using support::DurableServer;
-using support::MemoryStorage;
-using support::ServiceHarness;
-using wire::Code;
 
 wire::SessionId id_of(int number) {
   wire::SessionId id{};

@@ -2,26 +2,11 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
-#include "tests/support/scenes.hpp"
 
 namespace shearbus::service {
 namespace {
 
-using support::DurableServer;
-using support::MemoryStorage;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Field;
-using wire::Strategy;
 using Ids = std::vector<std::uint64_t>;
-
-wire::Batch named(const Ids& ids) {
-  constexpr std::array kColumns = {Field::kNodeId};
-  wire::Batch batch = wire::Batch::of(kColumns, ids.size());
-  std::ranges::copy(ids, batch.u64(Field::kNodeId).begin());
-  return batch;
-}
 
 constexpr const char* kYield = "soft.yield_strength_pa";
 constexpr const char* kPairs =
@@ -30,8 +15,7 @@ constexpr const char* kPairs =
 
 // Nodes of three pairs and two yield strengths, which follow from their ids.
 wire::Batch of_pairs(const Ids& ids) {
-  constexpr std::array kColumns = {Field::kNodeId, Field::kPair, Field::kParameter};
-  wire::Batch batch = wire::Batch::of(kColumns, ids.size());
+  wire::Batch batch = wire::Batch::of(std::vector{Field::kNodeId, Field::kPair, Field::kParameter}, ids.size());
   std::ranges::copy(ids, batch.u64(Field::kNodeId).begin());
   for (std::size_t i = 0; i < ids.size(); ++i) {
     batch.u64(Field::kPair)[i] = ids[i] % 3;
@@ -80,21 +64,21 @@ std::vector<wire::Request> conversation(const Case& of) {
   step(2, {});
   step(1, {1, 2, 3, 4, 5, 6, 7, 8, 9});
   ask(1, wire::Mark{"start"});
-  ask(1, wire::OfferNodes{first}, named({8, 2}));
+  ask(1, wire::OfferNodes{first}, support::id_column({8, 2}));
   step(1, {1, 3, 4, 5, 6, 7, 9});
   ask(2, wire::AcceptNodes{first});
   step(2, {8, 2});
   if (of.pairs)
     ask(2, wire::RegisterNodes{.pairs = names}, of_pairs({20, 21}));
   else
-    ask(2, wire::RegisterNodes{}, named({20, 21}));
+    ask(2, wire::RegisterNodes{}, support::id_column({20, 21}));
   step(2, {8, 2, 20, 21});
-  ask(1, wire::RetireNodes{}, named({1, 9}));
+  ask(1, wire::RetireNodes{}, support::id_column({1, 9}));
   step(1, {5, 3}, true);
   step(1, {}, true);
-  ask(2, wire::RetireNodes{}, named({2, 8}));
-  ask(1, wire::OfferNodes{second}, named({3}));
-  ask(1, wire::OfferNodes{third}, named({7}));
+  ask(2, wire::RetireNodes{}, support::id_column({2, 8}));
+  ask(1, wire::OfferNodes{second}, support::id_column({3}));
+  ask(1, wire::OfferNodes{third}, support::id_column({7}));
   ask(1, wire::AcceptNodes{third});
   step(1, {4, 5, 6, 7});
   ask(1, wire::Rollback{"start"});
@@ -184,9 +168,7 @@ TEST_P(NodesOver, ASuccessorOfTheGiverLearnsOfItsOffers) {
   const auto upto = std::ranges::find_if(
       requests, [](const wire::Request& request) { return std::holds_alternative<wire::AcceptNodes>(request.body); });
   for (auto request = requests.begin(); request != upto; ++request) server.ask(*request);
-  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0);
-  std::get<wire::ResumeSession>(resume.body).resume_token.fill(9);
-  const auto where = server.ask(resume);
+  const auto where = server.ask(ServiceHarness::resuming());
   ASSERT_EQ(where.code(), Code::kOk) << where.reply.status.text;
   wire::TransferId first{};
   first.fill(1);

@@ -5,17 +5,10 @@
 #include <vector>
 
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::service {
 namespace {
-
-using support::Answer;
-using support::DurableServer;
-using support::MemoryStorage;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Strategy;
 
 constexpr std::size_t kNodes = 21;
 constexpr std::uint32_t kParts = 3;
@@ -45,10 +38,7 @@ bool is_later_part(const wire::Request& request) {
 }
 
 class PartsOfAStep : public testing::TestWithParam<Strategy> {};
-INSTANTIATE_TEST_SUITE_P(Strategies, PartsOfAStep, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, PartsOfAStep, support::both<Strategy>(), support::name_of_strategy);
 
 TEST_P(PartsOfAStep, SurviveTheDeathOfTheServerBetweenAnyTwo) {
   constexpr std::uint64_t kRequests = 36;

@@ -1,32 +1,24 @@
 // Tests of a service with a store, without sockets. After a restart the new server must give, to the last bit, the
 // answers of a server that was never restarted.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <limits>
 
 #include "server/store/store.hpp"
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
-#include "tests/support/scenes.hpp"
-#include "tests/support/service_harness.hpp"
+#include "tests/support/refused.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::service {
 namespace {
 
-using support::DurableServer;
-using support::MemoryStorage;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Mode;
-using wire::Strategy;
 using Call = MemoryStorage::Call;
 
 constexpr std::size_t kNodes = 11;
 
 wire::Request opening(Strategy strategy) {
-  wire::Request request = ServiceHarness::opening(support::scene_of(strategy), support::node_ids(kNodes));
-  std::get<wire::OpenSession>(request.body).resume_token.fill(9);
-  return request;
+  return ServiceHarness::opening(support::scene_of(strategy), support::node_ids(kNodes));
 }
 
 // Returns the request number `sequence` of a conversation that contains every kind of step: trials that are committed,
@@ -85,10 +77,7 @@ std::vector<Bits> undisturbed(Strategy strategy, std::uint64_t requests) {
 }
 
 class Recovery : public testing::TestWithParam<Strategy> {};
-INSTANTIATE_TEST_SUITE_P(Strategies, Recovery, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, Recovery, support::both<Strategy>(), support::name_of_strategy);
 
 TEST_P(Recovery, ServersThatDieAfterEveryRequestAnswerAsOneThatNeverDoes) {
   constexpr std::uint64_t kRequests = 30;
@@ -320,12 +309,7 @@ TEST(Recovery, AJournalOfAnotherPhysicsIsRefused) {
       writer.append(record);
     }
   }
-  try {
-    DurableServer server(disk);
-    FAIL() << "it started";
-  } catch (const store::DamagedFile& fault) {
-    EXPECT_NE(std::string(fault.what()).find("other numbers"), std::string::npos) << fault.what();
-  }
+  EXPECT_THAT(support::said_by<store::DamagedFile>([&] { DurableServer{disk}; }), testing::HasSubstr("other numbers"));
 }
 
 TEST(Recovery, WithoutAJournalTheSessionComesBackWhereTheCheckpointLeftIt) {
@@ -340,9 +324,7 @@ TEST(Recovery, WithoutAJournalTheSessionComesBackWhereTheCheckpointLeftIt) {
     server.ask(request_at(Strategy::kVelocityDriven, 2));
   }
   DurableServer server(disk, store::Durability::kNone, 78);
-  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0);
-  std::get<wire::ResumeSession>(resume.body).resume_token.fill(9);
-  EXPECT_EQ(std::get<wire::SessionResumed>(server.ask(resume).reply.body).last_sequence, 1u);
+  EXPECT_EQ(std::get<wire::SessionResumed>(server.ask(ServiceHarness::resuming()).reply.body).last_sequence, 1u);
 }
 
 }  // namespace

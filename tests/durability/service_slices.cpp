@@ -1,6 +1,7 @@
 // Steps computed in slices: what other requests find meanwhile, and what a server that dies in between leaves behind.
 // Also what an operator leaves out of a recovery, and what a recovery proves. Every comparison is of bits, with a
 // server that computes each step at once and never dies.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,19 +16,12 @@
 #include "server/store/checkpoint.hpp"
 #include "server/store/store.hpp"
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
-#include "tests/support/scenes.hpp"
-#include "tests/support/service_harness.hpp"
+#include "tests/support/refused.hpp"
 
 namespace shearbus::service {
 namespace {
 
-using support::DurableServer;
-using support::MemoryStorage;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Mode;
-using wire::Strategy;
+using testing::HasSubstr;
 
 constexpr std::array<std::uint8_t, 2> kSessions = {1, 2};
 constexpr std::size_t kNodes = 40;  // five tiles, so a step has at least as many slices as the server makes of it
@@ -75,11 +69,7 @@ struct SlicedServer {
     auto answered = service.handle(message.frames, {}, &turn);
     if (turn_out != nullptr) *turn_out = turn;
     if (!answered) return std::nullopt;
-    support::Answer answer{.frames = std::move(*answered), .reply = {}};
-    const std::array<std::span<const std::byte>, 2> sent = {std::as_bytes(std::span(answer.frames.header)),
-                                                            answer.frames.payload};
-    wire::decode(std::span(sent).first(answer.frames.has_payload ? 2 : 1), answer.reply);
-    return answer;
+    return support::decoded(std::move(*answered));
   }
   // Asks until there is an answer.
   support::Answer insist(const wire::Request& request, int* slices = nullptr) {
@@ -97,10 +87,30 @@ struct SlicedServer {
   Service service;
 };
 
+// Asks for something that has no answer yet.
+void expect_turn(SlicedServer& server, const Message& message, Turn expected, const char* what = "") {
+  Turn turn{};
+  EXPECT_FALSE(server.ask(message, &turn)) << what;
+  EXPECT_EQ(turn, expected) << what;
+}
+
+// A server that computes in slices and one that does not, both with session 1.
+struct Pair {
+  Pair() {
+    server.insist(ServiceHarness::opening(support::velocity_scene(), support::node_ids(kNodes)));
+    whole.ask(ServiceHarness::opening(support::velocity_scene(), support::node_ids(kNodes)));
+  }
+  void expect_same(const wire::Request& request) {
+    EXPECT_EQ(server.insist(request).payload(), whole.ask(request).payload());
+  }
+
+  MemoryStorage disk, other_disk;
+  SlicedServer server{disk};
+  DurableServer whole{other_disk};
+};
+
 wire::Request opening(std::uint8_t session, Strategy strategy = Strategy::kVelocityDriven) {
-  wire::Request request = ServiceHarness::opening(support::scene_of(strategy), support::node_ids(kNodes), session);
-  std::get<wire::OpenSession>(request.body).resume_token.fill(9);
-  return request;
+  return ServiceHarness::opening(support::scene_of(strategy), support::node_ids(kNodes), session);
 }
 
 wire::Request step(std::uint64_t sequence, std::uint8_t session, Strategy strategy = Strategy::kVelocityDriven,
@@ -154,19 +164,13 @@ TEST(Slices, OthersAreAnsweredAndTheSessionItselfWaitsInLine) {
   SlicedServer server(disk);
   for (const std::uint8_t session : kSessions) server.insist(opening(session));
   const Message slow(step(1, 1));
-  Turn turn{};
-  ASSERT_FALSE(server.ask(slow, &turn));
-  EXPECT_EQ(turn, Turn::kComputing);
+  expect_turn(server, slow, Turn::kComputing);
   EXPECT_TRUE(server.service.computing());
 
   const Message repeat(step(1, 1));
-  EXPECT_FALSE(server.ask(repeat, &turn));
-  EXPECT_EQ(turn, Turn::kWaiting);
-  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0, 1);
-  std::get<wire::ResumeSession>(resume.body).resume_token.fill(9);
-  const Message successor(resume);
-  EXPECT_FALSE(server.ask(successor, &turn));
-  EXPECT_EQ(turn, Turn::kWaiting);
+  expect_turn(server, repeat, Turn::kWaiting);
+  const Message successor(ServiceHarness::resuming());
+  expect_turn(server, successor, Turn::kWaiting);
   EXPECT_EQ(server.ask(Message(ServiceHarness::in_session(wire::ServerStatusQuery{}, 0)))->code(), Code::kOk);
 
   const Message other(step(1, 2));
@@ -204,24 +208,18 @@ std::vector<wire::Request> parts_ahead(bool refused) {
 }
 
 TEST(Slices, APartSentAheadWaitsForThePartBefore) {
-  MemoryStorage disk, other_disk;
-  SlicedServer server(disk);
-  DurableServer whole(other_disk);
-  server.insist(opening(1));
-  whole.ask(opening(1));
+  Pair pair;
+  SlicedServer& server = pair.server;
   const std::vector<wire::Request> parts = parts_ahead(false);
   std::vector<std::unique_ptr<Message>> messages;
   for (const wire::Request& part : parts) messages.push_back(std::make_unique<Message>(part));
-  Turn turn{};
   const auto finish = [&](const Message& message) {
     while (!server.service.work()) {
     }
     return server.ask(message);
   };
-  ASSERT_FALSE(server.ask(*messages[0], &turn));
-  EXPECT_EQ(turn, Turn::kComputing);
-  ASSERT_FALSE(server.ask(*messages[1], &turn));
-  EXPECT_EQ(turn, Turn::kWaiting);
+  expect_turn(server, *messages[0], Turn::kComputing);
+  expect_turn(server, *messages[1], Turn::kWaiting);
   wire::Request stranger = std::move(parts_ahead(false)[1]);
   ++std::get<wire::Downscale>(stranger.body).follows;
   EXPECT_EQ(server.ask(Message(stranger))->code(), Code::kSequenceGap) << "it follows another part";
@@ -232,45 +230,38 @@ TEST(Slices, APartSentAheadWaitsForThePartBefore) {
     const auto answer = finish(*messages[i]);
     ASSERT_TRUE(answer);
     ASSERT_EQ(answer->code(), Code::kOk) << describe(answer->reply.status);
-    EXPECT_EQ(answer->payload(), whole.ask(parts[i]).payload());
+    EXPECT_EQ(answer->payload(), pair.whole.ask(parts[i]).payload());
     if (i + 1 == parts.size()) break;
-    ASSERT_FALSE(server.ask(*messages[i + 1], &turn));
-    EXPECT_EQ(turn, Turn::kComputing);
-    if (i + 2 < parts.size()) {
-      ASSERT_FALSE(server.ask(*messages[i + 2], &turn));
-      EXPECT_EQ(turn, Turn::kWaiting);
-    }
+    expect_turn(server, *messages[i + 1], Turn::kComputing);
+    if (i + 2 < parts.size()) expect_turn(server, *messages[i + 2], Turn::kWaiting);
     EXPECT_TRUE(server.ask(*messages[i])->reply.replayed) << "while the next part is computed";
   }
   EXPECT_TRUE(server.ask(*messages[1])->reply.replayed);
   EXPECT_TRUE(server.ask(*messages[2])->reply.replayed);
-  EXPECT_EQ(server.insist(step(4, 1)).payload(), whole.ask(step(4, 1)).payload());
+  pair.expect_same(step(4, 1));
 }
 
 TEST(Slices, APartSentAheadOfARefusedOneIsRefused) {
-  MemoryStorage disk, other_disk;
-  SlicedServer server(disk);
-  DurableServer whole(other_disk);
-  server.insist(opening(1));
-  whole.ask(opening(1));
+  Pair pair;
   const std::vector<wire::Request> parts = parts_ahead(true);
-  EXPECT_EQ(server.insist(parts[0]).code(), Code::kInvalidValue);
-  EXPECT_EQ(server.insist(parts[1]).code(), Code::kSequenceGap);
-  EXPECT_EQ(server.insist(step(1, 1)).payload(), whole.ask(step(1, 1)).payload());
-  EXPECT_EQ(server.insist(parts[1]).code(), Code::kSequenceGap) << "a late copy";
-  EXPECT_EQ(server.insist(step(2, 1)).payload(), whole.ask(step(2, 1)).payload());
+  EXPECT_EQ(pair.server.insist(parts[0]).code(), Code::kInvalidValue);
+  EXPECT_EQ(pair.server.insist(parts[1]).code(), Code::kSequenceGap);
+  pair.expect_same(step(1, 1));
+  EXPECT_EQ(pair.server.insist(parts[1]).code(), Code::kSequenceGap) << "a late copy";
+  pair.expect_same(step(2, 1));
 }
 
 // A server that dies in the middle of a step, while other sessions went on, with and without a checkpoint in between.
 TEST(Slices, AServerThatDiesWithinAStepLosesNothing) {
   for (const bool checkpoint : {false, true}) {
     MemoryStorage disk;
+    const wire::Request trial = step(1, 1, Strategy::kVelocityDriven, Mode::kTrial);
+    wire::Request slow = step(2, 1);
+    std::get<wire::Downscale>(slow.body).commit_previous = true;
     {
       SlicedServer server(disk);
       for (const std::uint8_t session : kSessions) server.insist(opening(session));
-      server.insist(step(1, 1, Strategy::kVelocityDriven, Mode::kTrial));
-      wire::Request slow = step(2, 1);
-      std::get<wire::Downscale>(slow.body).commit_previous = true;
+      server.insist(trial);
       const Message begun(slow);
       ASSERT_FALSE(server.ask(begun));
       server.service.work();
@@ -284,9 +275,7 @@ TEST(Slices, AServerThatDiesWithinAStepLosesNothing) {
     MemoryStorage other_disk;
     DurableServer twin(other_disk);
     twin.ask(opening(1));
-    twin.ask(step(1, 1, Strategy::kVelocityDriven, Mode::kTrial));
-    wire::Request slow = step(2, 1);
-    std::get<wire::Downscale>(slow.body).commit_previous = true;
+    twin.ask(trial);
     const auto expected = twin.ask(slow);
     const auto repeated = server.insist(slow);
     EXPECT_TRUE(repeated.reply.replayed) << "the step was journaled, so the recovery has run it";
@@ -295,12 +284,6 @@ TEST(Slices, AServerThatDiesWithinAStepLosesNothing) {
     EXPECT_EQ(server.insist(step(3, 1)).payload(), twin.ask(step(3, 1)).payload());
     EXPECT_EQ(server.insist(ServiceHarness::in_session(wire::Mark{.name = "there"}, 2, 2)).code(), Code::kOk);
   }
-}
-
-wire::Request of_nodes(wire::Request request, std::span<const std::uint64_t> nodes) {
-  request.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, nodes.size());
-  std::ranges::copy(nodes, request.batch.u64(wire::Field::kNodeId).begin());
-  return request;
 }
 
 // Requests of every verb that may be long, of two sessions of one domain.
@@ -312,27 +295,25 @@ std::vector<wire::Request> long_requests() {
   };
   const wire::TransferId transfer = {7};
   const auto first = std::span(nodes).first(13);
-  wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{}, 0, 1);
-  std::get<wire::ResumeSession>(resume.body).resume_token.fill(9);
   std::vector<wire::Request> all;
   all.push_back(in_domain(opening(1)));
   all.push_back(step(1, 1));
   all.push_back(ServiceHarness::in_session(wire::Mark{.name = "here"}, 2));
-  all.push_back(of_nodes(ServiceHarness::in_session(wire::RetireNodes{}, 3), first));
-  all.push_back(of_nodes(ServiceHarness::in_session(wire::RegisterNodes{}, 4), first));
+  all.push_back(ServiceHarness::of_nodes(wire::RetireNodes{}, first, 3));
+  all.push_back(ServiceHarness::of_nodes(wire::RegisterNodes{}, first, 4));
   all.push_back(step(5, 1));
   all.push_back(ServiceHarness::in_session(wire::Rollback{.to_mark = "here"}, 6));
   all.push_back(step(7, 1));
   all.push_back(ServiceHarness::in_session(wire::Rollback{.to_mark = "here"}, 8));
-  all.push_back(of_nodes(ServiceHarness::in_session(wire::ReadProfiles{}, 0), first));
-  all.push_back(of_nodes(ServiceHarness::in_session(wire::OfferNodes{.transfer_id = transfer}, 9), first));
-  wire::Request other = in_domain(opening(2));
-  all.push_back(of_nodes(std::move(other), std::vector<std::uint64_t>{5000, 5001}));
+  all.push_back(ServiceHarness::of_nodes(wire::ReadProfiles{}, first, 0));
+  all.push_back(ServiceHarness::of_nodes(wire::OfferNodes{.transfer_id = transfer}, first, 9));
+  all.push_back(in_domain(opening(2)));
+  all.back().batch = support::id_column(std::vector<std::uint64_t>{5000, 5001});
   all.push_back(ServiceHarness::in_session(wire::AcceptNodes{.transfer_id = transfer}, 1, 2));
   all.push_back(ServiceHarness::in_session(wire::Mark{.name = "here"}, 10));
-  all.push_back(std::move(resume));
+  all.push_back(ServiceHarness::resuming());
   // Refused: the nodes are the other session's.
-  all.push_back(of_nodes(ServiceHarness::in_session(wire::RegisterNodes{}, 11), first));
+  all.push_back(ServiceHarness::of_nodes(wire::RegisterNodes{}, first, 11));
   all.push_back(ServiceHarness::in_session(wire::Mark{.name = "there"}, 2, 2));
   all.push_back(ServiceHarness::in_session(wire::CloseSession{}, 11));
   return all;
@@ -378,24 +359,19 @@ TEST(LongRequests, LetOthersBeAnsweredAndTheirOwnSessionWaits) {
     ASSERT_EQ(server.insist(open).code(), Code::kOk);
   }
   const Message marking(ServiceHarness::in_session(wire::Mark{.name = "here"}, 1));
-  Turn turn{};
-  ASSERT_FALSE(server.ask(marking, &turn));
-  EXPECT_EQ(turn, Turn::kComputing);
+  expect_turn(server, marking, Turn::kComputing);
   EXPECT_TRUE(server.service.busy());
   const Message rival(step(1, 1));
-  EXPECT_FALSE(server.ask(rival, &turn));
-  EXPECT_EQ(turn, Turn::kWaiting) << "a step of the session";
-  wire::Request same_domain = of_nodes(opening(3), std::vector<std::uint64_t>{7000});
+  expect_turn(server, rival, Turn::kWaiting, "a step of the session");
+  wire::Request same_domain = opening(3);
+  same_domain.batch = support::id_column(std::vector<std::uint64_t>{7000});
   std::get<wire::OpenSession>(same_domain.body).domain = "one";
   const Message neighbour(same_domain);
-  EXPECT_FALSE(server.ask(neighbour, &turn));
-  EXPECT_EQ(turn, Turn::kWaiting) << "another session of the domain";
+  expect_turn(server, neighbour, Turn::kWaiting, "another session of the domain");
   EXPECT_EQ(server.ask(Message(ServiceHarness::in_session(wire::ServerStatusQuery{}, 0)))->code(), Code::kOk);
   const Message other(step(1, 2));
-  ASSERT_FALSE(server.ask(other, &turn));
-  EXPECT_EQ(turn, Turn::kComputing) << "a step of another session";
-  EXPECT_FALSE(server.ask(marking, &turn));
-  EXPECT_EQ(turn, Turn::kComputing) << "it is asked again, as after the end of another request";
+  expect_turn(server, other, Turn::kComputing, "a step of another session");
+  expect_turn(server, marking, Turn::kComputing, "it is asked again, as after the end of another request");
 
   std::optional<support::Answer> step_of_other, marked, refused, opened;
   for (int n = 0; n < 10'000'000 && !(step_of_other && marked && refused && opened); ++n) {
@@ -535,8 +511,7 @@ TEST(LeftOut, WhatIsNotThereIsRefusedAndNothingIsChanged) {
 }
 
 wire::Request claim(std::uint64_t epoch, std::uint64_t number, std::uint64_t claimant) {
-  wire::Request request = ServiceHarness::in_session(wire::ResumeSession{.claim = number, .claimant = claimant}, 0);
-  std::get<wire::ResumeSession>(request.body).resume_token.fill(9);
+  wire::Request request = ServiceHarness::resuming(1, number, claimant);
   request.epoch = epoch;
   return request;
 }
@@ -596,12 +571,7 @@ TEST(Recovery, TheLastReplyOfASessionIsProvenToo) {
       writer.append(record);
     }
   }
-  try {
-    SlicedServer server(disk, 79);
-    FAIL() << "it started";
-  } catch (const store::DamagedFile& fault) {
-    EXPECT_NE(std::string(fault.what()).find("other numbers"), std::string::npos) << fault.what();
-  }
+  EXPECT_THAT(support::said_by<store::DamagedFile>([&] { SlicedServer(disk, 79); }), HasSubstr("other numbers"));
 }
 
 }  // namespace

@@ -3,14 +3,9 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/durable_server.hpp"
-#include "tests/support/memory_storage.hpp"
 
-namespace shearbus {
+namespace shearbus::service {
 namespace {
-
-using support::DurableServer;
-using support::ServiceHarness;
-using wire::Code;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(5);
 const service::Caller kOwner{.identity = "key owner"};
@@ -109,4 +104,4 @@ TEST(SessionIdentity, TheWelcomeTellsHowTheClientIsKnown) {
 }
 
 }  // namespace
-}  // namespace shearbus
+}  // namespace shearbus::service

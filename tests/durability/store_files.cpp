@@ -11,10 +11,14 @@
 #include "server/store/checkpoint.hpp"
 #include "server/store/journal.hpp"
 #include "tests/support/memory_storage.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace shearbus::store {
 namespace {
+
+using support::said_by;
+using testing::HasSubstr;
 
 std::vector<std::byte> some_bytes(std::size_t size, int seed) {
   std::vector<std::byte> bytes(size);
@@ -60,6 +64,17 @@ Snapshot small_snapshot() {
   open.id.fill(0x01);
   snapshot.sessions = {closed, open};
   return snapshot;
+}
+
+// Flips each bit of a file.
+template <class Read>
+void expect_every_flip_damages(std::vector<std::byte> bytes, const Read& read) {
+  for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
+    const auto mask = static_cast<std::byte>(1 << (bit % 8));
+    bytes[bit / 8] ^= mask;
+    ASSERT_THROW(read(bytes), DamagedFile) << "bit " << bit;
+    bytes[bit / 8] ^= mask;
+  }
 }
 
 bool same(const shard::States& a, const shard::States& b) {
@@ -130,13 +145,8 @@ TEST(Checkpoint, SameSnapshotIsTheSameBytes) {
 }
 
 TEST(Checkpoint, EveryBitFlipIsRefused) {
-  auto bytes = checkpoint_bytes(small_snapshot(), 3);
-  for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
-    const auto mask = static_cast<std::byte>(1 << (bit % 8));
-    bytes[bit / 8] ^= mask;
-    ASSERT_THROW(verified_image(bytes, "file", 3), DamagedFile) << "bit " << bit;
-    bytes[bit / 8] ^= mask;
-  }
+  const auto bytes = checkpoint_bytes(small_snapshot(), 3);
+  expect_every_flip_damages(bytes, [](Bytes flipped) { verified_image(flipped, "file", 3); });
   EXPECT_NO_THROW(read_checkpoint(bytes, "file", 3));
   RecordProperty("flips", static_cast<int>(8 * bytes.size()));
 }
@@ -167,22 +177,17 @@ TEST(Checkpoint, StatesAndPartsOfOtherNodesThanTheSessionsAreRefused) {
   const auto refusal = [](const auto& change) -> std::string {
     Snapshot snapshot = small_snapshot();
     change(snapshot);
-    try {
-      read_checkpoint(checkpoint_bytes(snapshot, 3), "file", 3);
-    } catch (const DamagedFile& fault) {
-      return fault.what();
-    }
-    return "";
+    return said_by<DamagedFile>([&] { read_checkpoint(checkpoint_bytes(snapshot, 3), "file", 3); });
   };
   for (const std::vector<std::uint32_t>& rows : {std::vector<std::uint32_t>{0, 3533880}, {1, 0}, {0, 0}, {0}}) {
     EXPECT_THAT(refusal([&](Snapshot& s) { s.sessions[1].committed = small_states(rows, 300.0); }),
-                ::testing::HasSubstr("slots of all 2 nodes in their order in committed"));
+                HasSubstr("slots of all 2 nodes in their order in committed"));
     EXPECT_THAT(refusal([&](Snapshot& s) { s.sessions[1].marks[0].states = small_states(rows, 300.0); }),
-                ::testing::HasSubstr("slots of all 2 nodes in their order in states"));
+                HasSubstr("slots of all 2 nodes in their order in states"));
     EXPECT_THAT(refusal([&](Snapshot& s) {
                   s.transfers.push_back({.node_ids = {8, 9}, .states = small_states(rows, 300.0)});
                 }),
-                ::testing::HasSubstr("slots of all 2 nodes in their order in states"));
+                HasSubstr("slots of all 2 nodes in their order in states"));
   }
   const auto parts = [](std::vector<std::uint32_t> rows) {
     return [rows = std::move(rows)](Snapshot& s) {
@@ -190,19 +195,14 @@ TEST(Checkpoint, StatesAndPartsOfOtherNodesThanTheSessionsAreRefused) {
       s.sessions[1].part_rows = rows;
     };
   };
-  EXPECT_THAT(refusal(parts({0, 2})), ::testing::HasSubstr("find node 2 of part_rows"));
+  EXPECT_THAT(refusal(parts({0, 2})), HasSubstr("find node 2 of part_rows"));
   EXPECT_EQ(refusal(parts({1})), "");
 }
 
 TEST(Checkpoint, UnknownVersionIsRefusedByName) {
   auto bytes = checkpoint_bytes(small_snapshot(), 3);
   bytes[bytes.size() - sizeof(CheckpointFooter) + offsetof(CheckpointFooter, version)] = std::byte{9};
-  try {
-    read_checkpoint(bytes, "file", 3);
-    FAIL();
-  } catch (const DamagedFile& fault) {
-    EXPECT_NE(std::string(fault.what()).find("version 9"), std::string::npos) << fault.what();
-  }
+  EXPECT_THAT(said_by<DamagedFile>([&] { read_checkpoint(bytes, "file", 3); }), HasSubstr("version 9"));
 }
 
 struct Journal {
@@ -252,14 +252,7 @@ TEST(Journal, ComesBackAsItWent) {
 }
 
 TEST(Journal, EveryBitFlipIsAnErrorAndNeverATornTail) {
-  const Journal journal;
-  auto bytes = journal.bytes;
-  for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
-    const auto mask = static_cast<std::byte>(1 << (bit % 8));
-    bytes[bit / 8] ^= mask;
-    ASSERT_THROW(read_segment(bytes, "file"), DamagedFile) << "bit " << bit;
-    bytes[bit / 8] ^= mask;
-  }
+  expect_every_flip_damages(Journal().bytes, [](Bytes flipped) { read_segment(flipped, "file"); });
 }
 
 TEST(Journal, TruncationAnywhereCutsTheTornRecordOnly) {
@@ -304,12 +297,7 @@ TEST(Journal, DamageBeforeTheLastRecordIsAnErrorEvenInZeros) {
 TEST(Journal, UnknownVersionIsRefusedByName) {
   Journal journal;
   journal.bytes[offsetof(SegmentHeader, version)] = std::byte{9};
-  try {
-    read_segment(journal.bytes, "file");
-    FAIL();
-  } catch (const DamagedFile& fault) {
-    EXPECT_NE(std::string(fault.what()).find("version 9"), std::string::npos) << fault.what();
-  }
+  EXPECT_THAT(said_by<DamagedFile>([&] { read_segment(journal.bytes, "file"); }), HasSubstr("version 9"));
 }
 
 TEST(Journal, DiskFullLeavesTheFileAsItWasAndTheNextAppendGoesOn) {

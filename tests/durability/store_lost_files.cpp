@@ -32,10 +32,7 @@ MemoryStorage disk_of(const Files& files) {
 Files written(std::uint64_t last, std::uint64_t each, std::uint8_t id = 1) {
   MemoryStorage disk;
   Server server(disk, Durability::kPower, false, id);
-  for (std::uint64_t i = 1; i <= last; ++i) {
-    server.run(i);
-    if (each != 0 && i % each == 0) server.checkpoint();
-  }
+  server.run_to(last, each);
   return files_of(disk);
 }
 
@@ -73,10 +70,7 @@ TEST(LostFiles, AJournalOfTheWholeHistoryReplacesTheOnlyCheckpoint) {
   Server server(disk);
   EXPECT_EQ(server.counter.seen, up_to(9));
   server.checkpoint();
-  for (std::uint64_t i = 10; i < 30; ++i) {
-    server.run(i);
-    server.checkpoint();
-  }
+  server.run_to(29, 1);
   EXPECT_EQ(disk.bytes(checkpoint_name(1)), files[checkpoint_name(1)]) << "the damaged file stays as it is";
   EXPECT_EQ(Server(disk).counter.seen, up_to(29));
 }
@@ -199,12 +193,7 @@ TEST(LostFiles, FilesOfAnotherDirectoryAreNamedAndNeitherUsedNorTouched) {
       Server server(disk, durability);
       EXPECT_EQ(server.counter.seen, up_to(20));
       for (const std::string& name : names) expect_words(server.log, {"FOREIGN: " + name});
-      for (std::uint64_t i = 21; i <= 60; ++i) {
-        server.run(i);
-        if (i % 6 == 0) {
-          EXPECT_TRUE(server.checkpoint());
-        }
-      }
+      server.run_to(60, 6);
     }
     for (const std::string& name : names) EXPECT_EQ(disk.bytes(name), foreign.at(name)) << name;
     EXPECT_EQ(Server(disk, durability).counter.seen, up_to(60));
@@ -229,12 +218,7 @@ TEST(LostFiles, StrayFilesAreLeftAloneAndStopNothing) {
     Server server(disk);
     EXPECT_EQ(server.counter.seen, up_to(20));
     expect_words(server.log, {"journal-7.log", "journal-000000000099.log", "checkpoint-3.h5"});
-    for (std::uint64_t i = 21; i <= 40; ++i) {
-      server.run(i);
-      if (i % 6 == 0) {
-        EXPECT_TRUE(server.checkpoint());
-      }
-    }
+    server.run_to(40, 6);
   }
   for (const std::string& name : strays) EXPECT_EQ(disk.bytes(name), text) << name;
   EXPECT_EQ(Server(disk).counter.seen, up_to(40));
@@ -253,10 +237,7 @@ TEST(LostFiles, SettingAsideTwiceKeepsBoth) {
   MemoryStorage disk;
   std::vector<Files> before;
   for (int round = 0; round < 3; ++round) {
-    {
-      Server server(disk);
-      for (std::uint64_t i = 1; i <= 3; ++i) server.run(i);
-    }
+    Server(disk).run_to(3);
     disk.bytes(segment_name(1))[100] ^= std::byte{1};
     before.push_back(files_of(disk));
     Server empty(disk, Durability::kPower, true);

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/refused.hpp"
 #include "tests/support/store_server.hpp"
 
 namespace shearbus::store {
@@ -41,13 +42,9 @@ TEST(Numerics, ATailOfAnotherVersionIsRefusedByNameAndACleanStopLeavesNone) {
   }
   for (const bool accept_empty : {false, true}) {
     const auto names = disk.names();
-    try {
-      VersionedServer other(disk, 4, accept_empty);
-      ADD_FAILURE() << "replayed by other numerics";
-    } catch (const std::runtime_error& fault) {
-      EXPECT_THAT(fault.what(), AllOf(HasSubstr("record 4 "), HasSubstr("answered by numerics 3"),
-                                      HasSubstr("this server has numerics 4"), HasSubstr("stop it cleanly")));
-    }
+    EXPECT_THAT(support::said_by<std::runtime_error>([&] { VersionedServer(disk, 4, accept_empty); }),
+                AllOf(HasSubstr("record 4 "), HasSubstr("answered by numerics 3"),
+                      HasSubstr("this server has numerics 4"), HasSubstr("stop it cleanly")));
     EXPECT_EQ(disk.names(), names) << "a refused start changes nothing";
   }
   {

@@ -1,5 +1,6 @@
 // Tests of the store with a simple substitute for a server, Counter. Whatever the disk does, recovery must return every
 // settled record (written whole and synced as promised) exactly once and in order, or report that it cannot.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <random>
 
 #include "server/store/checkpoint.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/store_server.hpp"
 
 namespace shearbus::store {
@@ -16,10 +18,7 @@ using Call = MemoryStorage::Call;
 
 TEST(Store, RecordsComeBackWithoutACheckpoint) {
   MemoryStorage disk;
-  {
-    Server server(disk);
-    for (std::uint64_t i = 1; i <= 5; ++i) server.run(i);
-  }
+  Server(disk).run_to(5);
   Server again(disk);
   EXPECT_EQ(again.counter.seen, up_to(5));
   again.run(6);
@@ -28,13 +27,7 @@ TEST(Store, RecordsComeBackWithoutACheckpoint) {
 
 TEST(Store, CheckpointAndJournalTogetherGiveEverything) {
   MemoryStorage disk;
-  {
-    Server server(disk);
-    for (std::uint64_t i = 1; i <= 20; ++i) {
-      server.run(i);
-      if (i % 6 == 0) server.checkpoint();
-    }
-  }
+  Server(disk).run_to(20, 6);
   Server again(disk);
   EXPECT_EQ(again.counter.seen, up_to(20));
   EXPECT_EQ(again.store.counters().replayed, 2u);  // the records after the last checkpoint, 19 and 20
@@ -43,23 +36,14 @@ TEST(Store, CheckpointAndJournalTogetherGiveEverything) {
 TEST(Store, TwoGenerationsStayAndTheJournalSinceTheOlder) {
   MemoryStorage disk;
   Server server(disk);
-  for (std::uint64_t i = 1; i <= 30; ++i) {
-    server.run(i);
-    if (i % 5 == 0) server.checkpoint();
-  }
+  server.run_to(30, 5);
   EXPECT_EQ(disk.names(),
             (std::vector<std::string>{checkpoint_name(5), checkpoint_name(6), segment_name(6), kIdentityName}));
 }
 
 TEST(Store, ADamagedCheckpointGivesWayToTheOneBeforeAndTheJournal) {
   MemoryStorage disk;
-  {
-    Server server(disk);
-    for (std::uint64_t i = 1; i <= 20; ++i) {
-      server.run(i);
-      if (i % 6 == 0) server.checkpoint();
-    }
-  }
+  Server(disk).run_to(20, 6);
   disk.bytes(checkpoint_name(3))[1000] ^= std::byte{4};
   Server again(disk);
   EXPECT_EQ(again.counter.seen, up_to(20));
@@ -69,19 +53,10 @@ TEST(Store, ADamagedCheckpointGivesWayToTheOneBeforeAndTheJournal) {
 
 TEST(Store, RefusesToStartEmptyOverFilesItCannotUse) {
   MemoryStorage disk;
-  {
-    Server server(disk);
-    server.run(1);
-    server.checkpoint();
-  }
+  Server(disk).run_to(1, 1);
   disk.bytes(checkpoint_name(1))[1000] ^= std::byte{4};
   disk.remove(segment_name(1));  // this segment holds the whole history and would replace the checkpoint
-  try {
-    Server refused(disk);
-    FAIL() << "it started";
-  } catch (const DamagedFile& fault) {
-    EXPECT_NE(std::string(fault.what()).find("--accept-empty"), std::string::npos);
-  }
+  EXPECT_THAT(support::said_by<DamagedFile>([&] { Server{disk}; }), testing::HasSubstr("--accept-empty"));
   Server forced(disk, Durability::kPower, true);
   EXPECT_TRUE(forced.counter.seen.empty());
   EXPECT_TRUE(disk.exists(checkpoint_name(1) + ".unused"));
@@ -98,10 +73,7 @@ TEST(Store, AJournalWithAHoleIsRefused) {
 
 TEST(Store, AJournalDamagedBeforeItsEndIsRefused) {
   MemoryStorage disk;
-  {
-    Server server(disk);
-    for (std::uint64_t i = 1; i <= 3; ++i) server.run(i);
-  }
+  Server(disk).run_to(3);
   disk.bytes(segment_name(1))[130] ^= std::byte{1};
   EXPECT_THROW(Server{disk}, DamagedFile);
 }
@@ -276,10 +248,7 @@ TEST(Store, ACheckpointThatFailsLeavesTheOnesBefore) {
        {Call::kCreate, Call::kAppend, Call::kSync, Call::kRename, Call::kSyncDirectory, Call::kRead}) {
     MemoryStorage disk;
     Server server(disk);
-    for (std::uint64_t i = 1; i <= 4; ++i) {
-      server.run(i);
-      if (i % 2 == 0) server.checkpoint();
-    }
+    server.run_to(4, 2);
     server.run(5);
     disk.plan({.at_call = 1, .code = ENOSPC, .of = call});
     EXPECT_FALSE(server.checkpoint());

@@ -16,6 +16,7 @@
 #include "proto/files/key_file.hpp"
 #include "shearbus_places.hpp"
 #include "tests/support/raw_peer.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/server_process.hpp"
@@ -54,13 +55,7 @@ class Lines {
 };
 
 Status refusal_of(const ClientOptions& options) {
-  try {
-    Client client(options);
-    client.server_status();
-  } catch (const Error& fault) {
-    return fault.status();
-  }
-  return {};
+  return support::fault_of([&] { Client(options).server_status(); });
 }
 
 // Connects with a deadline of 60 s and returns the refusal, which must arrive long before. A client that does not
@@ -214,12 +209,7 @@ TEST_F(Keys, AStolenTicketIsOfNoUseWithAnotherKey) {
   const auto request = support::step_columns(Strategy::kForceDriven, kNodes, 0);
   session.advance(request, {.dt_s = 1e-9});
   Client mallory(client_options(tcp, mallory_));
-  try {
-    mallory.resume(session.ticket());
-    ADD_FAILURE() << "resumed";
-  } catch (const Error& fault) {
-    EXPECT_EQ(fault.status().code, Code::kNotPermitted) << fault.what();
-  }
+  EXPECT_EQ(support::code_of([&] { mallory.resume(session.ticket()); }), Code::kNotPermitted);
   EXPECT_THAT(lines.text(), HasSubstr("REFUSED: key " + mallory_.public_key + " asked for session"));
   EXPECT_NO_THROW(session.advance(request, {.dt_s = 1e-9}));
   const Session::Ticket ticket = session.ticket();

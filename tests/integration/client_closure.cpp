@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"
 
@@ -70,10 +71,6 @@ struct Host {
   }
 };
 
-void scale(Batch& request, Field field, double factor) {
-  for (double& value : request.f64(field)) value *= factor;
-}
-
 // Of one node: the jump, that of the step before, and the jumps of both steps after their forces without friction.
 struct Levels {
   double now, before, free_now, free_before;
@@ -91,21 +88,45 @@ struct Mistake {
   bool starts_at_rest = false;
 };
 
+// A client that checks closure, its session and a host that applies its answers.
+struct Coupled {
+  Coupled(RunningServer& server, CheckClosure check, bool starts_at_rest = false, Form form = Form::kFarField)
+      : client(options(server, check)),
+        session(client.open(support::text_of(support::force_scene()), "scene", kNodes)),
+        host{.starts_at_rest = starts_at_rest},
+        request(session.request({}, form)) {}
+
+  ClientOptions options(RunningServer& server, CheckClosure check) {
+    ClientOptions options = server.client_options("inproc");
+    options.check_closure = check;
+    options.log = [this](const std::string& line) { said.push_back(line); };
+    return options;
+  }
+  const StepResult& step() {
+    host.ask(request);
+    const StepResult& result = session.advance(request, {.dt_s = host.dt});
+    host.apply(result.shear_stress_pa());
+    return result;
+  }
+
+  std::vector<std::string> said;
+  Client client;
+  Session session;
+  Host host;
+  Batch request;
+};
+
 struct Run {
   std::vector<std::string> warnings;
   double closure = 0.0;  // largest closure_m_per_s (jump sent minus jump answered before) of the first 3 steps  [m/s]
 };
 
 Run run(RunningServer& server, const Mistake& mistake, Form form) {
-  Run run;
-  ClientOptions options = server.client_options("inproc");
-  options.check_closure = CheckClosure::kWarn;
-  options.log = [&](const std::string& line) { run.warnings.push_back(line); };
-  Client client(options);
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Host host{.starts_at_rest = mistake.starts_at_rest};
+  double closure = 0.0;
+  Coupled coupled(server, CheckClosure::kWarn, mistake.starts_at_rest, form);
+  Host& host = coupled.host;
+  Batch& request = coupled.request;
   Host before = host;
-  Batch request = session.request({}, form);
   for (int step = 0; step < 8; ++step) {
     if (mistake.dt) host.dt = mistake.dt(step);
     host.ask(request);
@@ -117,13 +138,13 @@ Run run(RunningServer& server, const Mistake& mistake, Form form) {
                          .free_before = step == 0 ? host.jump(i) : before.without_friction(i)});
     if (mistake.in_request) mistake.in_request(request);
     const StepResult& result =
-        session.advance(request, {.dt_s = mistake.dt_sent ? mistake.dt_sent(host, step) : host.dt});
-    if (step < 3) run.closure = std::max(run.closure, result.upscale().largest_closure_m_per_s);
+        coupled.session.advance(request, {.dt_s = mistake.dt_sent ? mistake.dt_sent(host, step) : host.dt});
+    if (step < 3) closure = std::max(closure, result.upscale().largest_closure_m_per_s);
     before = host;
     host.apply(result.shear_stress_pa(), mistake.to_soft, mistake.to_hard);
   }
-  session.close();
-  return run;
+  coupled.session.close();
+  return {coupled.said, closure};
 }
 
 void expect_named(RunningServer& server, std::span<const Mistake> mistakes, Form form) {
@@ -150,59 +171,61 @@ double varying(int step) {
   return 1e-9 * (1.0 + 0.05 * step);
 }
 
+// Mistakes in what is sent, in what is done with the answer, and in the level of the jump.
+using Change = std::function<void(Batch&)>;
+Mistake sent(const char* name, const char* named, Change change) {
+  return {.name = name, .named = named, .in_request = std::move(change)};
+}
+Mistake applied(const char* name, const char* named, double to_soft, double to_hard, bool from_rest = false) {
+  return {.name = name, .named = named, .to_soft = to_soft, .to_hard = to_hard, .starts_at_rest = from_rest};
+}
+Mistake jump_of(const char* name, const char* named, double Levels::*level, bool from_rest = false) {
+  return {.name = name,
+          .named = named,
+          .level = [level](const Levels& jump) { return jump.*level; },
+          .starts_at_rest = from_rest};
+}
+
+Change times(std::initializer_list<Field> fields, double factor) {
+  return [fields = std::vector(fields), factor](Batch& batch) {
+    for (const Field field : fields)
+      for (double& value : batch.f64(field)) value *= factor;
+  };
+}
+Change swapped(Field one, Field other) {
+  return [=](Batch& batch) { std::ranges::swap_ranges(batch.f64(one), batch.f64(other)); };
+}
+
+constexpr const char* kWrongSign = "applied with the wrong sign";
+constexpr const char* kNotApplied = "is not applied";
+constexpr const char* kEarlier = "the jump sent is that of an earlier step";
+constexpr const char* kWithoutFriction = "the jump sent is that without the friction of the last step";
+constexpr const char* kAfterForces = "the jump sent is that after the forces of this step";
+
 TEST(ClientClosure, NamesTheMistakeOfAFarFieldHost) {
   RunningServer server;
-  const auto times = [](Field field, double factor) { return [=](Batch& b) { scale(b, field, factor); }; };
-  const auto masses = [](double factor) {
-    return [=](Batch& b) {
-      scale(b, Field::kMassSoft, factor);
-      scale(b, Field::kMassHard, factor);
-    };
-  };
-  const auto both_signs = [](Batch& b) {
-    scale(b, Field::kStressSoft, -1.0);
-    scale(b, Field::kStressHard, -1.0);
-  };
-  const auto swap = [](Field one, Field other) {
-    return [=](Batch& b) { std::ranges::swap_ranges(b.f64(one), b.f64(other)); };
-  };
+  const auto masses = {Field::kMassSoft, Field::kMassHard};
+  const Change both_signs = times({Field::kStressSoft, Field::kStressHard}, -1.0);
   const char* kHeavy = "both masses must be half of those sent, or dt_s twice that sent";
   const char* kLight = "both masses must be twice those sent, or dt_s half of that sent";
   const Mistake mistakes[] = {
       {.name = "none", .named = nullptr},
       {.name = "none, dt varies", .named = nullptr, .dt = varying},
-      {.name = "stress_soft of the wrong sign",
-       .named = "stress_soft has the wrong sign",
-       .in_request = times(Field::kStressSoft, -1.0)},
-      {.name = "stress_hard of the wrong sign",
-       .named = "stress_hard has the wrong sign",
-       .in_request = times(Field::kStressHard, -1.0)},
-      {.name = "both stresses of the wrong sign", .named = "both have the wrong sign", .in_request = both_signs},
-      {.name = "jump of the wrong sign",
-       .named = "velocity_jump has the wrong sign",
-       .in_request = times(Field::kVelocityJump, -1.0)},
-      {.name = "stresses of the sides swapped",
-       .named = "are swapped",
-       .in_request = swap(Field::kStressSoft, Field::kStressHard)},
-      {.name = "masses of the sides swapped",
-       .named = "are swapped",
-       .in_request = swap(Field::kMassSoft, Field::kMassHard)},
-      {.name = "answer applied with the wrong sign",
-       .named = "applied with the wrong sign",
-       .to_soft = -1.0,
-       .to_hard = -1.0},
-      {.name = "answer applied to the soft body only", .named = "to the soft body only", .to_hard = 0.0},
-      {.name = "answer applied to the hard body only", .named = "to the hard body only", .to_soft = 0.0},
-      {.name = "answer not applied", .named = "is not applied", .to_soft = 0.0, .to_hard = 0.0},
-      {.name = "masses of whole zones", .named = kHeavy, .in_request = masses(2.0)},
-      {.name = "masses of quarter zones", .named = kLight, .in_request = masses(0.5)},
+      sent("stress_soft of the wrong sign", "stress_soft has the wrong sign", times({Field::kStressSoft}, -1.0)),
+      sent("stress_hard of the wrong sign", "stress_hard has the wrong sign", times({Field::kStressHard}, -1.0)),
+      sent("both stresses of the wrong sign", "both have the wrong sign", both_signs),
+      sent("jump of the wrong sign", "velocity_jump has the wrong sign", times({Field::kVelocityJump}, -1.0)),
+      sent("stresses of the sides swapped", "are swapped", swapped(Field::kStressSoft, Field::kStressHard)),
+      sent("masses of the sides swapped", "are swapped", swapped(Field::kMassSoft, Field::kMassHard)),
+      applied("answer applied with the wrong sign", kWrongSign, -1.0, -1.0),
+      applied("answer applied to the soft body only", "to the soft body only", 1.0, 0.0),
+      applied("answer applied to the hard body only", "to the hard body only", 0.0, 1.0),
+      applied("answer not applied", kNotApplied, 0.0, 0.0),
+      sent("masses of whole zones", kHeavy, times(masses, 2.0)),
+      sent("masses of quarter zones", kLight, times(masses, 0.5)),
       {.name = "dt half of the step", .named = kHeavy, .dt_sent = [](const Host& h, int) { return 0.5 * h.dt; }},
-      {.name = "mass of the whole soft zone",
-       .named = "mass_soft must be half of that sent",
-       .in_request = times(Field::kMassSoft, 2.0)},
-      {.name = "mass of the whole hard zone",
-       .named = "mass_hard must be half of that sent",
-       .in_request = times(Field::kMassHard, 2.0)},
+      sent("mass of the whole soft zone", "mass_soft must be half of that sent", times({Field::kMassSoft}, 2.0)),
+      sent("mass of the whole hard zone", "mass_hard must be half of that sent", times({Field::kMassHard}, 2.0)),
       {.name = "dt of the step before",
        .named = "advance by the dt_s of this step",
        .dt_sent = [](const Host&, int step) { return varying(step - 1); },
@@ -216,34 +239,18 @@ TEST(ClientClosure, NamesTheMistakeOfAFarFieldHost) {
        .dt_sent = [](const Host&, int step) { return varying(step); },
        .dt = [](int step) { return 0.5 * (varying(step) + varying(step + 1)); }},
       {.name = "none, from rest", .named = nullptr, .starts_at_rest = true},
-      {.name = "jump of the step before",
-       .named = "the jump sent is that of an earlier step",
-       .level = [](const Levels& jump) { return jump.before; }},
-      {.name = "jump without the last friction",
-       .named = "the jump sent is that without the friction of the last step",
-       .level = [](const Levels& jump) { return jump.free_before; }},
-      {.name = "jump after the forces of this step",
-       .named = "the jump sent is that after the forces of this step",
-       .level = [](const Levels& jump) { return jump.free_now; }},
+      jump_of("jump of the step before", kEarlier, &Levels::before),
+      jump_of("jump without the last friction", kWithoutFriction, &Levels::free_before),
+      jump_of("jump after the forces of this step", kAfterForces, &Levels::free_now),
       // From rest these are one in the second step: the third tells them apart.
-      {.name = "answer not applied, from rest",
-       .named = "is not applied",
-       .to_soft = 0.0,
-       .to_hard = 0.0,
-       .starts_at_rest = true},
-      {.name = "jump of the step before, from rest",
-       .named = "the jump sent is that of an earlier step",
-       .level = [](const Levels& jump) { return jump.before; },
-       .starts_at_rest = true},
-      {.name = "jump without the last friction, from rest",
-       .named = "the jump sent is that without the friction of the last step",
-       .level = [](const Levels& jump) { return jump.free_before; },
-       .starts_at_rest = true},
+      applied("answer not applied, from rest", kNotApplied, 0.0, 0.0, true),
+      jump_of("jump of the step before, from rest", kEarlier, &Levels::before, true),
+      jump_of("jump without the last friction, from rest", kWithoutFriction, &Levels::free_before, true),
       {.name = "first kick a whole step",
        .named = "if your first kick is a whole step, send its length",
        .dt_sent = [](const Host& h, int step) { return (step == 0 ? 0.5 : 1.0) * h.dt; }},
-      {.name = "jump in km/s", .named = "it looks like km/s or mm/us", .in_request = times(Field::kVelocityJump, 1e-3)},
-      {.name = "jump in cm/s", .named = "it looks like cm/s", .in_request = times(Field::kVelocityJump, 1e2)},
+      sent("jump in km/s", "it looks like km/s or mm/us", times({Field::kVelocityJump}, 1e-3)),
+      sent("jump in cm/s", "it looks like cm/s", times({Field::kVelocityJump}, 1e2)),
       {.name = "two mistakes", .named = "No single mistake", .in_request = both_signs, .to_hard = 0.0},
   };
   expect_named(server, mistakes, Form::kFarField);
@@ -251,70 +258,43 @@ TEST(ClientClosure, NamesTheMistakeOfAFarFieldHost) {
 
 TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
   RunningServer server;
-  const auto times = [](Field field, double factor) { return [=](Batch& b) { scale(b, field, factor); }; };
   // A wrong impedance makes two columns wrong, because the host multiplies by it to get the stick stress.
-  const auto impedance = [](double factor) {
-    return [=](Batch& b) {
-      scale(b, Field::kImpedance, factor);
-      scale(b, Field::kStickStress, factor);
-    };
+  const auto both = {Field::kImpedance, Field::kStickStress};
+  // Adds `factor` times the impedance times the old jump to the stick stress.
+  const auto add_jump = [](Batch& batch, double factor) {
+    for (std::size_t i = 0; i < kNodes.size(); ++i)
+      batch.f64(Field::kStickStress)[i] +=
+          factor * batch.f64(Field::kImpedance)[i] * batch.f64(Field::kVelocityJump)[i];
   };
   const Mistake mistakes[] = {
       {.name = "none", .named = nullptr},
       {.name = "dt of the layer is not that of the momentum",
        .named = nullptr,
        .dt_sent = [](const Host& h, int) { return 2.0 * h.dt; }},
-      {.name = "stick stress of the wrong sign",
-       .named = "stick_stress has the wrong sign",
-       .in_request = times(Field::kStickStress, -1.0)},
-      {.name = "jump of the wrong sign",
-       .named = "velocity_jump has the wrong sign",
-       .in_request = times(Field::kVelocityJump, -1.0)},
-      {.name = "stick stress without the old jump",
-       .named = "lacks the part of the old jump",
-       .in_request =
-           [](Batch& b) {
-             for (std::size_t i = 0; i < kNodes.size(); ++i)
-               b.f64(Field::kStickStress)[i] -= b.f64(Field::kImpedance)[i] * b.f64(Field::kVelocityJump)[i];
-           }},
-      {.name = "answer applied with the wrong sign",
-       .named = "applied with the wrong sign",
-       .to_soft = -1.0,
-       .to_hard = -1.0},
-      {.name = "answer not applied", .named = "is not applied", .to_soft = 0.0, .to_hard = 0.0},
-      {.name = "jump of the step before",
-       .named = "the jump sent is that of an earlier step",
-       .level = [](const Levels& jump) { return jump.before; }},
-      {.name = "jump after the forces of this step",
-       .named = "the jump sent is that after the forces of this step",
-       .level = [](const Levels& jump) { return jump.free_now; }},
-      {.name = "impedance of half zones twice as heavy",
-       .named = "impedance must be half of that sent",
-       .in_request = impedance(2.0)},
-      {.name = "impedance alone twice as large, as one without the gamma of a Newmark scheme",
-       .named = "impedance alone must be half of that sent",
-       .in_request = times(Field::kImpedance, 2.0)},
-      {.name = "impedance alone half",
-       .named = "impedance alone must be twice",
-       .in_request = times(Field::kImpedance, 0.5)},
-      {.name = "stick stress of a fault without its initial stress",
-       .named = "is stick_stress the total one",
-       .in_request =
-           [](Batch& b) {
-             for (double& stress : b.f64(Field::kStickStress)) stress -= 3e7;
-           }},
-      {.name = "impedance half",
-       .named = "impedance must be twice that sent, or the answered stress is applied to one side only",
-       .in_request = impedance(0.5)},
-      {.name = "jump of a Newmark predictor: the step moves the jump by half of what it moves it to the next request",
-       .named = "predictor of a Newmark scheme",
-       .in_request =
-           [](Batch& b) {
-             for (std::size_t i = 0; i < kNodes.size(); ++i) {
-               b.f64(Field::kStickStress)[i] += b.f64(Field::kImpedance)[i] * b.f64(Field::kVelocityJump)[i];
-               b.f64(Field::kImpedance)[i] *= 2.0;
-             }
-           }},
+      sent("stick stress of the wrong sign", "stick_stress has the wrong sign", times({Field::kStickStress}, -1.0)),
+      sent("jump of the wrong sign", "velocity_jump has the wrong sign", times({Field::kVelocityJump}, -1.0)),
+      sent("stick stress without the old jump", "lacks the part of the old jump",
+           [&](Batch& batch) { add_jump(batch, -1.0); }),
+      applied("answer applied with the wrong sign", kWrongSign, -1.0, -1.0),
+      applied("answer not applied", kNotApplied, 0.0, 0.0),
+      jump_of("jump of the step before", kEarlier, &Levels::before),
+      jump_of("jump after the forces of this step", kAfterForces, &Levels::free_now),
+      sent("impedance of half zones twice as heavy", "impedance must be half of that sent", times(both, 2.0)),
+      sent("impedance alone twice as large, as one without the gamma of a Newmark scheme",
+           "impedance alone must be half of that sent", times({Field::kImpedance}, 2.0)),
+      sent("impedance alone half", "impedance alone must be twice", times({Field::kImpedance}, 0.5)),
+      sent("stick stress of a fault without its initial stress", "is stick_stress the total one",
+           [](Batch& batch) {
+             for (double& stress : batch.f64(Field::kStickStress)) stress -= 3e7;
+           }),
+      sent("impedance half", "impedance must be twice that sent, or the answered stress is applied to one side only",
+           times(both, 0.5)),
+      sent("jump of a Newmark predictor: the step moves the jump by half of what it moves it to the next request",
+           "predictor of a Newmark scheme",
+           [&](Batch& batch) {
+             add_jump(batch, 1.0);
+             times({Field::kImpedance}, 2.0)(batch);
+           }),
   };
   expect_named(server, mistakes, Form::kStick);
 }
@@ -324,7 +304,7 @@ TEST(ClientClosure, WaitsForUnitsBeforeItNamesAMistake) {
   RunningServer server;
   const auto per_node = [](Batch& b) {
     for (const Field field : {Field::kMassSoft, Field::kMassHard, Field::kStickStress, Field::kImpedance})
-      if (b.has(field)) scale(b, field, 1e-6);
+      if (b.has(field)) times({field}, 1e-6)(b);
   };
   for (const Form form : {Form::kFarField, Form::kStick}) {
     const struct Run found = run(server, {.name = "per node", .named = "", .in_request = per_node}, form);
@@ -338,18 +318,16 @@ TEST(ClientClosure, WaitsForUnitsBeforeItNamesAMistake) {
 // The host makes trial steps and rejects some of them. Its later steps name some of the nodes, each in another order.
 TEST(ClientClosure, FollowsTrialsRollbacksMarksAndSubsets) {
   RunningServer server;
-  ClientOptions options = server.client_options("inproc");
-  options.check_closure = CheckClosure::kError;
-  Client client(options);
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Host host;
-  Batch request = session.request();
+  Coupled coupled(server, CheckClosure::kError);
+  Session& session = coupled.session;
+  Host& host = coupled.host;
+  Batch& request = coupled.request;
   const auto step = [&](auto&& advance) {
     host.ask(request);
     const StepResult& result = advance();
     host.apply(result.shear_stress_pa());
   };
-  step([&]() -> const StepResult& { return session.advance(request, {.dt_s = host.dt}); });
+  coupled.step();
   const Host marked = host;
   session.mark("here");
   for (int round = 0; round < 3; ++round) {
@@ -362,7 +340,7 @@ TEST(ClientClosure, FollowsTrialsRollbacksMarksAndSubsets) {
   }
   host = marked;
   session.rollback_to("here");
-  step([&]() -> const StepResult& { return session.advance(request, {.dt_s = host.dt}); });
+  coupled.step();
   for (const std::vector<std::size_t>& order : {std::vector<std::size_t>{3, 1}, {1, 3}, {1, 0, 2}}) {
     std::vector<std::uint64_t> ids;
     for (const std::size_t i : order) ids.push_back(kNodes[i]);
@@ -380,26 +358,16 @@ TEST(ClientClosure, FollowsTrialsRollbacksMarksAndSubsets) {
 
 TEST(ClientClosure, AnErrorIsThrownBeforeTheStepIsSent) {
   RunningServer server;
-  ClientOptions options = server.client_options("inproc");
-  options.check_closure = CheckClosure::kError;
-  Client client(options);
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Host host;
-  Batch request = session.request();
-  for (int step = 0; step < 130; ++step) {
-    host.ask(request);
-    host.apply(session.advance(request, {.dt_s = host.dt}).shear_stress_pa());
-  }
+  Coupled coupled(server, CheckClosure::kError);
+  Session& session = coupled.session;
+  Host& host = coupled.host;
+  Batch& request = coupled.request;
+  for (int step = 0; step < 130; ++step) coupled.step();
   host.v_hard[1] += 0.25;
   host.ask(request);
-  try {
-    session.advance(request, {.dt_s = host.dt});
-    FAIL() << "a jump of another cause went through";
-  } catch (const Error& fault) {
-    EXPECT_EQ(fault.status().code, Code::kNotClosed);
-    EXPECT_THAT(fault.status().text, HasSubstr("node 101"));
-    EXPECT_THAT(fault.status().text, HasSubstr("1 of 5 nodes differ, this one by -0.25 m/s"));
-  }
+  const Status fault = support::fault_of([&] { session.advance(request, {.dt_s = host.dt}); });
+  EXPECT_EQ(fault.code, Code::kNotClosed) << "a jump of another cause";
+  EXPECT_THAT(fault.text, AllOf(HasSubstr("node 101"), HasSubstr("1 of 5 nodes differ, this one by -0.25 m/s")));
   host.v_hard[1] -= 0.25;
   host.ask(request);
   EXPECT_EQ(session.advance(request, {.dt_s = host.dt}).upscale().state_version, 131U);
@@ -409,14 +377,11 @@ TEST(ClientClosure, AnErrorIsThrownBeforeTheStepIsSent) {
 TEST(ClientClosure, AlternativesAreAllNamedWhereNoFurtherStepTells) {
   for (const CheckClosure mode : {CheckClosure::kWarn, CheckClosure::kError}) {
     RunningServer server;
-    std::vector<std::string> said;
-    ClientOptions options = server.client_options("inproc");
-    options.check_closure = mode;
-    options.log = [&](const std::string& line) { said.push_back(line); };
-    Client client(options);
-    Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-    Host host{.starts_at_rest = true};
-    Batch request = session.request();
+    Coupled coupled(server, mode, true);
+    std::vector<std::string>& said = coupled.said;
+    Session& session = coupled.session;
+    Host& host = coupled.host;
+    Batch& request = coupled.request;
     for (int step = 0; step < 2; ++step) {
       host.ask(request);
       try {
@@ -483,21 +448,17 @@ TEST(ClientClosure, DoubtfulInputsOfASessionAreNamedOnce) {
 
 TEST(ClientClosure, WatchesTheFirstHundredStepsAndPassesOnWhatTheServerSaysOnce) {
   RunningServer server;
-  std::vector<std::string> warnings;
-  ClientOptions options = server.client_options("inproc");
-  options.check_closure = CheckClosure::kWarn;
-  options.log = [&](const std::string& line) { warnings.push_back(line); };
-  Client client(options);
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Host host;
-  Batch request = session.request();
+  Coupled coupled(server, CheckClosure::kWarn);
+  Session& session = coupled.session;
+  Host& host = coupled.host;
+  Batch& request = coupled.request;
   for (int step = 0; step < 110; ++step) {
     host.ask(request);
     const StepResult& result = session.advance(request, {.dt_s = host.dt, .time_s = 2.0 * (host.time + host.dt)});
     host.apply(result.shear_stress_pa());
     if (step == 104) host.v_soft[0] += 1.0;
   }
-  EXPECT_THAT(warnings, ElementsAre(StartsWith("warning: time_s: the host's time grew by 2")));
+  EXPECT_THAT(coupled.said, ElementsAre(StartsWith("warning: time_s: the host's time grew by 2")));
 }
 
 }  // namespace

@@ -116,6 +116,8 @@ def python_programs():
     for program, option, whole, command in (
         ("fit", "--starts", True, [study, "fit", "x.toml", "--parameter", "a.b=1:2"]),
         ("mesh", "--meshes", False, [study, "mesh"]),
+        ("map", "--dt", False, [study, "map", "x.toml", "--out", "x"]),
+        ("map", "--pressures", True, [study, "map", "x.toml", "--out", "x"]),
         ("rehearse", "--timeout", False, [control, "rehearse", "ipc:///nowhere/s"]),
         ("rehearse", "--delay", False, [control, "rehearse", "ipc:///nowhere/s"]),
         ("plot_history.py", "--node", True, [*python, source / "client/report/plot_history.py", "x.h5", "--out", "x.png"]),

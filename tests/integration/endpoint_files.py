@@ -1,5 +1,4 @@
 """Servers that write endpoint files, and clients that find them: the C++ programs and the Python client. Drains that end within a time."""
-import argparse
 import json
 import os
 import pathlib
@@ -7,45 +6,40 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
-import unittest
 import urllib.request
 
 import zmq
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+import shearbus
+from served import OPTIONS
 
 
 def listing(path):
     return dict(re.findall(r'^(\w+) = "(.*)"$', path.read_text(), re.M))
 
 
-class EndpointFiles(unittest.TestCase):
+class EndpointFiles(served.Served):
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
+        super().setUp()
         self.file = self.path / "servers/one"
         self.file.parent.mkdir()
         self.endpoint = f"file://{self.file}"
-        self.processes = []
-        self.addCleanup(self.end_all)
-
-    def end_all(self):
-        for process in self.processes:
-            if process.poll() is None:
-                process.kill()
-            process.wait()
-            process.stderr.close()
 
     def serve(self, *arguments, bind=None, file=None):
-        command = [OPTIONS.server, "--bind", bind or f"ipc://{self.path}/bus/s", "--endpoint-file", file or self.file, "--threads", 1,
-                   *arguments]
-        process = subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, text=True, cwd=self.path)
-        self.processes.append(process)
-        return process
+        return served.program(self, OPTIONS.server, "--bind", bind or f"ipc://{self.path}/bus/s", "--endpoint-file", file or self.file, "--threads", 1,
+                              *arguments, stderr=subprocess.PIPE, cwd=self.path)
+
+    def serve_second(self):
+        """Serves with two files, "one" and "two". Returns the second server."""
+        self.serve()
+        second = self.serve(bind=f"ipc://{self.path}/second/s", file=self.file.parent / "two")
+        self.wait()
+        self.ctl("wait", "--server", f"file://{self.file.parent}/two")
+        return second
 
     def ended(self, process, code=0):
         said = process.communicate(timeout=30)[1]
@@ -53,8 +47,7 @@ class EndpointFiles(unittest.TestCase):
         return said
 
     def ctl(self, *words, code=0, timeout=30):
-        done = subprocess.run([OPTIONS.ctl, *map(str, words)], capture_output=True, text=True, timeout=timeout)
-        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        done = self.run_program(OPTIONS.ctl, *words, code=code, timeout=timeout)
         return done.stdout + done.stderr
 
     def wait(self, *arguments, code=0):
@@ -67,8 +60,7 @@ class EndpointFiles(unittest.TestCase):
         return ["--curve-secret", self.path / "server.secret", "--authorized-keys", self.path / "own.public"], self.path / "own.secret"
 
     def session(self, **options):
-        scene = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
-        return shearbus.open(scene, range(4), self.endpoint, check_closure="off", **options)
+        return shearbus.open(served.EXAMPLES / "constant_friction.toml", range(4), self.endpoint, check_closure="off", **options)
 
     def step(self, session):
         return session.step(1e-9, jump=10.0, pressure=1e8, stress_soft=0.0, stress_hard=0.0, mass_soft=1.0, mass_hard=1.0)
@@ -108,10 +100,7 @@ class EndpointFiles(unittest.TestCase):
         first = self.serve()
         self.wait()
         self.serve(bind=f"ipc://{self.path}/other/s")
-        end = time.monotonic() + 20
-        while "other" not in listing(self.file)["endpoint"]:
-            self.assertLess(time.monotonic(), end)
-            time.sleep(0.02)
+        served.until(self, lambda: "other" in listing(self.file)["endpoint"])
         first.send_signal(signal.SIGTERM)
         self.ended(first)
         self.assertIn("/other/s", self.ctl("ping", "--server", self.endpoint, "--timeout", 5) + listing(self.file)["endpoint"])
@@ -175,20 +164,10 @@ class EndpointFiles(unittest.TestCase):
         options, key = self.keys()
         options += ["--state-dir", self.path / "state"]
         server = self.serve(*options, bind="tcp://127.0.0.1:0")
-        text = (pathlib.Path(OPTIONS.source) / "hydro_stub/problems/cone_al_steel_coarse.toml").read_text()
-        for name, value in {"zone_width_m": "1e-3", "end_time_s": "5e-6"}.items():
-            text, found = re.subn(rf"(?m)^{name} = \S+", f"{name} = {value}", text)
-            self.assertEqual(found, 1)
-        scene = self.path / "cone.toml"
-        scene.write_text(text)
-        command = [OPTIONS.hydro, scene, "--out", self.path / "run", "--no-plot", "--dump-every", 5, "--server", self.endpoint, "--key", key]
-        host = subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, text=True)
-        self.processes.append(host)
-        end = time.monotonic() + 60
-        while not list((self.path / "run").glob("restart/dump-*.h5")):
-            self.assertLess(time.monotonic(), end)
-            self.assertIsNone(host.poll(), "the host has ended before a dump was seen")
-            time.sleep(0.002)
+        scene = served.edited(served.PROBLEMS / "cone_al_steel_coarse.toml", self.path / "cone.toml", zone_width_m=1e-3, end_time_s=5e-6)
+        host = served.program(self, OPTIONS.hydro, scene, "--out", self.path / "run", "--no-plot", "--dump-every", 5, "--server", self.endpoint, "--key", key,
+                              stderr=subprocess.PIPE)
+        served.until(self, lambda: list((self.path / "run").glob("restart/dump-*.h5")), host, 60)
         host.send_signal(signal.SIGSTOP)
         server.kill()
         server.wait()
@@ -201,11 +180,7 @@ class EndpointFiles(unittest.TestCase):
         self.assertIn("no endpoint files", self.ctl("status", "--all", self.file.parent, code=1))
         self.ctl("status", code=2)
         self.ctl("status", "--all", self.file.parent, "--server", self.endpoint, code=2)
-        self.serve()
-        two = self.file.parent / "two"
-        second = self.serve(bind=f"ipc://{self.path}/second/s", file=two)
-        self.wait()
-        self.ctl("wait", "--server", f"file://{two}")
+        second = self.serve_second()
         with self.session():
             lines = self.ctl("status", "--all", self.file.parent).splitlines()
             self.assertEqual([line.split()[0] for line in lines], ["one", "two"])
@@ -255,15 +230,9 @@ class EndpointFiles(unittest.TestCase):
         self.assertEqual(json.loads(self.ctl("status", "--json", "--server", self.endpoint))["checkpoints"], 1)
 
     def test_metrics_of_a_directory_are_served_by_http(self):
-        self.serve()
-        two = self.file.parent / "two"
-        second = self.serve(bind=f"ipc://{self.path}/second/s", file=two)
-        self.wait()
-        self.ctl("wait", "--server", f"file://{two}")
-        exporter = subprocess.Popen([OPTIONS.ctl, "metrics", "--all", self.file.parent, "--listen", "127.0.0.1:0", "--timeout", "0.5"],
-                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.processes.append(exporter)
-        self.addCleanup(exporter.stdout.close)
+        second = self.serve_second()
+        exporter = served.program(self, OPTIONS.ctl, "metrics", "--all", self.file.parent, "--listen", "127.0.0.1:0", "--timeout", "0.5",
+                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         port = int(re.search(r"port (\d+)", exporter.stdout.readline())[1])
 
         def scrape():
@@ -309,16 +278,5 @@ class EndpointFiles(unittest.TestCase):
         self.ended(server, 0)
 
 
-def main():
-    global OPTIONS, shearbus
-    parser = argparse.ArgumentParser(description=__doc__)
-    for name in ("server", "ctl", "hydro", "source"):
-        parser.add_argument(f"--{name}", type=os.path.abspath, required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client/python"))
-    import shearbus
-    unittest.main(argv=[sys.argv[0], *rest])
-
-
 if __name__ == "__main__":
-    main()
+    served.main("server", "ctl", "hydro", "source")

@@ -1,75 +1,46 @@
 """Tests of shearbus-study fit: a synthetic velocimeter with noise, what a curve cannot tell, exact derivatives, and what is refused."""
-import argparse
 import json
 import os
 import pathlib
 import re
-import subprocess
-import tempfile
+import sys
 import tomllib
-import unittest
 
 import h5py
 import numpy as np
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS
+
 SIGMA = 0.2  # of the velocimeter (m/s)
 DENSITY, MODULUS = 7900.0, 7.7e10  # of steel_dlp
-SCENE = """
-name = "plate_on_plate"
-strategy = "force_driven"
-[soft]
-material = "aluminium_dlp"
-[hard]
-material = "steel_dlp"
-[layer]
-thickness_m = 50e-6
-cells = 30
-grading = 1.14
-[interface]
-friction_coefficient = 0.3
-yield_strength_pa = 200e6
-[hydro]
-end_time_s = 1.5e-6
-constant_shear_stress_pa = 5e7
-[hydro.shear_column]
-length_m = 2e-3
-zones = 60
-far_end = "free"
-velocity_jump_m_per_s = [30.0, 100.0]
-pressure_pa = [0.15e9, 6e9]
-"""
-METAL = """
-name = "metal"
-strategy = "velocity_driven"
-[soft]
-material = "{metal}"
-[hard]
-material = "steel_dlp"
-[layer]
-cells = 30
-[velocity_driven]
-drive = "layer_shear"
-"""
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+SCENE = served.scene("force_driven", layer={"thickness_m": 50e-6, "cells": 30, "grading": 1.14},
+                     interface={"friction_coefficient": 0.3, "yield_strength_pa": 200e6},
+                     hydro={"end_time_s": 1.5e-6, "constant_shear_stress_pa": 5e7,
+                            "shear_column": {"length_m": 2e-3, "zones": 60, "far_end": "free", "velocity_jump_m_per_s": [30.0, 100.0],
+                                             "pressure_pa": [0.15e9, 6e9]}})
+CURVES = served.SOURCE / "tests/validation/curves"
 MU, YIELD = "interface.friction_coefficient=0.1:0.6", "interface.yield_strength_pa=5e7:4e8"
 
 
-class Fit(unittest.TestCase):
+def metal_scene(metal):
+    return served.scene("velocity_driven", soft=metal, layer={"cells": 30}, velocity_driven={"drive": "layer_shear"})
+
+
+class Fit(served.Served):
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.here = pathlib.Path(scratch.name)
-        self.scene = self.here / "scene.toml"
+        super().setUp()
+        self.scene = self.path / "scene.toml"
         self.scene.write_text(SCENE)
 
     def run_hydro(self, *words):
-        subprocess.run([OPTIONS.hydro, self.scene, "--out", self.here / "run", "--no-plot", "--no-progress", *words], check=True, capture_output=True)
-        return h5py.File(self.here / "run/history.h5")
+        self.run_program(OPTIONS.hydro, self.scene, "--out", self.path / "run", "--no-plot", "--no-progress", *words)
+        return h5py.File(self.path / "run/history.h5")
 
     def measure(self, nodes, seed):
         """Writes what a velocimeter at the hard body's back sees of some nodes. Returns the file."""
-        noise, path = np.random.default_rng(seed), self.here / "measured.csv"
+        noise, path = np.random.default_rng(seed), self.path / "measured.csv"
         with self.run_hydro() as file, open(path, "w") as out:
             out.write("# m/s, by nobody\ntime_s, free_surface_velocity, sigma, node_id\n")
             for node in nodes:
@@ -78,14 +49,16 @@ class Fit(unittest.TestCase):
                     out.write(f"{time:.9e},{value:.9e},{SIGMA},{node}\n")
         return path
 
-    def fit(self, *words):
-        return subprocess.run([OPTIONS.study, "fit", self.scene, "--out", self.here / "out", "--starts", "1", *words], capture_output=True, text=True,
-                              timeout=120)
+    def fit(self, *words, scene=None, **more):
+        return self.run_program(OPTIONS.study, "fit", scene or self.scene, "--out", self.path / "out", *words, **more)
 
-    def fitted(self, *words):
-        done = self.fit(*words)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return json.loads((self.here / "out/fit.json").read_text()), done.stdout
+    def refuse(self, *words, said):
+        errors = self.refused(OPTIONS.study, "fit", self.scene, "--out", self.path / "out", "--starts", "1", *words, said=said)
+        self.assertEqual(len(errors.strip().splitlines()), 1, errors)
+
+    def fitted(self, *words, **more):
+        done = self.fit("--starts", "1", *words, **more)
+        return json.loads((self.path / "out/fit.json").read_text()), done.stdout
 
     def test_known_parameters_come_back_within_their_intervals(self):
         report, printed = self.fitted("--curve", self.measure((0, 1), 3), "--parameter", MU, "--parameter", YIELD)
@@ -95,30 +68,24 @@ class Fit(unittest.TestCase):
             self.assertLess(row["high"] - row["low"], most * known, "an interval that tells something")
             self.assertTrue(row["determined"] and not row["at_end_of_range"])
         self.assertLess(abs(report["chi_squared"] / report["freedom"] - 1.0), 4.0 * np.sqrt(2.0 / report["freedom"]))
-        self.assertEqual((self.here / "out/fit.png").read_bytes()[:4], b"\x89PNG")
+        self.assertEqual((self.path / "out/fit.png").read_bytes()[:4], b"\x89PNG")
         # The interval is the error of the estimate: the Coulomb stress of node 0 is mu P, and its free surface moves at 2 mu P / Z.
         exact = SIGMA / np.sqrt(80) / (2 * 0.15e9 / np.sqrt(DENSITY * MODULUS))
         self.assertAlmostEqual((report["parameters"][0]["high"] - report["parameters"][0]["low"]) / (2 * 1.975 * exact), 1.0, delta=0.05)
-        with open(self.here / "out/fitted.toml") as file:
+        with open(self.path / "out/fitted.toml") as file:
             self.assertIn(f"friction_coefficient = {report['parameters'][0]['value']!r}", file.read())
 
     def test_curves_are_read_as_they_stand(self):
-        curve, pipe = self.here / "curve.csv", self.here / "pipe.csv"
+        curve, pipe = self.path / "curve.csv", self.path / "pipe.csv"
         os.mkfifo(pipe)
         for node, said in (("18446744073709551615", "no node 18446744073709551615"), ("9007199254740993", "no node 9007199254740993"),
                            ("18446744073709551616", "no whole number"), ("1.5", "no whole number"), ("-1", "no whole number"), ("1e3", "no whole number")):
             curve.write_text("time_s,free_surface_velocity,node_id\n" + f"8e-7,1.0,{node}\n" * 9)
-            done = self.fit("--curve", curve, "--parameter", MU)
-            self.assertEqual(done.returncode, 1, done.stderr)
-            self.assertIn(said, done.stderr)
-        for words, said in ((("--curve", pipe), "pipe.csv: is no regular file"), (("--stress-strain", pipe), "pipe.csv: is no regular file")):
-            done = self.fit(*words, "--parameter", MU)
-            self.assertEqual(done.returncode, 1, done.stderr)
-            self.assertIn(said, done.stderr)
+            self.refuse("--curve", curve, "--parameter", MU, said=said)
+        for option in ("--curve", "--stress-strain"):
+            self.refuse(option, pipe, "--parameter", MU, said="pipe.csv: is no regular file")
         for parameter in ("interface.friction_coefficient=nan:1", "interface.friction_coefficient=0.1:inf", "interface.friction_coefficient=1_0:20"):
-            done = self.fit("--curve", curve, "--parameter", parameter)
-            self.assertEqual(done.returncode, 1, done.stderr)
-            self.assertIn("expected KEY=LOW:HIGH", done.stderr)
+            self.refuse("--curve", curve, "--parameter", parameter, said="expected KEY=LOW:HIGH")
 
     def test_what_a_curve_does_not_determine_is_told(self):
         curve = self.measure((1,), 4)  # slides at its yield limit: mu has no part in it
@@ -141,9 +108,8 @@ class Fit(unittest.TestCase):
         np.testing.assert_allclose(surface[zones + 1:last], 2.0 * stress[:last - zones - 1] / impedance, rtol=1e-9)
 
     def test_derivatives_are_those_of_the_coulomb_limit(self):
-        done = self.fit("--parameter", MU)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        with h5py.File(self.here / "out/sensitivities.h5") as file:
+        self.fit("--starts", "1", "--parameter", MU)
+        with h5py.File(self.path / "out/sensitivities.h5") as file:
             slope = file["interface.friction_coefficient/shear_stress"][:]
         np.testing.assert_allclose(slope[5:40, 0], 0.15e9, rtol=1e-9, err_msg="s = mu P where the node slides")
         np.testing.assert_array_equal(slope[5:40, 1], 0.0, "the limit of this node is that of its yield")
@@ -151,16 +117,14 @@ class Fit(unittest.TestCase):
     def recorded(self):
         """Records a run, and returns the history and a scene for its replay."""
         self.run_hydro().close()
-        scene = self.here / "replay.toml"
+        scene = self.path / "replay.toml"
         scene.write_text(SCENE[:SCENE.index("[hydro]")])
-        return self.here / "run/history.h5", scene
+        return self.path / "run/history.h5", scene
 
     def sensitivities(self, history, scene, *parameters):
         words = [word for parameter in parameters for word in ("--parameter", parameter)]
-        done = subprocess.run([OPTIONS.study, "fit", scene, "--history", history, "--out", self.here / "out", *words], capture_output=True, text=True,
-                              timeout=120)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        with h5py.File(self.here / "out/sensitivities.h5") as file:
+        done = self.fit("--history", history, *words, scene=scene)
+        with h5py.File(self.path / "out/sensitivities.h5") as file:
             return done.stdout, {f"{key}/{name}": data[:] for key, group in file.items() if isinstance(group, h5py.Group) for name, data in group.items()}
 
     def test_one_replay_gives_the_derivatives_of_separate_ones(self):
@@ -173,10 +137,9 @@ class Fit(unittest.TestCase):
         for key, (low, high) in ranges.items():
             answers = []
             for x in (0.5 - 2e-3, 0.5 + 2e-3):
-                out, values = self.here / "alone.h5", {other: begin + (x if other == key else 0.5) * (end - begin) for other, (begin, end) in ranges.items()}
+                out, values = self.path / "alone.h5", {other: begin + (x if other == key else 0.5) * (end - begin) for other, (begin, end) in ranges.items()}
                 changes = [word for name, value in values.items() for word in ("--set", f"{name}={value!r}")]
-                subprocess.run([OPTIONS.hydro.replace("shearbus-hydro", "shearbus-replay"), history, "--scene", scene, *changes, "--out", out,
-                                "--no-progress"], check=True, capture_output=True)
+                self.run_program(OPTIONS.hydro.replace("shearbus-hydro", "shearbus-replay"), history, "--scene", scene, *changes, "--out", out, "--no-progress")
                 with h5py.File(out) as file:
                     answers.append({name: file[name][:] for name in ("shear_stress", "sliding_velocity", "interface_temperature")})
             for name, high_answer in answers[1].items():
@@ -191,30 +154,27 @@ class Fit(unittest.TestCase):
         self.assertGreater(np.abs(found["layer.grading/interface_temperature"]).max(), 0.5)
 
     def test_the_catalog_has_the_fit_to_the_curves_of_aluminium_5083(self):
-        curves = ROOT / "tests/validation/curves"
         keys = {"yield_strength_pa": (1e8, 4e8), "hardening_modulus_pa": (1e8, 9e8), "hardening_exponent": (0.1, 0.9), "rate_coefficient": (0.001, 0.06),
                 "thermal_softening_exponent": (0.5, 3.0)}
         words = [word for key, (low, high) in keys.items() for word in ("--parameter", f"soft.{key}={low}:{high}")]
-        done = subprocess.run([OPTIONS.study, "fit", curves / "al5083.toml", "--stress-strain", curves / "al5083.csv", "--starts", "1", "--out", self.here / "out", *words],
-                              capture_output=True, text=True, timeout=600)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertEqual((self.here / "out/fit.png").read_bytes()[:4], b"\x89PNG")
+        report, printed = self.fitted("--stress-strain", CURVES / "al5083.csv", *words, scene=CURVES / "al5083.toml", timeout=600)
+        self.assertEqual((self.path / "out/fit.png").read_bytes()[:4], b"\x89PNG")
         catalog = self.constants_of("aluminium_5083")
-        for row in json.loads((self.here / "out/fit.json").read_text())["parameters"]:
-            self.assertFalse(row["at_end_of_range"], done.stdout)
+        for row in report["parameters"]:
+            self.assertFalse(row["at_end_of_range"], printed)
             self.assertAlmostEqual(catalog[row["key"].removeprefix("soft.")] / row["value"], 1.0, delta=1e-3, msg=row["key"])
-        self.assertAlmostEqual(float(re.search(r"residuals: (\S+) of the stress rms", done.stdout)[1]), 0.0362, delta=1e-4)
+        self.assertAlmostEqual(float(re.search(r"residuals: (\S+) of the stress rms", printed)[1]), 0.0362, delta=1e-4)
 
     # Root mean square of (catalog - measured) / measured. The entries say what they are; these numbers hold what the pages tell of them.
     def test_catalog_entries_are_as_far_from_measured_curves_as_told(self):
         for metal, file, told in (("aluminium_5083", "al5083.csv", 0.0362), ("titanium_6al_4v", "ti64.csv", 0.0588), ("aluminium_dlp", "al5083.csv", 0.3545),
                                   ("aluminium_6061_t6", "al5083.csv", 0.1070)):
-            found = self.residual(metal, ROOT / "tests/validation/curves" / file)
+            found = self.residual(metal, CURVES / file)
             self.assertAlmostEqual(found, told, delta=5e-4, msg=metal)
 
     def residual(self, metal, path):
-        scene = self.here / f"{metal}.toml"
-        scene.write_text(METAL.format(metal=metal))
+        scene = self.path / f"{metal}.toml"
+        scene.write_text(metal_scene(metal))
         with open(path) as file:
             rows = np.array([[float(x) for x in line.split(",")] for line in file if line[0] in "0123456789"])
         errors = []
@@ -222,41 +182,33 @@ class Fit(unittest.TestCase):
             rate, temperature, heated = condition
             here = rows[(rows[:, 2:] == condition).all(1)]
             here = here[np.argsort(here[:, 0])]
-            printed = subprocess.run([OPTIONS.study, "curve", scene, "--rate", repr(float(rate)), "--temperature", repr(float(temperature)), "--taylor-quinney",
-                                      repr(float(heated)), "--plastic-strain", ",".join(map(str, here[:, 0]))], capture_output=True, text=True, check=True).stdout
+            printed = self.run_program(OPTIONS.study, "curve", scene, "--rate", repr(float(rate)), "--temperature", repr(float(temperature)),
+                                       "--taylor-quinney", repr(float(heated)), "--plastic-strain", ",".join(map(str, here[:, 0]))).stdout
             stress = np.array([float(line.split(",")[1]) for line in printed.splitlines()[1:]])
             errors.extend(stress / here[:, 1] - 1.0)
         return float(np.sqrt(np.mean(np.square(errors))))
 
     def constants_of(self, metal):
-        scene = self.here / "metal.toml"
-        scene.write_text(METAL.format(metal=metal))
-        printed = subprocess.run([OPTIONS.study.replace("shearbus-study", "shearbus-ctl"), "check", scene], capture_output=True, text=True, check=True).stdout
-        return tomllib.loads(printed)["soft"]
+        scene = self.path / "metal.toml"
+        scene.write_text(metal_scene(metal))
+        return tomllib.loads(self.run_program(OPTIONS.study.replace("shearbus-study", "shearbus-ctl"), "check", scene).stdout)["soft"]
 
     def test_wrong_input_is_refused_in_a_sentence(self):
-        curve = self.here / "c.csv"
-        curve.write_text("time_s,free_surface_velocity,node_id\n1e-6,10,0\n1.1e-6,10,0\n")
-        late = self.here / "late.csv"
-        late.write_text("time_s,free_surface_velocity,node_id\n1e-6,10,0\n1.1e-5,10,0\n")
-        other = self.here / "other.csv"
-        other.write_text("time_s,colour,node_id\n1e-6,10,0\n1.1e-6,10,0\n")
-        single = self.here / "single.csv"
-        single.write_text("time_s,slip_distance\n1e-6,10\n1.1e-6,10\n")
+        def table(name, text):
+            (self.path / name).write_text(text)
+            return self.path / name
+
+        curve = table("c.csv", "time_s,free_surface_velocity,node_id\n1e-6,10,0\n1.1e-6,10,0\n")
+        late = table("late.csv", "time_s,free_surface_velocity,node_id\n1e-6,10,0\n1.1e-5,10,0\n")
+        other = table("other.csv", "time_s,colour,node_id\n1e-6,10,0\n1.1e-6,10,0\n")
+        single = table("single.csv", "time_s,slip_distance\n1e-6,10\n1.1e-6,10\n")
         for words, reason in (((MU.replace("0.1:0.6", "0.6:0.1"),), "the range is empty"), (("mu",), "expected KEY=LOW:HIGH"),
                               ((MU, "--curve", self.scene), "expected a header of time_s"), ((MU, "--curve", late), "the run has free_surface_velocity from"),
                               ((MU, "--curve", other), "the run has no colour; it has"), ((MU, "--curve", single), "expected a column node_id"),
                               (("interface.friction=0.1:0.6", "--curve", curve), f"{self.scene}:"),
                               ((MU, "--parameter", YIELD, "--curve", curve), "expected more values than parameters")):
-            done = self.fit("--parameter", *words)
-            self.assertEqual(done.returncode, 1, done.stdout)
-            self.assertIn(reason, done.stderr)
-            self.assertEqual(len(done.stderr.strip().splitlines()), 1, done.stderr)
+            self.refuse("--parameter", *words, said=reason)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    for name in ("study", "hydro"):
-        parser.add_argument(f"--{name}", required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=["fit.py", *rest], verbosity=2)
+    served.main("study", "hydro")

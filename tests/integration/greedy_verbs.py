@@ -20,7 +20,7 @@ parser = argparse.ArgumentParser()
 parser.add_argument("--neighbour", nargs=2, metavar=("ENDPOINT", "PID"), help="act as the user of ten nodes until an interrupt")
 OPTIONS, REST = served.options("server", "ctl", "source", parser=parser)
 
-PLAIN = 'name = "plain"\nstrategy = "velocity_driven"\n[soft]\nmaterial = "aluminium_dlp"\n[hard]\nmaterial = "steel_dlp"\n'
+PLAIN = served.scene("velocity_driven")
 CELLS = "[layer]\ncells = 60\n"
 NODES = 200_000
 SETS = 4_000

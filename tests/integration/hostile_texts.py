@@ -1,56 +1,38 @@
 """Texts of strangers (scenes, tables, files and their names, endpoint files) with commands to a terminal and ends of
 lines in every place: no program prints them, and none makes a second line of them. Needs --server, --ctl, --hydro,
 --replay, --study, --report and --source."""
-import argparse
 import os
 import pathlib
 import re
 import subprocess
 import sys
-import tempfile
-import time
 import unittest
 
 import h5py
 import numpy as np
 
-parser = argparse.ArgumentParser()
-for option in ("server", "ctl", "hydro", "replay", "study", "report", "source"):
-    parser.add_argument(f"--{option}", required=True)
-OPTIONS, REST = parser.parse_known_args()
-sys.path.insert(0, str(pathlib.Path(OPTIONS.source) / "client" / "python"))
-import shearbus  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+import shearbus
+from served import PROBLEMS
 
+OPTIONS, REST = served.options("server", "ctl", "hydro", "replay", "study", "report", "source")
 os.environ["SHEARBUS_SERVER"] = OPTIONS.server  # of the sessions below
 
-PROBLEMS = pathlib.Path(OPTIONS.source) / "hydro_stub/problems"
 EVIL = "x\x1b[2J\x07\u009b31m\u202e\nforged: line"
 TOML = '"x\\u001b[2J\\u0007\\u009b31m\\u202e\\nforged: line"'
-SCENE = """name = "plain"
-strategy = "velocity_driven"
-[soft]
-material = "aluminium_dlp"
-[hard]
-material = "steel_dlp"
-"""
+SCENE = served.scene("velocity_driven")
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]")
 
 
-class HostileTexts(unittest.TestCase):
-    def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-texts-")
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
-        self.said = 0
-
+class HostileTexts(served.Served):
     def check(self, text, what, quoted=True):
         self.assertNotRegex(text, COMMANDS, what)
         self.assertFalse([line for line in text.splitlines() if line.startswith("forged")], f"{what}: {text}")
         if quoted:
             self.assertIn("\\x1b[2J", text, f"{what}: the name is shown, escaped")
-        self.said += 1
 
-    def run_program(self, program, *words, code=1, quoted=True):
+    def ran(self, program, *words, code=1, quoted=True):
         done = subprocess.run([getattr(OPTIONS, program), *map(os.fspath, words)], capture_output=True, timeout=120, check=False,
                               cwd=self.path)
         text = (done.stdout + done.stderr).decode("utf8", "surrogateescape")
@@ -79,7 +61,7 @@ class HostileTexts(unittest.TestCase):
         session = None
         for what, text in self.scenes():
             scene = self.file("scene.toml", text)
-            said = self.run_program("ctl", "check", scene)
+            said = self.ran("ctl", "check", scene)
             self.assertRegex(said, r"scene\.toml:\d+:\d+: ", what)
             with self.assertRaises(shearbus.Error) as fault:
                 session = shearbus.open(text, [1], check_closure="off")
@@ -87,9 +69,9 @@ class HostileTexts(unittest.TestCase):
             self.check(fault.exception.text, what)
         self.assertIsNone(session)
         self.file("scene.toml", f"name = {TOML}\n" + SCENE.split("\n", 1)[1])
-        self.run_program("ctl", "check", "scene.toml", quoted=False)
+        self.ran("ctl", "check", "scene.toml", quoted=False)
         hydro = self.file("hydro.toml", SCENE + f"[hydro]\n{TOML} = 1\n")
-        self.run_program("hydro", hydro)
+        self.ran("hydro", hydro)
 
     def test_names_of_files(self):
         scene = self.file(EVIL + ".toml", f"{TOML} = 1\n" + SCENE)
@@ -102,8 +84,8 @@ class HostileTexts(unittest.TestCase):
                                 ("server", "--bind", f"ipc://{self.path}/{EVIL}/no/s"),
                                 ("server", "--bind", f"ipc://{self.path}/bus/s", "--state-dir", scene),
                                 ("server", "--bind", f"ipc://{self.path}/bus/s", "--log-file", scene / "log")):
-            self.run_program(program, *words, code=(1, 2))
-        self.run_program("replay", "plot", scene, "--out", "out.png", code=(1, 2), quoted=False)
+            self.ran(program, *words, code=(1, 2))
+        self.ran("replay", "plot", scene, "--out", "out.png", code=(1, 2), quoted=False)
         self.assertFalse((self.path / "out.h5").exists())
 
     def test_every_text_of_a_command_line(self):
@@ -123,13 +105,13 @@ class HostileTexts(unittest.TestCase):
             ("replay", *replay, "--set", EVIL, "--out", "o.h5"), ("report", h5), ("report", h5, "-o", inside), ("report", f"--{EVIL}"),
             ("server", EVIL), ("server", "--bind", EVIL), ("server", "--bind", "ipc:///nowhere/s", "--endpoint-file", inside),
             ("server", "--bind", "tcp://127.0.0.1:*", "--curve-secret", inside, "--authorized-keys", inside)):
-            said = self.run_program(program, *words, code=(1, 2), quoted=False)
+            said = self.ran(program, *words, code=(1, 2), quoted=False)
             self.assertNotIn("Traceback", said)
-        self.run_program("ctl", "keygen", inside.with_name("key"), code=(0, 1))
-        self.run_program("ctl", "keygen", self.path / EVIL, code=0)
+        self.ran("ctl", "keygen", inside.with_name("key"), code=(0, 1))
+        self.ran("ctl", "keygen", self.path / EVIL, code=0)
         self.file(EVIL + " good.toml", SCENE)
-        self.run_program("ctl", "check", self.path / (EVIL + " good.toml"), code=0)
-        self.run_program("study", "map", PROBLEMS.parents[1] / "client/examples/validity_map.toml", "--out", self.path / EVIL, "--pressures", "2", "--velocities", "2",
+        self.ran("ctl", "check", self.path / (EVIL + " good.toml"), code=0)
+        self.ran("study", "map", served.EXAMPLES / "validity_map.toml", "--out", self.path / EVIL, "--pressures", "2", "--velocities", "2",
                          "--times", "1e-8", code=0)
 
     def test_tables_and_histories(self):
@@ -140,7 +122,7 @@ class HostileTexts(unittest.TestCase):
                   "number": "time [s],node_id,velocity_jump [m/s],pressure [Pa]\n1e-9,1,1\x1b[2J0,5e9\n",
                   "id": "time [s],node_id,velocity_jump [m/s],pressure [Pa]\n1e-9,1\x1b[2J,10,5e9\n"}
         for what, text in tables.items():
-            self.run_program("replay", self.file(f"{what}.csv", text), "--steps", "--scene", scene, "--out", "out.h5",
+            self.ran("replay", self.file(f"{what}.csv", text), "--steps", "--scene", scene, "--out", "out.h5",
                              quoted=what != "column")  # a column that nobody asks for is not named
         for what in ("parameter", "dataset"):
             with h5py.File(self.path / "history.h5", "w") as file:
@@ -148,7 +130,7 @@ class HostileTexts(unittest.TestCase):
                 file["node_id"] = np.array([1], np.uint64)
                 file["pressure"], file["velocity_jump"] = [[5e9]], [[100.0]]
                 file[f"parameter/{EVIL}" if what == "parameter" else EVIL] = [1.0]
-            self.run_program("replay", "history.h5", "--scene", scene, "--out", "out.h5", code=(0, 1), quoted=what == "parameter")
+            self.ran("replay", "history.h5", "--scene", scene, "--out", "out.h5", code=(0, 1), quoted=what == "parameter")
 
     def test_every_text_that_a_host_gives(self):
         def opened(scene=SCENE, endpoint=None, **options):
@@ -181,16 +163,12 @@ class HostileTexts(unittest.TestCase):
         contents = 'version = "{0}"\nhost = "{0}"\nserver_key = ""\nendpoint = "{1}"\nepoch = "{0}"\n'
         (directory / EVIL).write_text(contents.format("1", "ipc:///nowhere/s"))
         (directory / "content").write_text(contents.format("x\x1b[2J", "ipc:///nowhere/\x1b[2J"))
-        said = self.run_program("ctl", "status", "--all", directory, "--timeout", "0.1")
+        said = self.ran("ctl", "status", "--all", directory, "--timeout", "0.1")
         self.assertEqual(len(said.splitlines()), 2, said)
-        self.run_program("ctl", "status", "--all", directory, "--timeout", "0.1", "--json", quoted=False)
+        self.ran("ctl", "status", "--all", directory, "--timeout", "0.1", "--json", quoted=False)
         log = self.path / "log"
-        server = subprocess.Popen([OPTIONS.server, "--bind", f"ipc://{self.path}/bus/s", "--log-file", log],
-                                  stderr=subprocess.DEVNULL)
-        self.addCleanup(server.wait)
-        self.addCleanup(server.kill)
-        while not log.exists() or "listening" not in log.read_text():
-            time.sleep(0.02)
+        server = served.program(self, OPTIONS.server, "--bind", f"ipc://{self.path}/bus/s", "--log-file", log, stderr=subprocess.DEVNULL)
+        served.until(self, lambda: log.exists() and "listening" in log.read_text(), server)
         for options in ({"domain": "a\u202eb"}, {"domain": EVIL}):
             try:
                 session = shearbus.open(SCENE, [1], f"ipc://{self.path}/bus/s", check_closure="off", **options)

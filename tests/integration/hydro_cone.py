@@ -286,6 +286,21 @@ class Cone(unittest.TestCase):
                             if quantity != "meta":
                                 numpy.testing.assert_array_equal(a[quantity][...], b[quantity][...], err_msg=f"{other} {name} {quantity}")
 
+    def test_threads_wait_briefly_unless_told(self):
+        with tempfile.TemporaryDirectory() as directory:
+            path = scene(directory)
+
+            def spins(**chosen):
+                environment = {name: value for name, value in os.environ.items() if name not in ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT")}
+                done = subprocess.run([OPTIONS.hydro, str(path), "--check", "--interface-law", "stick"], capture_output=True, text=True, timeout=60,
+                                      env={**environment, "OMP_DISPLAY_ENV": "verbose", "OMP_NUM_THREADS": "2", **chosen})
+                self.assertEqual(done.returncode, 0, done.stderr)
+                return re.findall(r"GOMP_SPINCOUNT = '(\d+)'", done.stderr)[-1]
+
+            self.assertEqual(spins(), "1000")
+            self.assertEqual(spins(OMP_WAIT_POLICY="passive"), "0")
+            self.assertEqual(spins(GOMP_SPINCOUNT="7"), "7")
+
     def test_wrong_geometry_is_refused_by_place(self):
         with tempfile.TemporaryDirectory() as directory:
             done = run(scene(directory, zone_width_m="6e-3"), "--check", "--interface-law", "stick")

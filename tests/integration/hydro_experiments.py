@@ -1,11 +1,13 @@
 """The experiments of tests/validation/experiments.py with each copper of the catalog: what agrees, and what does not, stays as tests/measured.toml tells."""
-import argparse
 import pathlib
 import sys
 import tempfile
 import unittest
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS
+
 # Coarser zones than those of tests/measured.toml: 4 across the bar's radius, which makes its foot 0.3 mm smaller, and 20 um in the plates.
 COARSER = {"copper_bar": (("zones", "4"),), "copper_plates": (("zones", "200"),)}
 
@@ -42,8 +44,4 @@ class Experiments(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--hydro", required=True)
-    parser.add_argument("--program", required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=[sys.argv[0], *rest])
+    served.main("hydro", "program")

@@ -1,7 +1,5 @@
 """Reads the fields of a run with both of ParaView's own readers: every frame, its time, the mesh and the values of every array."""
-import argparse
 import pathlib
-import re
 import shutil
 import subprocess
 import sys
@@ -15,7 +13,10 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
 from vtkmodules.vtkIOXdmf3 import vtkXdmf3Reader
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS, PROBLEMS
+
 ZONE_ARRAYS = {"temperature", "pressure", "density", "plastic_strain", "equivalent_stress", "body"}
 
 
@@ -24,13 +25,9 @@ class ParaView(unittest.TestCase):
     def setUpClass(cls):
         cls.scratch = tempfile.TemporaryDirectory()
         directory = pathlib.Path(cls.scratch.name)
-        text = (pathlib.Path(OPTIONS.problems) / "cone_al_steel_coarse.toml").read_text()
-        for key, value in {"zone_width_m": "2e-3\nframes = 4", "end_time_s": "4e-6"}.items():
-            text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
-            assert found == 1, key
-        (directory / "cone.toml").write_text(text)
+        scene = served.edited(PROBLEMS / "cone_al_steel_coarse.toml", directory / "cone.toml", zone_width_m="2e-3\nframes = 4", end_time_s=4e-6)
         cls.out = directory / "run"
-        subprocess.run([OPTIONS.hydro, str(directory / "cone.toml"), "--interface-law", "coulomb_tresca", "--out", str(cls.out),
+        subprocess.run([OPTIONS.hydro, scene, "--interface-law", "coulomb_tresca", "--out", cls.out,
                         "--no-plot"], check=True, stdout=subprocess.DEVNULL, timeout=250)
 
     @classmethod
@@ -86,9 +83,4 @@ class ParaView(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--hydro", required=True)
-    parser.add_argument("--problems", required=True)
-    parser.add_argument("--report", required=True, help="directory of the script")
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=[sys.argv[0], *rest])
+    served.main("hydro", "problems", "report")  # report: directory of the script

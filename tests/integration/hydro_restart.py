@@ -1,6 +1,5 @@
 """Kills the hydrocode, the server, or both at random moments and continues the runs. The results at the end must be, to the bit, those of a
 run that was never interrupted."""
-import argparse
 import json
 import os
 import pathlib
@@ -10,28 +9,19 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-import unittest
 
 import h5py
 import numpy
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS, PROBLEMS
+
 SEED = int(os.environ.get("SHEARBUS_SEED", "1"))
 KILLS = int(os.environ.get("SHEARBUS_RESTART_KILLS", "4"))  # kills in each test
 # Entries of the summary: times, and where the run was made.
 NOT_COMPARED = {"run_time_s", "cpu_time_s", "service_share", "waiting_share", "cpu_share", "provenance"}
-
-
-def shortened_cone(directory):
-    text = (pathlib.Path(OPTIONS.problems) / "cone_al_steel_coarse.toml").read_text()
-    for key, value in {"zone_width_m": "1e-3", "end_time_s": "5e-6"}.items():
-        text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
-        assert found == 1, key
-    path = directory / "cone.toml"
-    path.write_text(text)
-    return path
 
 
 def with_profiles(scene):
@@ -58,52 +48,33 @@ def same(test, ours, theirs):
         test.assertEqual(a[key], b[key], key)
 
 
-class Restart(unittest.TestCase):
+class Restart(served.Served):
     def setUp(self):
+        super().setUp()
         self.random = random.Random(f"{SEED} {self.id()}")
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
-        self.scene = shortened_cone(self.path)
-        self.endpoint = f"ipc://{self.path}/bus"
-        self.processes = []
-        self.addCleanup(self.end_all)
-
-    def end_all(self):
-        for process in self.processes:
-            if process.poll() is None:
-                process.kill()
-            process.wait()
-            process.stdout.close()
+        self.scene = served.edited(PROBLEMS / "cone_al_steel_coarse.toml", self.path / "cone.toml", zone_width_m=1e-3, end_time_s=5e-6)
 
     def start(self, *command):
-        process = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.processes.append(process)
-        return process
+        return served.program(self, *command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
     def serve(self):
-        return self.start(OPTIONS.server, "--bind", self.endpoint, "--state-dir", self.path / "state", "--log-level", "off")
+        return self.start(OPTIONS.server, "--bind", self.bus, "--state-dir", self.path / "state", "--log-level", "off")
 
     def undisturbed(self, *arguments):
         out = self.path / "undisturbed"
-        done = subprocess.run([OPTIONS.hydro, str(self.scene), "--out", str(out), "--no-plot", *arguments],
-                              capture_output=True, text=True, timeout=120)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        self.run_program(OPTIONS.hydro, self.scene, "--out", out, "--no-plot", *arguments)
         return out
 
     def hydro(self, *arguments):
         out = self.path / "run"
         where = ("--restart", out) if list(out.glob("restart/dump-*.h5")) else (self.scene, "--out", out, *arguments)
-        server = ("--server", self.endpoint) if "--server" in arguments else ()
+        server = ("--server", self.bus) if "--server" in arguments else ()
         return out, self.start(OPTIONS.hydro, *where, *(server if where[0] == "--restart" else ()), "--no-plot", "--dump-every", 10)
 
     def wait_for_a_new_dump(self, out, process):
         """Waits for a new dump and a random time more, so that the kill falls anywhere in the steps or dumps that follow."""
         before = set(out.glob("restart/dump-*.h5"))
-        end = time.monotonic() + 60
-        while set(out.glob("restart/dump-*.h5")) <= before and process.poll() is None:
-            self.assertLess(time.monotonic(), end, "no dump came")
-            time.sleep(0.002)
+        served.until(self, lambda: set(out.glob("restart/dump-*.h5")) - before or process.poll() is not None, patience=60)
         time.sleep(self.random.uniform(0.0, 0.1))
 
     def finished(self, out, process, reference):
@@ -113,8 +84,23 @@ class Restart(unittest.TestCase):
         same(self, out, reference)
         return printed
 
+    def interrupted(self, process, out, how, code):
+        """Sends a signal when the run has begun. Returns what it printed."""
+        served.until(self, (out / "fields.xmf").exists, process)
+        process.send_signal(how)
+        printed, _ = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, code, printed)
+        return printed
+
+    def ended_anyhow(self, out, reference, *arguments):
+        """Goes on with a killed run, unless it was killed behind its end."""
+        if (out / "restart").exists():
+            self.finished(*self.hydro(*arguments), reference)
+        else:
+            same(self, out, reference)
+
     def killed_again_and_again(self, *arguments):
-        reference = self.undisturbed(*(a for a in arguments if a not in ("--server", self.endpoint)))
+        reference = self.undisturbed(*(a for a in arguments if a not in ("--server", self.bus)))
         killed = 0
         for _ in range(KILLS):
             out, process = self.hydro(*arguments)
@@ -128,11 +114,7 @@ class Restart(unittest.TestCase):
             if (out / "summary.json").exists():  # it was killed behind its end
                 break
         self.assertGreater(killed, 1)
-        if (out / "restart").exists():
-            out, process = self.hydro(*arguments)
-            self.finished(out, process, reference)
-        else:
-            same(self, out, reference)
+        self.ended_anyhow(out, reference, *arguments)
 
     def test_local_law(self):
         self.killed_again_and_again("--interface-law", "coulomb_tresca")
@@ -147,21 +129,17 @@ class Restart(unittest.TestCase):
             self.assertGreater(profiles["layer_temperature"][-1, 1, 0], 320.0)
 
     def test_plastic_layers_whose_thickness_follows_from_the_zones(self):
-        text = (pathlib.Path(OPTIONS.problems) / "cone_al_steel.toml").read_text()
-        for key, value in {"zone_width_m": "1e-3", "end_time_s": "3e-6"}.items():
-            text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
-            self.assertEqual(found, 1, key)
-        self.scene.write_text(text)
+        served.edited(PROBLEMS / "cone_al_steel.toml", self.scene, zone_width_m=1e-3, end_time_s=3e-6)
         self.killed_again_and_again()
 
     def test_hydro_killed_beside_a_server(self):
         self.serve()
-        self.killed_again_and_again("--server", self.endpoint)
+        self.killed_again_and_again("--server", self.bus)
 
     def test_server_killed_under_a_hydro(self):
         reference = self.undisturbed()
         server = self.serve()
-        out, process = self.hydro("--server", self.endpoint)
+        out, process = self.hydro("--server", self.bus)
         for _ in range(KILLS):
             self.wait_for_a_new_dump(out, process)
             server.kill()
@@ -174,44 +152,30 @@ class Restart(unittest.TestCase):
         reference = self.undisturbed()
         for _ in range(KILLS):
             server = self.serve()
-            out, process = self.hydro("--server", self.endpoint)
+            out, process = self.hydro("--server", self.bus)
             self.wait_for_a_new_dump(out, process)
             for victim in self.random.sample([server, process], 2):
                 victim.kill()
                 victim.wait()
         self.serve()
-        if (out / "restart").exists():
-            out, process = self.hydro("--server", self.endpoint)
-            self.finished(out, process, reference)
-        else:
-            same(self, out, reference)
+        self.ended_anyhow(out, reference, "--server", self.bus)
 
     def test_interrupted_run_says_how_to_go_on(self):
         reference = self.undisturbed("--interface-law", "coulomb_tresca")
         out = self.path / "run"
         process = self.start(OPTIONS.hydro, self.scene, "--out", out, "--no-plot", "--interface-law", "coulomb_tresca")
-        while not (out / "fields.xmf").exists() and process.poll() is None:
-            time.sleep(0.002)
-        process.send_signal(signal.SIGINT)
-        printed, _ = process.communicate(timeout=60)
-        self.assertEqual(process.returncode, 3, printed)
+        printed = self.interrupted(process, out, signal.SIGINT, 3)
         self.assertIn(f"go on with: shearbus-hydro --restart {out}", printed)
         self.assertFalse((out / "interface.h5").exists())
         self.assertFalse(list(out.rglob("*.partial")))
-        begun_anew = self.start(OPTIONS.hydro, self.scene, "--out", out, "--no-plot", "--interface-law", "coulomb_tresca")
-        printed, _ = begun_anew.communicate(timeout=60)
-        self.assertEqual(begun_anew.returncode, 1)
-        self.assertIn("holds restart dumps of a run that was stopped", printed)
+        self.refused(OPTIONS.hydro, self.scene, "--out", out, "--no-plot", "--interface-law", "coulomb_tresca",
+                     said="holds restart dumps of a run that was stopped")
         self.finished(out, self.start(OPTIONS.hydro, "--restart", out, "--no-plot"), reference)
 
     def test_layers_that_end_with_the_process_are_not_dumped(self):
         out = self.path / "run"
         process = self.start(OPTIONS.hydro, self.scene, "--out", out, "--no-plot")
-        while not (out / "fields.xmf").exists() and process.poll() is None:
-            time.sleep(0.002)
-        process.send_signal(signal.SIGTERM)
-        printed, _ = process.communicate(timeout=60)
-        self.assertEqual(process.returncode, 1, printed)
+        printed = self.interrupted(process, out, signal.SIGTERM, 1)
         self.assertIn("no restart dump: the layers live in this process", printed)
 
     def test_damaged_dump_gives_way_to_the_one_before(self):
@@ -240,7 +204,7 @@ class Restart(unittest.TestCase):
             self.skipTest("strace is not installed or may not trace")
         reference = self.undisturbed()
         self.serve()
-        served = ("--server", self.endpoint)
+        served = ("--server", self.bus)
         for place, file, call in (("before", "ended", "close"), ("after", "dump-000000000100.h5", "unlink")):
             for server in ((), served):
                 with self.subTest(place=place, server=server):
@@ -250,23 +214,19 @@ class Restart(unittest.TestCase):
                     printed, _ = killed.communicate(timeout=120)
                     self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
                     said = "the run had ended, and its results are whole"
-                    looked = subprocess.run([OPTIONS.hydro, "--restart", out, "--check"], capture_output=True, text=True, timeout=60)
-                    self.assertIn(said, looked.stdout, looked.stderr)
+                    self.assertIn(said, self.run_program(OPTIONS.hydro, "--restart", out, "--check").stdout)
                     self.assertTrue((out / "restart/dump-000000000100.h5").exists())
                     self.assertIn(said, self.finished(out, self.start(OPTIONS.hydro, "--restart", out, "--no-plot"), reference))
-        sessions = subprocess.run([OPTIONS.ctl, "sessions", "--server", self.endpoint], capture_output=True, text=True, timeout=60)
-        self.assertEqual(len(sessions.stdout.splitlines()), 1, f"{sessions.stdout}{sessions.stderr}")  # the heading
+        sessions = self.run_program(OPTIONS.ctl, "sessions", "--server", self.bus).stdout
+        self.assertEqual(len(sessions.splitlines()), 1, sessions)  # the heading
 
     def test_restart_of_nothing(self):
-        done = subprocess.run([OPTIONS.hydro, "--restart", str(self.path / "none")], capture_output=True, text=True)
-        self.assertEqual(done.returncode, 1)
-        self.assertIn("holds no restart dump", done.stderr)
-        done = subprocess.run([OPTIONS.hydro, "--restart", str(self.path), str(self.scene)], capture_output=True, text=True)
-        self.assertEqual(done.returncode, 2)
+        self.refused(OPTIONS.hydro, "--restart", self.path / "none", said="holds no restart dump")
+        self.run_program(OPTIONS.hydro, "--restart", self.path, self.scene, code=2)
 
     def test_session_that_is_gone(self):
         server = self.serve()
-        out, process = self.hydro("--server", self.endpoint)
+        out, process = self.hydro("--server", self.bus)
         self.wait_for_a_new_dump(out, process)
         process.kill()
         process.communicate()
@@ -274,17 +234,11 @@ class Restart(unittest.TestCase):
         server.wait()
         shutil.rmtree(self.path / "state")
         self.serve()
-        out, process = self.hydro("--server", self.endpoint)
+        out, process = self.hydro("--server", self.bus)
         printed, _ = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 1, printed)
         self.assertIn("UNKNOWN_SESSION", printed)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--hydro", required=True)
-    parser.add_argument("--server", required=True)
-    parser.add_argument("--ctl", required=True)
-    parser.add_argument("--problems", required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=[sys.argv[0], *rest])
+    served.main("hydro", "server", "ctl", "problems")

@@ -11,6 +11,7 @@
 #include "proto/wire/status.hpp"
 #include "server/physics/material/strength.hpp"
 #include "tests/support/direct_law.hpp"
+#include "tests/support/refused.hpp"
 
 namespace shearbus {
 namespace {
@@ -155,13 +156,9 @@ TEST(SubgridLaw, RefusalOfTheServerNamesTheField) {
   hydro::SceneFile of = scene();
   const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
   of.text.replace(of.text.find("aluminium_dlp"), std::string_view("aluminium_dlp").size(), "unobtainium");
-  try {
-    embedded(of, problem);
-    FAIL() << "the server took an unknown material";
-  } catch (const wire::Error& error) {
-    EXPECT_EQ(error.status().code, wire::Code::kInvalidScene);
-    EXPECT_EQ(error.status().field, "soft.material");
-  }
+  const wire::Status fault = support::fault_of([&] { embedded(of, problem); });
+  EXPECT_EQ(fault.code, wire::Code::kInvalidScene);
+  EXPECT_EQ(fault.field, "soft.material");
 }
 
 }  // namespace

@@ -1,5 +1,4 @@
 """Tests of client/report/plot_options.py: the scenes that show the options run by its one command, and show what their comments say."""
-import argparse
 import pathlib
 import subprocess
 import sys
@@ -9,7 +8,10 @@ import unittest
 import h5py
 import numpy as np
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS
+
 ASLEEP = 32  # bit of /outcome
 
 
@@ -22,7 +24,7 @@ class OptionScenes(unittest.TestCase):
         programs.mkdir()
         for name in ("replay", "hydro"):
             (programs / f"shearbus-{name}").symlink_to(getattr(OPTIONS, name))
-        cls.done = subprocess.run([sys.executable, "-B", OPTIONS.source / "client/report/plot_options.py", "--bin", programs, "--out", cls.out, "--keep", cls.out / "kept"],
+        cls.done = subprocess.run([sys.executable, "-B", served.SOURCE / "client/report/plot_options.py", "--bin", programs, "--out", cls.out, "--keep", cls.out / "kept"],
                                   capture_output=True, text=True, timeout=600)
 
     @classmethod
@@ -56,6 +58,25 @@ class OptionScenes(unittest.TestCase):
         soft = np.sqrt(2703.0 * 27.6e9)
         early = found["time"] < 5e-9
         self.assertAlmostEqual(np.median(found["shear_stress"][early]) / (soft * 20.0), 1.0, delta=0.01)
+
+    def test_waves_between_two_plates_climb_to_the_friction_that_stops_them(self):
+        found, without = self.result("plates_with_waves"), self.result("plates_with_waves-layer.inertia=false")
+        jump, friction = np.array([1.25, 2.5, 3.75, 5.0]), 0.25 * 0.5e9
+        early = found["time"] < 5e-9
+        np.testing.assert_allclose(np.median(found["shear_stress"][early], axis=0), np.sqrt(2703.0 * 27.6e9) * jump, rtol=0.01)
+        self.assertAlmostEqual(without["shear_stress"][0, 3] / friction, 1.0, delta=1e-9)
+        self.assertAlmostEqual(found["shear_stress"][:, 3].max() / friction, 1.0, delta=1e-9)
+        # both stop: the impulse of friction is the momentum that the plates exchange
+        mass = 1.0 / (1.0 / (2703.0 * 1e-3) + 1.0 / (7900.0 * 1e-3))
+        impulse = 1e-10 * np.cumsum(found["shear_stress"], axis=0)
+        np.testing.assert_allclose(found["velocity_jump_new"], jump - impulse / mass, rtol=0, atol=1e-9)
+        self.assertLess(np.abs(found["velocity_jump_new"][-200:, 3]).max(), 0.5)
+
+    def test_the_jump_does_the_work_that_heats_and_what_the_waves_keep(self):
+        found = self.result("paper_section_4")
+        heat, work = found["friction_heat"][:, 0].sum(), (found["shear_stress"][:, 0] * 100.0 * 2e-10).sum()
+        self.assertLess(heat, work)
+        self.assertGreater(heat, 0.85 * work)
 
     def test_the_stress_follows_the_sliding_and_the_open_contact_sleeps(self):
         found = self.result("turning_contact")
@@ -103,8 +124,4 @@ class OptionScenes(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    for name in ("replay", "hydro", "source"):
-        parser.add_argument(f"--{name}", required=True, type=pathlib.Path)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=sys.argv[:1] + rest)
+    served.main("replay", "hydro", "source")

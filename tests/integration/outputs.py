@@ -1,19 +1,18 @@
 """What every program writes, where nothing more can be written: one line, exit code 1, and no file that looks whole.
 A limit of the size of files stands for a full disk: the same calls fail at the same places, without a disk of its own."""
 import os
-import pathlib
 import resource
 import signal
 import stat
 import subprocess
-import sys
 import time
 import unittest
 
 import replay_support as support
+import served
 
 support.PROGRAMS.update(ctl=None, study=None)
-PROBLEMS = pathlib.Path(__file__).resolve().parents[2] / "hydro_stub" / "problems"
+PROBLEMS = support.PROBLEMS
 
 
 def limit_of(size):
@@ -21,7 +20,7 @@ def limit_of(size):
 
 
 class Programs(support.ReplayTest):
-    def run_program(self, program, *arguments, size=None, out=subprocess.PIPE, **options):
+    def ran(self, program, *arguments, size=None, out=subprocess.PIPE, **options):
         """Runs a program, with files of at most `size` bytes if given."""
         return subprocess.run([support.PROGRAMS[program], *map(str, arguments)], stdout=out, stderr=subprocess.PIPE, text=True,
                               timeout=60, check=False, preexec_fn=limit_of(size) if size is not None else None, **options)
@@ -41,14 +40,14 @@ class Outputs(Programs):
     def test_a_replay_leaves_no_result(self):
         self.write(**support.velocity_history(steps=300, nodes=20))
         arguments = (self.history, "--scene", support.EXAMPLES / "paper_velocity_driven_graded.toml", "--out", self.out)
-        run = self.run_program("replay", *arguments)
+        run = self.ran("replay", *arguments)
         self.assertEqual(run.returncode, 0, run.stderr)
         whole = self.out.stat().st_size
         self.out.unlink()
         history = self.history.stat().st_size
         for share in (0.0, 0.1, 0.5, 0.9, 0.999):
             with self.subTest(share):
-                self.assert_refused(self.run_program("replay", *arguments, size=int(share * whole)), "result.h5")
+                self.assert_refused(self.ran("replay", *arguments, size=int(share * whole)), "result.h5")
                 self.assertEqual(self.files(self.path), ["history.h5"])
         self.assertEqual(self.history.stat().st_size, history)
 
@@ -56,26 +55,24 @@ class Outputs(Programs):
         scene = PROBLEMS / "sliding_to_a_stop.toml"
         out = self.path / "out"
         arguments = (scene, "--out", out, "--no-plot", "--no-progress")
-        self.assertEqual(self.run_program("hydro", *arguments).returncode, 0)
+        self.assertEqual(self.ran("hydro", *arguments).returncode, 0)
         sizes = {file.name: file.stat().st_size for file in out.rglob("*") if file.is_file()}
         for size in (0, 500, sizes["history.h5"] // 2, sizes["history.h5"] - 1):
             for file in out.iterdir():
                 file.unlink()
             with self.subTest(size):
-                run = self.run_program("hydro", *arguments, size=size)
+                run = self.ran("hydro", *arguments, size=size)
                 self.assert_refused(run)
                 for name in self.files(out):
                     self.assertFalse(name.endswith(".partial"), name)
                     self.assertEqual((out / name).stat().st_size, sizes[name], f"{name} is whole or not there")
 
     def test_two_dimensions_leave_whole_frames_and_dumps_only(self):
-        scene = self.path / "scene.toml"
-        text = (PROBLEMS / "cone_al_steel_coarse.toml").read_text(encoding="utf8")
-        scene.write_text(text, encoding="utf8")
+        scene = PROBLEMS / "cone_al_steel_coarse.toml"
         for size in (0, 3000, 20000):
             with self.subTest(size):
                 out = self.path / f"out{size}"
-                run = self.run_program("hydro", scene, "--interface-law", "free_slip", "--out", out, "--no-plot", "--no-progress",
+                run = self.ran("hydro", scene, "--interface-law", "free_slip", "--out", out, "--no-plot", "--no-progress",
                                        "--dump-every", "2", size=size)
                 if "OMP: Error #179" in run.stderr:
                     self.skipTest("LLVM's OpenMP runtime needs a file of its own before the program writes any")
@@ -87,12 +84,12 @@ class Outputs(Programs):
         arguments = ("map", support.EXAMPLES / "validity_map.toml", "--out", out, "--pressures", "3", "--velocities", "3",
                      "--times", "1e-8")
         for size in (0, 100):
-            self.assert_refused(self.run_program("study", *arguments, size=size), "nodes.csv")
+            self.assert_refused(self.ran("study", *arguments, size=size), "nodes.csv")
             self.assertEqual(self.files(out), [])
 
     def test_keys_come_in_pairs(self):
         for size in (0, 60):  # the second limit lets the public key through, or the first line of the secret one
-            self.assert_refused(self.run_program("ctl", "keygen", self.path / "key", size=size))
+            self.assert_refused(self.ran("ctl", "keygen", self.path / "key", size=size))
             self.assertEqual(self.files(self.path), [])
 
     def test_a_full_standard_output_is_told(self):
@@ -102,16 +99,14 @@ class Outputs(Programs):
                                     ("hydro", PROBLEMS / "sliding_to_a_stop.toml", "--check"),
                                     ("replay", self.history, "--scene", scene, "--check")):
             with self.subTest(program), open("/dev/full", "w", encoding="utf8") as full:
-                run = self.run_program(program, *arguments, out=full)
+                run = self.ran(program, *arguments, out=full)
                 self.assertEqual(run.returncode, 1, run.stderr)
                 self.assertRegex(run.stderr, f"(shearbus-{program}|cannot write)")
 
     def test_a_full_standard_error_is_no_abort(self):
-        for program, *arguments in (("ctl", "check", "/nowhere"), ("hydro", "/nowhere"),
-                                    ("replay", "/nowhere", "--scene", "/nowhere", "--check")):
+        for program, *arguments in (("ctl", "check", "/nowhere"), ("hydro", "/nowhere"), ("replay", "/nowhere", "--scene", "/nowhere", "--check")):
             with self.subTest(program), open("/dev/full", "w", encoding="utf8") as full:
-                run = subprocess.run([support.PROGRAMS[program], *arguments], stderr=full, timeout=20, check=False)
-                self.assertEqual(run.returncode, 1)
+                self.run_program(support.PROGRAMS[program], *arguments, code=1, capture_output=False, stderr=full)
 
     def test_closed_streams_do_not_become_files(self):
         self.write(**support.velocity_history())
@@ -125,7 +120,7 @@ class Outputs(Programs):
 
 class Options(Programs):
     def assert_usage(self, program, *arguments):
-        run = self.run_program(program, *arguments)
+        run = self.ran(program, *arguments)
         self.assertEqual(run.returncode, 2, run.stdout + run.stderr)
 
     def test_a_number_that_is_none_is_refused(self):
@@ -147,7 +142,7 @@ class Options(Programs):
         self.assert_usage("study", *study, "--times", "1e-8", "--dt", "1e-30")
 
     def test_directories_are_no_checkpoints(self):
-        run = self.run_program("ctl", "compare", self.path, self.path)
+        run = self.ran("ctl", "compare", self.path, self.path)
         self.assertEqual(run.returncode, 2)
         self.assertIn(f"{self.path}: no file; expected a checkpoint", run.stderr)
         self.assertNotIn("bad_alloc", run.stderr)
@@ -156,18 +151,12 @@ class Options(Programs):
 class ServerProcess(Programs):
     def serve(self, *arguments, wrap=(), **options):
         bus = self.path / "bus"
-        server = subprocess.Popen([*wrap, support.PROGRAMS["server"], "--bind", f"ipc://{bus}", "--threads", "1", *map(str, arguments)],
-                                  **options)
-        self.addCleanup(server.wait)
-        self.addCleanup(server.kill)
-        end = time.monotonic() + 20
-        while self.run_program("ctl", "ping", "--server", f"ipc://{bus}").returncode != 0:
-            self.assertIsNone(server.poll(), "it has ended")
-            self.assertLess(time.monotonic(), end)
+        server = served.program(self, *wrap, support.PROGRAMS["server"], "--bind", f"ipc://{bus}", "--threads", "1", *arguments, **options)
+        served.until(self, lambda: self.ping() == 0, server)
         return server
 
     def ping(self):
-        return self.run_program("ctl", "ping", "--server", f"ipc://{self.path / 'bus'}").returncode
+        return self.ran("ctl", "ping", "--server", f"ipc://{self.path / 'bus'}").returncode
 
     def test_a_reader_of_the_log_that_leaves_stops_nothing(self):
         server = self.serve("--log-level", "trace", stderr=subprocess.PIPE)
@@ -211,10 +200,10 @@ class ServerProcess(Programs):
 
     @unittest.skipIf(os.geteuid() != 0, "files of another owner are made by root alone")
     def test_keys_of_another_owner_are_refused(self):
-        self.assertEqual(self.run_program("ctl", "keygen", self.path / "key").returncode, 0)
+        self.assertEqual(self.ran("ctl", "keygen", self.path / "key").returncode, 0)
         for name, what in (("key.public", "let anybody in"), ("key.secret", "knows the secret key")):
             os.chown(self.path / name, 12345, 12345)
-            run = self.run_program("server", "--bind", "tcp://127.0.0.1:*", "--curve-secret", self.path / "key.secret",
+            run = self.ran("server", "--bind", "tcp://127.0.0.1:*", "--curve-secret", self.path / "key.secret",
                                    "--authorized-keys", self.path / "key.public")
             self.assertEqual(run.returncode, 1, run.stderr)
             self.assertIn("uid 12345", run.stderr)

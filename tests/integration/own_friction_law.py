@@ -1,26 +1,20 @@
 """A friction law of the user's own: compiled against the header of the package, loaded by the administrator of a server, named
 in a scene, in both strategies. Laws that break their word fail their nodes, and the server lives. Needs --server and --source."""
-import argparse
 import pathlib
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 
 import numpy as np
 
-parser = argparse.ArgumentParser()
-for option in ("server", "source"):
-    parser.add_argument(f"--{option}", required=True)
-OPTIONS, REST = parser.parse_known_args()
-SOURCE = pathlib.Path(OPTIONS.source)
-sys.path.insert(0, str(SOURCE / "client" / "python"))
-import shearbus  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+import shearbus
+from served import SOURCE
 
-PATIENCE_S = 60.0
-BODIES = '[soft]\nmaterial = "aluminium_dlp"\n[hard]\nmaterial = "steel_dlp"\n[layer]\ncells = 20\ngrading = 1.2\nfar_boundary = "half_space"\n'
+OPTIONS, REST = served.options("server", "source")
 # Bad laws in C++, by name: what limit() does where the pressure is above 200 MPa.
 BAD = {"throws": "throw 1;", "no_number": "return 0.0 / 0.0 * point->slip;", "negative": "return -1.0;",
        "not_monotone": "return mu * (point->slip < 1.0 ? 1.0 : 0.5);"}
@@ -36,42 +30,33 @@ const shearbus_friction_law shearbus_friction_law_of_library = {SHEARBUS_FRICTIO
 
 
 def scene(law, strategy="force_driven"):
-    strength = "yield_strength_pa = 10e9\n" if strategy == "force_driven" else ""
-    return (f'name = "own law"\nstrategy = "{strategy}"\n' + BODIES +
-            f'[interface]\nfriction_coefficient = 0.1\n{strength}friction_law = "own:{law}"\n')
+    strength = {"yield_strength_pa": 10e9} if strategy == "force_driven" else {}
+    return served.scene(strategy, layer={"cells": 20, "grading": 1.2, "far_boundary": "half_space"},
+                        interface={"friction_coefficient": 0.1, **strength, "friction_law": f"own:{law}"})
 
 
-class OwnFrictionLaw(unittest.TestCase):
+class OwnFrictionLaw(served.Served):
     @classmethod
     def setUpClass(cls):
-        cls.scratch = tempfile.TemporaryDirectory(prefix="shearbus-own-")
-        cls.path = pathlib.Path(cls.scratch.name)
-        (cls.path / "include/shearbus").mkdir(parents=True)  # where the package puts the header
-        shutil.copy(SOURCE / "server/physics/interface/friction_law.h", cls.path / "include/shearbus")
-        include = f"-I{cls.path / 'include'}"
-        cls.laws = ["--friction-law", f"slip_weakening={cls.path / 'good.so'}"]
-        subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", include, "-o", cls.path / "good.so", SOURCE / "client/examples/friction_law.c"], check=True)
+        scratch = tempfile.TemporaryDirectory(prefix="shearbus-own-")
+        cls.addClassCleanup(scratch.cleanup)
+        path = pathlib.Path(scratch.name)
+        (path / "include/shearbus").mkdir(parents=True)  # where the package puts the header
+        shutil.copy(SOURCE / "server/physics/interface/friction_law.h", path / "include/shearbus")
+        include = f"-I{path / 'include'}"
+        cls.laws = ["--friction-law", f"slip_weakening={path / 'good.so'}"]
+        subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", include, "-o", path / "good.so", served.EXAMPLES / "friction_law.c"], check=True)
         for name, body in BAD.items():
-            (cls.path / f"{name}.cpp").write_text(BAD_LAW % body)
-            subprocess.run(["c++", "-shared", "-fPIC", "-Werror", include, "-o", cls.path / f"{name}.so", cls.path / f"{name}.cpp"], check=True)
-            cls.laws += ["--friction-law", f"{name}={cls.path / name}.so"]
-        cls.bus = f"ipc://{cls.path}/bus"
-        cls.log = open(cls.path / "log", "w+", encoding="utf8")
-        cls.server = subprocess.Popen([OPTIONS.server, "--bind", cls.bus, *cls.laws], stderr=cls.log, stdout=cls.log)
-        end = time.monotonic() + PATIENCE_S
-        while "listening on" not in (cls.path / "log").read_text(encoding="utf8"):
-            assert cls.server.poll() is None and time.monotonic() < end, (cls.path / "log").read_text(encoding="utf8")
-            time.sleep(0.05)
+            (path / f"{name}.cpp").write_text(BAD_LAW % body)
+            subprocess.run(["c++", "-shared", "-fPIC", "-Werror", include, "-o", path / f"{name}.so", path / f"{name}.cpp"], check=True)
+            cls.laws += ["--friction-law", f"{name}={path / name}.so"]
 
-    @classmethod
-    def tearDownClass(cls):
-        cls.server.kill()
-        cls.server.wait()
-        cls.log.close()
-        cls.scratch.cleanup()
+    def setUp(self):
+        super().setUp()
+        self.server = served.serve(self, self.log(), OPTIONS.server, "--bind", self.bus, *self.laws)
 
     def open(self, text, nodes=4, **options):
-        session = shearbus.open(text, nodes=range(nodes), endpoint=self.bus, reply_deadline=PATIENCE_S, **options)
+        session = shearbus.open(text, nodes=range(nodes), endpoint=self.bus, reply_deadline=60.0, **options)
         self.addCleanup(session.leave)
         return session
 
@@ -115,10 +100,7 @@ class OwnFrictionLaw(unittest.TestCase):
 
     def test_a_library_without_a_law_stops_the_start(self):
         for given, told in ((f"x={self.path}/none.so", "none.so"), ("x", "NAME=FILE"), ("x=libm.so.6", "shearbus_friction_law_of_library")):
-            run = subprocess.run([OPTIONS.server, "--bind", f"ipc://{self.path}/other", "--friction-law", given],
-                                 capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-            self.assertEqual(run.returncode, 1, run.stderr)
-            self.assertIn(told, run.stderr + run.stdout)
+            self.refused(OPTIONS.server, "--bind", f"ipc://{self.path}/other", "--friction-law", given, said=told)
 
 
 if __name__ == "__main__":

@@ -5,17 +5,12 @@ import pathlib
 import resource
 import signal
 import struct
-import subprocess
-import sys
 
 import numpy as np
 import replay_support as support
-from replay_support import EXAMPLES
-
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
-sys.dont_write_bytecode = True
 import served
 import shearbus
+from replay_support import EXAMPLES
 from shearbus.conformity.mock_server import read, xxh3
 
 GRADED = EXAMPLES / "paper_velocity_driven_graded.toml"
@@ -58,15 +53,12 @@ class RecordTest(support.ReplayTest):
     def setUp(self):
         super().setUp()
         self.records = self.path / "records"
-        self.bus = f"ipc://{self.path}/bus"
-        self.starts = 0
         os.environ.pop("SHEARBUS_RECORD", None)
 
     def serve(self, *arguments, limit=None):
         """Starts a server that can be killed. Its process gets the member `text`, a function that returns its log."""
-        self.starts += 1
         limited = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))) if limit else None
-        return served.serve(self, self.path / f"log{self.starts}", support.PROGRAMS["server"], "--bind", self.bus, "--threads", "1", *arguments,
+        return served.serve(self, self.log(), support.PROGRAMS["server"], "--bind", self.bus, "--threads", "1", *arguments,
                             preexec_fn=limited)
 
     def logs(self):
@@ -78,10 +70,7 @@ class RecordTest(support.ReplayTest):
 
     def again(self, *arguments, code=0):
         """Replays event logs. Returns the printed text."""
-        run = subprocess.run([support.PROGRAMS["replay"], *map(str, arguments)], capture_output=True, text=True, timeout=120,
-                             check=False)
-        self.assertEqual(run.returncode, code, run.stdout + run.stderr)
-        return run.stdout + run.stderr
+        return self.tool("replay", *arguments, code=code)
 
     def talk(self, bus):
         """Everything a session of a few nodes can say. Returns the verbs as a log must have them."""
@@ -200,13 +189,8 @@ class Server(RecordTest):
 
     def test_a_directory_that_cannot_be_used_is_refused_at_the_start(self):
         (self.path / "file").write_text("")
-        run = subprocess.run([support.PROGRAMS["server"], "--bind", self.bus, "--record", str(self.path / "file")],
-                             capture_output=True, text=True, timeout=30, check=False)
-        self.assertEqual(run.returncode, 1)
-        self.assertIn("is no directory", run.stderr)
-        run = subprocess.run([support.PROGRAMS["server"], "--bind", self.bus, "--record-session", "a"], capture_output=True,
-                             text=True, timeout=30, check=False)
-        self.assertEqual(run.returncode, 2)
+        self.assertIn("is no directory", self.tool("server", "--bind", self.bus, "--record", self.path / "file", code=1))
+        self.tool("server", "--bind", self.bus, "--record-session", "a", code=2)
 
     def test_what_recording_costs(self):
         """Compares the processor time of two servers, one of which records, in turns."""
@@ -276,10 +260,8 @@ class Clients(RecordTest):
         self.assertIn("equal to the recorded ones", self.again(self.the_log()))
 
     def test_a_host_in_c_is_recorded_without_a_change(self):
-        environment = {**os.environ, "SHEARBUS_RECORD": str(self.records) + "/"}
-        run = subprocess.run([support.PROGRAMS["c_host"], support.PROGRAMS["server"], str(EXAMPLES / "constant_friction.toml")],
-                             env=environment, capture_output=True, text=True, timeout=120, check=False)
-        self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
+        os.environ["SHEARBUS_RECORD"] = f"{self.records}/"
+        self.tool("c_host", support.PROGRAMS["server"], EXAMPLES / "constant_friction.toml")
         self.assertGreater(len(self.logs()), 3)
         said = [verb for log in self.logs() for verb in verbs(read_log(log)[2])]
         for verb in ("downscale", "commit", "rollback", "mark", "register_nodes", "offer_nodes", "accept_nodes"):
@@ -289,11 +271,8 @@ class Clients(RecordTest):
     def fortran_host(self, place):
         if not self.starts:
             self.serve()
-        run = subprocess.run([support.PROGRAMS["fortran_host"], str(EXAMPLES / "constant_friction.toml"), self.bus],
-                             env={**os.environ, "SHEARBUS_RECORD": place}, capture_output=True, text=True, timeout=120,
-                             check=False)
-        self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
-        return run.stdout + run.stderr
+        os.environ["SHEARBUS_RECORD"] = place
+        return self.tool("fortran_host", EXAMPLES / "constant_friction.toml", self.bus)
 
     def test_a_host_in_fortran_is_recorded_without_a_change(self):
         self.assertNotIn("not recorded", self.fortran_host(f"{self.records}/"))

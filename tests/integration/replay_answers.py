@@ -1,7 +1,6 @@
 """Checks the numbers of replays: the paper's velocity-driven case (tests/measured.toml, "Exact solutions"), loops, restarts."""
 import re
 import subprocess
-import unittest
 
 import h5py
 import numpy as np

@@ -2,7 +2,6 @@
 import signal
 import subprocess
 import time
-import unittest
 
 import h5py
 import numpy as np

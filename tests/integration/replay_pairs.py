@@ -1,18 +1,12 @@
 """Nodes of a history that have a pair of materials and parameters of their own: from tables and recordings to the bits of runs alone."""
-import contextlib
 import os
-import pathlib
-import subprocess
-import sys
-import unittest
 
 import h5py
 import numpy as np
 import replay_support as support
-from replay_support import EXAMPLES, force_history
+import served
+from replay_support import force_history
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client" / "python"))
-sys.dont_write_bytecode = True
 import shearbus
 
 MU = "interface.friction_coefficient"
@@ -20,20 +14,8 @@ ANSWERS = ("shear_stress", "sliding_velocity", "interface_temperature", "velocit
 
 
 def scene_text(soft="aluminium_dlp", mu=0.3, tables=""):
-    return f"""name = "two_pairs"
-strategy = "force_driven"
-[soft]
-material = "{soft}"
-[hard]
-material = "steel_dlp"
-[layer]
-thickness_m = 50e-6
-cells = 30
-grading = 1.14
-[interface]
-friction_coefficient = {mu!r}
-yield_strength_pa = 60e6
-{tables}"""
+    layer = {"thickness_m": 50e-6, "cells": 30, "grading": 1.14}
+    return served.scene("force_driven", soft=soft, layer=layer, interface={"friction_coefficient": mu, "yield_strength_pa": 60e6}) + tables
 
 
 class Pairs(support.ReplayTest):
@@ -55,11 +37,6 @@ class Pairs(support.ReplayTest):
         """The answers of one node of a scene that is its own."""
         result = self.result(scene=self.file("alone.toml", scene_text(**scene)))
         return {name: result[name][:, place] for name in ANSWERS}
-
-    def tool(self, *arguments, code=0):
-        run = subprocess.run([support.PROGRAMS["replay"], *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
-        self.assertEqual(run.returncode, code, run.stdout + run.stderr)
-        return run.stdout + run.stderr
 
     def test_each_node_answers_as_in_a_replay_of_its_own_scene(self):
         pair, mu = ["", "brass", "brass", ""], np.array([0.3, 0.3, 0.1, 0.2])
@@ -125,24 +102,24 @@ class Pairs(support.ReplayTest):
     def test_a_recorded_session_repeats_and_becomes_a_history(self):
         stress, history, scene = self.run_host(self.path / "run.log")
         self.assertEqual(len(set(stress[-1])), 3, "pair and parameter matter")
-        self.tool(self.path / "run.log")  # exit code 0: the bits of the record
+        self.tool("replay", self.path / "run.log")  # exit code 0: the bits of the record
         exported, written = self.path / "exported.h5", self.path / "written.h5"
-        self.tool("export", self.path / "run.log", "--out", exported)
+        self.tool("replay", "export", self.path / "run.log", "--out", exported)
         history.to_hdf5(written, scene)
         for source in (exported, written):
             with h5py.File(source) as file:
                 self.assertEqual([name.decode() for name in file["pair"][:]], ["", "brass", "brass"])
                 np.testing.assert_array_equal(file[f"parameter/{MU}"][:], [0.3, 0.1, 0.2])
             np.testing.assert_array_equal(self.result(history=source, scene=self.scene)["shear_stress"], stress)
-        self.tool("export", self.path / "run.log", "--out", self.path / "e.csv")
+        self.tool("replay", "export", self.path / "run.log", "--out", self.path / "e.csv")
         found = self.result("--steps", history=self.path / "e.csv", scene=self.scene)["shear_stress"]
         np.testing.assert_allclose(found, stress, rtol=1e-9)
-        self.tool("export", self.path / "run.log", "--out", self.path / "one.h5", "--node", "5")
+        self.tool("replay", "export", self.path / "run.log", "--out", self.path / "one.h5", "--node", "5")
         np.testing.assert_array_equal(self.result(history=self.path / "one.h5", scene=self.scene)["shear_stress"][:, 0], stress[:, 2])
 
     def test_what_if_keeps_pairs_and_parameters(self):
         stress, _, _ = self.run_host(self.path / "run.log")
-        self.tool(self.path / "run.log", "--set", "interface.yield_strength_pa=5e6", "--out", self.out)
+        self.tool("replay", self.path / "run.log", "--set", "interface.yield_strength_pa=5e6", "--out", self.out)
         with h5py.File(self.out) as file:
             weak = file["shear_stress"][:]
             self.assertEqual([name.decode() for name in file["pair"][:]], ["", "brass", "brass"])
@@ -150,19 +127,19 @@ class Pairs(support.ReplayTest):
 
     def test_nodes_whose_pair_a_log_does_not_tell_are_refused(self):
         far = dict(pressure=0.1e9, stress_soft=0.0, stress_hard=0.0, mass_soft=2.7, mass_hard=7.9, jump=40.0)
-        with contextlib.closing(support.Server()) as server:
-            giver = shearbus.open(self.scene, [1, 2], server.endpoint, domain="d", pair="brass")
-            os.environ["SHEARBUS_RECORD"] = str(self.path / "taker.log")
-            taker = shearbus.open(self.scene, [3], server.endpoint, domain="d", pair="", record=True)
-            taker.accept(giver.offer([2]))
-            taker.step(1e-9, **far)
-            with self.assertRaisesRegex(ValueError, "node 2 came from another session"):
-                taker.history.to_hdf5(self.path / "h.h5")
-            taker.close()
-            giver.close()
-        text = self.tool("export", self.path / "taker.log", "--out", self.path / "h.h5", code=1)
+        server = served.Server(self, self.path, durable=False)
+        giver = shearbus.open(self.scene, [1, 2], server.endpoint, domain="d", pair="brass")
+        os.environ["SHEARBUS_RECORD"] = str(self.path / "taker.log")
+        taker = shearbus.open(self.scene, [3], server.endpoint, domain="d", pair="", record=True)
+        taker.accept(giver.offer([2]))
+        taker.step(1e-9, **far)
+        with self.assertRaisesRegex(ValueError, "node 2 came from another session"):
+            taker.history.to_hdf5(self.path / "h.h5")
+        taker.close()
+        giver.close()
+        text = self.tool("replay", "export", self.path / "taker.log", "--out", self.path / "h.h5", code=1)
         self.assertIn("node 2 came from another session", text)
-        self.tool("export", self.path / "taker.log", "--out", self.path / "h.h5", "--node", "3")
+        self.tool("replay", "export", self.path / "taker.log", "--out", self.path / "h.h5", "--node", "3")
 
 
 if __name__ == "__main__":

@@ -3,24 +3,28 @@ import argparse
 import pathlib
 import subprocess
 import sys
-import tempfile
-import time
 import unittest
 
 import h5py
 import numpy as np
 
-EXAMPLES = pathlib.Path(__file__).resolve().parents[2] / "client" / "examples"
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import EXAMPLES, PROBLEMS  # of the tests
+
 PROGRAMS = {"replay": None, "server": None, "hydro": None, "c_host": None, "fortran_host": None}
 
 
-class ReplayTest(unittest.TestCase):
+class ReplayTest(served.Served):
     def setUp(self):
-        self._scratch = tempfile.TemporaryDirectory(prefix="shearbus-replay-")
-        self.addCleanup(self._scratch.cleanup)
-        self.path = pathlib.Path(self._scratch.name)
+        super().setUp()
         self.history = self.path / "history.h5"
         self.out = self.path / "result.h5"
+
+    def tool(self, program, *arguments, code=0, **more):
+        """Runs a program, named as in PROGRAMS, that must end with this code. Returns what it printed."""
+        done = self.run_program(PROGRAMS[program], *arguments, code=code, **more)
+        return done.stdout + done.stderr
 
     def replay(self, *arguments, history=None, scene=EXAMPLES / "paper_velocity_driven_graded.toml", out=True):
         command = [PROGRAMS["replay"], str(history or self.history), "--scene", str(scene)]
@@ -50,24 +54,6 @@ class ReplayTest(unittest.TestCase):
                 file["time"].attrs["t0"] = t0
 
 
-class Server:
-    """A server of a host of the Python client, without durability."""
-
-    def __init__(self):
-        self._place = tempfile.TemporaryDirectory(prefix="shearbus-")
-        bus = pathlib.Path(self._place.name, "bus")
-        self.endpoint = f"ipc://{bus}"
-        self._process = subprocess.Popen([PROGRAMS["server"], "--bind", self.endpoint, "--log-level", "error"])
-        end = time.monotonic() + 30
-        while not bus.exists() and self._process.poll() is None and time.monotonic() < end:
-            time.sleep(0.005)
-
-    def close(self):
-        self._process.terminate()
-        self._process.wait()
-        self._place.cleanup()
-
-
 def velocity_history(steps=5, nodes=3, **changes):
     parts = {
         "time": 1e-9 * np.arange(1, steps + 1),
@@ -79,16 +65,14 @@ def velocity_history(steps=5, nodes=3, **changes):
 
 
 def force_history(steps=5, nodes=3, **changes):
-    parts = {
-        "time": 1e-9 * np.arange(1, steps + 1),
-        "node_id": np.arange(10, 10 + nodes, dtype=np.uint64),
-        "pressure": np.full((steps, nodes), 11.2e9),
+    parts = velocity_history(steps, nodes, **{
         "stress_soft": np.zeros((steps, nodes)),
         "stress_hard": np.zeros((steps, nodes)),
         "mass_soft": np.full(nodes, 2.7),
         "mass_hard": np.full(nodes, 7.9),
         "initial_velocity_jump": np.linspace(20.0, 100.0, nodes),
-    }
+    })
+    del parts["velocity_jump"]
     return parts | changes
 
 
@@ -97,6 +81,6 @@ def main():
     parser = argparse.ArgumentParser()
     for program in PROGRAMS:
         parser.add_argument(f"--{program}")
-    known, rest = parser.parse_known_args()
+    known, rest = served.options(parser=parser)
     PROGRAMS.update(vars(known))
-    unittest.main(module="__main__", argv=[sys.argv[0], *rest])
+    unittest.main(argv=[sys.argv[0], *rest])

@@ -1,20 +1,18 @@
 """What an experimenter does with shearbus-replay: CSV tables, points and steps, what-if, comparison, export, pictures."""
 import json
 import os
-import pathlib
 import re
 import resource
 import struct
 import subprocess
 import sys
-import unittest
 
 import h5py
 import numpy as np
 import replay_support as support
+import served
 from replay_support import EXAMPLES, velocity_history
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client" / "python"))
 sys.dont_write_bytecode = True
 import shearbus
 
@@ -252,8 +250,7 @@ class Logs(Tool):
         self.log = self.path / "host.log"
         os.environ["SHEARBUS_RECORD"] = str(self.log)
         self.addCleanup(os.environ.pop, "SHEARBUS_RECORD")
-        self.server = support.Server()
-        self.addCleanup(self.server.close)
+        self.server = served.Server(self, self.path, durable=False)
 
     def host(self, scene=EXAMPLES / "force_driven.toml", steps=20, nodes=(4, 9, 2), drop_trial=True):
         """A closed loop with a rejected trial in each third step, a mark, and a rollback to it."""

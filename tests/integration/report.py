@@ -23,8 +23,9 @@ import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import browser as browsers  # noqa: E402
+import served  # noqa: E402
+from served import OPTIONS  # noqa: E402
 
-OPTIONS = None
 LARGEST = 3_000_000  # bytes of a report
 # Returns the faults of a page: what is wider than the screen, pictures that are missing, texts that lie upon each
 # other.
@@ -87,11 +88,7 @@ class Report(unittest.TestCase):
         cls.scratch = tempfile.TemporaryDirectory()
         cls.path = path = pathlib.Path(cls.scratch.name)
         problems = OPTIONS.source / "hydro_stub/problems"
-        text = (problems / "cone_al_steel_coarse.toml").read_text()
-        for key, value in {"zone_width_m": "1.25e-3\nframes = 6", "end_time_s": "5e-6"}.items():
-            text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
-            assert found == 1, key
-        (path / "cone.toml").write_text(text)
+        served.edited(problems / "cone_al_steel_coarse.toml", path / "cone.toml", zone_width_m="1.25e-3\nframes = 6", end_time_s=5e-6)
         cls.cones = [path / law for law in ("subgrid", "coulomb_tresca")]
         for out in cls.cones:
             run(OPTIONS.hydro, path / "cone.toml", "--interface-law", out.name, "--out", out, "--no-plot", "--no-progress")
@@ -389,5 +386,4 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     for name in ("hydro", "replay", "report", "source", "screenshots"):
         parser.add_argument(f"--{name}", type=pathlib.Path, required=name != "screenshots")
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=[sys.argv[0], *rest])
+    served.main(parser=parser)

@@ -11,6 +11,7 @@
 
 #include "server/embedded.hpp"
 #include "tests/support/raw_peer.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"
 
@@ -35,8 +36,7 @@ wire::Request opening(std::uint8_t session, std::span<const std::uint64_t> nodes
   wire::Request request;
   request.request_id = 1;
   request.body = wire::OpenSession{.scene = support::text_of(support::force_scene()), .session_id = some_id(session)};
-  request.batch = wire::Batch::of(std::vector{Field::kNodeId}, nodes.size());
-  std::ranges::copy(nodes, request.batch.u64(Field::kNodeId).begin());
+  request.batch = support::id_column(nodes);
   return request;
 }
 
@@ -222,13 +222,10 @@ TEST_F(Faults, UnknownAndDuplicateNodesAreRefused) {
   Session session = client_.open(support::text_of(support::force_scene()), "scene", kNodes);
   for (const auto& [ids, code] : {std::pair{std::vector<std::uint64_t>{100, 5}, Code::kUnknownNode},
                                   std::pair{std::vector<std::uint64_t>{100, 101, 100}, Code::kDuplicateNode}}) {
-    try {
-      session.advance(support::step_columns(Strategy::kForceDriven, ids, 0, true), {.dt_s = 1e-9});
-      ADD_FAILURE() << "accepted";
-    } catch (const Error& fault) {
-      EXPECT_EQ(fault.status().code, code);
-      EXPECT_EQ(fault.status().node_ids.size(), 1u);
-    }
+    const Batch request = support::step_columns(Strategy::kForceDriven, ids, 0, true);
+    const Status fault = support::fault_of([&] { session.advance(request, {.dt_s = 1e-9}); });
+    EXPECT_EQ(fault.code, code);
+    EXPECT_EQ(fault.node_ids.size(), 1u);
   }
 }
 

@@ -12,6 +12,7 @@
 #include <vector>
 #include <zmq.hpp>
 
+#include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"
 
@@ -19,6 +20,7 @@ namespace shearbus {
 namespace {
 
 using namespace std::chrono_literals;
+using support::code_of;
 using support::RunningServer;
 using wire::Strategy;
 
@@ -121,7 +123,17 @@ class LostReply : public testing::Test {
  protected:
   LostReply() : bus_(server_.endpoint()), direct_(server_.client()) {}
 
-  ClientOptions options() const { return {.endpoint = bus_.endpoint(), .reply_deadline = 3s, .retry_after = 150ms}; }
+  ClientOptions options(std::chrono::milliseconds deadline = 3s) const {
+    return {.endpoint = bus_.endpoint(), .reply_deadline = deadline, .retry_after = 150ms};
+  }
+  // A client that repeats no request within its deadline.
+  Client without_repeats(std::chrono::milliseconds deadline) const {
+    ClientOptions options = this->options(deadline);
+    options.retry_after = 60s;
+    options.check_closure = CheckClosure::kOff;
+    return Client(options);
+  }
+  static Session open(Client& client) { return client.open(support::text_of(support::force_scene()), "scene", kNodes); }
   static Batch columns(int step) { return support::step_columns(Strategy::kForceDriven, kNodes, step); }
 
   RunningServer server_;
@@ -131,8 +143,8 @@ class LostReply : public testing::Test {
 
 TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
   Client client(options());
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Session twin = direct_.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Session session = open(client);
+  Session twin = open(direct_);
   int losses = 0;
   for (int step = 0; step < 12; ++step) {
     if (step % 3 == 0) bus_.replies_to_lose = 1 + step / 6;
@@ -159,20 +171,11 @@ TEST_F(LostReply, AStepInPartsGoesOnWithThePartWhoseAnswerWasLost) {
   Session twin = direct_.open(scene, "scene", nodes);
   const StepResult& expected = twin.advance(step, {.dt_s = 1e-9});
   for (int lost = 0; lost < 2; ++lost) {
-    ClientOptions patient = options();
-    patient.reply_deadline = 4s;
-    patient.retry_after = 60s;
-    patient.check_closure = CheckClosure::kOff;
-    Client client(patient);
+    Client client = without_repeats(4s);
     Session session = client.open(scene, "scene", nodes);
     bus_.replies_to_pass = lost;
     bus_.replies_to_lose = 100;
-    try {
-      session.advance(step, {.dt_s = 1e-9});
-      FAIL() << "part " << lost + 1;
-    } catch (const Error& fault) {
-      ASSERT_EQ(fault.status().code, wire::Code::kUnknownOutcome);
-    }
+    ASSERT_EQ(code_of([&] { session.advance(step, {.dt_s = 1e-9}); }), Code::kUnknownOutcome) << "part " << lost + 1;
     bus_.replies_to_pass = bus_.replies_to_lose = 0;
     const StepResult& found = session.advance(step, {.dt_s = 1e-9});
     ASSERT_EQ(found.upscale().state_version, 1u);
@@ -190,11 +193,7 @@ TEST_F(LostReply, APartIsOnItsWayBeforeThePartBeforeItIsAnswered) {
   constexpr std::uint64_t kParts = 3;
   const auto nodes = support::node_ids((kParts - 1) * wire::kMaxRowsPerMessage + 1'000);
   const std::string scene = support::text_of(support::force_scene(1));
-  ClientOptions patient = options();
-  patient.reply_deadline = 30s;
-  patient.retry_after = 60s;
-  patient.check_closure = CheckClosure::kOff;
-  Client client(patient);
+  Client client = without_repeats(30s);
   Session session = client.open(scene, "scene", nodes);
   Session twin = direct_.open(scene, "scene", nodes);
   const auto replayed = direct_.server_status().replayed;
@@ -217,8 +216,8 @@ TEST_F(LostReply, APartIsOnItsWayBeforeThePartBeforeItIsAnswered) {
 // the request, but the server runs it only once.
 TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
   Client client(options());
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Session twin = direct_.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Session session = open(client);
+  Session twin = open(direct_);
   for (int step = 0; step < 9; ++step) {
     const Batch request = columns(step);
     const StepOptions how{.dt_s = 1e-9, .commit_previous = step > 0};
@@ -241,7 +240,7 @@ TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
 // is called, the answer has already arrived.
 TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
   Client client(options());
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Session session = open(client);
   const int seen = bus_.requests_seen;
   const Batch request = columns(0);
   session.start_trial(request, {.dt_s = 1e-9});
@@ -257,14 +256,12 @@ TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
 TEST_F(LostReply, ALostOpeningReplyOpensOneSession) {
   Client client(options());
   bus_.replies_to_lose = 2;
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Session session = open(client);
   EXPECT_EQ(direct_.server_status().sessions, 1u);
 }
 
 TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
-  ClientOptions impatient = options();
-  impatient.reply_deadline = 400ms;
-  Client client(impatient);
+  Client client(options(400ms));
   bus_.replies_to_lose = 1000;
   EXPECT_THROW(client.open(support::text_of(support::force_scene()), "scene", kNodes, {.domain = "run"}), Error);
   bus_.replies_to_lose = 0;
@@ -278,19 +275,12 @@ TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
 }
 
 TEST_F(LostReply, UnknownOutcomeIsSaidAndTheSameCallAgainIsSafe) {
-  ClientOptions impatient = options();
-  impatient.reply_deadline = 400ms;
-  Client client(impatient);
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Session twin = direct_.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Client client(options(400ms));
+  Session session = open(client);
+  Session twin = open(direct_);
   const auto request = columns(0);
   bus_.replies_to_lose = 1000;
-  try {
-    session.advance(request, {.dt_s = 1e-9});
-    FAIL() << "a reply came from nowhere";
-  } catch (const Error& fault) {
-    EXPECT_EQ(fault.status().code, Code::kUnknownOutcome);
-  }
+  EXPECT_EQ(code_of([&] { session.advance(request, {.dt_s = 1e-9}); }), Code::kUnknownOutcome);
   bus_.replies_to_lose = 0;
   const auto& a = session.advance(request, {.dt_s = 1e-9});
   EXPECT_EQ(a.upscale().state_version, 1u);
@@ -300,28 +290,20 @@ TEST_F(LostReply, UnknownOutcomeIsSaidAndTheSameCallAgainIsSafe) {
 }
 
 TEST_F(LostReply, AnotherCallAfterAnUnknownOutcomeIsToldThatTheLostOneHasRun) {
-  ClientOptions impatient = options();
-  impatient.reply_deadline = 400ms;
-  Client client(impatient);
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Client client(options(400ms));
+  Session session = open(client);
   bus_.replies_to_lose = 1000;
   EXPECT_THROW(session.advance(columns(0), {.dt_s = 1e-9}), Error);
   bus_.replies_to_lose = 0;
-  try {
-    session.advance(columns(1), {.dt_s = 1e-9});
-    FAIL() << "another step was run under the number of the lost one";
-  } catch (const Error& fault) {
-    EXPECT_EQ(fault.status().code, Code::kSequenceReused);
-  }
+  EXPECT_EQ(code_of([&] { session.advance(columns(1), {.dt_s = 1e-9}); }), Code::kSequenceReused)
+      << "another step was run under the number of the lost one";
   // After a step whose reply was lost the session continues.
   EXPECT_EQ(session.advance(columns(1), {.dt_s = 1e-9}).upscale().state_version, 2u);
 }
 
 TEST_F(LostReply, AServerThatStopsAnsweringIsNoticedWithinTheDeadline) {
-  ClientOptions impatient = options();
-  impatient.reply_deadline = 500ms;
-  Client client(impatient);
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  Client client(options(500ms));
+  Session session = open(client);
   server_.stop();
   const auto started = std::chrono::steady_clock::now();
   EXPECT_THROW(session.advance(columns(0), {.dt_s = 1e-9}), Error);

@@ -9,8 +9,10 @@
 #include <vector>
 
 #include "server/embedded.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus {
 namespace {
@@ -52,10 +54,7 @@ std::vector<std::byte> ten_steps(Client& client, Strategy strategy, std::size_t 
 }
 
 class RoundTrip : public testing::TestWithParam<Strategy> {};
-INSTANTIATE_TEST_SUITE_P(Strategies, RoundTrip, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, RoundTrip, support::both<Strategy>(), support::name_of_strategy);
 
 TEST_P(RoundTrip, SameBitsByEveryTransportAndThreadCount) {
   // node counts with replies below and above the size from which ZeroMQ aligns frames
@@ -157,25 +156,17 @@ TEST(ClientErrors, TheServersRefusalArrivesWithFieldAndNodes) {
   auto scene = support::velocity_scene();
   scene.mutable_soft()->set_material("aluminum_dlp");
   const auto ids = support::node_ids(4);
-  try {
-    client.open(support::text_of(scene), "scene", ids);
-    FAIL() << "an unknown material was accepted";
-  } catch (const Error& fault) {
-    EXPECT_EQ(fault.status().code, Code::kInvalidScene);
-    EXPECT_EQ(fault.status().field, "soft.material");
-    EXPECT_NE(fault.status().text.find("aluminium_dlp"), std::string::npos) << "no suggestion: " << fault.status().text;
-  }
+  const Status unknown = support::fault_of([&] { client.open(support::text_of(scene), "scene", ids); });
+  EXPECT_EQ(unknown.code, Code::kInvalidScene);
+  EXPECT_EQ(unknown.field, "soft.material");
+  EXPECT_NE(unknown.text.find("aluminium_dlp"), std::string::npos) << "no suggestion: " << unknown.text;
   Session session = client.open(support::text_of(support::velocity_scene()), "scene", ids);
   auto bad = support::step_columns(Strategy::kVelocityDriven, ids, 0);
   bad.f64(Field::kPressure)[2] = std::numeric_limits<double>::quiet_NaN();
-  try {
-    session.advance(bad, {.dt_s = 1e-9});
-    FAIL() << "NaN was accepted";
-  } catch (const Error& fault) {
-    EXPECT_EQ(fault.status().code, Code::kInvalidValue);
-    EXPECT_EQ(fault.status().field, "pressure_pa");
-    EXPECT_EQ(fault.status().node_ids, (std::vector<std::uint64_t>{102}));
-  }
+  const Status not_a_number = support::fault_of([&] { session.advance(bad, {.dt_s = 1e-9}); });
+  EXPECT_EQ(not_a_number.code, Code::kInvalidValue);
+  EXPECT_EQ(not_a_number.field, "pressure_pa");
+  EXPECT_EQ(not_a_number.node_ids, (std::vector<std::uint64_t>{102}));
   EXPECT_NO_THROW(session.advance(support::step_columns(Strategy::kVelocityDriven, ids, 0), {.dt_s = 1e-9}));
 }
 
@@ -183,13 +174,10 @@ TEST(ClientErrors, NobodyThereIsSaidWithinTheDeadline) {
   const support::ScratchDirectory scratch;
   for (const std::string& endpoint : {scratch.ipc(), std::string("tcp://127.0.0.1:1")}) {
     const auto started = std::chrono::steady_clock::now();
-    try {
-      Client client({.endpoint = endpoint, .connect_deadline = std::chrono::milliseconds(300)});
-      FAIL();
-    } catch (const Error& fault) {
-      EXPECT_EQ(fault.status().code, Code::kUnreachable);
-      EXPECT_NE(fault.status().text.find(endpoint), std::string::npos);
-    }
+    const Status fault = support::fault_of(
+        [&] { Client client({.endpoint = endpoint, .connect_deadline = std::chrono::milliseconds(300)}); });
+    EXPECT_EQ(fault.code, Code::kUnreachable);
+    EXPECT_NE(fault.text.find(endpoint), std::string::npos);
     const auto took = std::chrono::steady_clock::now() - started;
     EXPECT_GE(took, std::chrono::milliseconds(300));
     EXPECT_LT(took, std::chrono::milliseconds(5000));
@@ -197,14 +185,8 @@ TEST(ClientErrors, NobodyThereIsSaidWithinTheDeadline) {
 }
 
 TEST(ClientErrors, WhatIsNoEndpointIsRefusedAtOnce) {
-  for (const char* endpoint : {"", "localhost:5555", "ws://localhost", "inproc://somewhere", "tcp://nonsense"}) {
-    try {
-      Client client({.endpoint = endpoint});
-      FAIL() << endpoint;
-    } catch (const Error& fault) {
-      EXPECT_EQ(fault.status().code, Code::kUnreachable) << endpoint;
-    }
-  }
+  for (const char* endpoint : {"", "localhost:5555", "ws://localhost", "inproc://somewhere", "tcp://nonsense"})
+    EXPECT_EQ(support::code_of([&] { Client({.endpoint = endpoint}); }), Code::kUnreachable) << endpoint;
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus {
 namespace {
@@ -44,10 +45,7 @@ void fill_along(double angle, const Batch& scalar, Batch& request) {
 }
 
 class TwoComponents : public testing::TestWithParam<Strategy> {};
-INSTANTIATE_TEST_SUITE_P(Strategies, TwoComponents, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, TwoComponents, support::both<Strategy>(), support::name_of_strategy);
 
 TEST_P(TwoComponents, AScalarProblemTurnedInThePlaneHasItsAnswerTurned) {
   RunningServer server;

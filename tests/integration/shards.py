@@ -1,41 +1,26 @@
 """Hosts in C, C++, Fortran and Python and shearbus-hydro on several servers: what they print and write is what they do with one server."""
-import argparse
 import os
 import pathlib
 import re
 import subprocess
 import sys
-import tempfile
-import time
-import unittest
 
 import h5py
 import numpy
 
-OPTIONS = None
-EXAMPLES = "client/examples"
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import EXAMPLES, OPTIONS
+
 PYTHON_HOST = "host.py"
 
 
-class Shards(unittest.TestCase):
-    def setUp(self):
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
-        self.processes = []
-        self.addCleanup(self.end_all)
-
-    def end_all(self):
-        for process in self.processes:
-            process.kill()
-            process.wait()
-
+class Shards(served.Served):
     def start(self, directory, number, *options):
         name = f"{directory.name}-{number}"
-        command = [OPTIONS.server, "--bind", f"ipc://{self.path}/{name}/s", "--endpoint-file", directory / str(number), "--threads", 1, *options]
         with open(self.path / f"{name}.log", "a", encoding="utf-8") as log:
-            self.processes.append(subprocess.Popen([str(word) for word in command], stderr=log))
-        return self.processes[-1]
+            return served.program(self, OPTIONS.server, "--bind", f"ipc://{self.path}/{name}/s", "--endpoint-file", directory / str(number),
+                                  "--threads", 1, *options, stderr=log)
 
     def serve(self, name, count):
         """Starts servers that write endpoint files; returns the directory of the files."""
@@ -48,16 +33,14 @@ class Shards(unittest.TestCase):
 
     def wait(self, directory, count):
         for number in range(count):
-            subprocess.run([OPTIONS.ctl, "wait", "--server", f"file://{directory / str(number)}", "--timeout", "60"], check=True, capture_output=True)
+            self.run_program(OPTIONS.ctl, "wait", "--server", f"file://{directory / str(number)}", "--timeout", "60")
 
     def sockets(self, directory):
         return [re.search('endpoint = "(.*)"', file.read_text())[1] for file in sorted(directory.iterdir())]
 
     def run_host(self, host, endpoint, scene="constant_friction.toml", code=0):
-        source = pathlib.Path(OPTIONS.source)
-        environment = {**os.environ, "SHEARBUS_ENDPOINT": endpoint, "PYTHONPATH": str(source / "client/python")}
-        program = [sys.executable, "-B", source / EXAMPLES / host] if host == PYTHON_HOST else [host]
-        done = subprocess.run([*program, source / EXAMPLES / scene], env=environment, capture_output=True, text=True, timeout=120)
+        program = [sys.executable, "-B", EXAMPLES / host] if host == PYTHON_HOST else [host]
+        done = subprocess.run([*program, EXAMPLES / scene], env={**os.environ, "SHEARBUS_ENDPOINT": endpoint}, capture_output=True, text=True, timeout=120)
         self.assertEqual(done.returncode == 0, code == 0, done.stdout + done.stderr)
         return done.stdout + (done.stderr if code else "")
 
@@ -90,29 +73,19 @@ class Shards(unittest.TestCase):
         return found
 
     def hydro(self, *words):
-        subprocess.run([OPTIONS.hydro, *map(str, words), "--no-plot"], check=True, capture_output=True, timeout=120)
+        self.run_program(OPTIONS.hydro, *words, "--no-plot")
 
     def test_the_hydrocode_goes_on_from_a_dump_after_host_and_server_were_killed(self):
-        text = (pathlib.Path(OPTIONS.source) / "hydro_stub/problems/cone_al_steel_coarse.toml").read_text()
-        for name, value in {"zone_width_m": "1e-3", "end_time_s": "5e-6"}.items():
-            text, found = re.subn(rf"(?m)^{name} = \S+", f"{name} = {value}", text)
-            self.assertEqual(found, 1)
-        scene = self.path / "cone.toml"
-        scene.write_text(text)
+        scene = served.edited(served.PROBLEMS / "cone_al_steel_coarse.toml", self.path / "cone.toml", zone_width_m=1e-3, end_time_s=5e-6)
         whole, run, servers = self.path / "whole", self.path / "run", self.path / "servers"
         self.hydro(scene, "--out", whole, "--server", f"file://{self.serve('one', 1)}")
         servers.mkdir()
         options = [("--state-dir", self.path / f"states-{number}") for number in range(3)]
         processes = [self.start(servers, number, *options[number]) for number in range(3)]
         self.wait(servers, 3)
-        host = subprocess.Popen([OPTIONS.hydro, str(scene), "--out", str(run), "--no-plot", "--dump-every", "20", "--server", f"file://{servers}"],
-                                stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        self.processes.append(host)
-        end = time.monotonic() + 60
-        while not list(run.glob("restart/dump-*.h5")):
-            self.assertLess(time.monotonic(), end)
-            self.assertIsNone(host.poll(), "the host has ended before a dump was seen")
-            time.sleep(0.002)
+        host = served.program(self, OPTIONS.hydro, scene, "--out", run, "--no-plot", "--dump-every", 20, "--server", f"file://{servers}",
+                              stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        served.until(self, lambda: list(run.glob("restart/dump-*.h5")), host, 60)
         for process in (host, processes[1]):
             process.kill()
             process.wait()
@@ -125,8 +98,4 @@ class Shards(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    for name in ("server", "ctl", "hydro", "c_host", "cxx_host", "fortran_host", "source"):
-        parser.add_argument(f"--{name}", required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=[sys.argv[0], *rest])
+    served.main("server", "ctl", "hydro", "c_host", "cxx_host", "fortran_host", "source")

@@ -1,16 +1,12 @@
 """The server program on state directories that something has happened to: files lost, emptied, zeroed, replaced or
 taken from another directory, a lock file removed, a disk that takes no more. A replay is the host."""
 import os
-import pathlib
 import resource
 import shutil
 import signal
 import subprocess
-import sys
 
 import replay_support as support
-
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served
 
 
@@ -18,14 +14,11 @@ class StateDirectory(support.ReplayTest):
     def setUp(self):
         super().setUp()
         self.state = self.path / "state"
-        self.bus = "ipc://" + str(self.path / "bus")
         self.write(**support.velocity_history(steps=12, nodes=4))
-        self.starts = 0
 
     def start(self, *arguments, bus=None, state=None, preexec=None):
         """Starts a server. Its process gets the members `text`, a function that returns its log."""
-        self.starts += 1
-        return served.start(self, self.path / f"log{self.starts}", support.PROGRAMS["server"], "--bind", bus or self.bus, "--threads", "1",
+        return served.start(self, self.log(), support.PROGRAMS["server"], "--bind", bus or self.bus, "--threads", "1",
                             "--state-dir", state or self.state, *arguments, preexec_fn=preexec)
 
     def serve(self, *arguments, **options):

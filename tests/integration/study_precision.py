@@ -10,14 +10,10 @@ import subprocess
 import sys
 import tempfile
 
-SCENE = """
-name = "mine"
-strategy = "velocity_driven"
-[soft]
-material = "aluminium_dlp"
-[hard]
-material = "steel_dlp"
-"""
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+
+SCENE = served.scene("velocity_driven", name="mine")
 
 
 def study(program, out, *arguments, name="precision", plot="--no-plot"):

@@ -24,9 +24,8 @@ class Served(served.Served):
         self.server = self.start_server()
 
     def start_server(self):
-        server = subprocess.Popen([OPTIONS.server, "--bind", self.bus, "--state-dir", self.path / "states", "--log-file", self.path / "log"])
-        self.addCleanup(lambda: (server.kill(), server.wait()))
-        subprocess.run([OPTIONS.ctl, "wait", "--server", self.bus], check=True, capture_output=True, timeout=60)
+        server = served.program(self, OPTIONS.server, "--bind", self.bus, "--state-dir", self.path / "states", "--log-file", self.path / "log")
+        self.run_program(OPTIONS.ctl, "wait", "--server", self.bus)
         return server
 
     def stop_server(self):
@@ -35,12 +34,8 @@ class Served(served.Served):
 
     def with_session(self):
         """A host with 128 nodes, of which it steps all."""
-        scene = self.path / "scene.toml"
-        text = (served.SOURCE / "client/examples/force_driven.toml").read_text()
-        scene.write_text(text.replace('name = "force_driven"', 'name = "backwards\\u202e"'))
-        host = subprocess.Popen([shutil.which("python3", path="/usr/bin"), "-B", "-c", HOST, self.bus, scene], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                                env={**os.environ, "PYTHONPATH": str(served.SOURCE / "client/python")})
-        self.addCleanup(lambda: (host.kill(), host.wait(), host.stdin.close(), host.stdout.close()))
+        scene = served.edited(served.EXAMPLES / "force_driven.toml", self.path / "scene.toml", name='"backwards\\u202e"')
+        host = served.program(self, shutil.which("python3", path="/usr/bin"), "-B", "-c", HOST, self.bus, scene, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self.assertEqual(host.stdout.readline(), "open\n")
         return host
 
@@ -68,8 +63,7 @@ NAMES = ["open", "stick", "coulomb", "tresca", "melting"]
 class OffTheTerminal(Served):
     def test_each_look_is_a_line_of_json_with_the_regimes_of_the_answers(self):
         host = self.with_session()
-        watch = subprocess.Popen([OPTIONS.ctl, "watch", "--server", self.bus, "--interval", "0.2", "--json"], stdout=subprocess.PIPE, text=True)
-        self.addCleanup(lambda: (watch.kill(), watch.wait(), watch.stdout.close()))
+        watch = served.program(self, OPTIONS.ctl, "watch", "--server", self.bus, "--interval", "0.2", "--json", stdout=subprocess.PIPE)
         first = json.loads(watch.stdout.readline())
         self.assertEqual(first["regimes"], {"open": 128, "stick": 0, "coulomb": 0, "tresca": 0, "melting": 0})
         self.assertIsNone(first["node_steps_per_s"])
@@ -100,25 +94,22 @@ class OffTheTerminal(Served):
         self.assertEqual(back["regimes"], expected, "the server has recovered the session")
         watch.send_signal(signal.SIGTERM)
         self.assertEqual(watch.wait(timeout=10), 0)
-        metrics = subprocess.run([OPTIONS.ctl, "metrics", "--server", self.bus], capture_output=True, text=True, check=True).stdout
+        metrics = self.run_program(OPTIONS.ctl, "metrics", "--server", self.bus).stdout
         self.assertIn(f'shearbus_regime_nodes{{regime="stick"}} {expected["stick"]}\n', metrics)
 
     def test_lines_have_no_escape_codes_and_looks_end(self):
-        done = subprocess.run([OPTIONS.ctl, "watch", "--server", self.bus, "--interval", "0.1", "--looks", "3"], capture_output=True, text=True, timeout=30)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertEqual(len(done.stdout.splitlines()), 3, done.stdout)
-        self.assertNotIn("\x1b", done.stdout)
-        self.assertIn("0 sessions, 0 nodes", done.stdout)
-        self.assertIn("; journal ", done.stdout)
-
+        printed = self.run_program(OPTIONS.ctl, "watch", "--server", self.bus, "--interval", "0.1", "--looks", "3").stdout
+        self.assertEqual(len(printed.splitlines()), 3, printed)
+        self.assertNotIn("\x1b", printed)
+        self.assertIn("0 sessions, 0 nodes", printed)
+        self.assertIn("; journal ", printed)
 
     def test_names_of_scenes_turn_no_line_around(self):
         self.step(self.with_session())
         for words in (("sessions",), ("top",), ("close", "backwards\u202e", "--idle", "0")):
-            done = subprocess.run([OPTIONS.ctl, *words, "--server", self.bus], capture_output=True, text=True, timeout=30)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            self.assertIn("backwards\\u{202e}", done.stdout)
-            self.assertNotIn("\u202e", done.stdout)
+            printed = self.run_program(OPTIONS.ctl, *words, "--server", self.bus).stdout
+            self.assertIn("backwards\\u{202e}", printed)
+            self.assertNotIn("\u202e", printed)
 
 
 class OnATerminal(Served):

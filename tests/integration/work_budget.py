@@ -19,7 +19,7 @@ OPTIONS, REST = served.options("server", "ctl", "source")
 
 BODIES = '[soft]\nmaterial = "copper_ofhc_jc"\n[hard]\nmaterial = "steel_dlp"\n[layer]\nfar_boundary = "half_space"\n'
 HARD_WORK = 'name = "hard work"\nstrategy = "velocity_driven"\ntolerance = 1e-6\n'
-PLAIN = 'name = "plain"\nstrategy = "velocity_driven"\n[soft]\nmaterial = "aluminium_dlp"\n[hard]\nmaterial = "steel_dlp"\n'
+PLAIN = served.scene("velocity_driven")
 OVER_BUDGET = shearbus.Outcome.FAILED | shearbus.Outcome.OVER_BUDGET
 PATIENCE_S = 20.0  # far more than an answer takes on a machine that others use, far less than the work of the step
 NODES = 300

@@ -24,7 +24,7 @@ FILES = {
     "libshearbus1": ["usr/lib/libshearbus.so.1", "usr/lib/libshearbus-embedded.so.1", "usr/lib/libshearbus-checkpoint.so.1"],
     "libshearbus-dev": ["usr/include/shearbus/shearbus.h", "usr/include/shearbus/client.hpp", "usr/include/shearbus/friction_law.h",
                         "usr/lib/libshearbus.so", "usr/lib/pkgconfig/shearbus.pc", "usr/lib/cmake/shearbus/shearbusConfig.cmake",
-                        "usr/share/shearbus/shearbus.f90"],
+                        "usr/share/shearbus/shearbus.f90", "usr/share/shearbus/shearbus_contract.inc"],
     "python3-shearbus": ["usr/lib/python3/dist-packages/shearbus/__init__.py", "usr/lib/python3/dist-packages/shearbus/_contract.py"],
     "shearbus-doc": ["usr/share/doc/shearbus/client/examples/host.py", "usr/share/doc/shearbus/client/signs.svg"],
 }

@@ -8,6 +8,7 @@
 #include "proto/wire/codec.hpp"
 #include "server/service/service.hpp"
 #include "server/store/store.hpp"
+#include "tests/support/memory_storage.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus::support {
@@ -35,14 +36,7 @@ struct DurableServer {
                                 service::Turn* turn = nullptr) {
     auto answered = service.handle(frames, caller, turn);
     if (!answered) return std::nullopt;
-    Answer answer{.frames = std::move(*answered), .reply = {}};
-    const std::span<const std::byte> sent[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
-    const auto received = std::span(sent, answer.frames.has_payload ? 2 : 1);
-    if (caller.in_process)
-      wire::decode_trusted(received, answer.reply);
-    else
-      wire::decode(received, answer.reply);
-    return answer;
+    return decoded(std::move(*answered), caller.in_process);
   }
   Answer ask(const wire::Request& request, const service::Caller& caller = {}) {
     const std::string header = wire::encode_header(request);
@@ -59,3 +53,8 @@ struct DurableServer {
 };
 
 }  // namespace shearbus::support
+
+namespace shearbus::service {
+using support::DurableServer;
+using support::MemoryStorage;
+}  // namespace shearbus::service

@@ -62,6 +62,7 @@ struct LoopErrors {
 struct LoopAnswers {
   double request = 0.0;
   double work = 0.0;               // evaluations per step of a node (solver/work.hpp)
+  double undivided = 0.0;          // the same of the same steps without a tolerance, on the same grid
   std::vector<LoopErrors> errors;  // one per history
 
   std::pair<double, double> over_request() const {  // median and largest of the histories, relative to the request
@@ -72,26 +73,36 @@ struct LoopAnswers {
   }
 };
 
-// Runs the histories of the seeds 1 to `seeds` with each request, the smallest of which is the last. The reference has
-// the grid or the modes of a tenth of the smallest request and `substeps` substeps of each step; one in which the jump
-// turns or stops is halved up to 24 times.
-inline std::vector<LoopAnswers> run_force_loops(const ModelOptions& scene, unsigned seeds,
-                                                const std::vector<double>& requests, int substeps, int steps = 60) {
-  ModelOptions reference = discretised(scene, 0.1 * requests.back());
+struct LoopSeeds {
+  unsigned first = 1, number = 6;
+};
+
+// Runs the histories of the seeds with each request, the smallest of which is the last. The reference has the grid or the
+// modes of `finer` times the smallest request and `substeps` substeps of each step; one in which the jump turns or stops
+// is halved up to 24 times.
+inline std::vector<LoopAnswers> run_force_loops(const ModelOptions& scene, const LoopSeeds& seeds,
+                                                const std::vector<double>& requests, int substeps, double finer = 0.1,
+                                                int steps = 60) {
+  ModelOptions reference = discretised(scene, finer * requests.back());
   reference.tolerance.reset();
   const double to_melting = scene.soft.melting_temperature - scene.initial_temperature;
   std::vector<LoopAnswers> answers;
   for (const double request : requests) answers.push_back({.request = request, .errors = {}});
   std::vector<ModelOptions> asked;
   for (const double request : requests) asked.push_back(discretised(scene, request));
-  for (unsigned seed = 1; seed <= seeds; ++seed) {
-    std::vector<Rig> rigs;
-    for (const ModelOptions& options : asked) rigs.emplace_back(options, 1U);
+  for (unsigned seed = seeds.first; seed < seeds.first + seeds.number; ++seed) {
+    std::vector<Rig> rigs, undivided;
+    for (ModelOptions options : asked) {
+      rigs.emplace_back(options, 1U);
+      options.tolerance.reset();
+      undivided.emplace_back(options, 1U);
+    }
     for (LoopAnswers& one : answers) one.errors.emplace_back();
     std::vector<double> heats(asked.size(), 0.0);
-    std::vector<double> works(asked.size() * kLanes, 0.0);
+    std::vector<double> works(asked.size() * kLanes, 0.0), undivided_works = works;
     ForceLoop loop(seed);
-    for (Rig& rig : rigs) rig.outputs.velocity_jump_new[0] = loop.start();
+    for (std::vector<Rig>* each : {&rigs, &undivided})
+      for (Rig& rig : *each) rig.outputs.velocity_jump_new[0] = loop.start();
     TileInputs fine_inputs;
     fine_inputs.velocity_jump[0] = loop.start();
     test::FineLayer fine(reference, 1e-9);
@@ -116,6 +127,10 @@ inline std::vector<LoopAnswers> run_force_loops(const ModelOptions& scene, unsig
         rig.inputs.velocity_jump[0] = rig.outputs.velocity_jump_new[0];
         rig.inputs.work = works.data() + i * kLanes;
         rig.step(dt);
+        loop.load(time, undivided[i].inputs);
+        undivided[i].inputs.velocity_jump[0] = undivided[i].outputs.velocity_jump_new[0];
+        undivided[i].inputs.work = undivided_works.data() + i * kLanes;
+        undivided[i].step(dt);
         heats[i] += rig.outputs.friction_heat[0];
         impulses[i] += dt * rig.outputs.shear_stress[0];
         LoopErrors& errors = answers[i].errors.back();
@@ -128,7 +143,10 @@ inline std::vector<LoopAnswers> run_force_loops(const ModelOptions& scene, unsig
         errors.heat = std::max(errors.heat, std::abs(heats[i] - heat) / heat_scale);
       }
     }
-    for (std::size_t i = 0; i < asked.size(); ++i) answers[i].work += works[i * kLanes] / (steps * seeds);
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      answers[i].work += works[i * kLanes] / (steps * seeds.number);
+      answers[i].undivided += undivided_works[i * kLanes] / (steps * seeds.number);
+    }
   }
   return answers;
 }

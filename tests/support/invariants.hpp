@@ -13,6 +13,7 @@
 #include "tests/support/invariants/flow_stress.hpp"
 #include "tests/support/invariants/flowing_slip.hpp"
 #include "tests/support/invariants/heat_balance.hpp"
+#include "tests/support/invariants/heat_in_place.hpp"
 #include "tests/support/invariants/heat_of_work.hpp"
 #include "tests/support/invariants/interface_law.hpp"
 #include "tests/support/invariants/layer_slip.hpp"
@@ -37,7 +38,10 @@ inline void require_sound(const Rig& rig, const Answered& a, int lane, Figures& 
     if (std::isfinite(left))
       require_heat_balance(before, after, a.heat - left, figures, conducts_by_temperature(options) ? 1e-4 : 0.0);
   }
-  require_heat_of_work(options, rig.conducted_share(), a);
+  if (options.inertia && options.taylor_quinney_factor)
+    require_heat_in_place(rig, a, lane);
+  else
+    require_heat_of_work(options, rig.conducted_share(), a);
 }
 
 // Checks all invariants for one lane of the rig's last step.
@@ -51,7 +55,10 @@ inline void require_invariants(const Rig& rig, int lane, double dt, Figures& fig
     if (!options.inertia) require_slip_balance(rig, a, lane);
   } else {
     require_interface_law(options, a, figures);
-    if (options.plastic_layer) require_flowing_slip(rig, a, lane, figures);
+    if (options.inertia)
+      require_complementary_flow(rig, a, lane, 0.0, figures);
+    else if (options.plastic_layer)
+      require_flowing_slip(rig, a, lane, figures);
     if (options.melt_film) require_film(rig, a, lane, interface_limits(options, a, a.size()).lower, figures);
   }
   ++figures.node_steps;

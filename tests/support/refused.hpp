@@ -1,19 +1,37 @@
-// How a call of a client ends.
+// How a call ends that may be refused.
 #pragma once
+
+#include <string>
 
 #include "proto/wire/status.hpp"
 
 namespace shearbus::support {
 
-// The code that a call is refused with; kOk if it is not.
+// The status that a call is refused with; its code is kOk if it is not.
 template <class Call>
-wire::Code code_of(const Call& call) {
+wire::Status fault_of(const Call& call) {
   try {
     call();
   } catch (const wire::Error& fault) {
-    return fault.status().code;
+    return fault.status();
   }
-  return wire::Code::kOk;
+  return {};
+}
+
+template <class Call>
+wire::Code code_of(const Call& call) {
+  return fault_of(call).code;
+}
+
+// What a call says that throws `Fault`; nothing if it does not throw.
+template <class Fault, class Call>
+std::string said_by(const Call& call) {
+  try {
+    call();
+  } catch (const Fault& fault) {
+    return fault.what();
+  }
+  return {};
 }
 
 }  // namespace shearbus::support

@@ -1,6 +1,7 @@
 // Small scenes, velocity-driven and force-driven, and input columns of steps that differ from node to node.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
@@ -74,6 +75,16 @@ inline double input_of(wire::Field field, std::uint64_t id, int step) {
     default:
       return 0.0;
   }
+}
+
+inline wire::Batch id_column(std::span<const std::uint64_t> ids) {
+  wire::Batch batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, ids.size());
+  std::ranges::copy(ids, batch.u64(wire::Field::kNodeId).begin());
+  return batch;
+}
+
+inline wire::Batch id_column(std::initializer_list<std::uint64_t> ids) {
+  return id_column(std::span(ids));
 }
 
 // Returns the input columns of a step, with one row for each of `ids` in their order. `with_ids` adds the node_id

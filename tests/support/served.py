@@ -1,6 +1,10 @@
-"""What tests of programs share: their options, a scratch directory, and servers that end with the test."""
+"""What tests of programs share: their options, a scratch directory, scenes, and programs and servers that end with the test."""
 import argparse
+import json
+import os
 import pathlib
+import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -9,38 +13,79 @@ import unittest
 
 PATIENCE_S = 30.0  # far more than a start takes on a machine that others use
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(SOURCE / "client/python"))
+EXAMPLES, PROBLEMS = SOURCE / "client/examples", SOURCE / "hydro_stub/problems"
+OPTIONS = argparse.Namespace()  # of the command line
+PYTHON = str(SOURCE / "client/python")
+sys.path.insert(0, PYTHON)
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (PYTHON, os.environ.get("PYTHONPATH"))))  # of the hosts that tests start
+sys.dont_write_bytecode = True
 
 
 def options(*names, parser=None):
-    """Returns the options --NAME, each of which must be given, and the rest of the command line."""
+    """Reads the options --NAME, each of which must be given. Returns OPTIONS and the rest of the command line."""
     parser = parser or argparse.ArgumentParser()
     for name in names:
         parser.add_argument(f"--{name}", required=True)
-    return parser.parse_known_args()
+    return parser.parse_known_args(namespace=OPTIONS)
+
+
+def main(*names, parser=None):
+    """Runs the tests of the calling program, which has these options."""
+    unittest.main(argv=[sys.argv[0], *options(*names, parser=parser)[1]])
+
+
+def toml(tables, path=""):
+    """Returns nested dicts as TOML: values first, then tables."""
+    values = "".join(f"{key} = {json.dumps(value)}\n" for key, value in tables.items() if not isinstance(value, dict))
+    return values + "".join(f"[{path}{key}]\n{toml(value, f'{path}{key}.')}" for key, value in tables.items() if isinstance(value, dict))
+
+
+def scene(strategy, name="test", soft="aluminium_dlp", hard="steel_dlp", **tables):
+    """Returns the TOML of a scene with these metals and further tables, or values, as nested dicts."""
+    return toml({"name": name, "strategy": strategy, "soft": {"material": soft}, "hard": {"material": hard}, **tables})
+
+
+def edited(file, path, **values):
+    """Writes the scene of a file with other values of some keys, each of which stands in one place. Returns the path."""
+    text = pathlib.Path(file).read_text(encoding="utf8")
+    for key, value in values.items():
+        text, found = re.subn(rf"(?m)^{key} = \S+", lambda _: f"{key} = {value}", text)
+        assert found == 1, f"{file}: {key} stands in {found} places"
+    path.write_text(text, encoding="utf8")
+    return path
+
+
+def end(process):
+    process.kill()
+    process.wait()
+    for stream in (process.stdin, process.stdout, process.stderr):
+        if stream:
+            stream.close()
+
+
+def program(test, *command, **more):
+    """Starts a program that ends with the test."""
+    process = subprocess.Popen([str(word) for word in command], **{"text": True, **more})
+    test.addCleanup(end, process)
+    return process
 
 
 def start(test, log, *command, **more):
     """Starts a server that ends with the test. Its process gets the member `text`, a function that returns its log."""
     with open(log, "w", encoding="utf8") as out:
-        server = subprocess.Popen([str(word) for word in command], stdout=out, stderr=out, **more)
+        server = program(test, *command, stdout=out, stderr=out, **more)
     server.text = lambda: log.read_text(encoding="utf8")
-
-    def end():
-        if server.poll() is None:
-            server.kill()
-        server.wait()
-    test.addCleanup(end)
     return server
 
 
-def until(test, holds, server, patience=PATIENCE_S):
-    """Waits until holds(), while the server runs."""
-    end = time.monotonic() + patience
+def until(test, holds, process=None, patience=PATIENCE_S):
+    """Waits until holds(), while the process runs, if one is given."""
+    latest = time.monotonic() + patience
+    text = getattr(process, "text", lambda: "what was waited for has not come")
     while not holds():
-        test.assertIsNone(server.poll(), server.text())
-        test.assertLess(time.monotonic(), end, server.text())
-        time.sleep(0.01)
+        test.assertIsNone(process and process.poll(), text())
+        test.assertLess(time.monotonic(), latest, text())
+        time.sleep(0.005)
 
 
 def serve(test, log, *command, ready="listening on", **more):
@@ -48,6 +93,34 @@ def serve(test, log, *command, ready="listening on", **more):
     server = start(test, log, *command, **more)
     until(test, lambda: ready in server.text(), server)
     return server
+
+
+class Server:
+    """A server on a socket of its own, which can be killed and started again, and ends with the test."""
+
+    def __init__(self, test, path, *options, name="bus", durable=True):
+        self.test, self.socket = test, path / name
+        self.endpoint = f"ipc://{self.socket}"
+        self.command = [OPTIONS.server, "--bind", self.endpoint, "--threads", "1", "--log-level", "error", *options]
+        if durable:
+            self.command += ["--state-dir", path / f"{name}-states"]
+        self.start()
+
+    def start(self):
+        self.socket.unlink(missing_ok=True)
+        self.process = program(self.test, *self.command)
+        until(self.test, self.socket.exists, self.process)
+
+    def end(self, how=signal.SIGKILL):
+        self.process.send_signal(how)
+        return self.process.wait(timeout=PATIENCE_S)
+
+    def stop(self):
+        """Lets nothing run until go()."""
+        self.process.send_signal(signal.SIGSTOP)
+
+    def go(self):
+        self.process.send_signal(signal.SIGCONT)
 
 
 class Served(unittest.TestCase):
@@ -64,3 +137,17 @@ class Served(unittest.TestCase):
         """Returns the name of a new log."""
         self.starts += 1
         return self.path / f"log{self.starts}"
+
+    def run_program(self, *command, code=0, **more):
+        """Runs a program to its end, which must have this exit code. Returns it, with its `stdout` and `stderr`."""
+        more = {"capture_output": True, "text": True, "timeout": 300, **more}
+        done = subprocess.run([str(word) for word in command], check=False, **more)
+        self.assertEqual(done.returncode, code, f"{command}: {done.stdout}{done.stderr}")
+        return done
+
+    def refused(self, *command, said, code=1, **more):
+        """Runs a program that must end with this code, and say this in its errors. Returns them."""
+        errors = self.run_program(*command, code=code, **more).stderr
+        for text in [said] if isinstance(said, str) else said:
+            self.assertIn(text, errors)
+        return errors

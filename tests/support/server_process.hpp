@@ -85,12 +85,12 @@ class ServerProcess {
     arguments.insert(arguments.begin(), launcher.begin(), launcher.end());
     process_.emplace(std::move(arguments), log_.string());
   }
-  // Returns true once the server listens on all its endpoints, or false if it does not within `time`.
-  bool ready(std::chrono::milliseconds time = std::chrono::seconds(20)) const {
+  // Returns true once the server listens on all its endpoints, or false if it ends before or does not within `time`.
+  bool ready(std::chrono::milliseconds time = std::chrono::seconds(20)) {
     const auto end = std::chrono::steady_clock::now() + time;
-    while (std::chrono::steady_clock::now() < end) {
+    while (std::chrono::steady_clock::now() < end && !process_->exit_code(std::chrono::milliseconds(0))) {
       if (listening() >= endpoints_) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     return false;
   }

@@ -24,6 +24,17 @@ struct Answer {
   wire::Code code() const { return reply.status.code; }
 };
 
+inline Answer decoded(service::ReplyFrames frames, bool in_process = false) {
+  Answer answer{.frames = std::move(frames), .reply = {}};
+  const std::span<const std::byte> views[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
+  const auto sent = std::span(views, answer.frames.has_payload ? 2 : 1);
+  if (in_process)
+    wire::decode_trusted(sent, answer.reply);
+  else
+    wire::decode(sent, answer.reply);
+  return answer;
+}
+
 struct ServiceHarness {
   explicit ServiceHarness(unsigned threads = 1, service::ServiceOptions options = {})
       : pool(threads), service(complete(std::move(options)), pool) {}
@@ -31,14 +42,7 @@ struct ServiceHarness {
   Answer ask_bytes(service::Frames frames, const service::Caller& caller = {}) {
     auto answered = service.handle(frames, caller);
     if (!answered) throw std::runtime_error("the service did not answer");
-    Answer answer{.frames = std::move(*answered), .reply = {}};
-    const std::span<const std::byte> views[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
-    const auto frames_of_answer = std::span(views, answer.frames.has_payload ? 2 : 1);
-    if (caller.in_process)
-      wire::decode_trusted(frames_of_answer, answer.reply);
-    else
-      wire::decode(frames_of_answer, answer.reply);
-    return answer;
+    return decoded(std::move(*answered), caller.in_process);
   }
 
   Answer ask(const wire::Request& request, const service::Caller& caller = {}) {
@@ -61,10 +65,18 @@ struct ServiceHarness {
   static wire::Request opening(std::string scene, std::span<const std::uint64_t> nodes, std::uint8_t session = 1) {
     wire::Request request;
     request.request_id = 1;
-    request.body = wire::OpenSession{.scene = std::move(scene), .session_id = id(session)};
-    request.batch = wire::Batch::of(std::vector{wire::Field::kNodeId}, nodes.size());
-    std::copy(nodes.begin(), nodes.end(), request.batch.u64(wire::Field::kNodeId).begin());
+    wire::OpenSession body{.scene = std::move(scene), .session_id = id(session)};
+    body.resume_token.fill(9);
+    request.body = std::move(body);
+    request.batch = id_column(nodes);
     return request;
+  }
+
+  // Resumes a session that was opened by opening().
+  static wire::Request resuming(std::uint8_t session = 1, std::uint64_t claim = 0, std::uint64_t claimant = 0) {
+    wire::ResumeSession body{.claim = claim, .claimant = claimant};
+    body.resume_token.fill(9);
+    return in_session(std::move(body), 0, session);
   }
 
   template <typename Body>
@@ -74,6 +86,14 @@ struct ServiceHarness {
     request.session_id = id(session);
     request.sequence = sequence;
     request.body = std::move(body);
+    return request;
+  }
+
+  template <typename Body>
+  static wire::Request of_nodes(Body body, std::span<const std::uint64_t> nodes, std::uint64_t sequence,
+                                std::uint8_t session = 1) {
+    wire::Request request = in_session(std::move(body), sequence, session);
+    request.batch = id_column(nodes);
     return request;
   }
 
@@ -113,3 +133,14 @@ struct ServiceHarness {
 };
 
 }  // namespace shearbus::support
+
+// The words of requests, for tests of the service.
+namespace shearbus::service {
+using support::Answer;
+using support::ServiceHarness;
+using wire::Code;
+using wire::Field;
+using wire::Mode;
+using wire::Policy;
+using wire::Strategy;
+}  // namespace shearbus::service

@@ -72,6 +72,13 @@ struct Server {
     store.append({.sequence = value, .header_frame = frame});
     counter.seen.push_back(value);
   }
+  // Runs the requests that follow up to `last`, with a checkpoint after every `each` of them; 0: none.
+  void run_to(std::uint64_t last, std::uint64_t each = 0) {
+    for (std::uint64_t i = counter.seen.size() + 1; i <= last; ++i) {
+      run(i);
+      EXPECT_TRUE(each == 0 || i % each != 0 || checkpoint());
+    }
+  }
   bool checkpoint() { return write_checkpoint(store, counter.snapshot()); }
 
   std::string log;

@@ -14,23 +14,15 @@
 #include "client/src/shards.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace shearbus {
 namespace {
 
+using support::fault_of;
 using wire::Strategy;
-
-template <typename Call>
-wire::Status fault_of(const Call& call) {
-  try {
-    call();
-  } catch (const Error& fault) {
-    return fault.status();
-  }
-  return {.code = Code::kOk};
-}
 
 TEST(Shards, AListHasACommaBetweenTwoEndpoints) {
   using Endpoints = std::vector<std::string>;

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "tests/support/random_physics.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::testing {
 namespace {
@@ -60,10 +61,7 @@ TEST_P(PhysicsLedger, HeatReleasedIsHeatStored) {
     }
   }
 }
-INSTANTIATE_TEST_SUITE_P(, PhysicsLedger, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& test) {
-                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(, PhysicsLedger, support::both<Strategy>(), support::name_of_strategy);
 
 // Absolute tolerance of the energies [J/m2]. The stress of a molten interface is almost 0 and has no accurate digit.
 constexpr double kNothing = 1e-200;

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <functional>
 #include <limits>
-#include <numeric>
+#include <map>
 
 #include "proto/files/recording.hpp"
 #include "proto/wire/limits.hpp"
@@ -71,13 +71,23 @@ class RawFile {
   hid_t id_;
 };
 
-// The parts of a valid history file of three steps and two nodes. Each test replaces one part.
-struct Parts {
-  std::function<void(RawFile&)> time = [](RawFile& f) { f.put("time", {3}, {1e-9, 2e-9, 3e-9}); };
-  std::function<void(RawFile&)> node_id = [](RawFile& f) { f.put("node_id", {2}, {7, 8}, H5T_NATIVE_INT64); };
-  std::function<void(RawFile&)> pressure = [](RawFile& f) { f.put("pressure", {3, 2}, {1, 2, 3, 4, 5, 6}); };
-  std::function<void(RawFile&)> mass = [](RawFile& f) { f.put("mass_soft", {2}, {1, 2}); };
-};
+// The datasets of a valid history file of three steps and two nodes. Each test replaces some of them.
+using Part = std::function<void(RawFile&)>;
+const std::map<std::string, Part> kWhole = {{"time",
+                                             [](RawFile& f) {
+                                               f.put("time", {3}, {1e-9, 2e-9, 3e-9});
+                                             }},
+                                            {"node_id",
+                                             [](RawFile& f) {
+                                               f.put("node_id", {2}, {7, 8}, H5T_NATIVE_INT64);
+                                             }},
+                                            {"pressure",
+                                             [](RawFile& f) {
+                                               f.put("pressure", {3, 2}, {1, 2, 3, 4, 5, 6});
+                                             }},
+                                            {"mass_soft", [](RawFile& f) {
+                                               f.put("mass_soft", {2}, {1, 2});
+                                             }}};
 
 std::string error_of_reading(const fs::path& path) {
   try {
@@ -95,170 +105,116 @@ std::string error_of_reading(const fs::path& path) {
   return "no error";
 }
 
-std::string error_of(const Parts& parts) {
+std::string error_of(std::map<std::string, Part> parts) {
   const Scratch scratch;
+  parts.insert(kWhole.begin(), kWhole.end());  // where the test gives none
   {
     RawFile file(scratch / "history.h5");
-    for (const auto* part : {&parts.time, &parts.node_id, &parts.pressure, &parts.mass}) (*part)(file);
+    for (const char* name : {"time", "node_id", "pressure", "mass_soft"}) parts[name](file);
   }
   return error_of_reading(scratch / "history.h5");
 }
-
-void nothing(RawFile&) {}
+// Replaces one dataset by another of this shape, with these values.
+std::string error_with(const char* name, std::vector<hsize_t> shape, std::vector<double> values,
+                       hid_t type = H5T_NATIVE_DOUBLE) {
+  return error_of({{name, [&](RawFile& f) { f.put(name, shape, values, type); }}});
+}
 
 TEST(RecordingDamage, WholeFileIsRead) {
-  EXPECT_EQ(error_of(Parts{}), "no error");
+  EXPECT_EQ(error_of({}), "no error");
 }
 
 TEST(RecordingDamage, AnyNumericTypeIsConverted) {
   for (const hid_t type : {H5T_IEEE_F32BE, H5T_STD_I16BE, H5T_STD_U8LE, H5T_IEEE_F64BE, H5T_NATIVE_LDOUBLE}) {
-    Parts parts;
-    parts.time = [type](RawFile& f) { f.put("time", {3}, {1, 2, 3}, type); };
-    parts.pressure = [type](RawFile& f) { f.put("pressure", {3, 2}, {1, 2, 3, 4, 5, 6}, type); };
-    parts.node_id = [](RawFile& f) { f.put("node_id", {2}, {7, 200}, H5T_STD_U8LE); };
+    const std::map<std::string, Part> parts = {{"time",
+                                                [type](RawFile& f) {
+                                                  f.put("time", {3}, {1, 2, 3}, type);
+                                                }},
+                                               {"pressure",
+                                                [type](RawFile& f) {
+                                                  f.put("pressure", {3, 2}, {1, 2, 3, 4, 5, 6}, type);
+                                                }},
+                                               {"node_id", [](RawFile& f) {
+                                                  f.put("node_id", {2}, {7, 200}, H5T_STD_U8LE);
+                                                }}};
     EXPECT_EQ(error_of(parts), "no error");
   }
 }
 
 TEST(RecordingDamage, MissingDatasetIsNamed) {
-  EXPECT_THAT(error_of({.time = nothing}), HasSubstr("has no dataset /time"));
-  EXPECT_THAT(error_of({.node_id = nothing}), HasSubstr("has no dataset /node_id"));
-  EXPECT_THAT(error_of({.pressure = nothing}), HasSubstr("has no dataset /pressure"));
-  EXPECT_THAT(error_of({.mass = nothing}), HasSubstr("has no dataset /mass_soft"));
+  for (const auto& [name, part] : kWhole)
+    EXPECT_THAT(error_of({{name, [](RawFile&) {}}}), HasSubstr("has no dataset /" + name));
 }
 
 TEST(RecordingDamage, GroupInPlaceOfDatasetIsRefused) {
-  EXPECT_THAT(error_of({.time = [](RawFile& f) { f.put_group("time"); }}), HasSubstr("/time is not a dataset"));
-  EXPECT_THAT(error_of({.pressure = [](RawFile& f) { f.put_group("pressure"); }}),
-              HasSubstr("/pressure is not a dataset"));
+  for (const char* name : {"time", "pressure"})
+    EXPECT_THAT(error_of({{name, [&](RawFile& f) { f.put_group(name); }}}),
+                HasSubstr("/" + std::string(name) + " is not a dataset"));
 }
 
 TEST(RecordingDamage, WrongShapeIsToldWithTheRightOne) {
-  EXPECT_THAT(error_of({.time =
-                            [](RawFile& f) {
-                              f.put("time", {3, 1}, {1, 2, 3});
-                            }}),
-              HasSubstr("/time has shape [3, 1]; expected one dimension, [T]"));
-  EXPECT_THAT(error_of({.time = [](RawFile& f) { f.put("time", {}, {1}); }}), HasSubstr("/time has shape []"));
-  EXPECT_THAT(error_of({.node_id =
-                            [](RawFile& f) {
-                              f.put("node_id", {1, 2}, {7, 8}, H5T_NATIVE_INT);
-                            }}),
-              HasSubstr("expected one dimension, [N]"));
-  EXPECT_THAT(error_of({.pressure =
-                            [](RawFile& f) {
-                              f.put("pressure", {2, 3}, {1, 2, 3, 4, 5, 6});
-                            }}),
+  EXPECT_THAT(error_with("time", {3, 1}, {1, 2, 3}), HasSubstr("/time has shape [3, 1]; expected one dimension, [T]"));
+  EXPECT_THAT(error_with("time", {}, {1}), HasSubstr("/time has shape []"));
+  EXPECT_THAT(error_with("node_id", {1, 2}, {7, 8}, H5T_NATIVE_INT), HasSubstr("expected one dimension, [N]"));
+  EXPECT_THAT(error_with("pressure", {2, 3}, {1, 2, 3, 4, 5, 6}),
               HasSubstr("/pressure has shape [2, 3]; expected [T, N] = [3, 2]"));
-  EXPECT_THAT(error_of({.pressure =
-                            [](RawFile& f) {
-                              f.put("pressure", {3}, {1, 2, 3});
-                            }}),
-              HasSubstr("has shape [3]; expected [T, N]"));
-  EXPECT_THAT(error_of({.pressure =
-                            [](RawFile& f) {
-                              f.put("pressure", {2, 2}, {1, 2, 3, 4});
-                            }}),
-              HasSubstr("has shape [2, 2]"));
-  EXPECT_THAT(error_of({.mass =
-                            [](RawFile& f) {
-                              f.put("mass_soft", {3}, {1, 2, 3});
-                            }}),
-              HasSubstr("/mass_soft has shape [3]; expected [N] = [2]"));
+  EXPECT_THAT(error_with("pressure", {3}, {1, 2, 3}), HasSubstr("has shape [3]; expected [T, N]"));
+  EXPECT_THAT(error_with("pressure", {2, 2}, {1, 2, 3, 4}), HasSubstr("has shape [2, 2]"));
+  EXPECT_THAT(error_with("mass_soft", {3}, {1, 2, 3}), HasSubstr("/mass_soft has shape [3]; expected [N] = [2]"));
 }
 
 TEST(RecordingDamage, WrongTypeIsRefused) {
-  EXPECT_THAT(error_of({.time = [](RawFile& f) { f.put_text("time", 3); }}),
+  EXPECT_THAT(error_of({{"time", [](RawFile& f) { f.put_text("time", 3); }}}),
               HasSubstr("/time holds text values; expected numbers"));
-  EXPECT_THAT(error_of({.node_id =
-                            [](RawFile& f) {
-                              f.put("node_id", {2}, {7, 8});
-                            }}),
-              HasSubstr("/node_id holds float values; expected integers"));
-  EXPECT_THAT(error_of({.mass = [](RawFile& f) { f.put_text("mass_soft", 2); }}), HasSubstr("/mass_soft holds text"));
+  EXPECT_THAT(error_of({{"mass_soft", [](RawFile& f) { f.put_text("mass_soft", 2); }}}),
+              HasSubstr("/mass_soft holds text"));
+  EXPECT_THAT(error_with("node_id", {2}, {7, 8}), HasSubstr("/node_id holds float values; expected integers"));
 }
 
 TEST(RecordingDamage, NotFiniteIsNamedByPlace) {
-  EXPECT_THAT(error_of({.pressure =
-                            [](RawFile& f) {
-                              f.put("pressure", {3, 2}, {1, 2, 3, kNan, 5, 6});
-                            }}),
+  EXPECT_THAT(error_with("pressure", {3, 2}, {1, 2, 3, kNan, 5, 6}),
               AllOf(HasSubstr("/pressure[1, 1]"), HasSubstr("node 8"), HasSubstr("nan")));
-  EXPECT_THAT(error_of({.pressure =
-                            [](RawFile& f) {
-                              f.put("pressure", {3, 2}, {1, 2, 3, 4, -kInf, 6});
-                            }}),
+  EXPECT_THAT(error_with("pressure", {3, 2}, {1, 2, 3, 4, -kInf, 6}),
               AllOf(HasSubstr("/pressure[2, 0]"), HasSubstr("node 7"), HasSubstr("-inf")));
-  EXPECT_THAT(error_of({.mass =
-                            [](RawFile& f) {
-                              f.put("mass_soft", {2}, {1, kInf});
-                            }}),
-              HasSubstr("/mass_soft[1] (node 8) is inf"));
-  EXPECT_THAT(error_of({.time = [](RawFile& f) { f.put("time", {3}, {1, kNan, 3}); }}), HasSubstr("/time[1] is nan"));
+  EXPECT_THAT(error_with("mass_soft", {2}, {1, kInf}), HasSubstr("/mass_soft[1] (node 8) is inf"));
+  EXPECT_THAT(error_with("time", {3}, {1, kNan, 3}), HasSubstr("/time[1] is nan"));
 }
 
 TEST(RecordingDamage, TimesMustIncreaseFromTheStart) {
-  EXPECT_THAT(error_of({.time =
-                            [](RawFile& f) {
-                              f.put("time", {3}, {1, 3, 3});
-                            }}),
-              HasSubstr("/time[2] is 3 s, not after [1] = 3 s"));
-  EXPECT_THAT(error_of({.time =
-                            [](RawFile& f) {
-                              f.put("time", {3}, {0, 1, 2});
-                            }}),
-              HasSubstr("/time[0] is 0 s, not after the start 0 s"));
-  EXPECT_EQ(error_of({.time = [](RawFile& f) { f.put("time", {3}, {0, 1, 2}), f.put_start_time(-1); }}), "no error");
-  EXPECT_THAT(error_of({.time =
-                            [](RawFile& f) {
-                              f.put("time", {3}, {1, 2, 3}), f.put_start_time(1);
-                            }}),
-              HasSubstr("not after the start 1 s"));
-  EXPECT_THAT(error_of({.time =
-                            [](RawFile& f) {
-                              f.put("time", {3}, {1, 2, 3}), f.put_start_time(kNan);
-                            }}),
-              HasSubstr("t0 = nan"));
+  const auto from = [](double t0, std::vector<double> time) {
+    return error_of({{"time", [&](RawFile& f) { f.put("time", {3}, time), f.put_start_time(t0); }}});
+  };
+  EXPECT_THAT(error_with("time", {3}, {1, 3, 3}), HasSubstr("/time[2] is 3 s, not after [1] = 3 s"));
+  EXPECT_THAT(error_with("time", {3}, {0, 1, 2}), HasSubstr("/time[0] is 0 s, not after the start 0 s"));
+  EXPECT_EQ(from(-1, {0, 1, 2}), "no error");
+  EXPECT_THAT(from(1, {1, 2, 3}), HasSubstr("not after the start 1 s"));
+  EXPECT_THAT(from(kNan, {1, 2, 3}), HasSubstr("t0 = nan"));
 }
 
 TEST(RecordingDamage, StepLengthsMustAgreeWithTimes) {
   const auto with_dt = [](const std::vector<double>& dt) {
-    return Parts{.time = [dt](RawFile& f) {
-      f.put("time", {3}, {1, 2, 3});
-      f.put("dt", {dt.size()}, dt);
-    }};
+    return error_of({{"time", [&](RawFile& f) { f.put("time", {3}, {1, 2, 3}), f.put("dt", {dt.size()}, dt); }}});
   };
-  EXPECT_EQ(error_of(with_dt({1, 1, 1})), "no error");
-  EXPECT_THAT(error_of(with_dt({1, 1})), HasSubstr("/dt has 2 values, /time 3"));
-  EXPECT_THAT(error_of(with_dt({1, 1.1, 1})), HasSubstr("/dt[1] is 1.1 s; the step from 1 to 2 s takes 1 s"));
-  EXPECT_THAT(error_of(with_dt({1, kNan, 1})), HasSubstr("/dt[1] is nan"));
+  EXPECT_EQ(with_dt({1, 1, 1}), "no error");
+  EXPECT_THAT(with_dt({1, 1}), HasSubstr("/dt has 2 values, /time 3"));
+  EXPECT_THAT(with_dt({1, 1.1, 1}), HasSubstr("/dt[1] is 1.1 s; the step from 1 to 2 s takes 1 s"));
+  EXPECT_THAT(with_dt({1, kNan, 1}), HasSubstr("/dt[1] is nan"));
 }
 
 TEST(RecordingDamage, NoStepsOrNoNodesIsRefused) {
-  EXPECT_THAT(error_of({.time = [](RawFile& f) { f.put("time", {0}, {}); }}), HasSubstr("/time has no values"));
-  EXPECT_THAT(error_of({.node_id = [](RawFile& f) { f.put("node_id", {0}, {}, H5T_NATIVE_INT); }}),
-              HasSubstr("/node_id has no values"));
+  EXPECT_THAT(error_with("time", {0}, {}), HasSubstr("/time has no values"));
+  EXPECT_THAT(error_with("node_id", {0}, {}, H5T_NATIVE_INT), HasSubstr("/node_id has no values"));
 }
 
 TEST(RecordingDamage, NodeIdsAreUniqueAndNotNegative) {
-  EXPECT_THAT(error_of({.node_id =
-                            [](RawFile& f) {
-                              f.put("node_id", {2}, {7, -8}, H5T_NATIVE_INT);
-                            }}),
-              HasSubstr("/node_id[1] is -8"));
-  EXPECT_THAT(error_of({.node_id =
-                            [](RawFile& f) {
-                              f.put("node_id", {2}, {7, 7}, H5T_NATIVE_INT);
-                            }}),
-              HasSubstr("/node_id[1] repeats node 7 of [0]"));
+  EXPECT_THAT(error_with("node_id", {2}, {7, -8}, H5T_NATIVE_INT), HasSubstr("/node_id[1] is -8"));
+  EXPECT_THAT(error_with("node_id", {2}, {7, 7}, H5T_NATIVE_INT), HasSubstr("/node_id[1] repeats node 7 of [0]"));
 }
 
 // A file may state a huge size without storing the data: the reader must check the size before it allocates memory.
 TEST(RecordingDamage, AbsurdSizesAreRefusedBeforeTheyAreAllocated) {
   const hsize_t huge = 1'000'000'000'000'000;
-  EXPECT_THAT(
-      error_of({.node_id = [](RawFile& f) { f.put("node_id", {wire::kMaxNodesPerSession + 1}, {}, H5T_NATIVE_INT); }}),
-      HasSubstr("at most 200000"));
+  EXPECT_THAT(error_with("node_id", {wire::kMaxNodesPerSession + 1}, {}, H5T_NATIVE_INT), HasSubstr("at most 200000"));
   const Scratch scratch;
   {
     const hid_t file = H5Fcreate((scratch / "h.h5").c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);

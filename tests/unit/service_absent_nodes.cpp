@@ -5,14 +5,10 @@
 #include <vector>
 
 #include "tests/support/service_harness.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::service {
 namespace {
-
-using support::Answer;
-using support::ServiceHarness;
-using wire::Field;
-using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(27);
 
@@ -62,10 +58,7 @@ class AbsentNodes : public testing::TestWithParam<Strategy> {
     return answer.payload();
   }
 };
-INSTANTIATE_TEST_SUITE_P(Strategies, AbsentNodes, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, AbsentNodes, support::both<Strategy>(), support::name_of_strategy);
 
 TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
   for (const unsigned threads : {1U, 4U})
@@ -76,11 +69,8 @@ TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
       // Two nodes retire, so that the slot of a node in the shard differs from its row in a request.
       std::vector<std::uint64_t> nodes = kNodes;
       for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
-        wire::Request retire = ServiceHarness::in_session(wire::RetireNodes{}, 1, session);
-        retire.batch = wire::Batch::of(std::vector{Field::kNodeId}, 2);
-        retire.batch.u64(Field::kNodeId)[0] = kNodes[1];
-        retire.batch.u64(Field::kNodeId)[1] = kNodes[4];
-        ASSERT_TRUE(harness.ask(retire).reply.status.ok());
+        const std::vector<std::uint64_t> retiring = {kNodes[1], kNodes[4]};
+        ASSERT_TRUE(harness.ask(ServiceHarness::of_nodes(wire::RetireNodes{}, retiring, 1, session)).reply.status.ok());
       }
       nodes.erase(nodes.begin() + 4);
       nodes.erase(nodes.begin() + 1);

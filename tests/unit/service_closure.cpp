@@ -15,15 +15,10 @@
 namespace shearbus::service {
 namespace {
 
-using support::Answer;
-using support::ServiceHarness;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
-using wire::Code;
-using wire::Field;
-using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(11);
 constexpr double kDt = 1e-9;
@@ -155,10 +150,8 @@ TEST(Closure, MovesWithItsNodeAndNeedsTheSameCheckOnBothSides) {
   ASSERT_TRUE(harness.ask(opening(scene_of(1), false, 3, none, "run")).reply.status.ok());
   Host host{.nodes = four};
   host.apply(harness.ask(step_of(1, host.request(1))));
-  wire::Request offer = ServiceHarness::in_session(wire::OfferNodes{.transfer_id = ServiceHarness::id(9)}, 2);
-  offer.batch = wire::Batch::of(std::array{Field::kNodeId}, 1);
-  offer.batch.u64(Field::kNodeId)[0] = four[2];
-  ASSERT_TRUE(harness.ask(offer).reply.status.ok());
+  const wire::OfferNodes offer{.transfer_id = ServiceHarness::id(9)};
+  ASSERT_TRUE(harness.ask(ServiceHarness::of_nodes(offer, std::span(four).subspan(2, 1), 2)).reply.status.ok());
   const auto accept = [&](std::uint8_t session) {
     return harness.ask(ServiceHarness::in_session(wire::AcceptNodes{.transfer_id = ServiceHarness::id(9)}, 1, session));
   };

@@ -9,17 +9,13 @@
 
 #include "proto/wire/status.hpp"
 #include "server/service/scene_model.hpp"
-#include "tests/support/scenes.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus::service {
 namespace {
 
 using ::testing::HasSubstr;
-using support::Answer;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Field;
 
 const std::vector<std::uint64_t> kNodes = {1, 2, 3};
 
@@ -32,12 +28,7 @@ v1::Scene melting_scene() {
 }
 
 wire::Status refusal_of(const v1::Scene& scene) {
-  try {
-    scene_model(scene);
-  } catch (const wire::Error& error) {
-    return error.status();
-  }
-  return {};
+  return support::fault_of([&] { scene_model(scene); });
 }
 
 TEST(MeltFilmScene, HasItsConstantsAndKeepsThem) {

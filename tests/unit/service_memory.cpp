@@ -7,7 +7,6 @@
 #include <fstream>
 
 #include "server/service/scene_model.hpp"
-#include "tests/support/scenes.hpp"
 #include "tests/support/service_harness.hpp"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -18,9 +17,6 @@ constexpr bool kHasItsOwnMemory = false;
 
 namespace shearbus::service {
 namespace {
-
-using support::ServiceHarness;
-using wire::Code;
 
 constexpr std::size_t kNodes = 100'000;
 constexpr double kFactor = 1.10;

@@ -7,15 +7,10 @@
 
 #include "tests/support/service_harness.hpp"
 
-namespace shearbus {
+namespace shearbus::service {
 namespace {
 
-using support::Answer;
-using support::ServiceHarness;
 using ::testing::HasSubstr;
-using wire::Code;
-using wire::Field;
-using wire::Strategy;
 
 const service::Caller kOperator{.identity = "uid 7", .is_operator = true};
 const service::Caller kOther{.identity = "key other"};
@@ -232,4 +227,4 @@ TEST(Operations, ACheckpointNeedsAStateDirectory) {
 }
 
 }  // namespace
-}  // namespace shearbus
+}  // namespace shearbus::service

@@ -1,17 +1,10 @@
 // Ownership of nodes: the sessions of a domain register nodes, retire them and hand them over to each other.
 #include <gtest/gtest.h>
 
-#include "tests/support/scenes.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus::service {
 namespace {
-
-using support::ServiceHarness;
-using wire::Code;
-using wire::Field;
-using wire::Mode;
-using wire::Strategy;
 
 using Ids = std::vector<std::uint64_t>;
 

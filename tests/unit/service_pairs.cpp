@@ -12,19 +12,13 @@
 
 #include "proto/scene/scene.hpp"
 #include "server/service/scene_model.hpp"
-#include "tests/support/scenes.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus::service {
 namespace {
 
-using support::Answer;
-using support::ServiceHarness;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using wire::Code;
-using wire::Field;
-using wire::Strategy;
 using Ids = std::vector<std::uint64_t>;
 
 constexpr const char* kYield = "soft.yield_strength_pa";
@@ -58,13 +52,6 @@ wire::Batch new_nodes(const Ids& ids, const std::vector<Kind>& kinds, bool with_
     batch.u64(Field::kPair)[i] = kinds[i].first;
     if (with_parameter) batch.f64(Field::kParameter)[i] = kinds[i].second;
   }
-  return batch;
-}
-
-wire::Batch named(const Ids& ids) {
-  constexpr std::array kColumns = {Field::kNodeId};
-  wire::Batch batch = wire::Batch::of(kColumns, ids.size());
-  std::ranges::copy(ids, batch.u64(Field::kNodeId).begin());
   return batch;
 }
 
@@ -102,18 +89,18 @@ class Twins {
       kind_of_[ids[i]] = kinds[i];
       ids_.push_back(ids[i]);
     }
-    for (const auto& [kind, some] : by_kind(ids)) ok(alone(kind), wire::RegisterNodes{}, named(some));
+    for (const auto& [kind, some] : by_kind(ids)) ok(alone(kind), wire::RegisterNodes{}, support::id_column(some));
   }
   void retire(const Ids& ids) {
-    ok(1, wire::RetireNodes{}, named(ids));
-    for (const auto& [kind, some] : by_kind(ids)) ok(alone(kind), wire::RetireNodes{}, named(some));
+    ok(1, wire::RetireNodes{}, support::id_column(ids));
+    for (const auto& [kind, some] : by_kind(ids)) ok(alone(kind), wire::RetireNodes{}, support::id_column(some));
     for (const std::uint64_t id : ids) std::erase(ids_, id);
   }
   void move(const Ids& ids) {  // the nodes leave for an offer and come back, behind the others
     const auto go = [&](std::uint8_t session, const Ids& some) {
       wire::TransferId transfer{};
       transfer.fill(session);
-      ok(session, wire::OfferNodes{transfer}, named(some));
+      ok(session, wire::OfferNodes{transfer}, support::id_column(some));
       ok(session, wire::AcceptNodes{transfer});
     };
     go(1, ids);
@@ -264,7 +251,7 @@ TEST(ServicePairs, ARollbackRestoresThePairsOfTheMark) {
   };
   change(1, wire::Mark{"start"}, {});
   const auto first = step(2).payload();
-  change(3, wire::RetireNodes{}, named({1, 2, 3}));
+  change(3, wire::RetireNodes{}, support::id_column({1, 2, 3}));
   change(4, wire::RegisterNodes{.pairs = {"thick", "lead"}}, new_nodes({1, 2, 3}, {{0, 0}, {1, 0}, {1, 0}}, false));
   EXPECT_NE(step(5).payload(), first);
   change(6, wire::Rollback{"start"}, {});
@@ -287,7 +274,7 @@ TEST(ServicePairs, AResumedSessionTellsPairsAndParameters) {
   more.batch = new_nodes({4, 5}, {{0, 24e6}, {0, 25e6}});
   ASSERT_EQ(harness.ask(more).code(), Code::kOk);
   wire::Request fewer = ServiceHarness::in_session(wire::RetireNodes{}, 2);
-  fewer.batch = named({7});
+  fewer.batch = support::id_column({7});
   ASSERT_EQ(harness.ask(fewer).code(), Code::kOk);
   wire::Request resume = ServiceHarness::in_session(wire::ResumeSession{.resume_token = token}, 0);
   const Answer answer = harness.ask(resume);
@@ -416,7 +403,7 @@ TEST(ServicePairs, FaultyPairsAndParametersOfNodesAreRefused) {
          "the scene has no pair \"tin\"; it has lead, thick");
   EXPECT_THAT(open({"", "tin"}, {kYield}, two(1, 25e6)).node_ids, ElementsAre(8)) << "the first node that names it";
   expect(open({}, {kYield}, two(0, 25e6)), Code::kShape, "pair", "without a list");
-  expect(open({""}, {}, named({7})), Code::kShape, "pair", "has no column pair");
+  expect(open({""}, {}, support::id_column({7})), Code::kShape, "pair", "has no column pair");
   expect(open({""}, {}, two(0, 25e6)), Code::kShape, "parameter", "the session has 0 parameters");
   expect(open({""}, {kYield}, two(0, -1.0)), Code::kInvalidValue, kYield,
          "parameters of node 8: soft.yield_strength_pa = -1 Pa is out of range");
@@ -436,7 +423,7 @@ TEST(ServicePairs, FaultyPairsAndParametersOfNodesAreRefused) {
   wire::Request opening = ServiceHarness::opening(support::text_of(support::force_scene()), Ids{1});
   ASSERT_EQ(harness.ask(opening).code(), Code::kOk);
   wire::Request more = ServiceHarness::in_session(wire::RegisterNodes{.pairs = {"lead"}}, 1);
-  more.batch = named({9});
+  more.batch = support::id_column({9});
   expect(harness.ask(more).reply.status, Code::kInvalidValue, "pairs", "the scene has no [pair.NAME]");
 }
 

@@ -9,17 +9,12 @@
 
 #include "proto/wire/limits.hpp"
 #include "tests/support/service_harness.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::service {
 namespace {
 
-using support::Answer;
-using support::ServiceHarness;
 using ::testing::HasSubstr;
-using wire::Code;
-using wire::Field;
-using wire::Mode;
-using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(45);
 
@@ -60,10 +55,7 @@ class Parts : public testing::TestWithParam<Strategy> {
   }
   std::uint64_t version(const Answer& answer) const { return std::get<wire::Upscale>(answer.reply.body).state_version; }
 };
-INSTANTIATE_TEST_SUITE_P(Strategies, Parts, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, Parts, support::both<Strategy>(), support::name_of_strategy);
 
 TEST_P(Parts, HaveTheBitsOfTheUndividedStepHoweverItIsDivided) {
   std::mt19937 random(7);
@@ -186,10 +178,7 @@ TEST_P(Parts, ARefusedPartChangesNothingAndThePartsBeforeStand) {
   refused(changed([](auto& body) { body.absent_nodes = wire::AbsentNodes::kOpen; }), Code::kInvalidValue, "absent");
   refused(changed([](auto& body) { body.commit_previous = true; }), Code::kInvalidValue, "commit_previous");
   refused(part(2, ids.subspan(19, 5), two), Code::kDuplicateNode, std::to_string(kNodes[19]));
-  wire::Request retire = ServiceHarness::in_session(wire::RetireNodes{}, 2);
-  retire.batch = wire::Batch::of(std::vector{Field::kNodeId}, 1);
-  retire.batch.u64(Field::kNodeId)[0] = kNodes[0];
-  refused(std::move(retire), Code::kTrialStands, "");
+  refused(ServiceHarness::of_nodes(wire::RetireNodes{}, std::span(kNodes).first(1), 2), Code::kTrialStands, "");
 
   ASSERT_TRUE(harness.ask(part(2, rest.first(10), two)).reply.status.ok());
   refused(part(3, rest, three), Code::kDuplicateNode, std::to_string(rest[0]));

@@ -10,17 +10,10 @@
 #include <vector>
 
 #include "server/physics/material/strength.hpp"
-#include "tests/support/scenes.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus::service {
 namespace {
-
-using support::Answer;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Field;
-using wire::Mode;
 
 constexpr std::size_t kNodes = 11;  // two tiles, the last one partly filled
 constexpr double kPressure = 11.2e9;

@@ -5,16 +5,10 @@
 #include <vector>
 
 #include "tests/support/service_harness.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::service {
 namespace {
-
-using support::Answer;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Field;
-using wire::Mode;
-using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(11);
 
@@ -22,15 +16,17 @@ wire::Batch columns(Strategy strategy, int step) {
   return support::step_columns(strategy, kNodes, step);
 }
 
+// A service with an open session.
+struct Opened : ServiceHarness {
+  explicit Opened(const v1::Scene& scene) { EXPECT_TRUE(ask(opening(scene, kNodes)).reply.status.ok()); }
+};
+
 class ServiceOf : public testing::TestWithParam<Strategy> {
  protected:
   v1::Scene scene() const { return support::scene_of(GetParam()); }
   wire::Batch columns(int step) const { return service::columns(GetParam(), step); }
 };
-INSTANTIATE_TEST_SUITE_P(Strategies, ServiceOf, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, ServiceOf, support::both<Strategy>(), support::name_of_strategy);
 
 TEST(Service, HelloTellsVersionLimitsAndEpoch) {
   ServiceHarness harness;
@@ -112,8 +108,7 @@ TEST_P(ServiceOf, RepeatedOpeningOpensOneSession) {
 }
 
 TEST_P(ServiceOf, SameRequestTwiceAgesOnce) {
-  ServiceHarness once, twice;
-  for (ServiceHarness* harness : {&once, &twice}) harness->ask(ServiceHarness::opening(scene(), kNodes));
+  Opened once(scene()), twice(scene());
   for (std::uint64_t sequence = 1; sequence <= 12; ++sequence) {
     const int step = static_cast<int>(sequence);
     const Answer expected = once.ask(ServiceHarness::step(sequence, columns(step)));
@@ -133,22 +128,15 @@ TEST_P(ServiceOf, SameRequestTwiceAgesOnce) {
 }
 
 TEST_P(ServiceOf, WrongSequencesRunNothingAndSayWhereTheSessionStands) {
-  ServiceHarness harness, twin;
-  for (ServiceHarness* h : {&harness, &twin}) {
-    h->ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(scene()), twin(scene());
+  for (Opened* h : {&harness, &twin})
     for (std::uint64_t s = 1; s <= 3; ++s) h->ask(ServiceHarness::step(s, columns(static_cast<int>(s))));
-  }
-  const struct {
-    std::uint64_t sequence;
-    Code code;
-  } cases[] = {{3, Code::kSequenceReused},
-               {2, Code::kStaleSequence},
-               {0, Code::kStaleSequence},
-               {5, Code::kSequenceGap},
-               {~0ULL, Code::kSequenceGap}};
-  for (const auto& c : cases) {
-    const Answer answer = harness.ask(ServiceHarness::step(c.sequence, columns(50)));
-    EXPECT_EQ(answer.code(), c.code) << c.sequence;
+  using Case = std::pair<std::uint64_t, Code>;
+  for (const auto& [sequence, code] :
+       {Case{3, Code::kSequenceReused}, Case{2, Code::kStaleSequence}, Case{0, Code::kStaleSequence},
+        Case{5, Code::kSequenceGap}, Case{~0ULL, Code::kSequenceGap}}) {
+    const Answer answer = harness.ask(ServiceHarness::step(sequence, columns(50)));
+    EXPECT_EQ(answer.code(), code) << sequence;
     EXPECT_EQ(answer.reply.status.last_sequence, 3u);
     EXPECT_TRUE(answer.reply.batch.columns().empty());
   }
@@ -157,8 +145,7 @@ TEST_P(ServiceOf, WrongSequencesRunNothingAndSayWhereTheSessionStands) {
 }
 
 TEST_P(ServiceOf, RefusedRequestLeavesItsSequenceFree) {
-  ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(scene());
   auto bad = columns(1);
   bad.f64(Field::kPressure)[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(harness.ask(ServiceHarness::step(1, std::move(bad))).code(), Code::kInvalidValue);
@@ -166,8 +153,7 @@ TEST_P(ServiceOf, RefusedRequestLeavesItsSequenceFree) {
 }
 
 TEST_P(ServiceOf, TrialRollbackTrialCommitIsAdvance) {
-  ServiceHarness direct, hesitant;
-  for (ServiceHarness* h : {&direct, &hesitant}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  Opened direct(scene()), hesitant(scene());
   std::uint64_t sequence = 0;
   for (int step = 1; step <= 10; ++step) {
     const Answer expected = direct.ask(ServiceHarness::step(static_cast<std::uint64_t>(step), columns(step)));
@@ -182,8 +168,7 @@ TEST_P(ServiceOf, TrialRollbackTrialCommitIsAdvance) {
 }
 
 TEST_P(ServiceOf, CommitCanRideOnTheNextTrial) {
-  ServiceHarness direct, riding;
-  for (ServiceHarness* h : {&direct, &riding}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  Opened direct(scene()), riding(scene());
   for (std::uint64_t step = 1; step <= 10; ++step) {
     const Answer expected = direct.ask(ServiceHarness::step(step, columns(static_cast<int>(step))));
     auto request = ServiceHarness::step(step, columns(static_cast<int>(step)), Mode::kTrial);
@@ -193,8 +178,7 @@ TEST_P(ServiceOf, CommitCanRideOnTheNextTrial) {
 }
 
 TEST_P(ServiceOf, ARefusedStepDoesNotCommitThePreviousOne) {
-  ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(scene());
   harness.ask(ServiceHarness::step(1, columns(1), Mode::kTrial));
   auto request = ServiceHarness::step(2, columns(2), Mode::kTrial);
   auto& step = std::get<wire::Downscale>(request.body);
@@ -206,8 +190,7 @@ TEST_P(ServiceOf, ARefusedStepDoesNotCommitThePreviousOne) {
 }
 
 TEST_P(ServiceOf, ThereIsNothingToCommitWithoutATrial) {
-  ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(scene());
   EXPECT_EQ(harness.ask(ServiceHarness::in_session(wire::Commit{}, 1)).code(), Code::kNothingToCommit);
   harness.ask(ServiceHarness::step(1, columns(1)));
   EXPECT_EQ(harness.ask(ServiceHarness::in_session(wire::Commit{}, 2)).code(), Code::kNothingToCommit);
@@ -217,8 +200,7 @@ TEST_P(ServiceOf, ThereIsNothingToCommitWithoutATrial) {
 }
 
 TEST_P(ServiceOf, OnlyWantedColumnsAreSent) {
-  ServiceHarness harness, full;
-  for (ServiceHarness* h : {&harness, &full}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(scene()), full(scene());
   auto request = ServiceHarness::step(1, columns(1));
   std::get<wire::Downscale>(request.body).wanted = {Field::kRegime, Field::kShearStress};
   const Answer some = harness.ask(request);
@@ -229,8 +211,7 @@ TEST_P(ServiceOf, OnlyWantedColumnsAreSent) {
 }
 
 TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
-  ServiceHarness plain, asking;
-  for (ServiceHarness* h : {&plain, &asking}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  Opened plain(scene()), asking(scene());
   double work = 0.0;
   for (int step = 1; step <= 5; ++step) {
     const auto sequence = static_cast<std::uint64_t>(step);
@@ -260,9 +241,7 @@ TEST_P(ServiceOf, TheErrorEstimateIsToldOfScenesWithATolerance) {
   v1::Scene controlled = scene();
   controlled.clear_layer();
   controlled.set_tolerance(1e-3);
-  ServiceHarness harness, plain;
-  ASSERT_TRUE(harness.ask(ServiceHarness::opening(controlled, kNodes)).reply.status.ok());
-  plain.ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(controlled), plain(scene());
   wire::Request wanting = ServiceHarness::step(1, columns(1));
   std::get<wire::Downscale>(wanting.body).wanted = {Field::kInterfaceTemperature, Field::kErrorEstimate};
   const Answer answer = harness.ask(wanting);
@@ -284,9 +263,7 @@ TEST_P(ServiceOf, TheErrorEstimateIsToldOfScenesWithATolerance) {
 
 // Column 37: nobody gets it without asking; asked for, it comes with the same bytes in every other column.
 TEST_P(ServiceOf, TheMeanStressIsToldOnRequest) {
-  ServiceHarness harness, plain;
-  harness.ask(ServiceHarness::opening(scene(), kNodes));
-  plain.ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(scene()), plain(scene());
   for (int n = 1; n <= 3; ++n) {
     wire::Request wanting = ServiceHarness::step(static_cast<std::uint64_t>(n), columns(n));
     const Answer without = plain.ask(wanting);
@@ -314,8 +291,7 @@ TEST_P(ServiceOf, TheMeanStressIsToldOnRequest) {
   if (GetParam() == Strategy::kForceDriven) return;
   v1::Scene waves = scene();
   waves.mutable_layer()->set_inertia(true);
-  ServiceHarness other;
-  ASSERT_TRUE(other.ask(ServiceHarness::opening(waves, kNodes)).reply.status.ok());
+  Opened other(waves);
   std::get<wire::Downscale>(missing.body).wanted = {Field::kMeanShearStress, Field::kMeanFarStress};
   missing.sequence = 1;
   const Answer both = other.ask(missing);
@@ -334,8 +310,7 @@ TEST_P(ServiceOf, TheMeanStressIsToldOnRequest) {
 }
 
 TEST_P(ServiceOf, AStepOfNoNodesIsAnEmptyAnswer) {
-  ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(scene());
   const Answer answer = harness.ask(ServiceHarness::step(1, support::step_columns(GetParam(), {}, 1, true)));
   ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
   EXPECT_EQ(std::get<wire::Upscale>(answer.reply.body).nodes, 0u);
@@ -413,8 +388,7 @@ TEST_P(ServiceOf, AReplyHoldsNothingOfTheRepliesBeforeIt) {
 }
 
 TEST_P(ServiceOf, AFaultInsideTheServerIsAReplyAndChangesNothing) {
-  ServiceHarness harness, twin;
-  for (ServiceHarness* h : {&harness, &twin}) h->ask(ServiceHarness::opening(scene(), kNodes));
+  Opened harness(scene()), twin(scene());
   harness.clock_fails = true;
   const Answer fault = harness.ask(ServiceHarness::step(1, columns(1)));
   EXPECT_EQ(fault.code(), Code::kInternal);
@@ -424,8 +398,7 @@ TEST_P(ServiceOf, AFaultInsideTheServerIsAReplyAndChangesNothing) {
 }
 
 TEST(Service, RequestsForAnEarlierServerAreToldOfTheRestart) {
-  ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(support::velocity_scene(), kNodes));
+  Opened harness(support::velocity_scene());
   auto request = ServiceHarness::step(1, columns(Strategy::kVelocityDriven, 1));
   request.epoch = 76;
   EXPECT_EQ(harness.ask(request).code(), Code::kEpoch);
@@ -439,8 +412,7 @@ TEST(Service, UnknownSessionIsSaidToBeUnknown) {
 }
 
 TEST(Service, NoNewWorkWhileShuttingDown) {
-  ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(support::velocity_scene(), kNodes));
+  Opened harness(support::velocity_scene());
   harness.service.begin_shutdown();
   EXPECT_EQ(harness.ask(ServiceHarness::step(1, columns(Strategy::kVelocityDriven, 1))).code(), Code::kShuttingDown);
 }

@@ -11,12 +11,6 @@
 namespace shearbus::service {
 namespace {
 
-using support::Answer;
-using support::ServiceHarness;
-using wire::Code;
-using wire::Field;
-using wire::Strategy;
-
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 const std::vector<std::uint64_t> kNodes = support::node_ids(20);

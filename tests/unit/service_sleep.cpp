@@ -5,16 +5,10 @@
 #include <variant>
 #include <vector>
 
-#include "tests/support/scenes.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus::service {
 namespace {
-
-using support::Answer;
-using support::ServiceHarness;
-using wire::Field;
-using wire::Mode;
 
 constexpr std::size_t kNodes = 21;  // three tiles of 8 nodes, the last one partly filled
 
@@ -165,9 +159,7 @@ TEST(ServiceSleep, SleepersMoveWithTheirBits) {
       for (const std::uint64_t id : here) (id % 3 == 0 ? going : staying).push_back(id);
       wire::TransferId transfer{};
       transfer.fill(9);
-      wire::Request offer = ServiceHarness::in_session(wire::OfferNodes{transfer}, ++sequence[0], 1);
-      offer.batch = wire::Batch::of(std::vector{Field::kNodeId}, going.size());
-      std::ranges::copy(going, offer.batch.u64(Field::kNodeId).begin());
+      const auto offer = ServiceHarness::of_nodes(wire::OfferNodes{transfer}, going, ++sequence[0]);
       ASSERT_EQ(moved.ask(offer).code(), wire::Code::kOk);
       ASSERT_EQ(moved.ask(ServiceHarness::in_session(wire::AcceptNodes{transfer}, ++sequence[1], 2)).code(),
                 wire::Code::kOk);

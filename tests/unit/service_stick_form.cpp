@@ -11,12 +11,7 @@
 namespace shearbus::service {
 namespace {
 
-using support::Answer;
-using support::ServiceHarness;
 using testing::HasSubstr;
-using wire::Code;
-using wire::Field;
-using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(19);
 constexpr double kDt = 1e-9;

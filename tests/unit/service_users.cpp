@@ -9,11 +9,8 @@
 namespace shearbus::service {
 namespace {
 
-using support::Answer;
-using support::ServiceHarness;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using wire::Code;
 
 const Caller kAlice{.identity = "uid 1001"};
 const Caller kBob{.identity = "uid 1002"};

@@ -12,6 +12,7 @@
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 #include "tests/support/scenes.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::shard {
 namespace {
@@ -86,11 +87,7 @@ class Changing : public testing::TestWithParam<wire::Strategy> {
 
   TaskPool pool{2};
 };
-INSTANTIATE_TEST_SUITE_P(Strategies, Changing,
-                         testing::Values(wire::Strategy::kVelocityDriven, wire::Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == wire::Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, Changing, support::both<wire::Strategy>(), support::name_of_strategy);
 
 TEST_P(Changing, NoStateIsLostOrMixedUpWhoeverComesAndGoes) {
   std::mt19937 random(11);

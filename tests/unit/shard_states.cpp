@@ -11,6 +11,7 @@
 #include "server/service/scene_model.hpp"
 #include "server/shard/shard.hpp"
 #include "tests/support/scenes.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::shard {
 namespace {
@@ -104,10 +105,7 @@ void expect_same_rows(const Outputs& a, const Outputs& b) {
 }
 
 class ShardOf : public testing::TestWithParam<Strategy> {};
-INSTANTIATE_TEST_SUITE_P(Strategies, ShardOf, testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& strategy) {
-                           return strategy.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(Strategies, ShardOf, support::both<Strategy>(), support::name_of_strategy);
 
 TEST_P(ShardOf, StatesMoveOnlyWithCommit) {
   Fixture f(GetParam(), 21);

@@ -1,5 +1,5 @@
 """The columns, codes and enums of the protocol. Printed by proto/print_contract.py from proto/shearbus/v1/*.proto and
-proto/wire/columns.inc."""
+proto/wire/columns.inc, and the units of files of units.inc there."""
 import enum
 
 
@@ -172,3 +172,48 @@ COLUMNS = (
     (70, "friction_energy_soft_j_per_m2", "friction_energy_soft", "J/m2", "Float64", "Output", False, ""),
     (71, "friction_energy_hard_j_per_m2", "friction_energy_hard", "J/m2", "Float64", "Output", False, ""),
 )
+# units of files: name, SI unit of the quantity, factor to it
+UNITS = (
+    ("s", "s", 1.0),
+    ("ms", "s", 1e-3),
+    ("us", "s", 1e-6),
+    ("ns", "s", 1e-9),
+    ("ps", "s", 1e-12),
+    ("Pa", "Pa", 1.0),
+    ("kPa", "Pa", 1e3),
+    ("MPa", "Pa", 1e6),
+    ("GPa", "Pa", 1e9),
+    ("bar", "Pa", 1e5),
+    ("kbar", "Pa", 1e8),
+    ("Mbar", "Pa", 1e11),
+    ("m/s", "m/s", 1.0),
+    ("mm/s", "m/s", 1e-3),
+    ("km/s", "m/s", 1e3),
+    ("mm/us", "m/s", 1e3),
+    ("cm/us", "m/s", 1e4),
+    ("kg/m2", "kg/m2", 1.0),
+    ("g/cm2", "kg/m2", 10.0),
+    ("K", "K", 1.0),
+    ("1/s", "1/s", 1.0),
+    ("1/ms", "1/s", 1e3),
+    ("1/us", "1/s", 1e6),
+    ("1/ns", "1/s", 1e9),
+    ("Pa s/m", "Pa s/m", 1.0),
+    ("MPa s/m", "Pa s/m", 1e6),
+    ("J/m2", "J/m2", 1.0),
+    ("m", "m", 1.0),
+    ("mm", "m", 1e-3),
+    ("um", "m", 1e-6),
+)
+UNIT_WORDS = {
+    "second": "s",
+    "seconds": "s",
+    "sec": "s",
+    "microsecond": "us",
+    "microseconds": "us",
+    "nanoseconds": "ns",
+    "pascal": "Pa",
+    "Pascal": "Pa",
+    "kelvin": "K",
+    "Kelvin": "K",
+}

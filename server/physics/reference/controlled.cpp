@@ -1,6 +1,7 @@
 // The step of the reference twin (advance_one.hpp) under a tolerance: substeps, each checked against its two halves.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "server/physics/layer/conduction.hpp"
@@ -149,6 +150,40 @@ bool relax(const ModelOptions& options, double shortest_dt, const NodeInputs& in
   return true;
 }
 
+// The stress at which a force-driven layer that goes on flowing, with no slip beside it, begins to flow; 0: it does not,
+// or the stress depends on more than strain and temperature.
+double stress_of_flow_alone(const ModelOptions& options, const NodeInputs& in, const NodeState& state,
+                            const std::vector<NodeOutputs>& parts) {
+  if (!options.plastic_layer || properties_of(options.soft.flow_law).depends_on_rate) return 0.0;
+  for (const NodeOutputs& out : parts)
+    if (out.sliding_velocity != 0.0 || out.regime == Regime::kStick || out.regime == Regime::kOpen || out.answers > 1 ||
+        out.velocity_jump_new * in.velocity_jump <= 0.0 || out.shear_stress * in.velocity_jump <= 0.0)
+      return 0.0;
+  const Material soft = at_pressure(options.soft, in.pressure);
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < state.plastic_strain.size(); ++i)
+    least = std::min(least, flow_stress(soft, state.plastic_strain[i], in.pressure, state.temperature[i]));
+  return std::copysign(least / kSqrt3, in.velocity_jump);
+}
+
+// Error of T0 of halves in which flow, friction or the strength of the interface take over from each other  [K].
+double takeover_error(const ModelOptions& options, double rest, double length, const NodeState& state,
+                      const std::vector<NodeOutputs>& half) {
+  if (!options.plastic_layer) return 0.0;
+  enum { kUnknown, kFlow, kFriction, kYield };
+  const auto of_slip = [](Regime regime) { return regime == Regime::kCoulomb ? kFriction : kYield; };
+  auto before = state.sticking ? kFlow : state.regime == Regime::kOpen ? kUnknown : of_slip(state.regime);
+  double error = 0.0, T0 = state.temperature[0];
+  for (const NodeOutputs& out : half) {
+    const auto now = out.sliding_velocity == 0.0 ? kFlow : of_slip(out.regime);
+    const double damped = now == kFlow || before == kFlow ? std::pow(length / rest, 1.5) : 1.0;
+    if (before != kUnknown && now != before) error += damped * std::abs(out.interface_temperature - T0);
+    T0 = out.interface_temperature;
+    before = now;
+  }
+  return error;
+}
+
 }  // namespace
 
 // Times are fractions of the step. The whole step is tried by backward Euler, then in one piece of second order. Then a
@@ -156,7 +191,9 @@ bool relax(const ModelOptions& options, double shortest_dt, const NodeInputs& in
 // halved. If the difference is very small the next substep is twice as long.
 NodeOutputs advance_controlled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const bool forced = options.strategy == Strategy::kForceDriven;
-  const double response = heat_of_step(options, dt, state, profile_of(state)).B[0];
+  ModelOptions in_one_piece = options;
+  in_one_piece.tolerance.reset();
+  const double response = heat_of_step(in_one_piece, dt, state, profile_of(state)).B[0];
   const Scales scales(options, inputs, dt, response);
   const double shortest = std::exp2(-std::clamp(std::floor(std::log2(dt / (1e-12 / 64.0))), 1.0, 22.0));
   NodeInputs in = inputs;
@@ -214,8 +251,10 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
       s = out.shear_stress;
       then.velocity_jump = out.velocity_jump_new;
     }
+    if (options.plastic_layer) turning = lost = 0.0;  // its step knows where the jump turns and stops
     const bool flowed = begin > 0.0 && state.regime != Regime::kOpen && state.regime != Regime::kStick &&
                         s_before * in.velocity_jump > 0.0;
+    const double flow_begins = stress_of_flow_alone(options, in, state, {whole, half[0], half[1]});
     const double path = elastic_path_error(options, in, 0.5 * length * dt, s_before, flowed, half);
     const double rest = 1.0 - begin;
     const bool plain = second_order && !whole.first_order && !half[0].first_order && !half[1].first_order;
@@ -236,7 +275,13 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
         share * std::abs(half[0].friction_heat + half[1].friction_heat - whole.friction_heat) + path + lost;
     double mean = 0.0;
     if (forced) {
-      const double off = std::abs(half[1].velocity_jump_new - whole.velocity_jump_new) + turning;
+      double off = std::abs(half[1].velocity_jump_new - whole.velocity_jump_new) + turning;
+      if (flow_begins != 0.0) {
+        const double bend = std::abs(flow_begins - 2.0 * half[0].shear_stress + half[1].shear_stress);
+        const double ends = 0.5 * std::abs(half[1].shear_stress - whole.shear_stress);
+        off = std::min(off, length * dt * (1.0 / inputs.mass_soft + 1.0 / inputs.mass_hard) * (0.05 * bend + ends));
+      }
+      T0 = std::max(T0, takeover_error(options, rest, length, state, half));
       T0 = std::max(T0, std::sqrt(std::max(1.0, 1e-6 / dt)) * conducted_share(options) * response *
                             std::max(std::abs(half[1].shear_stress), std::abs(whole.shear_stress)) * off);
     } else {
@@ -276,7 +321,11 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
       for (const NodeOutputs& out : {whole, half[0], half[1]})
         on = on && out.regime != Regime::kOpen && out.regime != Regime::kStick && out.answers == 1 &&
              out.velocity_jump_new * in.velocity_jump > 0.0;
-      const double more = 0.5 * (half[0].shear_stress + half[1].shear_stress) - whole.shear_stress;
+      const double of_halves = 0.5 * (half[0].shear_stress + half[1].shear_stress);
+      // Simpson's rule, or what two halves and one piece extrapolate to.
+      const double more = flow_begins != 0.0
+                              ? (flow_begins + 4.0 * half[0].shear_stress + half[1].shear_stress) / 6.0 - of_halves
+                              : of_halves - whole.shear_stress;
       const double jump = then.velocity_jump - (1.0 / inputs.mass_soft + 1.0 / inputs.mass_hard) * length * dt * more;
       if (on && jump * in.velocity_jump > 0.0) {
         sum.shear_stress += length * more;

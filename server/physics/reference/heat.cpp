@@ -3,6 +3,7 @@
 #include <Eigen/SparseLU>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "server/physics/layer/conduction.hpp"
 #include "server/physics/material/strength.hpp"
@@ -157,8 +158,27 @@ Profile unit_response(const ModelOptions& options, double dt, const std::vector<
       {std::vector<double>(like.rows.size(), 0.0), like.interface, like.coefficients_from, like.coefficients_to});
 }
 
+// A step with a constant flux through both stages of SDIRK2; T_ad must not leave the range of the old temperatures.
+std::optional<Heat> even_heat(const ModelOptions& options, double dt, const Profile& old) {
+  const auto two_stages = [&](const std::vector<double>& sources, const Profile& from) {
+    Profile next = conduct(options, kGamma * dt, sources, from);
+    for (std::size_t i = 0; i < from.rows.size(); ++i)
+      next.rows[i] = from.rows[i] + (1.0 - kGamma) / kGamma * (next.rows[i] - from.rows[i]);
+    return conduct(options, kGamma * dt, sources, next);
+  };
+  Heat heat{two_stages({}, old), two_stages({1.0}, {std::vector<double>(old.rows.size(), 0.0), old.interface, {}, {}})};
+  const auto [coldest, hottest] = std::minmax_element(old.rows.begin(), old.rows.end());
+  for (double& T : heat.T_ad.rows) {
+    if (!(T >= *coldest * (1.0 - 1e-12) && T <= *hottest * (1.0 + 1e-12))) return std::nullopt;
+    T = std::clamp(T, *coldest, *hottest);
+  }
+  return heat;
+}
+
 Heat heat_of_step(const ModelOptions& options, double dt, const NodeState& state, const Profile& old) {
   if (options.modes) return heat_of_modes(options, dt, 0.0, 0.0, old);
+  if (options.tolerance && options.plastic_layer && !conducts_by_temperature(options))
+    if (const std::optional<Heat> even = even_heat(options, dt, old)) return *even;
   const Profile T_ad = conduct(options, dt, {}, old);
   // Velocity-driven all heat of the step is released by the shape, force-driven only that of plastic work.
   const bool by_shape = options.strategy == Strategy::kVelocityDriven;
@@ -205,7 +225,7 @@ NodeState initial_state(const ModelOptions& options) {
   }
   if (options.inertia) {
     state.stress_field.assign(grid.num_vertices(), 0.0);
-    state.layer_velocity.assign(grid.num_cells(), 0.0);
+    state.layer_velocity.assign(grid.num_cells() + (options.strategy == Strategy::kForceDriven ? 1 : 0), 0.0);
   }
   return state;
 }

@@ -43,6 +43,7 @@ struct OneStep {
         heat(heat_of_step),
         forced(options.strategy == Strategy::kForceDriven),
         flows(!forced || options.plastic_layer),
+        turns_within(forced && flows && options.tolerance),
         share(conducted_share(options)),
         T_melt(at_pressure(soft, in.pressure).melting_temperature) {
     forced ? pull_by_forces() : shear_the_layer();
@@ -80,11 +81,38 @@ struct OneStep {
   double end(double a) const { return (a_trial - a) * per_stress; }
   double mean(double a) const {
     if (!forced) return end(a);
+    if (turns_within) return travel(a).mean;
     return 0.5 * (direction * in.velocity_jump + direction * jump_free - a * per_stress) + drive;
   }
-  double jump_new(double a) const { return jump_free - direction * a * per_stress; }
+  // What the flow of a layer takes whose interface sticks: the end's share, or under a tolerance the mean.
+  double to_flow(double a) const { return turns_within ? mean(a) : end(a); }
+  double jump_new(double a) const {
+    return turns_within ? direction * (travel(a).end - drive) : jump_free - direction * a * per_stress;
+  }
   // An interface that sticks at the end of the step has slipped by what stops in it.
-  Load stuck(double a) const { return slipping(a, forced ? std::max(0.0, mean(a) - end(a)) : 0.0); }
+  Load stuck(double a) const { return slipping(a, forced && !turns_within ? std::max(0.0, mean(a) - end(a)) : 0.0); }
+
+  // Under a tolerance: the path of the jump along the trial direction, pushed by the far stresses and slowed down by the
+  // friction a, which may stop it. Then it rests, unless the far stresses are the larger.
+  struct Path {
+    double mean, net, end;  // mean speed, mean velocity, velocity at the end  [m/s]
+  };
+  Path travel(double a) const {
+    const double push = direction * (jump_free - in.velocity_jump), start = direction * in.velocity_jump + drive;
+    const double friction = per_stress * a;
+    const bool forwards = start != 0.0 ? start > 0.0 : push > 0.0;
+    const double last = start + push + (forwards ? -friction : friction);
+    if (forwards ? last >= 0.0 : last <= 0.0) return {std::abs(0.5 * (start + last)), 0.5 * (start + last), last};
+    const double stop = start / (start - last);  // time, in parts of the step
+    const double after = std::abs(push) > friction ? push - std::copysign(friction, push) : 0.0;
+    const double before = 0.5 * start * stop, back = 0.5 * after * (1.0 - stop) * (1.0 - stop);
+    return {std::abs(before) + std::abs(back), before + back, after * (1.0 - stop)};
+  }
+  // The stress from which on the interface surely sticks.
+  double rest_stress() const {
+    if (!turns_within) return a_trial;
+    return direction * in.velocity_jump + drive != 0.0 ? kInfinity : a_trial;
+  }
   Load slipping(double a, double v) const { return {a, v, std::max(0.0, mean(a) - v)}; }
 
   // Friction heat at z = 0  [W/m2]. Velocity-driven the whole imposed jump heats, DLP (18), as `heat` distributes it.
@@ -153,6 +181,7 @@ struct OneStep {
   double dt;
   const Heat& heat;
   bool forced, flows;
+  bool turns_within;  // the jump may stop and turn within the step
   double share, T_melt;
   Profile B_work;
   double jump_free = 0.0, per_stress = 0.0, direction = 1.0, drive = 0.0, a_trial = 0.0;
@@ -162,10 +191,12 @@ struct OneStep {
 // The stress at which the interface sticks at the end of the step: flow takes all that the line leaves.
 Candidate stick_of(const OneStep& step) {
   if (!step.flows) return {step.stuck(step.a_trial), true};
-  const double most = 2.0 * step.a_trial + (step.forced ? 1.0 : 0.0);
-  const double root = bisect([&](double a) { return step.flow(step.stuck(a)) - step.end(a); }, 0.0, most);
+  double most = 2.0 * step.a_trial + (step.forced ? 1.0 : 0.0);
+  const auto open = [&](double a) { return step.flow(step.stuck(a)) - step.to_flow(a); };
+  while (step.turns_within && open(most) < 0.0 && most < 1e15) most *= 2.0;
+  const double root = bisect(open, 0.0, most);
   const double ceiling = bisect([&](double a) { return a - step.ceiling(step.stuck(a)); }, 0.0, most);
-  return {step.stuck(step.ceiling({}) > 0.0 ? std::min({root, ceiling, step.a_trial}) : 0.0), true};
+  return {step.stuck(step.ceiling({}) > 0.0 ? std::min({root, ceiling, step.rest_stress()}) : 0.0), true};
 }
 
 // All slips next to a rigid layer, by rising stress: the stress gives the slip, and must be the limit under it.
@@ -384,7 +415,7 @@ double strain_layer(const OneStep& step, const Candidate& taken, NodeState& stat
   double slip = step.flow(l) * step.dt / kSqrt3;
   if (slip > 0.0)
     for (int i = 0; i < step.grid.num_vertices(); ++i) state.plastic_strain[i] += step.dep(i, l);
-  const double wanted = taken.sticks ? step.end(l.a) : step.mean(l.a) - l.v;
+  const double wanted = taken.sticks ? step.to_flow(l.a) : step.mean(l.a) - l.v;
   const double surplus = std::max(0.0, wanted * step.dt / kSqrt3 - slip);
   if (l.a >= step.ceiling(l) * (1.0 - 1e-9)) {
     state.plastic_strain[step.hottest(l)] += surplus / step.grid.weight[step.hottest(l)];
@@ -439,6 +470,7 @@ NodeOutputs one_step(const ModelOptions& options, double dt, const NodeInputs& i
   state.friction_state = friction_state_after(options, in.pressure, v, dt, old.friction_state);
 
   // 3. The answers to the host.
+  if (step.turns_within) state.shear_stress = (step.jump_free - step.jump_new(l.a)) / step.per_stress;
   out.shear_stress = state.shear_stress;
   out.interface_slip = v;
   out.sliding_velocity = step.forced ? step.direction * l.v : velocity_driven_slip(step, l, layer_slip);
@@ -454,6 +486,14 @@ NodeOutputs one_step(const ModelOptions& options, double dt, const NodeInputs& i
                               : !taken.sticks && coulomb ? Regime::kCoulomb
                               : melting                  ? Regime::kMelting
                                                          : Regime::kTresca;
+  if (step.turns_within) {
+    const OneStep::Path path = step.travel(l.a);
+    if (path.mean > 0.0) out.sliding_velocity *= path.net / path.mean;
+    if (path.end == 0.0) {
+      state.sticking = true;
+      out.regime = state.regime = Regime::kStick;
+    }
+  }
   if (step.forced && !step.flows) out.sudden = changes_suddenly(step, taken, out.velocity_jump_new);
   return out;
 }

@@ -199,9 +199,11 @@ std::unique_ptr<StepOperators> make_operators(const Problem& problem, double dt,
   const double step = std::ldexp(dt, -times);
   const int halvings = options.strategy == Strategy::kForceDriven ? std::max(0, kMaxHalvings - times) : 0;
   if (problem.modes) return std::make_unique<StepOperators>(*problem.modes, step, halvings, stages);
-  return std::make_unique<StepOperators>(problem.grid, problem.heat_grid, options.soft, options.hard, step, halvings,
-                                         options.taylor_quinney_factor.has_value(), stages,
-                                         problem.basis ? &*problem.basis : nullptr);
+  auto made = std::make_unique<StepOperators>(problem.grid, problem.heat_grid, options.soft, options.hard, step,
+                                              halvings, options.taylor_quinney_factor.has_value(), stages,
+                                              problem.basis ? &*problem.basis : nullptr);
+  if (options.tolerance && options.plastic_layer && !problem.heat_varies) made->make_even();
+  return made;
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {

@@ -1,6 +1,7 @@
 #include "server/physics/solver/sdirk2.hpp"
 
 #include <algorithm>
+#include <vector>
 
 namespace shearbus::physics::sdirk2 {
 namespace {
@@ -18,6 +19,15 @@ void begin_second_stage(const ModeOperator& step, int num_rows, const double* ol
                         double* rows) {
   conduct(step, num_rows, old, rows);
   add_early_flux(step, num_rows, early_flux, rows);
+}
+
+void respond_to_constant_flux(HeatOperator& heat, double dt) {
+  const std::size_t n = heat.response.size();
+  std::vector<double> rows(n * kLanes, 0.0);
+  for (std::size_t i = 0; i < n; ++i) rows[i * kLanes] = kExtrapolation * heat.response[i];
+  conduct_lane(heat, static_cast<int>(n), 0, rows.data());
+  for (std::size_t i = 0; i < n; ++i) heat.response[i] += rows[i * kLanes];
+  heat.dt = dt;
 }
 
 std::uint32_t lanes_out_of_range(const Problem& problem, const TileInputs& inputs, const double* T_old, double* T) {

@@ -27,6 +27,10 @@ void begin_second_stage(const HeatOperator& stage, int num_rows, const double* T
 void begin_second_stage(const ModeOperator& step, int num_rows, const double* old, const double (&early_flux)[kLanes],
                         double* rows);
 
+// Makes of the operator of the stages of a step of length dt that of the whole step with a constant flux: `heat` then has
+// its length and its response.
+void respond_to_constant_flux(HeatOperator& heat, double dt);
+
 // Returns the active lanes in which begin_second_stage() gave a temperature of T_melt or above or one below the coldest
 // temperature before the step. These lanes must take a backward Euler step, which without flux stays within the range
 // of the old temperatures. A temperature that rounding alone puts below the coldest one is set to the coldest.

@@ -81,6 +81,13 @@ class StepOperators {
     ModeOperator first, second;
   };
   const HeatOperator& stage() const { return *stage_; }
+  // The operator of a step with a constant heat flux, to second order; null where a step conducts by backward Euler alone.
+  // Its coefficients are those of a stage, its length and its response those of the whole step.
+  const HeatOperator* even() const { return even_ ? &*even_ : nullptr; }
+  void make_even() {
+    even_.emplace(*bodies_.grid, *bodies_.soft, *bodies_.hard, sdirk2::kDiagonal * dt_);
+    sdirk2::respond_to_constant_flux(*even_, dt_);
+  }
   const ModeStages& mode_stages() const { return *mode_stages_; }
 
  private:
@@ -112,7 +119,7 @@ class StepOperators {
   mutable std::deque<Halved> halved_;
   MakeHalved make_halved_;
   std::optional<SpreadHeat> spread_;
-  std::optional<HeatOperator> stage_;
+  std::optional<HeatOperator> stage_, even_;
   std::optional<ModeStages> mode_stages_;
 };
 

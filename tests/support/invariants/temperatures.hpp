@@ -38,7 +38,10 @@ inline void require_temperatures(const Rig& rig, const Answered& a, int lane, Fi
   // with heat modes instead of a temperature profile, the first value of the modes is the initial temperature
   if (!has_profile) coldest = std::min(coldest, rig.trial[layout.heat_modes + lane]);
   const double hottest = *std::max_element(before.begin(), before.end());
-  const bool falls_inwards = !options.hard_grid && options.time_integrator == TimeIntegrator::kBackwardEuler;
+  // Under a tolerance the heat next to a layer that may flow is conducted to second order.
+  const bool first_order =
+      options.time_integrator == TimeIntegrator::kBackwardEuler && !(options.tolerance && options.plastic_layer);
+  const bool falls_inwards = !options.hard_grid && first_order;
   // Metal that a fallen melting temperature has left above it melts, and cools to it.
   if (options.melt_film) coldest = std::min(coldest, T_melt);
   for (std::size_t i = 0; i < after.size(); ++i) {

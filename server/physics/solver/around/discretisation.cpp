@@ -19,6 +19,9 @@ constexpr double kGrowth = 20.0;
 // The same with a face that is held, which a slab feels seven times as much: the flux to it is exact, its way is not.
 constexpr double kGrowthToHeldFace = 10.0;
 constexpr double kMostGrowth = 1.0;  // largest (ratio of the widths of neighbouring cells) - 1
+// The same of a layer that flows beside an interface that slips: coarser cells, which begin to flow one by one as the slip
+// heats them, let slip and flow take over from each other too early or too late.
+constexpr double kMostGrowthBesideSlip = 0.2;
 // Cells behind the layer go on with its ratio, which leaves no error there that a tolerance of 1e-6 would show.
 constexpr double kLeastExtensionGrading = 1.001;
 // The first cells resolve the diffusion length of a short time, and therefore the skin in which the flow localises near
@@ -33,8 +36,8 @@ constexpr double kLongestTime = 1e-3;  // longest time that the modes represent 
 // Makes cells that grow by a ratio g away from z = 0, from a first cell of (g - 1) delta, where delta is the diffusion
 // length of a short time. The cells then resolve all diffusion lengths above delta alike: the width of each cell is
 // (g - 1) times the distance of its near face from z = -delta.
-GridOptions graded_for(GridOptions grid, double diffusivity, bool held, double tolerance) {
-  const double growth = 1.0 + std::min((held ? kGrowthToHeldFace : kGrowth) * std::sqrt(tolerance), kMostGrowth);
+GridOptions graded_for(GridOptions grid, double diffusivity, double most_growth, double tolerance) {
+  const double growth = 1.0 + most_growth;
   const double part = std::min(1.0, tolerance / kShortTimeTolerance);
   const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
   // 1 + thickness / delta. This ratio is g to the power of the number of cells.
@@ -54,7 +57,9 @@ ModelOptions discretised(ModelOptions options, double tolerance) {
   options.time_integrator = second_order ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
   const bool held = options.grid.far_boundary == FarBoundary::kIsothermal ||
                     (options.hard_grid && options.hard_grid->far_boundary == FarBoundary::kIsothermal);
-  options.grid = graded_for(options.grid, options.soft.diffusivity, held, tolerance);
+  const double growth = std::min((held ? kGrowthToHeldFace : kGrowth) * std::sqrt(tolerance),
+                                 options.plastic_layer ? kMostGrowthBesideSlip : kMostGrowth);
+  options.grid = graded_for(options.grid, options.soft.diffusivity, growth, tolerance);
   if (options.hard_grid) {
     options.hard_grid->cells = options.grid.cells;
     options.hard_grid->grading = options.grid.grading;

@@ -31,6 +31,8 @@ constexpr double kCornerShare = 0.003;
 constexpr double kLeastStart = 0.25;
 // The same of the impulse of a path that bends, relative to the bend, once its error of second order is extrapolated.
 constexpr double kBendShare = 0.025;
+// The same of the path of a force-driven flow by Simpson's rule.
+constexpr double kFlowBendShare = 0.05;
 
 // Error of the velocity jump at the end of a substep in which the jump reverses or stops; `before` and `after` are the
 // jump at the two ends of the substep. One stress s acts over the whole substep, although friction really has the other
@@ -79,6 +81,7 @@ SubstepErrors::SubstepErrors(const Problem& problem, const TileInputs& inputs, d
       dt_(dt),
       response_(response),
       forced_(problem.options.strategy == Strategy::kForceDriven),
+      stops_within_(forced_ && problem.options.plastic_layer),
       sheared_(!forced_ && problem.options.drive == Drive::kLayerShear) {
   const Material& soft = problem.options.soft;
   const double T_melt = soft.melting_temperature, T_start = problem.options.initial_temperature;
@@ -175,6 +178,27 @@ double SubstepErrors::of_piece(const Substep& substep, const SubstepAnswer& answ
                   .mean = heats > 0.0 ? heat / (heats * dt_) : std::abs(answer.stress - start_of(substep, answer))});
 }
 
+// Error of T0 of two halves in which slip and flow take over from each other, or friction from the strength of the
+// interface. Both may do so too early or too late, and then go on the wrong way alike: T0 is as uncertain as it moves.  [K]
+double SubstepErrors::takeover(const Substep& substep, const SubstepAnswer (&halves)[2]) const {
+  if (!stops_within_) return 0.0;
+  const double damped = substep.of_rest * std::sqrt(substep.of_rest);
+  double error = 0.0, T0 = substep.T0_before;
+  Sharing before = substep.before;
+  for (const SubstepAnswer& half : halves) {
+    const Sharing now = half.slip == 0.0                  ? Sharing::kFlow
+                        : half.regime == Regime::kCoulomb ? Sharing::kFriction
+                                                          : Sharing::kYield;
+    if (before != Sharing::kUnknown && now != before) {
+      const bool of_slip = now != Sharing::kFlow && before != Sharing::kFlow;
+      error += (of_slip ? 1.0 : damped) * std::abs(half.T0 - T0);
+    }
+    T0 = half.T0;
+    before = now;
+  }
+  return error;
+}
+
 double SubstepErrors::of_halves(const Substep& substep, const SubstepAnswer& piece,
                                 const SubstepAnswer (&halves)[2]) const {
   const bool second_order = problem_.options.time_integrator == TimeIntegrator::kSdirk2 &&
@@ -187,9 +211,11 @@ double SubstepErrors::of_halves(const Substep& substep, const SubstepAnswer& pie
   if (forced_) {
     const Forcing forcing = forcing_of(inputs_, substep.lane);
     const double half = 0.5 * substep.length * dt_;
-    errors.heat += problem_.heat_partition *
-                   (lost_work(forcing, half, substep.velocity_jump, halves[0].jump_new, halves[0].stress) +
-                    lost_work(forcing, half, halves[0].jump_new, halves[1].jump_new, halves[1].stress));
+    if (!stops_within_)
+      errors.heat += problem_.heat_partition *
+                     (lost_work(forcing, half, substep.velocity_jump, halves[0].jump_new, halves[0].stress) +
+                      lost_work(forcing, half, halves[0].jump_new, halves[1].jump_new, halves[1].stress));
+    errors.T0 = std::max(errors.T0, takeover(substep, halves));
     errors.T0 = std::max(errors.T0, jump_as_temperature(substep, piece, halves));
     return largest(substep, halves[1].stress, errors);
   }
@@ -223,6 +249,16 @@ double SubstepErrors::mean_stress(const Substep& substep, const SubstepAnswer& p
   return goes_on(substep, piece, halves) ? mean + (mean - piece.mean) / 3.0 : mean;
 }
 
+bool SubstepErrors::flows_on(const Substep& substep, const SubstepAnswer& piece,
+                             const SubstepAnswer (&halves)[2]) const {
+  const auto on = [&](const SubstepAnswer& answer) {
+    return answer.slip == 0.0 && flows(answer) && answer.regime != Regime::kOpen && answer.outcome == 0 &&
+           answer.jump_new * substep.velocity_jump > 0.0 && answer.stress * answer.jump_new > 0.0;
+  };
+  return stops_within_ && !properties_of(problem_.options.soft.flow_law).depends_on_rate && on(piece) &&
+         on(halves[0]) && on(halves[1]);
+}
+
 double SubstepErrors::impulse_left(const Substep& substep, const SubstepAnswer& piece,
                                    const SubstepAnswer (&halves)[2]) const {
   if (problem_.options.time_integrator != TimeIntegrator::kBackwardEuler) return 0.0;
@@ -231,7 +267,9 @@ double SubstepErrors::impulse_left(const Substep& substep, const SubstepAnswer& 
            answer.jump_new * substep.velocity_jump > 0.0 && answer.outcome == 0;
   };
   if (!slips_on(piece) || !slips_on(halves[0]) || !slips_on(halves[1])) return 0.0;
-  const double left = 0.5 * (halves[0].stress + halves[1].stress) - piece.stress;
+  const double left = substep.yield_before != 0.0
+                          ? (substep.yield_before + halves[0].stress - 2.0 * halves[1].stress) / 6.0
+                          : 0.5 * (halves[0].stress + halves[1].stress) - piece.stress;
   return jump_after(substep, halves[1].jump_new, left) * substep.velocity_jump > 0.0 ? left : 0.0;
 }
 
@@ -245,10 +283,15 @@ double SubstepErrors::jump_as_temperature(const Substep& substep, const SubstepA
   const auto& [one, two] = halves;
   const Forcing forcing = forcing_of(inputs_, substep.lane);
   const double half = 0.5 * substep.length * dt_;
-  const double off =
-      std::abs(two.jump_new - piece.jump_new) +
-      turning_error(forcing, half, substep.velocity_jump, one.jump_new, substep.stress_before, one.stress) +
-      turning_error(forcing, half, one.jump_new, two.jump_new, one.stress, two.stress);
+  double off = std::abs(two.jump_new - piece.jump_new);
+  if (substep.yield_before != 0.0) {
+    const double bend = std::abs(substep.yield_before - 2.0 * one.stress + two.stress);
+    const double ends = std::abs(two.stress - piece.stress);
+    off = std::min(off, 2.0 * half * forcing.mobility * (kFlowBendShare * bend + 0.5 * ends));
+  } else if (!stops_within_) {
+    off += turning_error(forcing, half, substep.velocity_jump, one.jump_new, substep.stress_before, one.stress) +
+           turning_error(forcing, half, one.jump_new, two.jump_new, one.stress, two.stress);
+  }
   const double stress = std::max(std::abs(two.stress), std::abs(piece.stress));
   return std::sqrt(std::max(1.0, kJumpTime / dt_)) * problem_.heat_partition * response_ * stress * off;
 }

@@ -17,6 +17,10 @@ struct SubstepAnswer {
   std::uint8_t outcome = 0;
 };
 
+// What a force-driven jump beside a layer that may flow is: the flow of the layer alone, or slip as well, under friction or
+// under the yield strength of the interface.
+enum class Sharing : std::uint8_t { kUnknown, kFlow, kFriction, kYield };
+
 // A substep of one lane.
 struct Substep {
   int lane;
@@ -27,6 +31,9 @@ struct Substep {
   double T0_before;      // interface temperature before the substep  [K]
   bool flowed;           // the layer flowed along the jump in the substep before, under the same pressure and jump
   double flux_before;    // heat flux that leaves z = 0 before the substep; of a step of both orders  [W/m2]
+  // Stress at which the flow of the layer begins; 0: none is known. Of a force-driven substep that flows_on()  [Pa]
+  double yield_before = 0.0;
+  Sharing before = Sharing::kUnknown;
 };
 
 // The errors of the substeps of one tile. Each estimate is the largest of three errors, each as a fraction of its
@@ -52,9 +59,14 @@ class SubstepErrors {
   // extrapolated from that of one piece and of the halves, whose straight paths cut off the bend of the stress.
   double mean_stress(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
 
+  // Whether a force-driven layer flows along one direction, with no slip beside it, under a stress that follows from its
+  // strain and temperature alone.
+  bool flows_on(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
+
   // What is left of the mean stress of two halves of a force-driven substep of backward Euler, whose errors have one sign
   // in every substep and add up: their distance from one piece, as long as the interface goes on slipping in one
-  // direction; else 0  [Pa]. jump_after(): the jump after the substep with that mean stress.
+  // direction; that from Simpson's rule of a layer that flows_on(); else 0  [Pa]. jump_after(): the jump after the
+  // substep with that mean stress.
   double impulse_left(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
   double jump_after(const Substep& substep, double jump_new, double impulse) const;
 
@@ -67,6 +79,7 @@ class SubstepErrors {
   double largest(const Substep& substep, double stress, const Errors& errors) const;
   bool goes_on(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
   double heating(const Substep& substep) const;
+  double takeover(const Substep& substep, const SubstepAnswer (&halves)[2]) const;
   double corner_of_flux(const Substep& substep, const SubstepAnswer& first, const SubstepAnswer& last) const;
   double elastic_path(const Substep& substep, const SubstepAnswer* parts, int num_parts) const;
   double jump_as_temperature(const Substep& substep, const SubstepAnswer& piece,
@@ -77,7 +90,9 @@ class SubstepErrors {
   const double dt_, response_;
   double range_;                  // T_melt - T_start  [K]
   double strength_[kLanes] = {};  // shear strength of the cold, unstrained layer  [Pa]
-  bool forced_, sheared_;
+  bool forced_;
+  bool stops_within_;  // a step knows where its jump stops or turns (force_driven/flowing_slip.hpp)
+  bool sheared_;
 };
 
 }  // namespace shearbus::physics

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "server/physics/layer/modes.hpp"
+#include "server/physics/material/strength.hpp"
 #include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/scratch.hpp"
@@ -183,6 +185,32 @@ double ControlledStep::flux_of(int l) const {
   return flux;
 }
 
+// The stress at which the layer of a lane begins to flow along its jump; 0 where it has no temperatures  [Pa].
+double ControlledStep::yield_of(int l) const {
+  const TileLayout& layout = problem_.layout;
+  if (problem_.basis && asleep(layout, accepted_, l)) return 0.0;
+  const double pressure = inputs_.pressure[l];
+  const Material soft = at_pressure(problem_.options.soft, pressure);
+  double least = std::numeric_limits<double>::infinity(), last_strain = -1.0, last_T = 0.0;
+  for (std::size_t i = static_cast<std::size_t>(l); i < layout.num_strain_vertices * kLanes; i += kLanes) {
+    const double strain = accepted_[layout.plastic_strain + i], T = accepted_[layout.temperature + i];
+    if (strain != last_strain || T != last_T) least = std::min(least, flow_stress(soft, strain, pressure, T));
+    last_strain = strain;
+    last_T = T;
+  }
+  return std::copysign(least / kSqrt3, now_.velocity_jump[l]);
+}
+
+// What shared the jump of a lane before its next substep.
+Sharing ControlledStep::sharing_of(int l) const {
+  const TileLayout& layout = problem_.layout;
+  if (!forced_ || !problem_.options.plastic_layer) return Sharing::kUnknown;
+  if (accepted_[layout.sticking + l] != 0.0) return Sharing::kFlow;
+  const auto regime = static_cast<Regime>(static_cast<int>(accepted_[layout.regime + l]));
+  if (regime == Regime::kOpen) return Sharing::kUnknown;
+  return regime == Regime::kCoulomb ? Sharing::kFriction : Sharing::kYield;
+}
+
 // The next substep of a lane, for the estimates of its error.
 Substep ControlledStep::substep_of(int l) const {
   const auto lane = static_cast<std::size_t>(l);
@@ -196,7 +224,8 @@ Substep ControlledStep::substep_of(int l) const {
           .flowed = lanes_[l].at > 0 &&
                     accepted_[problem_.layout.regime + lane] > static_cast<double>(Regime::kStick) &&
                     accepted_[problem_.layout.shear_stress + lane] * now_.velocity_jump[l] > 0.0,
-          .flux_before = first_order_ != nullptr ? flux_of(l) : 0.0};
+          .flux_before = first_order_ != nullptr ? flux_of(l) : 0.0,
+          .before = sharing_of(l)};
 }
 
 // Share of the error budget that the next substep of a lane may use because of its length.
@@ -268,7 +297,8 @@ void ControlledStep::accept_or_refine(int l) {
   Progress& lane = lanes_[l];
   const SubstepAnswer halves[] = {answer_of(first_, l), answer_of(second_, l)};
   if (((halves[0].outcome | halves[1].outcome) & kFailed) != 0) return give_up(l, kFailed);
-  const Substep substep = substep_of(l);
+  Substep substep = substep_of(l);
+  if (errors_.flows_on(substep, lane.coarse, halves)) substep.yield_before = yield_of(l);
   const double error = errors_.of_halves(substep, lane.coarse, halves);
   const double share = share_of(l);
   const double allowed = lane.refined ? std::max(share, kRefinedShare * lane.left) : share;
@@ -318,7 +348,12 @@ void ControlledStep::finish(int l) {
   const SubstepAnswer& sum = lanes_[l].sum;
   open_ &= ~(1u << l);
   copy_lane(accepted_, trial_, problem_.layout.doubles, l);
-  trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)] = sum.stress;
+  double& stress = trial_[problem_.layout.shear_stress + static_cast<std::size_t>(l)];
+  // The search of the next step starts from the stress and its rate: from the mean stress it is three times as far to the
+  // end of the next step as to the end of this one.
+  if (forced_ && problem_.options.plastic_layer)
+    trial_[problem_.layout.stress_rate + l] = 3.0 * (std::abs(stress) - std::abs(sum.stress)) / operators_.dt();
+  stress = sum.stress;
   outputs_.error_estimate[l] = lanes_[l].estimate;
   outputs_.shear_stress[l] = sum.stress;
   if (inputs_.wants_mean_stress) outputs_.mean_shear_stress[l] = lanes_[l].mean_stress;

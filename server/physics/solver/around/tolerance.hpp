@@ -55,6 +55,8 @@ class ControlledStep {
   void relax(const TileOutputs& piece);
   double work_done() const;
   double flux_of(int l) const;
+  double yield_of(int l) const;
+  Sharing sharing_of(int l) const;
   Substep substep_of(int l) const;
   double share_of(int l) const;
   void take_first_order(int l, const TileOutputs& piece);

@@ -16,12 +16,13 @@ constexpr double kSurely = 1e-9;       // a stress this far above the flow stres
 constexpr double kByRounding = 1e-11;  // a layer that flows only under the last such part of a stress does not flow
 constexpr double kClosed = 1e-12;      // largest accepted residual of the flux, relative to it
 constexpr double kLeastGuess = 1e-12;  // smallest useful first stress, relative to the upper end of its interval
-constexpr int kMostGuesses = 6;        // largest number of stresses tried below the root before the upper end
-constexpr int kNearbySteps = 6;        // most steps of a search with the flow nearby
-constexpr double kMostBend = 0.5;      // limit of Halley's correction of Newton's step
-constexpr double kNearbyFlowMet = 3e-5;  // a step that changes the flow by less ends a search of third order
-constexpr double kNearbyMet = 1e-8;      // a relative step below this one ends them: the error is about its square
-constexpr double kBeyond = 1e-10;        // relative margin added to an upper bound of the stress, against rounding
+constexpr double kNextBlindGuess = 1.02;  // the next stress, relative to one under which nothing flows
+constexpr int kMostGuesses = 6;           // largest number of stresses tried below the root before the upper end
+constexpr int kNearbySteps = 6;           // most steps of a search with the flow nearby
+constexpr double kMostBend = 0.5;         // limit of Halley's correction of Newton's step
+constexpr double kNearbyFlowMet = 3e-5;   // a step that changes the flow by less ends a search of third order
+constexpr double kNearbyMet = 1e-8;       // a relative step below this one ends them: the error is about its square
+constexpr double kBeyond = 1e-10;         // relative margin added to an upper bound of the stress, against rounding
 
 }  // namespace
 
@@ -31,14 +32,18 @@ bool softens_alike(const StressLimit& limit) {
 }
 
 FlowingSlip::FlowingSlip(const FlowingStart& start)
-    : start_(start), trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress) {
+    : start_(start),
+      trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress),
+      travel_(start.forcing, trial_, start.dt) {
   const double T_ad = start.layer.T(0, 0.0);
   const double B0 = start.layer.response(0);
   const double rise = start.heat_partition * B0;
   slipping_ = trial_.slipping(T_ad, rise);
   // If the interface sticks at the end of the step, the flow of the layer takes all of [V]new + drive there. The mean
   // slip velocity of the interface over the step is then [v] = ([V]old - [V]new)/2.
+  // Under a tolerance the flow takes the mean jump, and an interface that sticks does not slip.
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
+  if (start.turns_within) stopping_ = {T_ad, rise, 0.0, 0.0};
   compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
 
   // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under
@@ -61,11 +66,37 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
 // The answer of the step if the layer does not flow; computed when first asked for.
 const LaneStep& FlowingSlip::rigid() {
   if (!rigid_is_known_) {
-    rigid_ = rigid_slip(start_.limit, trial_, start_.heat_partition, start_.layer.response(0), start_.layer.T(0, 0.0),
-                        std::abs(start_.before.stress), start_.before.sticks);
+    const double partition = start_.heat_partition, B0 = start_.layer.response(0), T_ad = start_.layer.T(0, 0.0);
+    const double guess = std::abs(start_.before.stress);
+    rigid_ = rigid_slip(start_.limit, trial_, partition, B0, T_ad, guess, start_.before.sticks);
+    const bool stops = rigid_.sticks || trial_.jump_old + trial_.drive < 0.0;
+    if (start_.turns_within && stops && !(std::abs(rigid_.stress) >= travel_.rest_stress()))
+      rigid_ = travel_.slip_next_to_rigid(start_.limit, partition, B0, T_ad, guess);
     rigid_is_known_ = true;
   }
   return rigid_;
+}
+
+// ---- The jump over the step. Under a tolerance, and else: its mean; what an interface that sticks leaves to the flow of the
+// layer, as a stress; the stress from which on it surely sticks.
+
+double FlowingSlip::mean_jump(double a) const {
+  return start_.turns_within ? travel_.under(a).mean : slipping_.c - slipping_.b * a;
+}
+double FlowingSlip::mean_jump_slope(double a) const {
+  return start_.turns_within ? travel_.under(a).by_stress : -slipping_.b;
+}
+double FlowingSlip::left_to_flow(double a) const {
+  return start_.turns_within ? travel_.under(a).mean / trial_.per_stress : trial_.stress_stick - a;
+}
+double FlowingSlip::left_to_flow_slope(double a) const {
+  return start_.turns_within ? travel_.under(a).by_stress / trial_.per_stress : -1.0;
+}
+double FlowingSlip::stick_balance(double a, double slip) const {
+  return start_.turns_within ? compliance_ * slip - left_to_flow(a) : a + compliance_ * slip - trial_.stress_stick;
+}
+double FlowingSlip::stress_at_rest() const {
+  return start_.turns_within ? travel_.rest_stress() : trial_.stress_stick;
 }
 
 void FlowingSlip::ask(Phase phase, const LayerLoad& load) {
@@ -165,8 +196,7 @@ bool FlowingSlip::flows_beside_any_rigid_answer() const {
   constexpr double kClearly = 1.01 / kSqrt3;  // far above rounding, and above the error of an answer near melting
   if (!start_.hardens || !softens_alike(start_.limit)) return false;
   const double strength = kClearly * start_.first_strength, g = start_.first_g;
-  return start_.limit.tresca > strength && g > 0.0 &&
-         std::min(trial_.stress_stick, start_.limit.coulomb) > strength * g;
+  return start_.limit.tresca > strength && g > 0.0 && std::min(stress_at_rest(), start_.limit.coulomb) > strength * g;
 }
 
 // Whether the layer flows at z = 0 under the stress of the answer for a rigid layer, which needs no sum to be seen.
@@ -182,7 +212,7 @@ bool FlowingSlip::rigid_layer_flows() {
 
 bool FlowingSlip::ends_stuck(double slip, const FlowAccuracy& accuracy) {
   if ((phase_ != Phase::kStickGuess && phase_ != Phase::kStick) || !(load_.stress > 0.0)) return false;
-  if (!is_balanced(load_.stress, trial_.stress_stick - load_.stress, compliance_, slip, accuracy)) return false;
+  if (!is_balanced(load_.stress, left_to_flow(load_.stress), compliance_, slip, accuracy)) return false;
   end_stick(load_.stress);
   return true;
 }
@@ -197,11 +227,12 @@ double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
     double heat_slope = start_.heat_partition * stops;
     if (heats_by_work()) heat_slope += slipping_.c - 2.0 * slipping_.b * a - stops;
     const double flow_slope = compliance_ * (flow.by_stress + flow.by_flux * heat_slope);
-    const double newton = (a + compliance_ * flow.value - trial_.stress_stick) / (1.0 + flow_slope);
+    const double slope = flow_slope - left_to_flow_slope(a);
+    const double newton = stick_balance(a, flow.value) / slope;
     // Halley's correction for a flow that follows a power of the stress.
     const double moving = compliance_ * (flow.value - nearby.constant);
     const double power = moving > 0.0 ? flow_slope * a / moving : 1.0;
-    const double bend = 0.5 * newton * flow_slope * (power - 1.0) / (a * (1.0 + flow_slope));
+    const double bend = 0.5 * newton * flow_slope * (power - 1.0) / (a * slope);
     const double change = newton / (1.0 - std::clamp(bend, -kMostBend, kMostBend));
     if (!(change < a)) return -1.0;
     a -= change;
@@ -228,9 +259,9 @@ double FlowingSlip::nearby_slip(const NearbyFlow& nearby) const {
     if (heats_by_work()) heat_slope += (c - 2.0 * b * a - v) * by_slip - a;
     const NearbyFlow::Slip flow = nearby.at(a, load.heat());
     const double per_time = kSqrt3 / start_.dt;
-    const double open = v + per_time * flow.value - (c - b * a);
-    const double next =
-        v - open / (1.0 + per_time * (flow.by_stress * by_slip + flow.by_flux * heat_slope) + b * by_slip);
+    const double open = v + per_time * flow.value - mean_jump(a);
+    const double next = v - open / (1.0 + per_time * (flow.by_stress * by_slip + flow.by_flux * heat_slope) -
+                                    mean_jump_slope(a) * by_slip);
     if (!(next > 0.0)) return -1.0;
     const double change = std::abs(next - v);
     v = next;
@@ -271,7 +302,7 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
         return end_stick(load_.stress);
       }
       const double known = nearby_stick(nearby);
-      search_ = RootSearch(low_, low_value_, load_.stress, balance, trial_.stress_stick,
+      search_ = RootSearch(low_, low_value_, load_.stress, balance, left_to_flow(0.0),
                            known > 0.0 ? known : trial_.direction * start_.before.stress);
       return ask_stick(Phase::kStick, search_.at());
     }
@@ -340,7 +371,7 @@ void FlowingSlip::begin_stick() {
   const int hottest_ad = hottest({});
   const double g_hottest =
       hottest_ad == 0 ? start_.first_g : softening(soft, start_.limit.pressure, T(hottest_ad, {})).g;
-  double high = trial_.stress_stick;
+  double high = stress_at_rest();
   high_is_ceiling_ = false;
   if (g_hottest <= 0.0) {
     high = 0.0;
@@ -350,9 +381,9 @@ void FlowingSlip::begin_stick() {
     high_is_ceiling_ = most < high;
     high = std::min(high, most);
   }
-  const auto inside = [&](double a) { return a > kLeastGuess * high_ && a < high_; };
+  const auto inside = [&](double a) { return a > kLeastGuess * std::min(high_, trial_.stress_stick) && a < high_; };
   low_ = 0.0;
-  low_value_ = -trial_.stress_stick;
+  low_value_ = -left_to_flow(0.0);
   high_ = high;
   guesses_ = 0;
   // An explicit flow is solved from a good guess without the third bound, unless melting is near or the guess is too low.
@@ -371,7 +402,7 @@ void FlowingSlip::bound_stick_by_first_vertex() {
   first_vertex_bounds_ = false;
   const Material& soft = *start_.limit.soft;
   const double P = start_.limit.pressure, T_ad = start_.layer.T(0, 0.0);
-  const double most_strain = start_.first_strain + trial_.stress_stick / compliance_ / start_.first_weight;
+  const double most_strain = start_.first_strain + left_to_flow(0.0) / compliance_ / start_.first_weight;
   const double rate = (most_strain - start_.first_strain) / start_.dt;
   const double beyond = hardened_strength(soft, most_strain, rate, P, T_ad) * start_.first_g / kSqrt3 * (1.0 + kBeyond);
   if (beyond >= high_) return;
@@ -383,9 +414,11 @@ void FlowingSlip::bound_stick_by_first_vertex() {
 // is evaluated only where no guess lies above the root.
 void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
   const double balance = stick_balance(slip), a = load_.stress;
-  const double next = nearby_stick(nearby);
+  // Under a stress below all flow stresses nothing is known of the flow nearby.
+  const bool blind = start_.turns_within && !(slip > 0.0);
+  const double next = blind ? a * kNextBlindGuess : nearby_stick(nearby);
   if (balance > 0.0) {
-    search_ = RootSearch(low_, low_value_, a, balance, trial_.stress_stick, next);
+    search_ = RootSearch(low_, low_value_, a, balance, left_to_flow(0.0), next);
     return ask_stick(Phase::kStick, search_.at());
   }
   low_ = a;
@@ -433,7 +466,7 @@ void FlowingSlip::end_stick(double a) {
 //    between them.
 void FlowingSlip::begin_slip() {
   const bool bounded = !rigid().sticks && std::abs(rigid_.stress) <= a_stick_;
-  high_ = bounded ? std::abs(rigid_.slip) : std::max(0.0, slipping_.c);
+  high_ = bounded ? std::abs(rigid_.slip) : std::max(0.0, mean_jump(0.0));
   low_ = stopping_.slip(a_stick_);
   if (high_ <= low_) low_ = 0.0;
   high_is_ceiling_ = false;
@@ -459,7 +492,7 @@ void FlowingSlip::bound_slip_by_layer() {
 }
 
 double FlowingSlip::slip_balance(double slip) const {
-  return slip_ - (slipping_.c - slipping_.b * load_.stress - kSqrt3 * slip / start_.dt);
+  return slip_ - (mean_jump(load_.stress) - kSqrt3 * slip / start_.dt);
 }
 
 // Plastic work heats most under half the stress that sticks. So there may be two stresses at which the interface sticks,
@@ -467,7 +500,7 @@ double FlowingSlip::slip_balance(double slip) const {
 void FlowingSlip::stick_below(double high) {
   stuck_below_limit_ = true;
   low_ = 0.0;
-  low_value_ = -trial_.stress_stick;
+  low_value_ = -left_to_flow(0.0);
   high_ = high;
   high_is_ceiling_ = false;
   ask_stick(Phase::kStickEnd, high_);
@@ -485,11 +518,19 @@ void FlowingSlip::end_slip(double v) {
 }
 
 FlowingSlip::Answer FlowingSlip::answer(double slip) {
+  Answer answer = moving_answer(slip);
+  answer.rubs = std::abs(answer.step.slip);
+  if (start_.turns_within) answer.step = travel_.answer(answer.step);
+  return answer;
+}
+
+// The answer; of a jump that may turn within the step with the stress and the slip while it moves.
+FlowingSlip::Answer FlowingSlip::moving_answer(double slip) {
   if (kind_ == Kind::kRigid) return {rigid(), 0.0, 0.0, 0};
   const double d = trial_.direction, a = load_.stress;
   const int at = hottest(load_);
   if (kind_ == Kind::kStick) {
-    const double surplus = at_ceiling_ ? std::max(0.0, (trial_.stress_stick - a) / compliance_ - slip) : 0.0;
+    const double surplus = at_ceiling_ ? std::max(0.0, left_to_flow(a) / compliance_ - slip) : 0.0;
     const bool flows = slip > 0.0 || surplus > 0.0;
     const bool melting = T(at, load_) >= kMeltingShare * start_.limit.soft->melting_temperature;
     const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
@@ -499,7 +540,7 @@ FlowingSlip::Answer FlowingSlip::answer(double slip) {
             at};
   }
   // A layer at its stress ceiling flows by the slip that the balance DLP (64) leaves over.
-  const double left = slipping_.c - slipping_.b * a - slip_;
+  const double left = mean_jump(a) - slip_;
   const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
   const Regime regime = slip_regime(start_.limit, T(0, load_), slip_);
   return {{d * a, d * slip_, trial_.jump_new(a), load_.flux, regime, false, rigid().unique, rigid_.several},

@@ -8,6 +8,7 @@
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/flow/root_search.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
+#include "server/physics/solver/force_driven/travel.hpp"
 
 namespace shearbus::physics {
 
@@ -28,6 +29,7 @@ struct FlowingStart {
   Forcing forcing;
   LaneStep before;  // the state before the step; only stress, jump_new and sticks are read
   double rise;  // of the stress, along itself, with which the search for that of the step starts, if it can be  [Pa]
+  bool turns_within;  // under a tolerance: the jump may turn within the step, and slip and flow share its mean (Travel)
 };
 
 // Whether the interface softens as the layer does: friction is a constant, and the limit has the law's g as a factor.
@@ -59,9 +61,10 @@ class FlowingSlip {
 
   struct Answer {
     LaneStep step;
-    double work;     // plastic work that heats the layer  [W/m2]
-    double surplus;  // plastic slip beyond that of DLP (48), at the hottest vertex of a layer at its ceiling  [m]
-    int hottest;     // index of the hottest vertex
+    double work;        // plastic work that heats the layer  [W/m2]
+    double surplus;     // plastic slip beyond that of DLP (48), at the hottest vertex of a layer at its ceiling  [m]
+    int hottest;        // index of the hottest vertex
+    double rubs = 0.0;  // mean speed at which the interface slips, to and fro  [m/s]
   };
   Answer answer(double slip);  // `slip`: plastic slip across the layer, integral(dep), under the load found  [m]
 
@@ -98,13 +101,21 @@ class FlowingSlip {
   LayerLoad solid(LayerLoad load) const;
   bool layer_holds(double v) const;
   void bound_slip_by_layer();
-  double stick_balance(double slip) const { return load_.stress + compliance_ * slip - trial_.stress_stick; }
+  double stick_balance(double slip) const { return stick_balance(load_.stress, slip); }
+  double stick_balance(double a, double slip) const;
+  double stress_at_rest() const;
+  double left_to_flow(double a) const;
+  double left_to_flow_slope(double a) const;
+  double mean_jump(double a) const;
+  double mean_jump_slope(double a) const;
+  Answer moving_answer(double slip);
   double nearby_stick(const NearbyFlow& nearby) const;
   double nearby_slip(const NearbyFlow& nearby) const;
   double slip_balance(double slip) const;
 
   const FlowingStart& start_;
   TrialSlip trial_{{}, 1.0, 0.0, 0.0};
+  Travel travel_;               // the jump under a constant stress; only if start_.turns_within
   FrictionHeating stopping_{};  // friction heating, if the interface sticks at the end of the step
   FrictionHeating slipping_{};  // friction heating, if the interface slips at the end of the step
   LaneStep rigid_{};            // the answer of the step if the layer does not flow, where rigid_is_known_

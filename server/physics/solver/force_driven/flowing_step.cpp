@@ -14,6 +14,7 @@
 #include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
+#include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/work.hpp"
 
@@ -127,6 +128,7 @@ struct FlowingLane {
   int lane;
   ContactState contact;
   double heat_of_work;  // heat that plastic work has released in the substeps  [J/m2]
+  bool peaks_inside;    // the layer may be hottest behind z = 0
 
   double pressure() const { return inputs.pressure[lane]; }
 
@@ -142,13 +144,15 @@ struct FlowingLane {
         .first_strain = strain_old[lane],
         .first_strength = first.strength[lane],
         .first_g = first.g[lane],
-        .layer = {T + lane, heat.layer_response(), 1, problem.options.hard_grid ? problem.grid.num_vertices() : 1,
+        .layer = {T + lane, heat.layer_response(), 1,
+                  problem.options.hard_grid || peaks_inside ? problem.grid.num_vertices() : 1,
                   B_work != nullptr ? B_work + lane : nullptr},
         .heat_partition = problem.heat_partition,
         .dt = heat.dt,
         .forcing = forcing_of(problem, inputs, lane),
         .before = before,
         .rise = stress_rate * heat.dt,
+        .turns_within = problem.options.tolerance.has_value(),
     };
   }
   StressLimit limit_at_start(double dt, const LaneStep& before) const {
@@ -167,11 +171,11 @@ struct FlowingLane {
       heat_of_work += answer.work * heated_share(problem.grid, shape + lane) * dt;
       reshape_heat(problem, strain_old + lane, strain + lane, 0.0, shape + lane);
     }
-    slip_contact(answer.step, dt, T0);
+    slip_contact(answer.step, answer.rubs, dt, T0);
   }
-  void slip_contact(LaneStep& step, double dt, double T0) {
+  void slip_contact(LaneStep& step, double slip, double dt, double T0) {
     if (!problem.options.junctions && problem.layout.num_friction_states == 0) return;
-    if (!advance_contact(contact_limit(problem, soft, pressure(), dt, contact, nullptr), step.slip, T0, contact))
+    if (!advance_contact(contact_limit(problem, soft, pressure(), dt, contact, nullptr), slip, T0, contact))
       step.stress = std::numeric_limits<double>::quiet_NaN();
   }
 
@@ -179,7 +183,7 @@ struct FlowingLane {
   LaneStep substep(const HeatOperator& heat, const LaneStep& before, double* T_all) {
     if (pressure() <= 0.0) {
       LaneStep open = open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
-      slip_contact(open, heat.dt, T[lane]);
+      slip_contact(open, open.slip, heat.dt, T[lane]);
       return open;
     }
     double* B_work = work_heat != nullptr ? work_heat->shorter() : nullptr;
@@ -207,24 +211,45 @@ struct FlowingLane {
   }
 };
 
-}  // namespace
+// Lanes whose temperatures were conducted to second order.
+struct Conducted {
+  std::uint32_t out = 0;     // out of the range of the temperatures before
+  std::uint32_t inside = 0;  // hottest behind z = 0, before the heat of the step
+};
+// Takes rounding away.
+Conducted lanes_conducted(int num_rows, std::ptrdiff_t interface, const double* before, double* after) {
+  constexpr double kRounding = 1e-12;
+  double coldest[kLanes], hottest[kLanes], lowest[kLanes], highest[kLanes];
+  range_of_rows(num_rows, before, coldest, hottest);
+  range_of_rows(num_rows, after, lowest, highest);
+  Conducted lanes;
+  for (int l = 0; l < kLanes; ++l) {
+    if (highest[l] > after[interface * kLanes + l]) lanes.inside |= 1u << l;
+    if (!(lowest[l] >= coldest[l] * (1.0 - kRounding) && highest[l] <= hottest[l] * (1.0 + kRounding))) {
+      lanes.out |= 1u << l;
+    } else if (lowest[l] < coldest[l] || highest[l] > hottest[l]) {
+      for (int i = 0; i < num_rows; ++i)
+        after[i * kLanes + l] = std::clamp(after[i * kLanes + l], coldest[l], hottest[l]);
+    }
+  }
+  return lanes;
+}
 
-void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                  const double* committed, double* trial, TileOutputs& outputs) {
+// The step of the active lanes. Their temperatures T_ad after conduction without heat of the step, DLP (28-35), are in
+// `trial`; `heat` has the response. `inside`: lanes that may be hottest behind z = 0 though one body conducts.
+void advance(const Problem& problem, const StepOperators& operators, const HeatOperator& heat, std::uint32_t inside,
+             const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const Material& soft = problem.options.soft;
   const int n = problem.heat_grid.num_vertices();
   const std::size_t strains = layout.num_strain_vertices * kLanes;
-  const HeatOperator& heat = operators.heat();
   const double* T_old = committed + layout.first_temperature();
   const double* strain = committed + layout.plastic_strain;
   double* T_all = trial + layout.first_temperature();
   double* T = trial + layout.temperature;
   double* strain_new = trial + layout.plastic_strain;
 
-  // 1. Compute the temperatures T_ad, after conduction without heat of the step: DLP (28-35). Where plastic work becomes
-  // heat is taken from the step before; its amount is found with the stress.
-  conduct(heat, n, T_old, T_all);
+  // 1. Where plastic work becomes heat is taken from the step before; its amount is found with the stress.
   const bool work_heats = layout.heat_shape != TileLayout::kAbsent;
   const double* shape = work_heats ? committed + layout.heat_shape : nullptr;
   double* shape_new = work_heats ? trial + layout.heat_shape : nullptr;
@@ -239,9 +264,12 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   LaneStep before[kLanes];
   const LaneMaterials soft_at(soft, inputs);
   const auto lane_at = [&](int l) {
-    return FlowingLane{problem, soft_at,    soft_at(l), inputs, work,
-                       T,       strain_new, shape_new,  l,      contact_before(problem, committed, l),
-                       0.0};
+    return FlowingLane{problem,    soft_at,
+                       soft_at(l), inputs,
+                       work,       T,
+                       strain_new, shape_new,
+                       l,          contact_before(problem, committed, l),
+                       0.0,        contains(inside, l)};
   };
   const double* B_work = work != nullptr ? work->response() : nullptr;
   struct Search {
@@ -297,7 +325,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
       whole = answer.step;
     } else {
       whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
-      lane.slip_contact(whole, heat.dt, T[l]);
+      lane.slip_contact(whole, whole.slip, heat.dt, T[l]);
     }
     LaneResult result = step_or_divide(
         whole, heat_of, halvings, {l, before[l], n, T_old, T_all},
@@ -328,6 +356,35 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   add_flux(heat, n, flux, T_all);
   if (work_heats) add_spread(heat, operators.spread(), power, work->response(), T_all);
   for (const int l : lanes_of(inputs.active)) outputs.interface_temperature[l] = T[l];
+}
+
+}  // namespace
+
+void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                  const double* committed, double* trial, TileOutputs& outputs) {
+  const int n = problem.heat_rows;
+  const std::size_t first = problem.layout.first_temperature();
+  const double* T_old = committed + first;
+  double* T = trial + first;
+  if (operators.even() == nullptr) {
+    conduct(operators.heat(), n, T_old, T);
+    return advance(problem, operators, operators.heat(), 0, inputs, committed, trial, outputs);
+  }
+  // Under a tolerance heat is conducted to second order, except where that would leave the range of the temperatures.
+  const HeatOperator& even = *operators.even();
+  conduct(even, n, T_old, T);
+  extrapolate_rows(n, sdirk2::kExtrapolation, T_old, T);
+  conduct(even, n, T, T);
+  TileInputs part = inputs;
+  const Conducted lanes = lanes_conducted(n, problem.heat_grid.interface, T_old, T);
+  part.active = inputs.active & ~lanes.out;
+  if (part.active != 0) advance(problem, operators, even, lanes.inside, part, committed, trial, outputs);
+  part.active = inputs.active & lanes.out;
+  if (part.active == 0) return;
+  double* fallback = scratch_tile(Scratch::kStages, problem.layout.doubles);
+  conduct(operators.heat(), n, T_old, fallback + first);
+  advance(problem, operators, operators.heat(), 0, part, committed, fallback, outputs);
+  for (const int l : lanes_of(part.active)) copy_lane(fallback, trial, problem.layout.doubles, l);
 }
 
 }  // namespace shearbus::physics

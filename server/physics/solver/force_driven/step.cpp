@@ -118,6 +118,10 @@ std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, con
                                                      const Material& soft, double T0, int lane) {
   const HeatOperator& heat = operators.heat();
   const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
+  // Next to a layer that may flow, slip that stops in a step under a tolerance heats or flows.
+  if (problem.options.tolerance && problem.options.plastic_layer && inputs.pressure[lane] > 0.0 &&
+      !(before.jump_new == 0.0))
+    return std::nullopt;
   const auto interface_step = [&] { return InterfaceStep(problem, inputs, committed, soft, lane); };
   const LaneStep step = interface_step().from(before, heat.dt, *heat.layer_response(), T0);
   if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;

@@ -1,0 +1,1 @@
+../python/shearbus/_contract.py

@@ -1,0 +1,251 @@
+#include "server/physics/solver/velocity_driven/waves_heat.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "server/physics/material/strength.hpp"
+#include "server/physics/solver/flow/root_search.hpp"
+#include "server/physics/solver/scratch.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+constexpr double kVelocity = 1e-12;     // the velocities of the waves are known to this part of the largest
+constexpr double kClosed = 1e-12;       // largest difference of work and heat, relative to the heat
+constexpr double kDigits = 1e-9;        // the same where the last digit of a temperature decides, next to melting
+constexpr double kLeastRoom = 1e-12;    // a vertex that is nearer to melting takes no heat, relative to T_melt
+constexpr double kSmallStep = 0.5;      // a larger lack of heat, relative to it, lets the vertices change that take it,
+constexpr int kMostCloseAmounts = 6;    // so does one that is left after so many amounts
+constexpr double kFartherAmount = 4.0;  // factor by which the amount then grows
+constexpr int kMostAmounts = 60;        // of the search for enough heat
+
+// The heat of a step goes where its work W1 is done at the temperatures that the heat of the step before would bring:
+//   Q[i] = amount W1[i] (T_melt - T[i])/(T_melt - T_ad[i]),
+// which is linear in T, ceases at melting and rises with the amount, for any step and conduction. The amount is that at
+// which the layer with the temperatures of this heat does as much work: without heat it does more, and a layer that is
+// molten wherever it works does none.
+class HeatedWaves {
+ public:
+  HeatedWaves(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+              const WaveContacts* contacts, double* trial, Found (&found)[kLanes])
+      : problem_(problem), operators_(operators), inputs_(inputs), contacts_(contacts), trial_(trial), found_(found) {
+    std::copy_n(trial, problem.layout.doubles, start_);
+  }
+
+  std::uint32_t solve(std::uint32_t lanes) {
+    evaluate(lanes, nullptr);
+    std::uint32_t working = 0;
+    for (const int l : lanes_of(lanes & ~lost_)) {
+      found_[l].flux = 0.0;
+      if (!(lanes_[l].work > 0.0)) continue;
+      heat_as_before(l);
+      working |= 1u << l;
+    }
+    evaluate(working, guess_);
+    for (const int l : lanes_of(working & ~lost_))
+      if (lanes_[l].work > 0.0) copy_lane(done_, power_, row(), l);
+    search(bracket(working & ~lost_));
+    for (const int l : lanes_of(working & ~lost_)) heat_up(l);
+    return lost_;
+  }
+
+ private:
+  struct Lane {
+    double amount = 0.0, work = 0.0, heat = 0.0;  // work and heat: powers of the last evaluation  [W/m2]
+    double work_before = 0.0;                     // work without heat  [W/m2]
+    double low = 0.0, work_at_low = 0.0;          // the largest amount known that is too small, its lack of heat
+    double high = 0.0;                            // the smallest amount known that is enough
+    RootSearch amounts;
+    double unknown = 0.0;  // what the last digits of the velocities do  [W/m2]
+    bool closed(double share = kClosed) const { return std::abs(work - heat) <= share * heat + unknown; }
+  };
+
+  // Lets the work without heat, `done_`, heat where that of the step before did.
+  void heat_as_before(int l) {
+    const double* shape = start_ + problem_.layout.heat_shape;
+    Lane& own = lanes_[l];
+    own.work_before = own.work;
+    own.amount = 1.0;
+    double sum = 0.0;
+    for (std::size_t i = static_cast<std::size_t>(l); i < row(); i += kLanes) sum += shape[i];
+    for (std::size_t i = static_cast<std::size_t>(l); i < row(); i += kLanes)
+      power_[i] = sum > 0.0 ? own.work * (shape[i] / sum) : done_[i];
+  }
+
+  std::size_t row() const { return problem_.layout.num_strain_vertices * kLanes; }
+  std::ptrdiff_t vertices() const { return static_cast<std::ptrdiff_t>(problem_.layout.num_strain_vertices); }
+
+  // Solves the waves of `lanes` at the temperatures of their amounts.
+  void evaluate(std::uint32_t lanes, const double* guess) {
+    for (const int l : lanes_of(lanes)) {
+      copy_lane(start_, trial_, problem_.layout.doubles, l);
+      lanes_[l].heat = lanes_[l].amount > 0.0 ? warm(l) : 0.0;
+    }
+    lost_ |= solve_stage(problem_, operators_.heat(), inputs_, lanes & ~lost_, contacts_, trial_, found_, guess);
+    for (const int l : lanes_of(lanes & ~lost_)) {
+      lanes_[l].work = work(l);
+      copy_lane(trial_ + problem_.layout.layer_velocity, guess_, problem_.layout.num_velocity_cells * kLanes, l);
+    }
+  }
+
+  // Raises the temperatures of the layer in `trial` by the heat of the amount, and returns the sum of this heat. The
+  // matrix is that of the step with a term more in the diagonal of each heated vertex; `excess` is what they add to its
+  // pivots.
+  double warm(int l) {
+    const HeatOperator& heat = operators_.heat();
+    const SpreadHeat& spread = operators_.spread();
+    const double T_melt = at_pressure(problem_.options.soft, inputs_.pressure[l]).melting_temperature;
+    const double* T_ad = start_ + problem_.layout.temperature + l;
+    const auto room = [&](std::ptrdiff_t i) { return T_melt - T_ad[i * kLanes]; };
+    const auto flux = [&](std::ptrdiff_t i) {
+      return room(i) > kLeastRoom * T_melt ? lanes_[l].amount * power_[i * kLanes + l] : 0.0;
+    };
+    double* rise = rise_ + l;
+    double inner[kMaxInertiaCells + 1];
+    double excess = 0.0, pivot = 1.0;
+    const std::ptrdiff_t last = vertices() - 1;
+    for (std::ptrdiff_t i = last; i >= 0; --i) {
+      const auto at = static_cast<std::size_t>(heat.interface + i);
+      const double plain = 1.0 / heat.inverse_pivot[at], outer = i < last ? heat.inward[at] * plain : 0.0;
+      const double source = spread.gain[static_cast<std::size_t>(i)] * flux(i);
+      excess = i < last ? outer * heat.outward[at + 1] * (excess / pivot) : 0.0;
+      if (source > 0.0) excess += source / room(i);
+      pivot = plain + excess;
+      rise[i * kLanes] = (source + (i < last ? outer * rise[(i + 1) * kLanes] : 0.0)) / pivot;
+      inner[i] = i > 0 ? heat.outward[at] * plain / pivot : 0.0;
+    }
+    double sum = 0.0;
+    for (std::ptrdiff_t i = 0; i <= last; ++i) {
+      if (i > 0) rise[i * kLanes] += inner[i] * rise[(i - 1) * kLanes];
+      trial_[problem_.layout.temperature + static_cast<std::size_t>(i * kLanes + l)] += rise[i * kLanes];
+      if (const double q = flux(i); q > 0.0) sum += q * std::max(0.0, 1.0 - rise[i * kLanes] / room(i));
+    }
+    return sum;
+  }
+
+  // The work of each vertex that becomes heat, and its sum  [W/m2].
+  double work(int l) {
+    const std::size_t strain = problem_.layout.plastic_strain + static_cast<std::size_t>(l);
+    const std::size_t stress = problem_.layout.shear_stress + static_cast<std::size_t>(l);
+    const double factor = *problem_.options.taylor_quinney_factor * kSqrt3 / operators_.dt();
+    double sum = 0.0, largest = 0.0;
+    for (std::size_t i = 0; i < problem_.layout.num_strain_vertices; ++i) {
+      const std::size_t at = i * kLanes;
+      largest = std::max(largest, std::abs(trial_[stress + at]));
+      const double flow = problem_.grid.weight[i] * std::max(0.0, trial_[strain + at] - start_[strain + at]);
+      double done = factor * std::abs(trial_[stress + at]) * flow;
+      if (i == 0) done += std::abs(trial_[stress] * found_[l].interface_slip);
+      sum += done_[at + static_cast<std::size_t>(l)] = done;
+    }
+    double fastest = std::abs(inputs_.velocity_jump[l]);
+    for (std::size_t c = 0; c < problem_.layout.num_velocity_cells; ++c)
+      fastest = std::max(fastest, std::abs(trial_[problem_.layout.layer_velocity + c * kLanes + l]));
+    lanes_[l].unknown = kVelocity * largest * fastest;
+    return sum;
+  }
+
+  // Finds an amount with enough heat. Where much is missing, vertices work that did not without heat: they are heated,
+  // too. Returns the lanes that have an amount on either side of theirs.
+  std::uint32_t bracket(std::uint32_t lanes) {
+    std::uint32_t open = lanes, bracketed = 0;
+    for (const int l : lanes_of(lanes)) lanes_[l].work_at_low = lanes_[l].work_before;
+    for (int round = 0; open != 0 && round < kMostAmounts; ++round) {
+      evaluate(open, guess_);
+      open &= ~lost_;
+      for (const int l : lanes_of(open)) {
+        Lane& own = lanes_[l];
+        const double missing = own.work - own.heat;
+        if (own.closed() || missing <= 0.0) {
+          open &= ~(1u << l);
+          if (own.closed()) continue;
+          own.high = own.amount;
+          const double share = own.work_at_low / (own.work_at_low - missing);
+          own.amounts = RootSearch(own.low, -own.work_at_low, own.high, -missing, own.work_before,
+                                   own.low + share * (own.high - own.low));
+          bracketed |= 1u << l;
+        } else if (round < kMostCloseAmounts && missing <= kSmallStep * own.heat) {
+          own.low = own.amount;
+          own.work_at_low = missing;
+          own.amount *= 1.0 + static_cast<double>(2 << round) * (missing / own.heat);
+        } else {
+          for (std::size_t i = static_cast<std::size_t>(l); i < row(); i += kLanes)
+            power_[i] = std::max(power_[i], done_[i]);
+          own.low = 0.0;
+          own.work_at_low = own.work_before;
+          own.amount *= kFartherAmount;
+        }
+      }
+    }
+    lost_ |= open;
+    return bracketed;
+  }
+
+  // Finds the amount. Where work leaps from more to less than the heat, as a contact changes from stick to slip or the
+  // last digit of a temperature next to melting changes, the answer is that of the hotter side, one of several.
+  void search(std::uint32_t lanes) {
+    while (lanes != 0) {
+      for (const int l : lanes_of(lanes)) lanes_[l].amount = lanes_[l].amounts.at();
+      evaluate(lanes, guess_);
+      lanes &= ~lost_;
+      std::uint32_t leaps = 0;
+      for (const int l : lanes_of(lanes)) {
+        Lane& own = lanes_[l];
+        const double surplus = own.heat - own.work;
+        if (surplus >= 0.0 && own.amount < own.high) own.high = own.amount;
+        if (own.closed()) {
+          lanes &= ~(1u << l);
+        } else if (own.amounts.update(surplus)) {
+          lanes &= ~(1u << l);
+          leaps |= 1u << l;
+          own.amount = own.high;
+        }
+      }
+      evaluate(leaps, guess_);
+    }
+  }
+
+  // The temperatures at the end of the step, and where its work has heated: the temperatures are those of its work, which is that of the temperatures of evaluate() but for
+  // rounding and leaps, which only cool.
+  void heat_up(int l) {
+    const Lane& own = lanes_[l];
+    const std::size_t first = problem_.layout.first_temperature();
+    double* shape = trial_ + problem_.layout.heat_shape;
+    for (std::size_t i = static_cast<std::size_t>(l); own.work > 0.0 && i < row(); i += kLanes)
+      shape[i] = done_[i] / own.work;
+    copy_lane(start_ + first, trial_ + first, static_cast<std::size_t>(problem_.heat_rows) * kLanes, l);
+    if (!(own.heat > 0.0)) return;
+    const bool leaps = !own.closed(kDigits);
+    found_[l].several = found_[l].several || leaps;
+    const double share = leaps ? std::min(1.0, own.work / own.heat) : 1.0;
+    add_spread_lane(operators_.heat(), operators_.spread(), l, share, rise_, trial_ + first);
+    found_[l].flux = share * own.heat;
+  }
+
+  const Problem& problem_;
+  const StepOperators& operators_;
+  const TileInputs& inputs_;
+  const WaveContacts* contacts_;
+  double* trial_;
+  Found (&found_)[kLanes];
+  // The state before the step, with the temperatures without its heat; velocities of the last evaluation; and rows
+  // [vertex][lane]: work that the vertices do, work of which they take heat, the rise of their temperature.
+  double* start_ = scratch_tile(Scratch::kWorkHeat,
+                                problem_.layout.doubles + problem_.layout.num_velocity_cells * kLanes + 3 * row());
+  double* guess_ = start_ + problem_.layout.doubles;
+  double* done_ = guess_ + problem_.layout.num_velocity_cells * kLanes;
+  double* power_ = done_ + row();
+  double* rise_ = power_ + row();
+  Lane lanes_[kLanes];
+  std::uint32_t lost_ = 0;
+};
+
+}  // namespace
+
+std::uint32_t solve_heated_stage(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                                 std::uint32_t lanes, const WaveContacts* contacts, double* trial,
+                                 Found (&found)[kLanes]) {
+  return HeatedWaves(problem, operators, inputs, contacts, trial, found).solve(lanes);
+}
+
+}  // namespace shearbus::physics

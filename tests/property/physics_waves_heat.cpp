@@ -1,0 +1,66 @@
+// The energy of a layer with inertia whose plastic work heats in place, in random scenes, states and inputs.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "tests/support/random_physics.hpp"
+#include "tests/support/waves.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+// What the jump does is the growth of the kinetic and the elastic energy of the layer, the heat, of which with X = 1 none
+// is missing, and what backward Euler loses.
+TEST(PhysicsWavesHeat, TheWorkOfTheJumpIsMotionStrainAndHeat) {
+  Draw draw(61);
+  double worst = 0.0, heated = 0.0, all = 0.0;
+  int steps = 0;
+  for (int scene = 0; scene < 60; ++scene) {
+    ModelOptions options = of_first_order(random_inertia_heat_options(draw, false));
+    options.taylor_quinney_factor = 1.0;
+    Rig rig(options);
+    rig.inputs.wants_mean_stress = true;
+    const Grid& grid = rig.model.grid();
+    const TileLayout& layout = rig.model.layout();
+    for (int n = 0; n < 15; ++n) {
+      random_inputs(draw, rig, false);
+      const double dt = random_dt(draw, false);
+      rig.step(dt);
+      for (int l = 0; l < kLanes; ++l) {
+        const bool closes = rig.trial[place(layout.regime, 0, l)] == static_cast<double>(Regime::kOpen);
+        if (rig.inputs.pressure[l] <= 0.0 || closes) continue;
+        SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
+        const double work = rig.outputs.mean_far_stress[l] * rig.inputs.velocity_jump[l] * dt;
+        double kept = 0.0, lost = 0.0, size = std::abs(work);
+        const auto add = [&](double half, double now, double old) {
+          kept += half * (now - old) * (now + old);
+          lost += half * (now - old) * (now - old);
+          size += half * (now * now + old * old);
+        };
+        for (int i = 0; i <= grid.num_cells(); ++i) {
+          const std::size_t at = static_cast<std::size_t>(i);
+          add(0.5 * grid.weight[at] / options.soft.shear_modulus, stress_at(rig, i, l),
+              rig.trial[place(layout.shear_stress, i, l)]);
+          if (i < grid.num_cells())
+            add(0.5 * options.soft.density * grid.width[at], velocity_in(rig, i, l),
+                rig.trial[place(layout.layer_velocity, i, l)]);
+        }
+        const double heat = rig.outputs.friction_heat[l];
+        worst = std::max(worst, std::abs(work - kept - lost - heat) / size);
+        ASSERT_NEAR(work, kept + lost + heat, 1e-9 * size);
+        heated += heat;
+        all += size;
+        ++steps;
+      }
+    }
+  }
+  std::printf("%d node-steps: worst %.1e of the energies, %.2f of which are heat\n", steps, worst, heated / all);
+  EXPECT_GT(steps, 3000);
+  EXPECT_GT(heated, 0.01 * all);
+}
+
+}  // namespace
+}  // namespace shearbus::testing
