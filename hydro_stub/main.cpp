@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -200,7 +201,8 @@ int shearbus_hydro(int argc, char** argv) {
 // others use, too, costs many times what the threads gain. libgomp reads how long before main begins, so the program
 // starts once more with a wait of some microseconds, unless the user has chosen.
 void shorten_waiting(char** arguments) {
-  if (std::getenv("OMP_NUM_THREADS") == nullptr) return;
+  const char* threads = std::getenv("OMP_NUM_THREADS");
+  if (threads == nullptr || std::string_view(threads) == "1") return;  // one thread waits for none
   if (std::getenv("OMP_WAIT_POLICY") != nullptr || std::getenv("GOMP_SPINCOUNT") != nullptr) return;
   std::error_code fault;
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", fault);

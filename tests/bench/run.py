@@ -10,23 +10,26 @@ with the load of the machine, which the file records; the ratios of a part move 
     rooms       kernels against the scalar twin, codec against packed protobuf messages, service against shard
     bus         round trips by ipc, tcp and inproc against bare ZeroMQ, the embedded C call against copies, and MPI
     durability  event log and journal on and off
-    cone        a whole run of the hydrocode, with the layers of the server against its own Coulomb-Tresca law"""
+    cone        a whole run of the hydrocode, with the layers of the server against its own Coulomb-Tresca law
+    threads     the start of the fine cone: two threads against one, beside two runs at once, which share nothing"""
 import datetime
 import json
 import os
 import pathlib
 import platform
+import re
 import resource
 import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/report"))
 from terminal import Parser, whole_number  # noqa: E402
-PARTS = ("rooms", "bus", "durability", "cone")
+PARTS = ("rooms", "bus", "durability", "cone", "threads")
 MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "-n", "2"]
 NODES = (100, 1_000, 10_000, 100_000)
 
@@ -120,6 +123,30 @@ def cone(given, scratch):
             times.setdefault(law, []).append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
             shutil.rmtree(out)
     return [row("cone", "whole cone, layers of the server", min(times["subgrid"]), "s of processor", "Coulomb-Tresca", min(times["coulomb_tresca"]))]
+
+
+def threads(given, scratch):
+    """What two processors give: two runs of one thread each, side by side, do twice the work of one."""
+    scene = scratch / "fine.toml"
+    text, found = re.subn(r"(?m)^end_time_s = \S+", f"end_time_s = {0.02e-6 if given.quick else 0.2e-6}", (ROOT / "hydro_stub/problems/cone_al_steel_fine.toml").read_text())
+    if found != 1:
+        sys.exit("cone_al_steel_fine.toml has no line end_time_s")
+    scene.write_text(text)
+
+    def seconds(runs, number):
+        out = [scratch / f"run{run}" for run in range(runs)]
+        running = [subprocess.Popen([given.bin / "shearbus-hydro", scene, "--out", directory, "--no-plot", "--no-progress"], stdout=subprocess.DEVNULL,
+                                    env={**os.environ, "OMP_NUM_THREADS": str(number)}) for directory in out]
+        if any([run.wait() for run in running]):
+            sys.exit("a run of cone_al_steel_fine failed")
+        return max(json.loads((directory / "summary.json").read_text())["run_time_s"] for directory in out)
+
+    times = {}
+    for _ in range(1 if given.quick else 12):
+        for case in ((1, 1), (2, 1), (1, 2)):
+            times.setdefault(case, []).append(seconds(*case))
+    alone, side_by_side, shared = (min(times[case]) for case in ((1, 1), (2, 1), (1, 2)))
+    return [row("threads", "fine cone, two threads", alone / shared, "times one", "two runs side by side", 2.0 * alone / side_by_side)]
 
 
 def machine():

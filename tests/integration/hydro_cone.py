@@ -300,6 +300,7 @@ class Cone(unittest.TestCase):
             self.assertEqual(spins(), "1000")
             self.assertEqual(spins(OMP_WAIT_POLICY="passive"), "0")
             self.assertEqual(spins(GOMP_SPINCOUNT="7"), "7")
+            self.assertNotEqual(spins(OMP_NUM_THREADS="1"), "1000", "one thread waits for none")
 
     def test_wrong_geometry_is_refused_by_place(self):
         with tempfile.TemporaryDirectory() as directory:
