@@ -9,13 +9,8 @@
 namespace shearbus::service {
 namespace {
 
-using support::Answer;
-using support::ServiceHarness;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using wire::Code;
-using wire::Field;
-using wire::Strategy;
 
 const std::vector<std::uint64_t> kNodes = support::node_ids(11);
 
