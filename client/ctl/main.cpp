@@ -41,6 +41,7 @@ namespace ctl = shearbus::ctl;
 
 constexpr int kExitFault = 1;
 constexpr int kExitTrouble = 2;  // of compare, as of diff
+constexpr double kTimeoutS = 5.0;
 constexpr double kPingTimeoutS = 0.9;
 constexpr double kWaitTimeoutS = 60.0;
 constexpr double kWatchTimeoutS = 1.0;
@@ -50,7 +51,7 @@ struct Options {
   std::string server;
   std::filesystem::path server_key;
   std::filesystem::path key;
-  double timeout_s = 5.0;
+  double timeout_s = kTimeoutS;
   bool json = false;
   std::filesystem::path scene;
   std::string session;
@@ -165,24 +166,16 @@ void materials(const Options& options) {
   if (!known.fault.empty()) throw std::runtime_error(known.fault);
 }
 
-void reference() {
-  fmt::print("{}", shearbus::scene::reference_of(*shearbus::v1::Scene::descriptor()));
-}
-
-void options_page() {
-  fmt::print("{}", shearbus::physics::options_page());
-}
-
 // The commands of the program. Parsing the command line chooses the command that run() runs.
 class Commands {
  public:
   explicit Commands(CLI::App& app) : app_(app) {
-    add_ping();
-    add_wait();
+    with_server(add("ping", "Is a server there? For probes: within a second", ping), kPingTimeoutS);
+    with_server(add("wait", "Waits until a server answers that has recovered its sessions", wait_for_server),
+                kWaitTimeoutS);
     add_status();
     add_watch();
     add_metrics();
-    add_questions();
     add_inspections();
     add_operations();
     add_files();
@@ -218,7 +211,9 @@ class Commands {
     }));
   }
 
-  CLI::App* with_server(CLI::App* command) {
+  // timeout_s: unless the command line has another.
+  CLI::App* with_server(CLI::App* command, double timeout_s = kTimeoutS) {
+    command->preparse_callback([this, timeout_s](std::size_t) { options_.timeout_s = timeout_s; });
     command
         ->add_option("--server", options_.server,
                      "Where the server listens, e.g. ipc:///run/user/1000/shearbus/bus, or file://PATH of its endpoint "
@@ -230,32 +225,8 @@ class Commands {
     command->add_option("--key", options_.key, "By tcp: file of one's own secret key")->type_name("FILE");
     command->add_option("--timeout", options_.timeout_s, "How long to wait for an answer, in seconds")
         ->check(CLI::Range(1e-3, 1e6))
-        ->capture_default_str();
+        ->default_str(fmt::format("{}", timeout_s));
     return command;
-  }
-
-  void add_ping() {
-    CLI::App* command = app_.add_subcommand("ping", "Is a server there? For probes: within a second");
-    with_server(command)->get_option("--timeout")->default_str("0.9");
-    command->callback([this, command] {
-      if (command->count("--timeout") == 0) options_.timeout_s = kPingTimeoutS;
-      run_ = [this] {
-        ping(options_);
-        return 0;
-      };
-    });
-  }
-
-  void add_wait() {
-    CLI::App* command = app_.add_subcommand("wait", "Waits until a server answers that has recovered its sessions");
-    with_server(command)->get_option("--timeout")->default_str("60");
-    command->callback([this, command] {
-      if (command->count("--timeout") == 0) options_.timeout_s = kWaitTimeoutS;
-      run_ = [this] {
-        wait_for_server(options_);
-        return 0;
-      };
-    });
   }
 
   void add_status() {
@@ -291,9 +262,14 @@ class Commands {
   }
 
   void add_watch() {
-    CLI::App* command = app_.add_subcommand(
-        "watch", "Shows what a server does until q or Ctrl-C: on a terminal a screen, else a line for each look");
-    with_server(command)->get_option("--timeout")->default_str("1");
+    CLI::App* command = with_server(
+        add("watch", "Shows what a server does until q or Ctrl-C: on a terminal a screen, else a line for each look",
+            [this] {
+              watch_.server = options_.server;
+              const bool answered = ctl::watch(watch_, [this] { return connect(options_); });
+              return watch_.looks > 0 && !answered ? 1 : 0;
+            }),
+        kWatchTimeoutS);
     command->add_option("--interval", watch_.interval_s, "Seconds between two looks")
         ->check(CLI::Range(0.1, 1e6))
         ->capture_default_str();
@@ -304,14 +280,6 @@ class Commands {
             "End after so many looks, with exit code 1 if the last had no answer; rates come with the second"))
         ->check(CLI::PositiveNumber)
         ->type_name("N");
-    command->callback([this, command] {
-      if (command->count("--timeout") == 0) options_.timeout_s = kWatchTimeoutS;
-      run_ = [this] {
-        watch_.server = options_.server;
-        const bool answered = ctl::watch(watch_, [this] { return connect(options_); });
-        return watch_.looks > 0 && !answered ? 1 : 0;
-      };
-    });
   }
 
   void add_metrics() {
@@ -338,13 +306,10 @@ class Commands {
     or_all(command)->needs(listen);
   }
 
-  void add_questions() {
+  void add_inspections() {
     ask("sessions", "The open sessions (operator)", [this](Operator& server) {
       ctl::show_sessions(server, options_.json);
     })->add_flag("--json", options_.json, "As a line of JSON each");
-  }
-
-  void add_inspections() {
     CLI::App* top = ask("top", "A session's hottest, fastest or molten nodes (operator)", [this](Operator& server) {
       ctl::show_top(server, options_.session, options_.top, options_.count);
     });
@@ -409,14 +374,10 @@ class Commands {
   void add_catalogs() {
     add("materials", "The catalog of materials and where each number comes from", materials)
         ->add_option("MATERIAL", options_.material, "One of them, with its constants as a scene would give them");
-    add("reference", "Every key of a scene, as Markdown", [] {
-      reference();
-      return 0;
-    });
-    add("options", "What the physics can switch on and what excludes what, as Markdown", [] {
-      options_page();
-      return 0;
-    });
+    add("reference", "Every key of a scene, as Markdown",
+        [](const Options&) { fmt::print("{}", shearbus::scene::reference_of(*shearbus::v1::Scene::descriptor())); });
+    add("options", "What the physics can switch on and what excludes what, as Markdown",
+        [](const Options&) { fmt::print("{}", shearbus::physics::options_page()); });
   }
 
   CLI::App& app_;

@@ -35,18 +35,22 @@ class Metrics {
     return families_.emplace_back(MetricFamily{.name = "shearbus_" + name, .help = help, .type = type, .metric = {}});
   }
   void gauge(const char* name, const char* help, double value) {
-    ClientMetric& metric = add(name, MetricType::Gauge, help).metric.emplace_back();
-    metric.gauge.value = value;
+    add(name, MetricType::Gauge, help).metric.emplace_back().gauge.value = value;
   }
   void counter(const char* name, const char* help, double value) {
-    ClientMetric& metric = add(name, MetricType::Counter, help).metric.emplace_back();
-    metric.counter.value = value;
+    add(name, MetricType::Counter, help).metric.emplace_back().counter.value = value;
   }
   std::vector<MetricFamily> families() && { return std::move(families_); }
 
  private:
   std::vector<MetricFamily> families_;
 };
+
+ClientMetric& labelled(MetricFamily& family, const char* label, const std::string& value) {
+  ClientMetric& metric = family.metric.emplace_back();
+  metric.label.push_back({label, value});
+  return metric;
+}
 
 ClientMetric as_metric(const wire::Histogram& histogram) {
   ClientMetric metric;
@@ -107,30 +111,22 @@ void add_server_wide(const wire::ServerStatus& s, Metrics& metrics) {
 std::vector<MetricFamily> families_of(const Told& told) {
   const wire::ServerStatus& s = told.status;
   Metrics metrics;
-  ClientMetric& build = metrics.add("build_info", MetricType::Gauge, "The server's version").metric.emplace_back();
-  build.label.push_back({"version", s.server_version});
-  build.gauge.value = 1;
+  labelled(metrics.add("build_info", MetricType::Gauge, "The server's version"), "version", s.server_version)
+      .gauge.value = 1;
   metrics.gauge("uptime_seconds", "Since the start of the server", seconds(s.uptime_ns));
   metrics.gauge("sessions", "Open sessions", number(s.sessions));
   metrics.gauge("nodes", "Nodes of all sessions", number(s.nodes));
   MetricFamily& regimes =
       metrics.add("regime_nodes", MetricType::Gauge, "Nodes by the regime of their committed state");
-  for (const auto& [regime, nodes] : regimes_of(s)) {
-    ClientMetric& metric = regimes.metric.emplace_back();
-    metric.label.push_back({"regime", regime});
-    metric.gauge.value = number(nodes);
-  }
+  for (const auto& [regime, nodes] : regimes_of(s)) labelled(regimes, "regime", regime).gauge.value = number(nodes);
   metrics.gauge("state_bytes", "Memory of all states", number(s.state_bytes));
   metrics.gauge("draining", "1: no new sessions", s.draining ? 1 : 0);
   metrics.counter("requests_total", "Requests that were answered", number(s.requests));
   metrics.counter("replayed_total", "Answered from the kept reply", number(s.replayed));
   metrics.counter("refused_total", "Requests that were refused", number(s.refused));
   MetricFamily& refusals = metrics.add("refusals_total", MetricType::Counter, "Requests that were refused, by code");
-  for (const wire::Refusals& refused : s.refusals) {
-    ClientMetric& metric = refusals.metric.emplace_back();
-    metric.label.push_back({"code", name(static_cast<wire::Code>(refused.code))});
-    metric.counter.value = number(refused.count);
-  }
+  for (const wire::Refusals& refused : s.refusals)
+    labelled(refusals, "code", name(static_cast<wire::Code>(refused.code))).counter.value = number(refused.count);
   metrics.counter("node_steps_total", "Steps of single nodes", number(s.node_steps));
   if (told.is_operator) add_server_wide(s, metrics);
   for (const Known& known : kHistograms) {
@@ -156,8 +152,7 @@ class Servers : public prometheus::Collectable {
     for (const auto& [name, endpoint] : servers())
       asked.emplace_back(name, std::async(std::launch::async, status_of_, endpoint));
     for (auto& [name, answer] : asked) {
-      ClientMetric& up = all.front().metric.emplace_back();
-      up.label.push_back({"server", name});
+      labelled(all.front(), "server", name);
       try {
         add(families_of(answer.get()), name, all);
         all.front().metric.back().gauge.value = 1;
