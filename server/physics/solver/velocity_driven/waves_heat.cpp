@@ -46,7 +46,12 @@ class HeatedWaves {
     for (const int l : lanes_of(working & ~lost_))
       if (lanes_[l].work > 0.0) copy_lane(done_, power_, row(), l);
     search(bracket(working & ~lost_));
-    for (const int l : lanes_of(working & ~lost_)) heat_up(l);
+    for (const int l : lanes_of(working & ~lost_)) {
+      if (lanes_[l].solved)
+        heat_up(l);
+      else
+        lost_ |= 1u << l;
+    }
     return lost_;
   }
 
@@ -56,6 +61,7 @@ class HeatedWaves {
     double work_before = 0.0;                     // work without heat  [W/m2]
     double low = 0.0, work_at_low = 0.0;          // the largest amount known that is too small, its lack of heat
     double high = 0.0;                            // the smallest amount known that is enough
+    bool solved = true;                           // the last evaluation has an answer
     RootSearch amounts;
     double unknown = 0.0;  // what the last digits of the velocities do  [W/m2]
     bool closed(double share = kClosed) const { return std::abs(work - heat) <= share * heat + unknown; }
@@ -82,7 +88,15 @@ class HeatedWaves {
       copy_lane(start_, trial_, problem_.layout.doubles, l);
       lanes_[l].heat = lanes_[l].amount > 0.0 ? warm(l) : 0.0;
     }
-    lost_ |= solve_stage(problem_, operators_.heat(), inputs_, lanes & ~lost_, contacts_, trial_, found_, guess);
+    // Waves next to melting that are not solved do no work: less heat is tried, and the last heat must be solved.
+    const std::uint32_t lost =
+        solve_stage(problem_, operators_.heat(), inputs_, lanes & ~lost_, contacts_, trial_, found_, guess);
+    for (const int l : lanes_of(lanes)) lanes_[l].solved = !contains(lost, l);
+    for (const int l : lanes_of(lost)) {
+      lanes_[l].work = 0.0;
+      if (!(lanes_[l].amount > 0.0)) lost_ |= 1u << l;
+    }
+    lanes &= ~lost;
     for (const int l : lanes_of(lanes & ~lost_)) {
       lanes_[l].work = work(l);
       copy_lane(trial_ + problem_.layout.layer_velocity, guess_, problem_.layout.num_velocity_cells * kLanes, l);
