@@ -291,8 +291,6 @@ inline ModelOptions random_forced_inertia_options(Draw& draw, bool extreme) {
     options.time_integrator = draw.chance(0.5) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
   } while (!refusals(options).empty() || !properties_of(options.soft.flow_law).has_wave_return);
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
-  if (options.hard_grid && draw.chance(0.4))
-    options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
   return options;
 }
 
