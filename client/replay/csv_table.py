@@ -218,13 +218,15 @@ class CsvTable:
             self.values["node_id"] = ids.astype(np.uint64) if ids.max() < MOST_EXACT else self._load(decimal_comma, dtype=np.uint64, usecols=[at], ndmin=1)
         if len(kept) < len(self.columns):  # numpy does not count the values of these rows
             pair = self.columns.index(("pair", 1.0)) if ("pair", 1.0) in self.columns else None
-            pairs = []
-            for _, line in self._rows():
+            pairs, count = [], 0
+            for count, (_, line) in enumerate(self._rows(), 1):
                 cells = line.split(self._separator)
                 if len(cells) != len(self.columns):
                     raise ValueError
                 if pair is not None:
                     pairs.append(cells[pair].strip(BLANK))
+            if count != len(values):  # numpy takes a row for data that is a comment
+                raise ValueError
             if pair is not None:
                 self.values["pair"] = pairs
 
@@ -272,13 +274,20 @@ class CsvTable:
 
     def _arrange(self):
         """Sorts the rows by step and node, converts them to SI, and checks what a history needs."""
-        values = {name: self.values[name] if factor == 1.0 else self.values[name] * factor for name, factor in self.columns if name}
+        with np.errstate(over="ignore"):
+            values = {name: self.values[name] if factor == 1.0 else self.values[name] * factor for name, factor in self.columns if name}
+        for name, factor in self.columns:
+            for row in np.flatnonzero(~np.isfinite(values[name]))[:1] if factor != 1.0 else ():
+                self._refuse(f"{name} is {plain(self.values[name][row])} in its unit, which is no finite number in {unit_of(name)}", row=int(row))
         times, ids, pairs = values.pop("time"), values.pop("node_id", None), values.pop("pair", None)
         nodes = 1 if ids is None else self._nodes(times, ids)
         self.ids = np.zeros(1, np.uint64) if ids is None else ids[:nodes]
         for name, rows in values.items():
             if is_per_node(name):
                 self._check_constant(name, rows, times, nodes, plain, "; it is one value per node")
+        for row, pair in enumerate(pairs or ()):
+            if not pair.isprintable() and any("\udc80" <= c <= "\udcff" for c in pair):
+                self._refuse(f"pair is {quoted(pair)}, which is no UTF-8", "Save the table as UTF-8.", row)
         if pairs is not None:
             self._check_constant("pair", np.array(pairs, object), times, nodes, quoted, "; a node keeps its pair")
         self.texts = {} if pairs is None else {"pair": pairs[:nodes]}

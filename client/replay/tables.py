@@ -4,13 +4,13 @@
     tables.py read TABLE.csv --out HISTORY.h5 (--points | --steps) [--columns ...]
     tables.py compare A B --rtol R
 """
+import os
 import pathlib
-import signal
 import sys
 
 sys.dont_write_bytecode = True
-sys.path.append(str(pathlib.Path(__file__).resolve().parents[1] / "report"))
-from terminal import Parser, complain, real_number  # noqa: E402
+sys.path.insert(1, str(pathlib.Path(__file__).resolve().parents[1] / "report"))
+from terminal import Parser, complain, end_by_signals, real_number  # noqa: E402
 
 PROGRAM = "shearbus-replay"
 
@@ -26,7 +26,7 @@ def write(table, path):
                 file[name] = values
             file["time"].attrs["t0"] = table.start
     except (OSError, RuntimeError) as fault:  # a full disk
-        raise OSError(f"{table.path}: the history that is made of it does not fit into {pathlib.Path(path).parent}: {fault}. "
+        raise OSError(f"{table.path}: the history that is made of it does not fit into {os.environ.get('TMPDIR', '/tmp')}: {fault}. "
                       "Name a directory with room in the environment variable TMPDIR") from fault
 
 
@@ -44,8 +44,7 @@ def run(options):
 
 
 def main():
-    for number in (signal.SIGINT, signal.SIGPIPE):
-        signal.signal(number, signal.SIG_DFL)  # ends without a word of Python's
+    end_by_signals()
     parser = Parser(prog=PROGRAM, description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     read = commands.add_parser("read")

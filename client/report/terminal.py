@@ -6,6 +6,7 @@ import json
 import math
 import os
 import re
+import signal
 import stat
 import sys
 import tomllib
@@ -38,6 +39,12 @@ def printable_lines(text):
 def complain(program, fault):
     """Prints what has ended a program to standard error."""
     print(printable(f"{program}: {fault}"), file=sys.stderr)
+
+
+def end_by_signals():
+    """An interrupt or a reader that has gone ends the program without a word of Python's."""
+    for number in (signal.SIGINT, signal.SIGPIPE):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def open_regular(path, most=MOST_BYTES):

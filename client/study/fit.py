@@ -500,6 +500,8 @@ def main():
     except (Fault, OSError) as fault:
         complain("shearbus-study fit", fault)
         sys.exit(1)
+    except KeyboardInterrupt:
+        sys.exit("shearbus-study fit: interrupted")
 
 
 if __name__ == "__main__":

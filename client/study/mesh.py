@@ -166,6 +166,9 @@ def main():
         except (Fault, OSError) as fault:
             complain("shearbus-study: mesh", fault)
             return 1
+        except KeyboardInterrupt:
+            complain("shearbus-study: mesh", "interrupted")
+            return 1
         table(found)
         if keep:
             (options.out / "mesh.json").write_text(json.dumps(found, indent=2) + "\n")

@@ -113,7 +113,7 @@ def page(source):
     example, _, after = rest.partition("\n!\n")
     plain = lambda part: " ".join(re.sub(r"^! ?", "", part, flags=re.M).split())
     made = ("# Fortran interface\n\n" + plain(intro + "carries its columns:") + "\n\n```fortran\n" + re.sub(r"^! ? ? ?", "", example, flags=re.M) + "\n```\n\n" + plain(after) +
-            f"\n\nThe guide is [Couple your code]({UP}client/README.md); the source, one file that is compiled with the host, is "
+            f"\n\nThe guide is [Couple your code]({UP}client/README.md); the source, which is compiled with the host, is "
             f"[shearbus.f90]({UP}client/fortran/shearbus.f90) with its [shearbus_contract.inc]({UP}client/fortran/shearbus_contract.inc).\n")
     steps, layers, own, sizes, interface = (text.split(f" :: {name}\n", 1)[1].split("  end type", 1)[0] for name in (
         "columns_of_a_step", "columns_of_a_profile", "shearbus_columns", "shearbus_profiles", "shearbus_interface"))

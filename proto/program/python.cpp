@@ -5,8 +5,13 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
+#include <stdexcept>
 #include <system_error>
+
+#include "proto/program/interrupt.hpp"
 
 namespace shearbus::program {
 namespace {
@@ -35,6 +40,9 @@ bool run_python(std::vector<std::string> words) {
   int status = 0;
   while (::waitpid(child, &status, 0) < 0)
     if (errno != EINTR) fail(errno, "waiting for ");
+  if (WIFSIGNALED(status) && !interrupted())  // nobody has told the user
+    throw std::runtime_error(SHEARBUS_PYTHON + std::string(" was ended: ") + ::strsignal(WTERMSIG(status)) +
+                             (WTERMSIG(status) == SIGKILL ? ", as the system does where memory ends" : ""));
   return WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 

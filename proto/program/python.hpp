@@ -7,7 +7,7 @@
 namespace shearbus::program {
 
 // Runs Python with these arguments and waits for its end. Returns whether it succeeded. Throws std::system_error if it
-// cannot be started.
+// cannot be started, std::runtime_error if a signal ends it that does not end this program.
 bool run_python(std::vector<std::string> words);
 
 // Replaces the calling program by Python with these arguments.

@@ -165,7 +165,7 @@ void pair_seeds(const Corpus& corpus) {
     pairs.event(kRestartEvent);
     pairs.tell(wire::ResumeSession{.resume_token = token, .claim = 0, .claimant = 0});
     pairs.tell(wire::Commit{});
-    pairs.ask(ServiceHarness::of_nodes(wire::RetireNodes{}, std::vector{pairs.nodes[1]}));
+    pairs.ask(ServiceHarness::of_nodes(wire::RetireNodes{}, std::vector{pairs.nodes[1]}, 1));
     pairs.tell(wire::Rollback{.to_mark = "a"});
     pairs.nodes = first;
     pairs.step(strategy);
@@ -178,7 +178,7 @@ void pair_seeds(const Corpus& corpus) {
     moved.ask(opening_of_pairs(scene, late, 2, "d"));
     wire::TransferId transfer{};
     transfer.fill(5);
-    moved.ask(ServiceHarness::of_nodes(wire::OfferNodes{.transfer_id = transfer}, std::vector{moved.nodes[2]}));
+    moved.ask(ServiceHarness::of_nodes(wire::OfferNodes{.transfer_id = transfer}, std::vector{moved.nodes[2]}, 1));
     moved.event(kCheckpointEvent);
     moved.tell(wire::AcceptNodes{.transfer_id = transfer}, 2);
     moved.nodes.pop_back();

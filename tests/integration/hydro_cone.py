@@ -295,7 +295,10 @@ class Cone(unittest.TestCase):
                 done = subprocess.run([OPTIONS.hydro, str(path), "--check", "--interface-law", "stick"], capture_output=True, text=True, timeout=60,
                                       env={**environment, "OMP_DISPLAY_ENV": "verbose", "OMP_NUM_THREADS": "2", **chosen})
                 self.assertEqual(done.returncode, 0, done.stderr)
-                return re.findall(r"GOMP_SPINCOUNT = '(\d+)'", done.stderr)[-1]
+                found = re.findall(r"GOMP_SPINCOUNT = '(\d+)'", done.stderr)
+                if not found:
+                    self.skipTest("another runtime than libgomp")
+                return found[-1]
 
             self.assertEqual(spins(), "1000")
             self.assertEqual(spins(OMP_WAIT_POLICY="passive"), "0")

@@ -83,4 +83,4 @@ class ParaView(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    served.main("hydro", "problems", "report")  # report: directory of the script
+    served.main("hydro", "report")  # report: directory of the script

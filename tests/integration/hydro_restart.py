@@ -241,4 +241,4 @@ class Restart(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("hydro", "server", "ctl", "problems")
+    served.main("hydro", "server", "ctl")

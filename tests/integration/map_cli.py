@@ -138,6 +138,19 @@ def main():
         check(done.returncode == 0, done.stderr)
         check((pathlib.Path(scratch) / "hydro/nodes.csv").read_bytes() == (out / "nodes.csv").read_bytes(), "[hydro] is left out")
 
+        # A fault is told with its file and, behind [hydro], with its line.
+        bad = pathlib.Path(scratch) / "bad.toml"
+        for text, told in ((b"a = [", "bad.toml: "), (b"\xff", "bad.toml: 'utf-8' codec"), (None, "bad.toml: No such file"),
+                           (b"[hydro]\nx = [[1, 2],\n" + scene.read_bytes().replace(b"[soft]", b"[3, 4]]\n[soft]", 1), "bad.toml: "),
+                           (b"\n[hydro.of]\nx = 1\n[layer]\nthicknes_m = 1e-5\n", ":5")):
+            bad.unlink(missing_ok=True)
+            if text is not None:
+                bad.write_bytes(text)
+            refused = run(options.study, "map", bad, "--out", out, *small)
+            check(refused.returncode == 1 and told in refused.stderr and refused.stderr.count("\n") < 4, refused.stderr)
+        refused = run(options.study, "map", scene, "--out", with_hydro, *small)
+        check(refused.returncode == 1 and "hydro.toml: cannot be made: File exists" in refused.stderr, refused.stderr)
+
         made = Map(options, scene, pathlib.Path(scratch) / "larger")
         check_axes(made)
         check_elastic_part(made)

@@ -6,10 +6,8 @@ import signal
 import subprocess
 import sys
 import time
-import unittest
 from unittest import mock
 
-import numpy as np
 import replay_support as support
 from replay_support import EXAMPLES, velocity_history
 
@@ -35,13 +33,15 @@ class Ways(support.ReplayTest):
 
     def test_both_ways_read_the_same_bits(self):
         semicolons, texts = PLAIN.replace(",", ";"), PLAIN.replace("7,", "7,a b,").replace("8,", "8,\xe9 x,").replace("node,", "node,{},")
+        rows = PLAIN.splitlines()
+        first = "\n".join(["{}," + rows[0], *(f"a,{row}" for row in rows[1:]), "#a,4,7,17.4,1", "#a,4,8,18.4,1"])
         for what, text in {
             "plain": PLAIN, "no end": PLAIN.rstrip("\n"), "CR LF": PLAIN.replace("\n", "\r\n"), "CR": PLAIN.replace("\n", "\r"),
             "empty lines": PLAIN.replace("\n", "\n\n"), "head of comments": "# a\n\n#b\n" + PLAIN, "byte order mark": "\ufeff" + PLAIN,
             "UTF-16": PLAIN.encode("utf-16"), "blanks": PLAIN.replace(",", " , "), "tabs": PLAIN.replace(",", "\t"), "semicolons": semicolons,
             "decimal comma": semicolons.replace(".", ","), "sep": "sep=|\n" + PLAIN.replace(",", "|"),
             "quoted": "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in PLAIN.splitlines()),
-            "remark": texts.format("remark"), "pair": texts.format("pair"), "long ids": PLAIN.replace(",7,", ",18446744073709551615,"),
+            "remark": texts.format("remark"), "pair": texts.format("pair"), "row left out": first.format("remark"), "pair left out": first.format("pair"), "long ids": PLAIN.replace(",7,", ",18446744073709551615,"),
             "signs": PLAIN.replace(",1", ",+1"), "too small": PLAIN.replace("33.3", "1e-400").replace("66.6", "-1e-400")}.items():
             with self.subTest(what):
                 fast, slow = self.table(text, "_read_all"), self.table(text, "_read_one_by_one")
@@ -75,6 +75,13 @@ class Ways(support.ReplayTest):
             text = "\n".join(f"{line},{value}" for line, value in zip(lines, [name, *values.split()]))
             with self.assertRaisesRegex(ValueError, f"table.csv, line 4: {name.split()[0]} of node 7 changes from .* at 2e-06 s"):
                 self.table(text, "_read_all")
+
+    def test_what_is_no_number_in_si_and_what_is_no_utf_8(self):
+        with self.assertRaisesRegex(ValueError, "table.csv, line 3: pressure is 1e[+]308 in its unit, which is no finite number in Pa"):
+            self.table(PLAIN.replace("18.1", "1e308"), "_read_all")
+        text = PLAIN.replace("7,", "7,a,").replace("8,", "8,\xe9,").replace("node,", "node,pair,")
+        with self.assertRaisesRegex(ValueError, r"table.csv, line 3: pair is .*, which is no UTF-8. Save the table as UTF-8"):
+            self.table(text.encode("latin-1"), "_read_all")
 
     def test_lengths_of_steps_agree_with_the_times(self):
         text = "time [us],dt [us],pressure [GPa]\n1,{},11\n2,{},11\n"
@@ -110,15 +117,28 @@ class Runs(support.ReplayTest):
         self.table.write_text(PLAIN.splitlines()[0] + "\n" + "".join(f"{t},7,11.5,{t / 7!r}\n" for t in range(1, 2_000_000)))
         command = [support.PROGRAMS["replay"], str(self.table), "--steps", "--scene", str(GRADED), "--out", str(self.out)]
         with subprocess.Popen(command, env=os.environ | {"TMPDIR": str(self.scratch)}, stderr=subprocess.PIPE, text=True, start_new_session=True) as run:
-            end = time.monotonic() + 30
-            while not list(self.scratch.iterdir()) and time.monotonic() < end:
-                time.sleep(0.01)
+            self.child_of(run)
             time.sleep(0.5)
+            self.assertEqual(list(self.scratch.iterdir()), [])  # the file has no name, whatever ends the two
             os.killpg(run.pid, signal.SIGINT)  # as a terminal does
             _, said = run.communicate(timeout=60)
         self.assertEqual(run.returncode, 1)
         self.assertEqual(said.strip(), "shearbus-replay: interrupted; no result is written")
         self.assertEqual([*self.scratch.iterdir(), *self.path.glob("result*")], [])
+        with subprocess.Popen(command, env=os.environ | {"TMPDIR": str(self.scratch)}, stderr=subprocess.PIPE, text=True) as run:
+            child = self.child_of(run)
+            os.kill(child, signal.SIGKILL)  # as the system does where memory ends
+            _, said = run.communicate(timeout=60)
+        self.assertEqual(run.returncode, 1)
+        self.assertRegex(said, "shearbus-replay: .*python3 was ended: Killed, as the system does where memory ends")
+
+    def child_of(self, run):
+        end = time.monotonic() + 30
+        while time.monotonic() < end:
+            if children := pathlib.Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split():
+                return int(children[0])
+            time.sleep(0.01)
+        raise AssertionError("Python was not started")
 
     def test_without_the_packages_of_python_histories_are_replayed(self):
         (self.path / "h5py.py").write_text("raise ImportError('No module named h5py')")

@@ -40,4 +40,4 @@ class Mesh(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("study", "problems")
+    served.main("study")

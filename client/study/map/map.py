@@ -7,12 +7,14 @@ pressure and a constant velocity jump is a node, and all nodes are one session o
 DIR gets nodes.csv, a row per node and time of observation, and map.json, which has axes, lines, scene and versions.
 What the lines mean and how to draw them: client/study/map/README.md."""
 import argparse
+import contextlib
 import datetime
 import fcntl
 import json
 import math
 import os
 import pathlib
+import re
 import shlex
 import socket
 import subprocess
@@ -26,7 +28,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(ROOT / "client/report"), str(ROOT / "client/python")]
 import output  # noqa: E402
 import shearbus  # noqa: E402
-from terminal import Parser, complain, positive_number, printable, read_text, read_toml, whole_number  # noqa: E402
+from terminal import Parser, complain, end_by_signals, positive_number, printable, read_text, read_toml, whole_number  # noqa: E402
 
 PROGRAM = "shearbus-study"
 MOST_STEPS = 1e9
@@ -56,14 +58,34 @@ def log_spaced(low, high, count):
     return [low, *(low * (high / low) ** (i / (count - 1)) for i in range(1, count - 1)), high]
 
 
+def without_hydro(path):
+    """Returns the scene without the tables that shearbus-hydro alone reads; its lines keep their numbers."""
+    text = read_text(path)
+    tables = read_toml(text)
+    if "hydro" not in tables:
+        return path
+    del tables["hydro"]
+    lines, cut = [], False
+    for line in text.split("\n"):
+        if header := re.match(r"\s*\[\[?\s*([A-Za-z_]+)[^=]*\]\s*(#.*)?$", line):
+            cut = header[1] == "hydro"
+        lines.append("" if cut else line)
+    kept = "\n".join(lines)
+    with contextlib.suppress(ValueError):
+        if read_toml(kept) == tables:
+            return kept
+    return tables  # a table of hydro that is written otherwise
+
+
 def open_session(scene, nodes, programs):
     """Opens a session in this process. Raises shearbus.Error unless its layer carries the imposed jump."""
     os.environ.setdefault("SHEARBUS_LIBRARY", str(programs.parent / "lib"))
     for name in {*os.environ} & {"SHEARBUS_ENDPOINT", "SHEARBUS_SCENE", "SHEARBUS_SECRET_KEY_FILE", "SHEARBUS_RECORD"}:
         del os.environ[name]  # the command line decides
-    tables = read_toml(read_text(scene))
-    if "hydro" in tables:  # which shearbus-hydro alone reads
-        scene = {name: value for name, value in tables.items() if name != "hydro"}
+    try:
+        scene = without_hydro(scene)
+    except (OSError, ValueError) as fault:
+        raise ValueError(f"{scene}: {getattr(fault, 'strerror', None) or fault}") from None
     session = shearbus.open(scene, np.arange(nodes), name=PROGRAM)
     # A layer whose slip is imposed takes no shear rate.
     if session.strategy != "velocity_driven" or "soft_shear_rate" in session.optional_columns:
@@ -159,7 +181,10 @@ def provenance(options, scene_name):
 
 def write(directory, files):
     """Writes files, each of a kind and a text. One run at a time writes to a directory (proto/files/whole_file.hpp)."""
-    directory.mkdir(parents=True, exist_ok=True)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise output.Refused(f"{directory}: cannot be made: {fault.strerror}") from None
     lock = directory / ".lock"
     with open(os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "rb") as held:
         try:
@@ -245,6 +270,7 @@ def run(options):
 
 
 def main():
+    end_by_signals()
     options = command_line()
     warnings.showwarning = lambda message, *_: complain(PROGRAM, f"warning: {message}")
     try:
