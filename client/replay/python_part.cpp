@@ -25,15 +25,13 @@ fs::path script(const char* room, const char* name) {
 
 files::HistoryReader read_text(const fs::path& file, const std::string& columns, bool points) {
   const char* const place = std::getenv("TMPDIR");
-  std::string name = fs::path(place != nullptr ? place : "/tmp") / "shearbus-history-XXXXXX";
-  const int descriptor = ::mkstemp(name.data());
+  std::string made = fs::path(place != nullptr ? place : "/tmp") / "shearbus-history-XXXXXX";
+  const int descriptor = ::mkstemp(made.data());
   if (descriptor < 0)
-    throw std::system_error(errno, std::generic_category(), "TMPDIR names no directory for a file such as " + name);
-  // Whatever ends first, nothing is left: the file has no name, and Python inherits its descriptor.
-  ::unlink(name.c_str());
-  const auto close = [](const int* opened) { ::close(*opened); };
-  const std::unique_ptr<const int, decltype(close)> closed(&descriptor, close);
-  const std::string made = "/proc/self/fd/" + std::to_string(descriptor);
+    throw std::system_error(errno, std::generic_category(), "TMPDIR names no directory for a file such as " + made);
+  ::close(descriptor);
+  const auto remove = [](const std::string* name) { ::unlink(name->c_str()); };  // its reader keeps it open
+  const std::unique_ptr<std::string, decltype(remove)> removed(&made, remove);
   if (program::run_python({script("replay", "tables.py"), "read", points ? "--points" : "--steps", "--out", made,
                            "--columns=" + columns, "--", file}))
     return files::HistoryReader(made);

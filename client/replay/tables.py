@@ -4,8 +4,11 @@
     tables.py read TABLE.csv --out HISTORY.h5 (--points | --steps) [--columns ...]
     tables.py compare A B --rtol R
 """
+import contextlib
+import ctypes
 import os
 import pathlib
+import signal
 import sys
 
 sys.dont_write_bytecode = True
@@ -26,14 +29,26 @@ def write(table, path):
                 file[name] = values
             file["time"].attrs["t0"] = table.start
     except (OSError, RuntimeError) as fault:  # a full disk
-        raise OSError(f"{table.path}: the history that is made of it does not fit into {os.environ.get('TMPDIR', '/tmp')}: {fault}. "
+        raise OSError(f"{table.path}: the history that is made of it does not fit into {pathlib.Path(path).parent}: {fault}. "
                       "Name a directory with room in the environment variable TMPDIR") from fault
+
+
+def end_with_parent(path):
+    """If the program that waits for this one is killed, the file that was to be its input is removed."""
+    def remove(number, frame):
+        with contextlib.suppress(OSError):
+            os.unlink(path)
+        os._exit(1)
+
+    signal.signal(signal.SIGTERM, remove)
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
 
 
 def run(options):
     from csv_table import CsvTable
 
     if options.command == "read":
+        end_with_parent(options.out)
         write(CsvTable(options.table, options.columns, options.points), options.out)
         return 0
     from compare_tables import compare

@@ -152,7 +152,7 @@ def main():
         programs = build_by_cmake(work, prefix, examples, options.mpiexec) + build_by_pkg_config(work, prefix, examples)
 
         check_components(work, prefix)
-        check_tables(work, prefix, examples / "paper_velocity_driven_graded.toml")
+        check_tables(work, prefix, pathlib.Path(__file__).parents[2] / "client/examples/paper_velocity_driven_graded.toml")
         check_hdf5(work, prefix, options.two_copies.with_name("embedded_hdf5.c"), scene)
         endpoint = f"ipc://{work}/bus"
         server = subprocess.Popen([prefix / "bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])
