@@ -59,10 +59,13 @@ LaneStep Travel::slip_next_to_rigid(const StressLimit& limit, double heat_partit
 }
 
 LaneStep Travel::answer(LaneStep moving) const {
-  const Path path = under(std::abs(moving.stress));
+  const double stress = std::abs(moving.stress);
+  const Path path = under(stress);
   if (path.mean > 0.0) moving.slip *= path.net / path.mean;
   moving.jump_new = direction_ * (path.end - drive_);
-  moving.stress = direction_ * ((before_ + push_ - path.end) / per_stress_);
+  // The difference has the rounding of the velocities, which may be that of many times the stress.
+  if (path.end == 0.0 || path.net != path.mean)
+    moving.stress = direction_ * std::clamp((before_ + push_ - path.end) / per_stress_, -stress, stress);
   if (path.end == 0.0) {
     moving.sticks = true;
     moving.regime = Regime::kStick;
