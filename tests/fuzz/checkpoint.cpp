@@ -1,6 +1,6 @@
 // Fuzzes the reading of a checkpoint from a disk. The reader passes bytes to HDF5 only if their hash is right, and the
 // mutator of this target repairs only the checksums of the footer. The fuzz target checkpoint_content covers content
-// with a correct hash.
+// with a correct hash. Nothing is accepted but what was written.
 #include <xxhash.h>
 
 #include <cstring>

@@ -1,4 +1,5 @@
-// Fuzzes the decoding of frames from a socket, both as a request and as a reply.
+// Fuzzes the decoding of frames from a socket, both as a request and as a reply. A decoded message encodes to bytes that
+// decode to the same message.
 #include <optional>
 
 #include "proto/wire/codec.hpp"

@@ -1,4 +1,5 @@
-// Fuzzes the reading of a journal segment from a disk, and the recovery of a server from the segment.
+// Fuzzes the reading of a journal segment from a disk, and the recovery of a server from the segment. What was read is
+// what is written; a server recovers from it or says why not.
 #include <algorithm>
 
 #include "server/store/journal.hpp"

@@ -1,5 +1,5 @@
 // Fuzzes the text of a scene. For each accepted scene with few cells a session is opened; if the service opens the
-// session, it must be able to step the nodes.
+// session, it must be able to step the nodes. Faults have a place; a sound scene reads back to itself.
 #include <google/protobuf/descriptor.h>
 
 #include <cmath>
