@@ -13,8 +13,9 @@ using hydro::ConstantFrictionLaw;
 inline constexpr double kFreeSlip = 0.0;
 inline constexpr double kBonded = std::numeric_limits<double>::infinity();
 
-// Makes a shear column of aluminium on steel with the elastic constants of the DLP paper (server/physics/METHODS.md,
-// "Catalog"). The step length is `courant` times the time in which an elastic wave crosses a zone.
+// Makes a shear column of aluminium on steel with the elastic constants of the DLP paper
+// (server/physics/material/catalog.cpp). The step length is `courant` times the time in which an elastic wave crosses a
+// zone.
 inline hydro::ColumnProblem aluminium_on_steel(std::vector<double> jumps, std::size_t zones, double length = 2e-3,
                                                double courant = 1.0) {
   hydro::ColumnProblem problem;
