@@ -128,8 +128,8 @@ int main(int argc, char** argv) {
     command->prefix_command()->set_help_flag();
     return command;
   };
-  const CLI::App* of_map =
-      add_script("map", "The velocity-driven model over pressure and velocity: where its layer sticks, slips and melts");
+  const CLI::App* of_map = add_script(
+      "map", "The velocity-driven model over pressure and velocity: where its layer sticks, slips and melts");
   const CLI::App* of_fit = add_script("fit", "Parameters of a scene from measured curves, or sensitivities");
   CurveOptions curve;
   const CLI::App* of_curve = add_curve(app, curve);

@@ -34,8 +34,8 @@ void check_rows(wire::Code code, const std::string& field, std::span<const Value
     if (nodes.size() < wire::kMaxNodesNamed) nodes.push_back(node_of(row));
   }
   if (faults == 0) return;
-  std::string first_fault = fmt::format("{} ({} of {} rows at fault)", text(nodes.front(), first, values[first]), faults,
-                                        values.size());
+  std::string first_fault =
+      fmt::format("{} ({} of {} rows at fault)", text(nodes.front(), first, values[first]), faults, values.size());
   refuse(code, field, std::move(first_fault), remedy, std::move(nodes));
 }
 

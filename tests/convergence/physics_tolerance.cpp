@@ -201,7 +201,8 @@ TEST_P(ForceLoops, AreKept) {
       impulse = std::max(impulse, one.impulse / answers.request);
       jump = std::max(jump, one.jump / answers.request);
       heat = std::max(heat, one.heat / answers.request);
-      if (one.largest() > answers.request) (missed += ' ') += std::to_string(seeds.first + (&one - answers.errors.data()));
+      if (one.largest() > answers.request)
+        (missed += ' ') += std::to_string(seeds.first + (&one - answers.errors.data()));
     }
     const double cost = answers.work / answers.undivided;
     std::printf(
