@@ -60,7 +60,7 @@ class HeatedWaves {
     double amount = 0.0, work = 0.0, heat = 0.0;  // work and heat: powers of the last evaluation  [W/m2]
     double work_before = 0.0;                     // work without heat  [W/m2]
     double low = 0.0, work_at_low = 0.0;          // the largest amount known that is too small, its lack of heat
-    double high = 0.0;                            // the smallest amount known that is enough
+    double high = 0.0;                            // the smallest amount known that is enough, with an answer
     bool solved = true;                           // the last evaluation has an answer
     RootSearch amounts;
     double unknown = 0.0;  // what the last digits of the velocities do  [W/m2]
@@ -80,17 +80,24 @@ class HeatedWaves {
   }
 
   std::size_t row() const { return problem_.layout.num_strain_vertices * kLanes; }
+  std::size_t velocities() const { return problem_.layout.num_velocity_cells * kLanes; }
   std::ptrdiff_t vertices() const { return static_cast<std::ptrdiff_t>(problem_.layout.num_strain_vertices); }
 
-  // Solves the waves of `lanes` at the temperatures of their amounts.
-  void evaluate(std::uint32_t lanes, const double* guess) {
+  std::uint32_t solve_at(std::uint32_t lanes, const double* guess) {
     for (const int l : lanes_of(lanes)) {
+      copy_lane(guess, used_, velocities(), l);
       copy_lane(start_, trial_, problem_.layout.doubles, l);
       lanes_[l].heat = lanes_[l].amount > 0.0 ? warm(l) : 0.0;
     }
+    return solve_stage(problem_, operators_.heat(), inputs_, lanes, contacts_, trial_, found_, guess);
+  }
+
+  // Solves the waves of `lanes` at the temperatures of their amounts.
+  void evaluate(std::uint32_t lanes, const double* guess) {
+    const double* before = start_ + problem_.layout.layer_velocity;
+    std::uint32_t lost = solve_at(lanes & ~lost_, guess != nullptr ? guess : before);
+    if (lost != 0 && guess != nullptr) lost = solve_at(lost, before);
     // Waves next to melting that are not solved do no work: less heat is tried, and the last heat must be solved.
-    const std::uint32_t lost =
-        solve_stage(problem_, operators_.heat(), inputs_, lanes & ~lost_, contacts_, trial_, found_, guess);
     for (const int l : lanes_of(lanes)) lanes_[l].solved = !contains(lost, l);
     for (const int l : lanes_of(lost)) {
       lanes_[l].work = 0.0;
@@ -99,8 +106,17 @@ class HeatedWaves {
     lanes &= ~lost;
     for (const int l : lanes_of(lanes & ~lost_)) {
       lanes_[l].work = work(l);
-      copy_lane(trial_ + problem_.layout.layer_velocity, guess_, problem_.layout.num_velocity_cells * kLanes, l);
+      copy_lane(trial_ + problem_.layout.layer_velocity, guess_, velocities(), l);
     }
+  }
+
+  // Notes that the amount is enough. The waves next to melting may depend on the velocities from which they are searched,
+  // so these are kept for the last evaluation.
+  void note_enough(int l) {
+    Lane& own = lanes_[l];
+    if (!own.solved || !(own.high == 0.0 || own.amount < own.high)) return;
+    own.high = own.amount;
+    copy_lane(used_, used_at_high_, velocities(), l);
   }
 
   // Raises the temperatures of the layer in `trial` by the heat of the amount, and returns the sum of this heat. The
@@ -173,10 +189,10 @@ class HeatedWaves {
         if (own.closed() || missing <= 0.0) {
           open &= ~(1u << l);
           if (own.closed()) continue;
-          own.high = own.amount;
+          note_enough(l);
           const double share = own.work_at_low / (own.work_at_low - missing);
-          own.amounts = RootSearch(own.low, -own.work_at_low, own.high, -missing, own.work_before,
-                                   own.low + share * (own.high - own.low));
+          own.amounts = RootSearch(own.low, -own.work_at_low, own.amount, -missing, own.work_before,
+                                   own.low + share * (own.amount - own.low));
           bracketed |= 1u << l;
         } else if (round < kMostCloseAmounts && missing <= kSmallStep * own.heat) {
           own.low = own.amount;
@@ -206,21 +222,25 @@ class HeatedWaves {
       for (const int l : lanes_of(lanes)) {
         Lane& own = lanes_[l];
         const double surplus = own.heat - own.work;
-        if (surplus >= 0.0 && own.amount < own.high) own.high = own.amount;
+        if (surplus >= 0.0) note_enough(l);
         if (own.closed()) {
           lanes &= ~(1u << l);
         } else if (own.amounts.update(surplus)) {
           lanes &= ~(1u << l);
-          leaps |= 1u << l;
-          own.amount = own.high;
+          if (own.high > 0.0) {
+            leaps |= 1u << l;
+            own.amount = own.high;
+          } else {
+            lost_ |= 1u << l;
+          }
         }
       }
-      evaluate(leaps, guess_);
+      evaluate(leaps, used_at_high_);
     }
   }
 
-  // The temperatures at the end of the step, and where its work has heated: the temperatures are those of its work, which is that of the temperatures of evaluate() but for
-  // rounding and leaps, which only cool.
+  // The temperatures at the end of the step, and where its work has heated. They are those of evaluate() but for rounding,
+  // which melts no vertex, and leaps, which only cool.
   void heat_up(int l) {
     const Lane& own = lanes_[l];
     const std::size_t first = problem_.layout.first_temperature();
@@ -234,6 +254,10 @@ class HeatedWaves {
     const double share = leaps ? std::min(1.0, own.work / own.heat) : 1.0;
     add_spread_lane(operators_.heat(), operators_.spread(), l, share, rise_, trial_ + first);
     found_[l].flux = share * own.heat;
+    const double T_melt = at_pressure(problem_.options.soft, inputs_.pressure[l]).melting_temperature;
+    const std::size_t near = problem_.layout.temperature + static_cast<std::size_t>(l);
+    for (std::size_t i = 0; i < row(); i += kLanes)
+      if (start_[near + i] < T_melt) trial_[near + i] = std::min(trial_[near + i], std::nextafter(T_melt, 0.0));
   }
 
   const Problem& problem_;
@@ -242,12 +266,13 @@ class HeatedWaves {
   const WaveContacts* contacts_;
   double* trial_;
   Found (&found_)[kLanes];
-  // The state before the step, with the temperatures without its heat; velocities of the last evaluation; and rows
+  // The state before the step, with the temperatures without its heat; velocities of the last evaluation and those below; and rows
   // [vertex][lane]: work that the vertices do, work of which they take heat, the rise of their temperature.
-  double* start_ = scratch_tile(Scratch::kWorkHeat,
-                                problem_.layout.doubles + problem_.layout.num_velocity_cells * kLanes + 3 * row());
+  double* start_ = scratch_tile(Scratch::kWorkHeat, problem_.layout.doubles + 3 * velocities() + 3 * row());
   double* guess_ = start_ + problem_.layout.doubles;
-  double* done_ = guess_ + problem_.layout.num_velocity_cells * kLanes;
+  double* used_ = guess_ + velocities();  // from which the last evaluation was searched
+  double* used_at_high_ = used_ + velocities();
+  double* done_ = used_at_high_ + velocities();
   double* power_ = done_ + row();
   double* rise_ = power_ + row();
   Lane lanes_[kLanes];
