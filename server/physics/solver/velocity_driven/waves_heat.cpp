@@ -257,7 +257,8 @@ class HeatedWaves {
     const double T_melt = at_pressure(problem_.options.soft, inputs_.pressure[l]).melting_temperature;
     const std::size_t near = problem_.layout.temperature + static_cast<std::size_t>(l);
     for (std::size_t i = 0; i < row(); i += kLanes)
-      if (start_[near + i] < T_melt) trial_[near + i] = std::min(trial_[near + i], std::nextafter(T_melt, 0.0));
+      if (double& T = trial_[near + i]; start_[near + i] < T_melt && T >= T_melt && T <= T_melt * (1.0 + kLeastRoom))
+        T = std::nextafter(T_melt, 0.0);
   }
 
   const Problem& problem_;
