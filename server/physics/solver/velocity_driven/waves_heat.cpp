@@ -85,7 +85,7 @@ class HeatedWaves {
 
   std::uint32_t solve_at(std::uint32_t lanes, const double* guess) {
     for (const int l : lanes_of(lanes)) {
-      copy_lane(guess, used_, velocities(), l);
+      copy_lane(guess != nullptr ? guess : start_ + problem_.layout.layer_velocity, used_, velocities(), l);
       copy_lane(start_, trial_, problem_.layout.doubles, l);
       lanes_[l].heat = lanes_[l].amount > 0.0 ? warm(l) : 0.0;
     }
@@ -94,9 +94,8 @@ class HeatedWaves {
 
   // Solves the waves of `lanes` at the temperatures of their amounts.
   void evaluate(std::uint32_t lanes, const double* guess) {
-    const double* before = start_ + problem_.layout.layer_velocity;
-    std::uint32_t lost = solve_at(lanes & ~lost_, guess != nullptr ? guess : before);
-    if (lost != 0 && guess != nullptr) lost = solve_at(lost, before);
+    std::uint32_t lost = solve_at(lanes & ~lost_, guess);
+    if (lost != 0 && guess != nullptr) lost = solve_at(lost, nullptr);
     // Waves next to melting that are not solved do no work: less heat is tried, and the last heat must be solved.
     for (const int l : lanes_of(lanes)) lanes_[l].solved = !contains(lost, l);
     for (const int l : lanes_of(lost)) {
