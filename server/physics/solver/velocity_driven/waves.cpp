@@ -509,7 +509,7 @@ HeldVertex flow_under_friction(double trial, double coulomb, double yield, doubl
   const double left = std::max(0.0, trial - coulomb);  // below 0 by rounding
   double flow = 0.0;
   if (coulomb > yield) {
-    const double x = exponential_minus_1(logarithm(coulomb / yield) / exponent);
+    const double x = std::max(0.0, exponential_minus_1(logarithm(coulomb / yield) / exponent));
     flow = std::min(compliance > 0.0 ? x / (compliance * kappa) : 0.0, left / kappa);
   }
   return {flow, left - kappa * flow};
