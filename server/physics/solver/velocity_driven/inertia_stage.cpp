@@ -324,8 +324,8 @@ class ContactSearch {
   // Of the flow at z = 0 of a layer at its ceiling, the interface takes its own slip.
   void share_ceiling(int l) {
     const double v = sought_[l].ceiling_slip;
-    trial_[problem_.layout.plastic_strain + static_cast<std::size_t>(l)] -=
-        v * heat_.dt / (kSqrt3 * problem_.grid.weight[0]);
+    double& strain = trial_[problem_.layout.plastic_strain + static_cast<std::size_t>(l)];
+    strain = std::max(0.0, strain - v * heat_.dt / (kSqrt3 * problem_.grid.weight[0]));  // rounding may take more
     found_[l].interface_slip = sought_[l].direction * v;
     found_[l].interface_slips = true;
   }
