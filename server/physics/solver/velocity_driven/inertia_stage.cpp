@@ -321,11 +321,13 @@ class ContactSearch {
     }
   }
 
-  // Of the flow at z = 0 of a layer at its ceiling, the interface takes its own slip.
+  // Of the flow at z = 0 of a layer at its ceiling, the interface takes its own slip, which is no more than all of it.
   void share_ceiling(int l) {
-    const double v = sought_[l].ceiling_slip;
-    double& strain = trial_[problem_.layout.plastic_strain + static_cast<std::size_t>(l)];
-    strain = std::max(0.0, strain - v * heat_.dt / (kSqrt3 * problem_.grid.weight[0]));  // rounding may take more
+    const std::size_t at = problem_.layout.plastic_strain + static_cast<std::size_t>(l);
+    const double weight = kSqrt3 * problem_.grid.weight[0], flow = trial_[at] - start_[at];
+    const double asked = sought_[l].ceiling_slip, taken = asked * heat_.dt / weight;
+    trial_[at] = std::max(start_[at], trial_[at] - taken);
+    const double v = taken < flow ? asked : flow * weight / heat_.dt;
     found_[l].interface_slip = sought_[l].direction * v;
     found_[l].interface_slips = true;
   }

@@ -470,7 +470,7 @@ class Waves {
     }
     if (!held_) return;
     if (!has_form_) {
-      const double left = std::max(0.0, std::abs(rows_.t[0]) - step_.coulomb);
+      const double left = std::abs(rows_.t[0]) - step_.coulomb;
       const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa_);
       fields_.strain_growth[0] = flow;
       answer_.interface_slip = std::copysign(std::max(0.0, left - kappa_ * flow) / gain(0), rows_.t[0]);
@@ -506,10 +506,10 @@ class Waves {
 
 HeldVertex flow_under_friction(double trial, double coulomb, double yield, double compliance, double kappa,
                                double exponent) {
-  const double left = std::max(0.0, trial - coulomb);  // below 0 by rounding
+  const double left = trial - coulomb;
   double flow = 0.0;
   if (coulomb > yield) {
-    const double x = std::max(0.0, exponential_minus_1(logarithm(coulomb / yield) / exponent));
+    const double x = exponential_minus_1(logarithm(coulomb / yield) / exponent);
     flow = std::min(compliance > 0.0 ? x / (compliance * kappa) : 0.0, left / kappa);
   }
   return {flow, left - kappa * flow};
