@@ -64,6 +64,7 @@ class HeatedWaves {
     bool solved = true;                           // the last evaluation has an answer
     RootSearch amounts;
     double unknown = 0.0;  // what the last digits of the velocities do  [W/m2]
+    double T_melt = 0.0;
     bool closed(double share = kClosed) const { return std::abs(work - heat) <= share * heat + unknown; }
   };
 
@@ -73,6 +74,7 @@ class HeatedWaves {
     Lane& own = lanes_[l];
     own.work_before = own.work;
     own.amount = 1.0;
+    own.T_melt = at_pressure(problem_.options.soft, inputs_.pressure[l]).melting_temperature;
     double sum = 0.0;
     for (std::size_t i = static_cast<std::size_t>(l); i < row(); i += kLanes) sum += shape[i];
     for (std::size_t i = static_cast<std::size_t>(l); i < row(); i += kLanes)
@@ -83,6 +85,8 @@ class HeatedWaves {
   std::size_t velocities() const { return problem_.layout.num_velocity_cells * kLanes; }
   std::ptrdiff_t vertices() const { return static_cast<std::ptrdiff_t>(problem_.layout.num_strain_vertices); }
 
+  // The waves at the temperatures of the amounts, searched from these velocities; null: those before the step. Returns the
+  // lanes without an answer.
   std::uint32_t solve_at(std::uint32_t lanes, const double* guess) {
     for (const int l : lanes_of(lanes)) {
       copy_lane(guess != nullptr ? guess : start_ + problem_.layout.layer_velocity, used_, velocities(), l);
@@ -92,7 +96,7 @@ class HeatedWaves {
     return solve_stage(problem_, operators_.heat(), inputs_, lanes, contacts_, trial_, found_, guess);
   }
 
-  // Solves the waves of `lanes` at the temperatures of their amounts.
+  // Finds work and heat of `lanes` at the temperatures of their amounts.
   void evaluate(std::uint32_t lanes, const double* guess) {
     std::uint32_t lost = solve_at(lanes & ~lost_, guess);
     if (lost != 0 && guess != nullptr) lost = solve_at(lost, nullptr);
@@ -124,7 +128,7 @@ class HeatedWaves {
   double warm(int l) {
     const HeatOperator& heat = operators_.heat();
     const SpreadHeat& spread = operators_.spread();
-    const double T_melt = at_pressure(problem_.options.soft, inputs_.pressure[l]).melting_temperature;
+    const double T_melt = lanes_[l].T_melt;
     const double* T_ad = start_ + problem_.layout.temperature + l;
     const auto room = [&](std::ptrdiff_t i) { return T_melt - T_ad[i * kLanes]; };
     const auto flux = [&](std::ptrdiff_t i) {
@@ -253,11 +257,11 @@ class HeatedWaves {
     const double share = leaps ? std::min(1.0, own.work / own.heat) : 1.0;
     add_spread_lane(operators_.heat(), operators_.spread(), l, share, rise_, trial_ + first);
     found_[l].flux = share * own.heat;
-    const double T_melt = at_pressure(problem_.options.soft, inputs_.pressure[l]).melting_temperature;
     const std::size_t near = problem_.layout.temperature + static_cast<std::size_t>(l);
     for (std::size_t i = 0; i < row(); i += kLanes)
-      if (double& T = trial_[near + i]; start_[near + i] < T_melt && T >= T_melt && T <= T_melt * (1.0 + kLeastRoom))
-        T = std::nextafter(T_melt, 0.0);
+      if (double& T = trial_[near + i];
+          start_[near + i] < own.T_melt && T >= own.T_melt && T <= own.T_melt * (1.0 + kLeastRoom))
+        T = std::nextafter(own.T_melt, 0.0);
   }
 
   const Problem& problem_;
@@ -266,11 +270,12 @@ class HeatedWaves {
   const WaveContacts* contacts_;
   double* trial_;
   Found (&found_)[kLanes];
-  // The state before the step, with the temperatures without its heat; velocities of the last evaluation and those below; and rows
-  // [vertex][lane]: work that the vertices do, work of which they take heat, the rise of their temperature.
+  // The state before the step, with the temperatures without its heat; velocities of the last evaluation, those from which
+  // it was searched, and those of the smallest amount that is enough; and rows [vertex][lane]: work that the vertices do,
+  // work of which they take heat, the rise of their temperature.
   double* start_ = scratch_tile(Scratch::kWorkHeat, problem_.layout.doubles + 3 * velocities() + 3 * row());
   double* guess_ = start_ + problem_.layout.doubles;
-  double* used_ = guess_ + velocities();  // from which the last evaluation was searched
+  double* used_ = guess_ + velocities();
   double* used_at_high_ = used_ + velocities();
   double* done_ = used_at_high_ + velocities();
   double* power_ = done_ + row();
