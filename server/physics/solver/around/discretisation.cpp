@@ -36,8 +36,7 @@ constexpr double kLongestTime = 1e-3;  // longest time that the modes represent 
 // Makes cells that grow by a ratio g away from z = 0, from a first cell of (g - 1) delta, where delta is the diffusion
 // length of a short time. The cells then resolve all diffusion lengths above delta alike: the width of each cell is
 // (g - 1) times the distance of its near face from z = -delta.
-GridOptions graded_for(GridOptions grid, double diffusivity, double most_growth, double tolerance) {
-  const double growth = 1.0 + most_growth;
+GridOptions graded_for(GridOptions grid, double diffusivity, double growth, double tolerance) {
   const double part = std::min(1.0, tolerance / kShortTimeTolerance);
   const double short_time = std::max(kShortestTime, kShortTime * (part * part * part));
   // 1 + thickness / delta. This ratio is g to the power of the number of cells.
@@ -57,8 +56,8 @@ ModelOptions discretised(ModelOptions options, double tolerance) {
   options.time_integrator = second_order ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
   const bool held = options.grid.far_boundary == FarBoundary::kIsothermal ||
                     (options.hard_grid && options.hard_grid->far_boundary == FarBoundary::kIsothermal);
-  const double growth = std::min((held ? kGrowthToHeldFace : kGrowth) * std::sqrt(tolerance),
-                                 options.plastic_layer ? kMostGrowthBesideSlip : kMostGrowth);
+  const double growth = 1.0 + std::min((held ? kGrowthToHeldFace : kGrowth) * std::sqrt(tolerance),
+                                       options.plastic_layer ? kMostGrowthBesideSlip : kMostGrowth);
   options.grid = graded_for(options.grid, options.soft.diffusivity, growth, tolerance);
   if (options.hard_grid) {
     options.hard_grid->cells = options.grid.cells;
