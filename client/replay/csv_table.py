@@ -274,28 +274,34 @@ class CsvTable:
 
     def _arrange(self):
         """Sorts the rows by step and node, converts them to SI, and checks what a history needs."""
-        with np.errstate(over="ignore"):
-            values = {name: self.values[name] if factor == 1.0 else self.values[name] * factor for name, factor in self.columns if name}
-        for name, factor in self.columns:
-            for row in np.flatnonzero(~np.isfinite(values[name]))[:1] if factor != 1.0 else ():
-                self._refuse(f"{name} is {plain(self.values[name][row])} in its unit, which is no finite number in {unit_of(name)}", row=int(row))
+        values = {name: self._in_si(name, factor) for name, factor in self.columns if name}
         times, ids, pairs = values.pop("time"), values.pop("node_id", None), values.pop("pair", None)
         nodes = 1 if ids is None else self._nodes(times, ids)
         self.ids = np.zeros(1, np.uint64) if ids is None else ids[:nodes]
         for name, rows in values.items():
             if is_per_node(name):
                 self._check_constant(name, rows, times, nodes, plain, "; it is one value per node")
-        for row, pair in enumerate(pairs or ()):
-            if not pair.isprintable() and any("\udc80" <= c <= "\udcff" for c in pair):
-                self._refuse(f"pair is {quoted(pair)}, which is no UTF-8", "Save the table as UTF-8.", row)
         if pairs is not None:
             self._check_constant("pair", np.array(pairs, object), times, nodes, quoted, "; a node keeps its pair")
+            for row, pair in enumerate(pairs[:nodes]):
+                if any("\udc80" <= character <= "\udcff" for character in pair):
+                    self._refuse(f"pair is {quoted(pair)}, which is no UTF-8", "Save the table as UTF-8.", row)
         self.texts = {} if pairs is None else {"pair": pairs[:nodes]}
         self.times = times[::nodes]
         dts = values.pop("dt", np.zeros(0))[::nodes]
         self.values = {name: rows[:nodes] if is_per_node(name) else rows.reshape(-1, nodes) for name, rows in values.items()}
         self._check_times(dts, nodes)
         self.dts = dts if len(dts) and not self.points else None
+
+    def _in_si(self, name, factor):
+        given = self.values[name]
+        if factor == 1.0:
+            return given
+        with np.errstate(over="ignore"):
+            values = given * factor
+        for row in np.flatnonzero(~np.isfinite(values))[:1]:
+            self._refuse(f"{name} is {plain(given[row])} in its unit, which is no finite number in {unit_of(name)}", row=int(row))
+        return values
 
     def _nodes(self, times, ids):
         """Checks that each time has a row of each node, in one order. Returns the number of nodes."""
