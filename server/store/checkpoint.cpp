@@ -1,10 +1,14 @@
 #include "server/store/checkpoint.hpp"
 
+#include <fmt/format.h>
 #include <xxhash.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cstring>
+#include <iterator>
 #include <span>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -30,32 +34,25 @@ void check_rows(const shard::States& states, const std::vector<std::uint64_t>& n
   std::size_t row = 0;
   if (states.rows.size() != node_ids.size() ||
       !std::ranges::all_of(states.rows, [&](std::uint32_t slot) { return slot == row++; }))
-    throw hdf5::Error("find the slots of all " + std::to_string(node_ids.size()) + " nodes in their order in " + name);
+    throw hdf5::Error(fmt::format("find the slots of all {} nodes in their order in {}", node_ids.size(), name));
 }
 
 }  // namespace
 
 SessionKey key_from(const std::string& text) {
-  const auto digit = [&](char c) -> unsigned {
-    if (c >= '0' && c <= '9') return static_cast<unsigned>(c - '0');
-    if (c >= 'a' && c <= 'f') return static_cast<unsigned>(c - 'a' + 10);
-    throw hdf5::Error("take \"" + text + "\" for an id");
-  };
   SessionKey key{};
-  if (text.size() != 2 * key.size()) throw hdf5::Error("take \"" + text + "\" for an id");
-  for (std::size_t i = 0; i < key.size(); ++i)
-    key[i] = static_cast<std::uint8_t>(digit(text[2 * i]) << 4 | digit(text[2 * i + 1]));
+  bool read = text.size() == 2 * key.size();
+  for (std::size_t i = 0; read && i < key.size(); ++i) {
+    const char* const end = text.data() + 2 * i + 2;
+    read = std::from_chars(end - 2, end, key[i], 16).ptr == end;
+  }
+  if (!read || text != hexadecimal(key)) throw hdf5::Error("take \"" + text + "\" for an id");
   return key;
 }
 
 std::vector<std::string> words_of(const std::string& text) {
-  std::vector<std::string> words;
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find(' ', begin), text.size());
-    words.push_back(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return words;
+  std::istringstream words(text);
+  return {std::istream_iterator<std::string>(words), {}};
 }
 
 void put(hid_t parent, const std::string& name, const shard::States& states) {
@@ -107,9 +104,9 @@ SessionImage session_of(hid_t parent, const std::string& name, std::uint64_t& or
   get_fields(group, session);
   check_rows(session.committed, session.node_ids, "committed");
   if (!session.before_header.empty() && session.last_sequence < 2)
-    throw hdf5::Error("find a step before request " + std::to_string(session.last_sequence));
+    throw hdf5::Error(fmt::format("find a step before request {}", session.last_sequence));
   for (const std::uint32_t row : session.part_rows)
-    if (row >= session.node_ids.size()) throw hdf5::Error("find node " + std::to_string(row) + " of part_rows");
+    if (row >= session.node_ids.size()) throw hdf5::Error(fmt::format("find node {} of part_rows", row));
   return session;
 }
 
@@ -157,9 +154,8 @@ std::vector<SessionImage> closed_in(hid_t parent) {
   if (!hdf5::has_child(parent, "closed")) return {};
   const hdf5::Group group = hdf5::open_group(parent, "closed");
   std::vector<std::string> identities;
-  const std::string lines = text_in_dataset(group, "identities");
-  for (std::size_t begin = 0, end = 0; (end = lines.find('\n', begin)) != std::string::npos; begin = end + 1)
-    identities.push_back(lines.substr(begin, end - begin));
+  std::istringstream lines(text_in_dataset(group, "identities"));
+  for (std::string line; std::getline(lines, line);) identities.push_back(line);
   const auto ids = numbers_of<std::uint8_t>(group, "id");
   const auto headers = numbers_of<std::byte>(group, "reply_header");
   const auto identity = numbers_of<std::uint64_t>(group, "identity");
@@ -243,12 +239,12 @@ Bytes verified_image(Bytes file, const std::string& name, std::uint64_t generati
   if (footer.magic != kCheckpointMagic)
     throw damaged("it does not end with a checkpoint's mark: it was cut, or is something else");
   if (footer.version != kCheckpointVersion)
-    throw damaged("checkpoint version " + std::to_string(footer.version) + "; this server reads version " +
-                  std::to_string(kCheckpointVersion));
+    throw damaged(
+        fmt::format("checkpoint version {}; this server reads version {}", footer.version, kCheckpointVersion));
   if (footer.sum != files::sum_of_header(footer)) throw damaged("its footer does not match its sum");
   if (footer.image_bytes != file.size() - sizeof footer) throw damaged("its length is not what its footer says");
   if (footer.generation != generation)
-    throw damaged("it is generation " + std::to_string(footer.generation) + " under the name of another");
+    throw damaged(fmt::format("it is generation {} under the name of another", footer.generation));
   const Bytes image = file.first(footer.image_bytes);
   if (footer.image_sum != sum_of_image(image)) throw damaged("its bytes do not match their hash");
   return image;
@@ -338,8 +334,7 @@ Capsule read_capsule(Bytes file, const std::string& name) try {
   const hdf5::Quiet quiet;
   const hdf5::File opened = open_image(file);
   if (text_of(opened, "format") != kCapsuleFormat || number_of(opened, "format_version") != kCapsuleVersion)
-    throw hdf5::Error("find the format \"" + std::string(kCapsuleFormat) + "\", version " +
-                      std::to_string(kCapsuleVersion));
+    throw hdf5::Error(fmt::format("find the format \"{}\", version {}", kCapsuleFormat, kCapsuleVersion));
   Capsule capsule;
   get_fields(opened, capsule);
   return capsule;
