@@ -93,10 +93,6 @@ bool StressLimit::falls_with_slip() const {
   return varying != nullptr && properties_of(varying->friction_law).falls_with_slip;
 }
 
-bool StressLimit::depends_on_slip() const {
-  return junctions.options != nullptr || (varying != nullptr && properties_of(varying->friction_law).depends_on_slip());
-}
-
 StressLimit StressLimit::at_slip(double slip) const {
   StressLimit other = *this;
   if (junctions.options != nullptr) {

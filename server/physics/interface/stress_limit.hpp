@@ -69,7 +69,10 @@ struct StressLimit {
 
   // The limit at one slip velocity, as a limit that does not depend on slip any more.
   StressLimit at_slip(double slip) const;
-  bool depends_on_slip() const;
+  bool depends_on_slip() const {
+    return junctions.options != nullptr ||
+           (varying != nullptr && properties_of(varying->friction_law).depends_on_slip());
+  }
   bool falls_with_slip() const;  // whether the limit may fall with slip, so that a step may have several answers
   // The limit in a stage of a second-order step: both branches (friction and yield) times `factor`, plus `shift`. Not
   // for junctions.

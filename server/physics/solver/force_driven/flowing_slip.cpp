@@ -32,18 +32,19 @@ bool softens_alike(const StressLimit& limit) {
 }
 
 FlowingSlip::FlowingSlip(const FlowingStart& start)
-    : start_(start),
-      trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress),
-      travel_(start.forcing, trial_, start.dt) {
+    : start_(start), trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress) {
   const double T_ad = start.layer.T(0, 0.0);
   const double B0 = start.layer.response(0);
   const double rise = start.heat_partition * B0;
   slipping_ = trial_.slipping(T_ad, rise);
   // If the interface sticks at the end of the step, the flow of the layer takes all of [V]new + drive there. The mean
   // slip velocity of the interface over the step is then [v] = ([V]old - [V]new)/2.
-  // Under a tolerance the flow takes the mean jump, and an interface that sticks does not slip.
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
-  if (start.turns_within) stopping_ = {T_ad, rise, 0.0, 0.0};
+  // Under a tolerance the flow takes the mean jump, and an interface that sticks does not slip.
+  if (start.turns_within) {
+    travel_ = Travel(start.forcing, trial_, start.dt);
+    stopping_ = {T_ad, rise, 0.0, 0.0};
+  }
   compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
 
   // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under
@@ -75,28 +76,6 @@ const LaneStep& FlowingSlip::rigid() {
     rigid_is_known_ = true;
   }
   return rigid_;
-}
-
-// ---- The jump over the step. Under a tolerance, and else: its mean; what an interface that sticks leaves to the flow of the
-// layer, as a stress; the stress from which on it surely sticks.
-
-double FlowingSlip::mean_jump(double a) const {
-  return start_.turns_within ? travel_.under(a).mean : slipping_.c - slipping_.b * a;
-}
-double FlowingSlip::mean_jump_slope(double a) const {
-  return start_.turns_within ? travel_.under(a).by_stress : -slipping_.b;
-}
-double FlowingSlip::left_to_flow(double a) const {
-  return start_.turns_within ? travel_.under(a).mean / trial_.per_stress : trial_.stress_stick - a;
-}
-double FlowingSlip::left_to_flow_slope(double a) const {
-  return start_.turns_within ? travel_.under(a).by_stress / trial_.per_stress : -1.0;
-}
-double FlowingSlip::stick_balance(double a, double slip) const {
-  return start_.turns_within ? compliance_ * slip - left_to_flow(a) : a + compliance_ * slip - trial_.stress_stick;
-}
-double FlowingSlip::stress_at_rest() const {
-  return start_.turns_within ? travel_.rest_stress() : trial_.stress_stick;
 }
 
 void FlowingSlip::ask(Phase phase, const LayerLoad& load) {
@@ -139,10 +118,6 @@ LayerLoad FlowingSlip::slip_load(double v) const {
     heating = {T_ad, 1.0, start_.heat_partition * B0 * v + B0_work * (slipping_.c - v), B0_work * slipping_.b};
   double a = slip_stress(limit, heating, a_stick_, load_.stress);
   return slip_load(not_molten(a, [&](double stress) { return slip_load(stress, v); }), v);
-}
-
-bool FlowingSlip::melts(const LayerLoad& load) const {
-  return T(hottest(load), load) >= start_.limit.soft->melting_temperature;
 }
 
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
@@ -209,13 +184,6 @@ bool FlowingSlip::rigid_layer_flows() {
 }
 
 // ---- The flow nearby
-
-bool FlowingSlip::ends_stuck(double slip, const FlowAccuracy& accuracy) {
-  if ((phase_ != Phase::kStickGuess && phase_ != Phase::kStick) || !(load_.stress > 0.0)) return false;
-  if (!is_balanced(load_.stress, left_to_flow(load_.stress), compliance_, slip, accuracy)) return false;
-  end_stick(load_.stress);
-  return true;
-}
 
 // The stress that meets the stuck balance with the flow nearby, by Halley's method; -1 where that is not known.
 double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
@@ -518,35 +486,29 @@ void FlowingSlip::end_slip(double v) {
 }
 
 FlowingSlip::Answer FlowingSlip::answer(double slip) {
-  Answer answer = moving_answer(slip);
+  Answer answer{};
+  if (kind_ == Kind::kRigid) {
+    answer.step = rigid();
+  } else {
+    const double d = trial_.direction, a = load_.stress;
+    answer.work = load_.work;
+    answer.hottest = hottest(load_);
+    if (kind_ == Kind::kStick) {
+      if (at_ceiling_) answer.surplus = std::max(0.0, left_to_flow(a) / compliance_ - slip);
+      const bool flows = slip > 0.0 || answer.surplus > 0.0;
+      const bool melting = T(answer.hottest, load_) >= kMeltingShare * start_.limit.soft->melting_temperature;
+      const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
+      answer.step = {d * a, d * stopping_.slip(a), trial_.jump_new(a), load_.flux, regime, true, true, several_};
+    } else {
+      // A layer at its stress ceiling flows by the slip that the balance DLP (64) leaves over.
+      if (at_ceiling_) answer.surplus = std::max(0.0, (mean_jump(a) - slip_) * start_.dt / kSqrt3 - slip);
+      const Regime regime = slip_regime(start_.limit, T(0, load_), slip_);
+      answer.step = {d * a, d * slip_, trial_.jump_new(a), load_.flux, regime, false, rigid().unique, rigid_.several};
+    }
+  }
   answer.rubs = std::abs(answer.step.slip);
   if (start_.turns_within) answer.step = travel_.answer(answer.step);
   return answer;
-}
-
-// The answer; of a jump that may turn within the step with the stress and the slip while it moves.
-FlowingSlip::Answer FlowingSlip::moving_answer(double slip) {
-  if (kind_ == Kind::kRigid) return {rigid(), 0.0, 0.0, 0};
-  const double d = trial_.direction, a = load_.stress;
-  const int at = hottest(load_);
-  if (kind_ == Kind::kStick) {
-    const double surplus = at_ceiling_ ? std::max(0.0, left_to_flow(a) / compliance_ - slip) : 0.0;
-    const bool flows = slip > 0.0 || surplus > 0.0;
-    const bool melting = T(at, load_) >= kMeltingShare * start_.limit.soft->melting_temperature;
-    const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
-    return {{d * a, d * stopping_.slip(a), trial_.jump_new(a), load_.flux, regime, true, true, several_},
-            load_.work,
-            surplus,
-            at};
-  }
-  // A layer at its stress ceiling flows by the slip that the balance DLP (64) leaves over.
-  const double left = mean_jump(a) - slip_;
-  const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
-  const Regime regime = slip_regime(start_.limit, T(0, load_), slip_);
-  return {{d * a, d * slip_, trial_.jump_new(a), load_.flux, regime, false, rigid().unique, rigid_.several},
-          load_.work,
-          surplus,
-          at};
 }
 
 }  // namespace shearbus::physics

@@ -163,15 +163,15 @@ struct FlowingLane {
   }
 
   // What follows from the answer of a step of length dt: the surplus of plastic slip, the shape of its heat, the
-  // contact. `strain_old`: plastic strain before the step. T0: interface temperature after it.
-  void finish(FlowingSlip::Answer& answer, const double* strain_old, double dt, double T0) {
+  // contact. `strain_old`: plastic strain before the step.
+  void finish(FlowingSlip::Answer& answer, const double* strain_old, double dt, const Heated& layer) {
     strain[answer.hottest * kLanes + lane] +=
         answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
     if (work_heat != nullptr) {
       heat_of_work += answer.work * heated_share(problem.grid, shape + lane) * dt;
       reshape_heat(problem, strain_old + lane, strain + lane, 0.0, shape + lane);
     }
-    slip_contact(answer.step, answer.rubs, dt, T0);
+    slip_contact(answer.step, answer.rubs, dt, layer.T(0, answer.step.flux, answer.work));
   }
   void slip_contact(LaneStep& step, double slip, double dt, double T0) {
     if (!problem.options.junctions && problem.layout.num_friction_states == 0) return;
@@ -205,7 +205,7 @@ struct FlowingLane {
     }
     while (!step.done()) step.update(0.0);
     FlowingSlip::Answer answer = step.answer(search.slip[lane]);
-    finish(answer, strain_old, heat.dt, start_of_step.layer.T(0, answer.step.flux, answer.work));
+    finish(answer, strain_old, heat.dt, start_of_step.layer);
     if (work_heat != nullptr) add_spread_lane(heat, work_heat->spread(), lane, answer.work, B_work, T_all);
     return answer.step;
   }
@@ -320,8 +320,7 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
     if (contains(closed, l)) {
       FlowingSlip::Answer answer = searches.lanes[l]->answer(searches.slip[l]);
       power[l] = answer.work;
-      const Heated layer{T + l, heat.layer_response(), 1, 1, work != nullptr ? work->response() + l : nullptr};
-      lane.finish(answer, strain, heat.dt, layer.T(0, answer.step.flux, answer.work));
+      lane.finish(answer, strain, heat.dt, slots[l].search.start.layer);
       whole = answer.step;
     } else {
       whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);

@@ -36,10 +36,10 @@ inline void write_answer(const LaneResult& result, const TileLayout& layout, int
 // One lane at the start of a step.
 struct LaneStart {
   int lane;
-  LaneStep before;      // state before the step; of it only stress, jump_new, regime and sticks are used
-  int num_rows;         // number of rows of temperatures or modes, [row][lane]
-  const double* T_old;  // temperatures or modes before the step
-  double* T;            // temperatures or modes after conduction over the whole step, or after the substeps
+  const LaneStep& before;  // state before the step; of it only stress, jump_new, regime and sticks are used
+  int num_rows;            // number of rows of temperatures or modes, [row][lane]
+  const double* T_old;     // temperatures or modes before the step
+  double* T;               // temperatures or modes after conduction over the whole step, or after the substeps
 };
 
 // Makes equal substeps from the old temperatures. `substep(from)` makes the substep that follows the LaneStep `from`,

@@ -9,6 +9,7 @@ namespace shearbus::physics {
 // may stop, and then rests unless the far stresses are larger.
 class Travel {
  public:
+  Travel() = default;  // of a step that is not asked for it
   Travel(const Forcing& forcing, const TrialSlip& trial, double dt);
 
   struct Path {
