@@ -38,12 +38,6 @@ LayerFlow::LayerFlow(const FlowProblem& layers, double* rows)
   }
 }
 
-void LayerFlow::load(int lane, const Material& at_pressure, double pressure, double a, double heat_per_stress) {
-  pressed[lane] = 1.0 + at_pressure.pressure_coefficient * pressure;
-  T_melt[lane] = at_pressure.melting_temperature;
-  load(lane, a, heat_per_stress);
-}
-
 void LayerFlow::forget(int lane) {
   bounds_known &= ~(1u << lane);
   expanded.origin[lane] = -1.0;
@@ -62,18 +56,7 @@ void LayerFlow::sum(std::uint32_t lanes, double* strain_new) {
   searched.summed = true;
 }
 
-NearbyFlow LayerFlow::nearby(int l) {
-  if (is_explicit) {
-    const ExpandedLoads& at = expanded;
-    NearbyFlow flow{.base = at.base[l],
-                    .base_flux = at.base_heating[l] * at.base[l],
-                    .exponent = exponent,
-                    .moment = {at.moment[0][l], at.moment[1][l], at.moment[2][l], at.moment[3][l]}};
-    const double w = at.w[l];
-    const double* m = flow.moment;
-    flow.constant = slip[l] - at.y[l] * (m[0] + w * (m[1] + w * (m[2] + w * m[3])));
-    return flow;
-  }
+NearbyFlow LayerFlow::nearby_searched(int l) {
   constexpr double kNear = 0.1, kMostCurvature = 1e4;  // of ln(a) between the two sums; of the curvature
   const double a = stress[l];
   double& last = searched.stress[l];

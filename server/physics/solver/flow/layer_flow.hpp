@@ -136,7 +136,11 @@ class LayerFlow {
 
   // Loads a lane with the stress magnitude a, which heats by the flux `heat_per_stress` a. `at_pressure`: the material
   // at the pressure P.
-  void load(int lane, const Material& at_pressure, double pressure, double a, double heat_per_stress);
+  void load(int lane, const Material& at_pressure, double pressure, double a, double heat_per_stress) {
+    pressed[lane] = 1.0 + at_pressure.pressure_coefficient * pressure;
+    T_melt[lane] = at_pressure.melting_temperature;
+    load(lane, a, heat_per_stress);
+  }
   void load(int lane, double a, double heat_per_stress) { stress[lane] = a, heating[lane] = heat_per_stress; }
   // Forgets what the sums of a lane have shown, whose spread_response has changed.
   void forget(int lane);
@@ -151,7 +155,7 @@ class LayerFlow {
     return {slip[lane], slope[lane], kSearchedDigits};
   }
   // What the last sums tell of the flow of a lane under loads nearby.
-  NearbyFlow nearby(int lane);
+  NearbyFlow nearby(int lane) { return is_explicit ? nearby_explicit(lane) : nearby_searched(lane); }
   // The stress of each lane of `lanes` at which the balance a + compliance slip = a_trial is met by the flow nearby, with
   // the flux per stress of the load; -1 where that is not known well enough to tell.
   void find_roots(std::uint32_t lanes, double compliance, const double (&a_trial)[kLanes], double (&root)[kLanes]);
@@ -172,6 +176,20 @@ class LayerFlow {
   std::uint32_t bounds_known = 0;  // lanes whose expanded.bounds are known, one bit per lane
   ExpandedLoads expanded;
   SearchedLoads searched;
+
+ private:
+  NearbyFlow nearby_explicit(int l) const {
+    const ExpandedLoads& at = expanded;
+    NearbyFlow flow{.base = at.base[l],
+                    .base_flux = at.base_heating[l] * at.base[l],
+                    .exponent = exponent,
+                    .moment = {at.moment[0][l], at.moment[1][l], at.moment[2][l], at.moment[3][l]}};
+    const double w = at.w[l];
+    const double* m = flow.moment;
+    flow.constant = slip[l] - at.y[l] * (m[0] + w * (m[1] + w * (m[2] + w * m[3])));
+    return flow;
+  }
+  NearbyFlow nearby_searched(int lane);
 };
 
 }  // namespace shearbus::physics

@@ -49,15 +49,10 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
 
   // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under
   //    the stress of this answer. An interface that was stuck begins to slip only if it cannot stick while the layer
-  //    flows.
+  //    flows. At stress 0 the interface is molten and cannot stick.
   surely_flows_ = flows_beside_any_rigid_answer();
-  if (surely_flows_) {
-    begin_stick();
-    return;
-  }
-  //    At stress 0 the interface is molten and cannot stick.
-  const bool rigid_comes_first = rigid().sticks || !start.before.sticks || rigid_.stress == 0.0;
-  if (rigid_comes_first && !rigid_layer_flows()) {
+  const auto rigid_comes_first = [&] { return rigid().sticks || !start.before.sticks || rigid_.stress == 0.0; };
+  if (!surely_flows_ && rigid_comes_first() && !rigid_layer_flows()) {
     ask_rigid(Phase::kRigid);
   } else {
     begin_stick();
@@ -357,10 +352,13 @@ void FlowingSlip::begin_stick() {
   // An explicit flow is solved from a good guess without the third bound, unless melting is near or the guess is too low.
   first_vertex_bounds_ = g_hottest > 0.0 && start_.hardens;
   const double last = trial_.direction * start_.before.stress, next = last + start_.rise;
-  const double guess = inside(next) ? next : last;
-  if (!inside(guess) || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, start_.layer.T(0, 0.0)))
+  const bool extrapolates = inside(next);
+  const double guess = extrapolates ? next : last;
+  bool starts_inside = extrapolates || inside(last);
+  if (!starts_inside || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, start_.layer.T(0, 0.0))) {
     bound_stick_by_first_vertex();
-  const bool starts_inside = inside(guess);
+    starts_inside = inside(guess);
+  }
   ask_stick(starts_inside ? Phase::kStickGuess : Phase::kStickEnd, starts_inside ? guess : high_);
 }
 
@@ -398,7 +396,7 @@ void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
 }
 
 void FlowingSlip::end_stick(double a) {
-  LayerLoad load = stick_load(a);
+  LayerLoad load = a == load_.stress ? load_ : stick_load(a);
   if (melts(load)) {
     a = not_molten(a, [&](double stress) { return stick_load(stress); });
     load = stick_load(a);
@@ -413,12 +411,14 @@ void FlowingSlip::end_stick(double a) {
     const bool below_yield = at_ceiling_ && start_.ceiling <= limit.tresca && hottest(load) == 0;
     return below_yield ? limit.friction(T0).stress : limit.at(T0).stress;
   };
-  const double carried =
-      start_.limit.depends_on_slip() ? carried_by(start_.limit.at_slip(stopping_.slip(a))) : carried_by(start_.limit);
+  const auto carries = [&] {
+    if (!start_.limit.depends_on_slip()) return start_.limit.surely_carries(a, T0) || carried_by(start_.limit) >= a;
+    return carried_by(start_.limit.at_slip(stopping_.slip(a))) >= a;
+  };
   // An interface that would stick next to a rigid layer sticks next to one that takes a part of the slip, unless its
   // limit follows the slip or the work of the layer heats it.
   const auto surely = [&] { return !heats_by_work() && !start_.limit.depends_on_slip() && rigid().sticks; };
-  if (carried >= a || surely()) {
+  if (carries() || surely()) {
     kind_ = Kind::kStick;
     if (start_.before.sticks && !rigid_layer_flows() && !rigid().sticks) return ask_rigid(Phase::kOtherAnswer);
     return ask(Phase::kDone, load.work > 0.0 ? solid(load) : load);

@@ -165,8 +165,9 @@ struct FlowingLane {
   // What follows from the answer of a step of length dt: the surplus of plastic slip, the shape of its heat, the
   // contact. `strain_old`: plastic strain before the step.
   void finish(FlowingSlip::Answer& answer, const double* strain_old, double dt, const Heated& layer) {
-    strain[answer.hottest * kLanes + lane] +=
-        answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
+    if (answer.surplus > 0.0)
+      strain[answer.hottest * kLanes + lane] +=
+          answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
     if (work_heat != nullptr) {
       heat_of_work += answer.work * heated_share(problem.grid, shape + lane) * dt;
       reshape_heat(problem, strain_old + lane, strain + lane, 0.0, shape + lane);
@@ -316,14 +317,15 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {
     FlowingLane& lane = slots[l].search.lane;
-    LaneStep whole;
-    if (contains(closed, l)) {
-      FlowingSlip::Answer answer = searches.lanes[l]->answer(searches.slip[l]);
+    const bool is_closed = contains(closed, l);
+    FlowingSlip::Answer answer =
+        is_closed ? searches.lanes[l]->answer(searches.slip[l])
+                  : FlowingSlip::Answer{open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new)};
+    LaneStep& whole = answer.step;
+    if (is_closed) {
       power[l] = answer.work;
       lane.finish(answer, strain, heat.dt, slots[l].search.start.layer);
-      whole = answer.step;
     } else {
-      whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
       lane.slip_contact(whole, whole.slip, heat.dt, T[l]);
     }
     LaneResult result = step_or_divide(
