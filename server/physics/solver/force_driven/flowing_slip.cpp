@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "server/physics/interface/bisection.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/problem.hpp"
 
@@ -129,13 +130,8 @@ double FlowingSlip::not_molten(double a, const LoadUnder& load_under) const {
 // it: under light bodies the work is a difference of numbers up to 1e16 times larger.
 LayerLoad FlowingSlip::solid(LayerLoad load) const {
   if (!(load.work > 0.0) || !melts(load)) return load;
-  double lo = 0.0, hi = load.work;
-  for (;;) {
-    load.work = 0.5 * (lo + hi);
-    if (load.work <= lo || load.work >= hi) break;
-    (melts(load) ? hi : lo) = load.work;
-  }
-  load.work = lo;
+  const LayerLoad all = load;
+  load.work = bisected(0.0, load.work, [&](double work) { return melts({all.stress, all.flux, work}); }).lo;
   return load;
 }
 
@@ -310,13 +306,8 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
 // The stress at which a vertex reaches its ceiling as the stress of an interface that sticks rises; `high` if none does.
 double FlowingSlip::ceiling_of_stick(double high) const {
   if (heats_by_work()) {
-    double lo = 0.0, hi = high;
     if (layer_at(stick_load(high)) >= high) return high;
-    for (;;) {
-      const double mid = 0.5 * (lo + hi);
-      if (mid <= lo || mid >= hi) return lo;
-      (layer_at(stick_load(mid)) < mid ? hi : lo) = mid;
-    }
+    return bisected(0.0, high, [&](double a) { return layer_at(stick_load(a)) < a; }).lo;
   }
   const StressLimit layer{std::numeric_limits<double>::infinity(), start_.ceiling, start_.limit.pressure,
                           start_.limit.soft};
@@ -451,12 +442,7 @@ void FlowingSlip::begin_slip() {
 // stress than the interface at `high_`.
 void FlowingSlip::bound_slip_by_layer() {
   high_is_ceiling_ = true;
-  double lo = low_;
-  for (;;) {
-    const double mid = 0.5 * (lo + high_);
-    if (mid <= lo || mid >= high_) return;
-    (layer_holds(mid) ? high_ : lo) = mid;
-  }
+  high_ = bisected(low_, high_, [&](double v) { return layer_holds(v); }).hi;
 }
 
 double FlowingSlip::slip_balance(double slip) const {
