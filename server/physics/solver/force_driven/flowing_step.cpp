@@ -12,6 +12,7 @@
 #include "server/physics/solver/force_driven/flowing_slip.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
+#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
@@ -359,20 +360,23 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   for (const int l : lanes_of(inputs.active)) outputs.interface_temperature[l] = T[l];
 }
 
+void advance_first_order(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                         const double* committed, double* trial, TileOutputs& outputs) {
+  const std::size_t first = problem.layout.first_temperature();
+  conduct(operators.heat(), problem.heat_rows, committed + first, trial + first);
+  advance(problem, operators, operators.heat(), 0, inputs, committed, trial, outputs);
+}
+
 }  // namespace
 
 void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                   const double* committed, double* trial, TileOutputs& outputs) {
-  const int n = problem.heat_rows;
-  const std::size_t first = problem.layout.first_temperature();
-  const double* T_old = committed + first;
-  double* T = trial + first;
-  if (operators.even() == nullptr) {
-    conduct(operators.heat(), n, T_old, T);
-    return advance(problem, operators, operators.heat(), 0, inputs, committed, trial, outputs);
-  }
+  if (operators.even() == nullptr) return advance_first_order(problem, operators, inputs, committed, trial, outputs);
   // Under a tolerance heat is conducted to second order, except where that would leave the range of the temperatures.
   const HeatOperator& even = *operators.even();
+  const int n = problem.heat_rows;
+  const double* T_old = committed + problem.layout.first_temperature();
+  double* T = trial + problem.layout.first_temperature();
   conduct(even, n, T_old, T);
   extrapolate_rows(n, sdirk2::kExtrapolation, T_old, T);
   conduct(even, n, T, T);
@@ -380,12 +384,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   const Conducted lanes = lanes_conducted(n, problem.heat_grid.interface, T_old, T);
   part.active = inputs.active & ~lanes.out;
   if (part.active != 0) advance(problem, operators, even, lanes.inside, part, committed, trial, outputs);
-  part.active = inputs.active & lanes.out;
-  if (part.active == 0) return;
-  double* fallback = scratch_tile(Scratch::kStages, problem.layout.doubles);
-  conduct(operators.heat(), n, T_old, fallback + first);
-  advance(problem, operators, operators.heat(), 0, part, committed, fallback, outputs);
-  for (const int l : lanes_of(part.active)) copy_lane(fallback, trial, problem.layout.doubles, l);
+  advance_aside(advance_first_order, problem, operators, inputs, inputs.active & lanes.out, committed, trial, outputs);
 }
 
 }  // namespace shearbus::physics
