@@ -62,7 +62,7 @@ TEST(CampaignOfFewSteps, HoldsWhereALayerFlowsUnderForceToATolerance) {
       EXPECT_NE(outcome.verdict, Verdict::kBroken) << row.name << " of " << physics.name << ": " << outcome.reason;
     }
   }
-  EXPECT_GT(asked, 20);
+  EXPECT_GE(asked, 20);
 }
 
 INSTANTIATE_TEST_SUITE_P(, Campaign, ::testing::ValuesIn(all_rows()), [](const auto& row) { return row.param.name; });
