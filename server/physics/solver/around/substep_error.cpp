@@ -259,6 +259,15 @@ bool SubstepErrors::flows_on(const Substep& substep, const SubstepAnswer& piece,
          on(halves[0]) && on(halves[1]);
 }
 
+// The friction, if that is constant; else the largest stress of the answers, beyond which it is not known  [Pa].
+double SubstepErrors::most_stress(const Substep& substep, const SubstepAnswer& piece,
+                                  const SubstepAnswer (&halves)[2]) const {
+  const StressLimit limit =
+      interface_strength(problem_.interface, problem_.options.soft, inputs_.pressure[substep.lane], nullptr);
+  if (limit.varying == nullptr) return limit.coulomb;
+  return std::max({std::abs(piece.stress), std::abs(halves[0].stress), std::abs(halves[1].stress)});
+}
+
 double SubstepErrors::impulse_left(const Substep& substep, const SubstepAnswer& piece,
                                    const SubstepAnswer (&halves)[2]) const {
   if (problem_.options.time_integrator != TimeIntegrator::kBackwardEuler) return 0.0;
@@ -267,9 +276,12 @@ double SubstepErrors::impulse_left(const Substep& substep, const SubstepAnswer& 
            answer.jump_new * substep.velocity_jump > 0.0 && answer.outcome == 0;
   };
   if (!slips_on(piece) || !slips_on(halves[0]) || !slips_on(halves[1])) return 0.0;
-  const double left = substep.yield_before != 0.0
-                          ? (substep.yield_before + halves[0].stress - 2.0 * halves[1].stress) / 6.0
-                          : 0.5 * (halves[0].stress + halves[1].stress) - piece.stress;
+  const double mean = 0.5 * (halves[0].stress + halves[1].stress);
+  double left = substep.yield_before != 0.0 ? (substep.yield_before + halves[0].stress - 2.0 * halves[1].stress) / 6.0
+                                            : mean - piece.stress;
+  // Where slip takes over from flow within the substep, the stresses do not lie on one path.
+  if (const double most = most_stress(substep, piece, halves); std::abs(mean + left) > most)
+    left = std::copysign(most, mean) - mean;
   return jump_after(substep, halves[1].jump_new, left) * substep.velocity_jump > 0.0 ? left : 0.0;
 }
 
