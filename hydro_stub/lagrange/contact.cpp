@@ -18,12 +18,13 @@ constexpr double kLeastCovered = 0.05;
 constexpr double kLeastPressure = 1e4;  // smallest pressure of a closed node  [Pa]
 
 // Returns the share of a zone's plastic strain rate that is shear along a surface with tangent t. By the flow rule it
-// is sqrt(3) |s_tn| / sigma_eq, with the component s_tn of the stress deviator; the normal n is t turned by 90 degrees.
+// is sqrt(3) s_tn / sigma_eq, with the component s_tn of the stress deviator; the normal n is t turned by 90 degrees.
+// It is positive if the zone pulls the surface along t.
 double shear_share(const State& state, int zone, Vec2 t) {
   const double xx = state.deviator_xx[zone], yy = state.deviator_yy[zone], xy = state.deviator_xy[zone];
   const double tn = t.x * t.y * (yy - xx) + (t.x * t.x - t.y * t.y) * xy;              // shear component s_tn
   const double squares = 0.5 * (xx * xx + yy * yy + (xx + yy) * (xx + yy)) + xy * xy;  // invariant J2
-  return squares > 0.0 ? std::abs(tn) / std::sqrt(squares) : 0.0;
+  return squares > 0.0 ? tn / std::sqrt(squares) : 0.0;
 }
 
 void add(std::vector<RowWeight>& row_of_matrix, int row, double weight) {

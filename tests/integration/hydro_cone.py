@@ -124,6 +124,10 @@ class Cone(unittest.TestCase):
             self.assertRegex(done.stdout, r"interface strength +680 MPa cold; Y\* 301 MPa, .*on fine zones the metal shears in place of slip\n")
             with h5py.File(out / "interface.h5") as f:
                 numpy.testing.assert_array_equal(f["displacement_one_mm"][-1], nodes["displacement_one_mm_m"])
+                stress = f["shear_stress"][:]
+            large = numpy.abs(stress) > 50e6
+            turns = large[1:] & large[:-1] & (stress[1:] * stress[:-1] < 0)
+            self.assertEqual(turns.sum(), 0, "the stress of a node turns only through small values")
 
     def test_halved_zones_change_displacement_by_two_percent_and_impulse_by_two_to_six(self):
         # The impulse of the hot scene has more from the front of the shock, which is as wide as five zones (VERIFICATION.md).
