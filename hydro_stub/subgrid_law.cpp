@@ -103,6 +103,21 @@ struct PlasticShear {
 }  // namespace
 
 struct SubgridLaw::Impl {
+  // Calls what asks the service in the middle of the run. A request that the server has no room to keep ends the run, so
+  // that the remedy is another than for a host that asks again.
+  template <typename Ask>
+  auto asking_in_run(const Ask& ask) {
+    try {
+      return asking(ask);
+    } catch (const wire::Error& fault) {
+      wire::Status status = fault.status();
+      if (status.code != wire::Code::kNoSpace) throw;
+      status.remedy = "This run has ended. Make room in the server's state directory; then ";
+      status.remedy += kept ? "shearbus-hydro --restart goes on from the newest dump." : "start the run again.";
+      throw wire::Error(status);
+    }
+  }
+
   Impl(const SubgridServer& where, Session opened, std::span<const double> layers)
       : session(std::move(opened)),
         node_ids(session.node_ids()),
@@ -203,14 +218,14 @@ void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
   step.out(SHEARBUS_FRICTION_HEAT, answer.friction_heat);
   step.out(SHEARBUS_REGIME, answer.regime).out(SHEARBUS_OUTCOME, impl_->outcome);
   for (auto& [term, values] : impl_->ledger) step.out(static_cast<std::uint32_t>(term), values);
-  asking([&] { impl_->session.start(step, SHEARBUS_TRIAL); });
+  impl_->asking_in_run([&] { impl_->session.start(step, SHEARBUS_TRIAL); });
   impl_->asked = &in;
   impl_->answer = &answer;
 }
 
 void SubgridLaw::finish() {
   const Stopwatch stopwatch(impl_->time);
-  const shearbus_result result = asking([&] { return impl_->session.finish(); });
+  const shearbus_result result = impl_->asking_in_run([&] { return impl_->session.finish(); });
   impl_->trial_stands = true;
   const std::chrono::nanoseconds solver(result.solver_ns);
   impl_->time.solver += solver;
@@ -259,7 +274,7 @@ wire::Batch SubgridLaw::profiles(std::span<const std::uint64_t> node_ids, std::s
   return rows_of(found, impl_->session.info().tangential_components);
 }
 std::string SubgridLaw::keep(const std::string& name) {
-  return asking([&] {
+  return impl_->asking_in_run([&] {
     impl_->commit();
     impl_->session.mark(name);
     impl_->kept = true;
