@@ -230,17 +230,20 @@ void Contact::deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, co
         i < weights_.rubbing() ? answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt : 0.0;
     heat_[kClosing] += closing;
     heat_[kFriction] += friction;
+    // Where the layer flows less than the soft zone that it is half of (DLP 64), the nodes move against the stress. The
+    // zone has counted the work of this flow as its own, and returns it.
+    const double soft_share = friction < 0.0 ? 1.0 : options_.soft_share;
     double soft = 0.5 * closing, hard = soft;
     if (options_.heat_depth && i < weights_.rubbing()) {
       if (friction != 0.0 || friction_time_[i] > 0.0) friction_time_[i] += dt;
       const auto spread = [&](const ZoneShare& z, double heat) {
         options_.heat_depth->give(z.zone, z.share * heat, friction_time_[i], mass, energy);
       };
-      for (const ZoneShare& z : weights_.soft_zones(i)) spread(z, options_.soft_share * friction);
-      for (const ZoneShare& z : weights_.hard_zones(i)) spread(z, (1.0 - options_.soft_share) * friction);
+      for (const ZoneShare& z : weights_.soft_zones(i)) spread(z, soft_share * friction);
+      for (const ZoneShare& z : weights_.hard_zones(i)) spread(z, (1.0 - soft_share) * friction);
     } else {
-      soft += options_.soft_share * friction;
-      hard += (1.0 - options_.soft_share) * friction;
+      soft += soft_share * friction;
+      hard += (1.0 - soft_share) * friction;
     }
     for (const ZoneShare& z : weights_.soft_zones(i)) energy[z.zone] += z.share * soft / mass[z.zone];
     for (const ZoneShare& z : weights_.hard_zones(i)) energy[z.zone] += z.share * hard / mass[z.zone];
