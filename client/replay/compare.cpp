@@ -104,18 +104,20 @@ bool compare_logs(const fs::path& file_a, const fs::path& file_b, const Names& n
 
 // Python compares two tables; what it reads of a file in HDF5 is checked before.
 [[noreturn]] void compare_tables(const fs::path& file_a, const fs::path& file_b, double rtol) {
+  std::vector<std::string> command = {script("replay", "tables.py"), "compare", fmt::format("--rtol={}", rtol)};
   for (const fs::path& file : {file_a, file_b}) {
+    command.push_back(is_text(file) ? "--kind=text" : "--kind=hdf5");
     if (is_text(file)) continue;
     Table table(file, {});
     std::vector<double> row(table.nodes());
     for (const auto& [name, column] : wire::quantities())
-      if (table.has(name) && (name == "mass_soft" || name == "mass_hard"))
+      if (table.has(name) && is_per_node(column->field))
         table.per_node(name);
       else if (table.has(name))
         table.row(name, 0, row);
   }
-  program::become_python(
-      {script("replay", "tables.py"), "compare", fmt::format("--rtol={}", rtol), "--", file_a, file_b});
+  command.insert(command.end(), {"--", file_a, file_b});
+  program::become_python(std::move(command));
 }
 
 }  // namespace

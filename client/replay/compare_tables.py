@@ -112,10 +112,10 @@ def compare_within(a, b, common, names, rtol):
     return not found
 
 
-def compare(path_a, path_b, rtol):
-    """Compares two tables and prints what is found. Returns whether they are equal. Raises Refused or OSError."""
-    a, b = (CsvTable(path) if pathlib.Path(path).suffix.lower() in (".csv", ".tsv", ".txt", ".dat") else Hdf5Table(path)
-            for path in (path_a, path_b))
+def compare(path_a, path_b, kinds, rtol):
+    """Compares two tables, each of kind "text" or "hdf5", and prints what is found. Returns whether they are equal. Raises
+    Refused or OSError."""
+    a, b = ((CsvTable if kind == "text" else Hdf5Table)(path) for kind, path in zip(kinds, (path_a, path_b)))
     names = [pathlib.Path(path).name for path in (path_a, path_b)]
     names = [printable(name) for name in (names if names[0] != names[1] else (path_a, path_b))]
     if not np.array_equal(a.ids, b.ids):

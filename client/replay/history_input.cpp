@@ -23,7 +23,7 @@ HistoryInput::HistoryInput(Table& history, const wire::SessionOpened& session, b
   for (const Field field : wire::columns_in(form_, session.required_columns)) {
     if (field == Field::kVelocityJump && force_driven_)
       choose_jump(closed_loop);
-    else if (field == Field::kMassSoft || field == Field::kMassHard)
+    else if (is_per_node(field))
       require_constant(field);
     else
       require_rows(field);

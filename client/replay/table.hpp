@@ -29,6 +29,11 @@ std::string ending_of(const std::filesystem::path& file);
 // Whether a file is read as a table of text: its name ends in .csv, .tsv, .txt or .dat.
 bool is_text(const std::filesystem::path& file);
 
+// Whether a history has one value of a column per node, [N], that does not change in time.
+constexpr bool is_per_node(Field field) {
+  return field == Field::kMassSoft || field == Field::kMassHard;
+}
+
 // Quantities per step and node, [T,N], and per node, [N], by name, in SI units. Steps are divided, and points become the
 // means of the steps between them, as the options say. Throws Error.
 class Table {

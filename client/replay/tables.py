@@ -2,7 +2,7 @@
 """Tables of shearbus-replay, which runs this program: reads a table of text as a history in HDF5, compares two tables.
 
     tables.py read TABLE.csv --out HISTORY.h5 (--points | --steps) [--columns ...]
-    tables.py compare A B --rtol R
+    tables.py compare A B --kind text|hdf5 --kind text|hdf5 --rtol R
 """
 import contextlib
 import ctypes
@@ -55,7 +55,7 @@ def run(options):
         return 0
     from compare_tables import compare
 
-    equal = compare(options.a, options.b, options.rtol)
+    equal = compare(options.a, options.b, options.kind, options.rtol)
     sys.stdout.flush()
     return 0 if equal else 1
 
@@ -74,6 +74,7 @@ def main():
     comparison = commands.add_parser("compare")
     comparison.add_argument("a")
     comparison.add_argument("b")
+    comparison.add_argument("--kind", action="append", choices=["text", "hdf5"], required=True)
     comparison.add_argument("--rtol", type=real_number, default=0.0)
     options = parser.parse_args()
     trouble = 2 if options.command == "compare" else 1

@@ -37,8 +37,9 @@ def printable_lines(text):
 
 
 def complain(program, fault):
-    """Prints what has ended a program to standard error."""
-    print(printable(f"{program}: {fault}"), file=sys.stderr)
+    """Prints what has ended a program to standard error: one line, or the list of a scene's faults."""
+    several = getattr(getattr(fault, "code", None), "name", None) == "INVALID_SCENE"
+    print((printable_lines if several else printable)(f"{program}: {fault}"), file=sys.stderr)
 
 
 def end_by_signals():

@@ -149,7 +149,7 @@ int main(int argc, char** argv) {
     }
     return shearbus::program::end_program("shearbus-study", 0);
   } catch (const std::exception& error) {
-    shearbus::program::complain(fmt::format("shearbus-study: {}", error.what()));
+    shearbus::program::complain("shearbus-study", error);
     return kExitFault;
   }
 }

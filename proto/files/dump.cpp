@@ -22,71 +22,47 @@ constexpr const char* kTexts = "texts";
 }  // namespace
 
 struct DumpWriter::Impl {
-  PartialFile partial;
-  const std::filesystem::path& file;
-  File hdf;
+  OutputHdf5 out;
 
-  explicit Impl(const std::filesystem::path& name)
-      : partial(name, kHdf5File, PartialFile::Writers::kOne, S_IRUSR | S_IWUSR),
-        file(partial.file()),
-        hdf(create_file(partial)) {}
-
-  void write(const char* kind, const std::string& name, hid_t file_type, hid_t memory_type, const void* values,
-             hsize_t size) const {
-    const Quiet quiet;
-    const Properties creation(checked(H5Pcreate(H5P_DATASET_CREATE), file, "cannot prepare a dataset"));
-    if (size > 0) {
-      constexpr hsize_t kMostInChunk = hsize_t{1} << 20;
-      const hsize_t chunk = std::min(size, kMostInChunk);
-      checked(H5Pset_chunk(creation, 1, &chunk), file, "cannot set chunks");
-      checked(H5Pset_fletcher32(creation), file, "cannot set fletcher32");
-    }
-    const Properties link(checked(H5Pcreate(H5P_LINK_CREATE), file, "cannot prepare a dataset"));
-    checked(H5Pset_create_intermediate_group(link, 1), file, "cannot prepare a dataset");
-    const Space space(checked(H5Screate_simple(1, &size, nullptr), file, "cannot set a size"));
-    const std::string path = fmt::format("/{}/{}", kind, name);
-    const Dataset dataset(checked(H5Dcreate2(hdf, path.c_str(), file_type, space, link, creation, H5P_DEFAULT), file,
-                                  "cannot create a dataset"));
-    if (size > 0)
-      checked(H5Dwrite(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), file, "cannot write a dataset");
+  void write(const char* kind, const std::string& name, hid_t type, const void* values, hsize_t size) const {
+    in_file(out.file(), [&] {
+      const Properties creation(checked(H5Pcreate(H5P_DATASET_CREATE), "make a property list"));
+      if (size > 0) {
+        constexpr hsize_t kMostInChunk = hsize_t{1} << 20;
+        const hsize_t chunk = std::min(size, kMostInChunk);
+        checked(H5Pset_chunk(creation, 1, &chunk), "set chunks");
+        checked(H5Pset_fletcher32(creation), "set fletcher32");
+      }
+      const Dataset dataset = make_dataset(out, fmt::format("/{}/{}", kind, name), type, {size}, creation);
+      if (size > 0) hdf5::write(dataset, type, values);
+    });
   }
 };
 
-DumpWriter::DumpWriter(std::filesystem::path file) {
-  const Quiet quiet;
-  impl_ = std::make_unique<Impl>(file);
-}
+DumpWriter::DumpWriter(const std::filesystem::path& file)
+    : impl_(new Impl{OutputHdf5(file, kHdf5File, S_IRUSR | S_IWUSR)}) {}
 DumpWriter::~DumpWriter() = default;
 
 void DumpWriter::numbers(const std::string& name, std::span<const double> values) {
-  impl_->write(kNumbers, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), values.size());
+  impl_->write(kNumbers, name, H5T_IEEE_F64LE, values.data(), values.size());
 }
 void DumpWriter::counts(const std::string& name, std::span<const std::uint64_t> values) {
-  impl_->write(kCounts, name, H5T_STD_U64LE, H5T_NATIVE_UINT64, values.data(), values.size());
+  impl_->write(kCounts, name, H5T_STD_U64LE, values.data(), values.size());
 }
 void DumpWriter::text(const std::string& name, std::string_view value) {
-  impl_->write(kTexts, name, H5T_STD_U8LE, H5T_NATIVE_UINT8, value.data(), value.size());
+  impl_->write(kTexts, name, H5T_STD_U8LE, value.data(), value.size());
 }
 
 void DumpWriter::close() {
-  const Quiet quiet;
-  close_and_publish(impl_->hdf, impl_->partial);
+  in_file(impl_->out.file(), [&] { impl_->out.close_and_publish(); });
 }
 
 namespace {
 
-template <typename T>
-std::vector<T> read(const Dataset& dataset, hid_t memory_type, const std::filesystem::path& file) {
-  const Space space(checked(H5Dget_space(dataset), file, "cannot read a size"));
-  std::vector<T> values(
-      static_cast<std::size_t>(checked(H5Sget_simple_extent_npoints(space), file, "cannot read a size")));
-  if (!values.empty())
-    checked(H5Dread(dataset, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), file, "cannot read a dataset");
-  return values;
-}
-
-// Returns the datasets inside a group, by their path in the group.
-std::vector<std::string> names_below(const Group& group, const std::filesystem::path& file) {
+// Fills `into` with the values of every dataset of a group, by their path in the group.
+template <typename Values>
+void read_group(hid_t file, const char* kind, hid_t type, std::map<std::string, Values>& into) {
+  const Group group = open_group(file, kind);
   std::vector<std::string> names;
   checked(H5Ovisit2(
               group, H5_INDEX_NAME, H5_ITER_INC,
@@ -95,8 +71,13 @@ std::vector<std::string> names_below(const Group& group, const std::filesystem::
                 return 0;
               },
               &names, H5O_INFO_BASIC),
-          file, "cannot list its datasets");
-  return names;
+          "list the datasets of ", kind);
+  for (const std::string& name : names) {
+    const Dataset dataset = open_dataset(group, name);
+    Values& values = into[name];
+    values.resize(count_of(dataset));
+    if (!values.empty()) hdf5::read(dataset, type, values.data());
+  }
 }
 
 template <typename T>
@@ -118,22 +99,11 @@ const typename Map::mapped_type& find(const Map& map, const std::string& name, c
 }  // namespace
 
 DumpReader::DumpReader(std::filesystem::path file) : file_(std::move(file)) {
-  const Quiet quiet;
-  const File hdf(checked(H5Fopen(file_.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), file_, "cannot open it"));
-  const auto each = [&](const char* kind, const auto& take) {
-    const Group group(checked(H5Gopen2(hdf, kind, H5P_DEFAULT), file_, "it is no restart dump"));
-    for (const std::string& name : names_below(group, file_))
-      take(name, Dataset(checked(H5Dopen2(group, name.c_str(), H5P_DEFAULT), file_, "cannot open a dataset")));
-  };
-  each(kNumbers, [&](const std::string& name, const Dataset& dataset) {
-    numbers_[name] = read<double>(dataset, H5T_NATIVE_DOUBLE, file_);
-  });
-  each(kCounts, [&](const std::string& name, const Dataset& dataset) {
-    counts_[name] = read<std::uint64_t>(dataset, H5T_NATIVE_UINT64, file_);
-  });
-  each(kTexts, [&](const std::string& name, const Dataset& dataset) {
-    const std::vector<std::uint8_t> bytes = read<std::uint8_t>(dataset, H5T_NATIVE_UINT8, file_);
-    texts_[name].assign(bytes.begin(), bytes.end());
+  in_file(file_, "Is it a restart dump of this program, and whole?", [&] {
+    const File hdf(checked(H5Fopen(file_.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), "open it"));
+    read_group(hdf, kNumbers, H5T_NATIVE_DOUBLE, numbers_);
+    read_group(hdf, kCounts, H5T_NATIVE_UINT64, counts_);
+    read_group(hdf, kTexts, H5T_NATIVE_UINT8, texts_);
   });
 }
 

@@ -17,7 +17,7 @@ namespace shearbus::files {
 class DumpWriter {
  public:
   // Creates FILE.partial, which only the owner may read, because a dump may hold the resume token of a session.
-  explicit DumpWriter(std::filesystem::path file);
+  explicit DumpWriter(const std::filesystem::path& file);
   DumpWriter(const DumpWriter&) = delete;
   DumpWriter& operator=(const DumpWriter&) = delete;
   ~DumpWriter();  // removes the partial file unless the writer was closed

@@ -1,6 +1,5 @@
 #include "proto/files/fields.hpp"
 
-#include <array>
 #include <system_error>
 
 #include "proto/files/recording_hdf5.hpp"
@@ -11,36 +10,18 @@ using namespace hdf5;
 
 namespace {
 
-// A file being written.
-struct Part {
-  PartialFile partial;
-  const std::filesystem::path& file;
-  File hdf;
+template <typename T>
+Dataset write_values(hid_t file, const std::string& name, const Shape& shape, hid_t type, const T* values) {
+  Dataset made = make_dataset(file, name, type, shape);
+  hdf5::write(made, type, values);
+  return made;
+}
 
-  explicit Part(const std::filesystem::path& name)
-      : partial(name, kHdf5File, PartialFile::Writers::kOne), file(partial.file()), hdf(create_file(partial)) {}
-
-  void attribute(hid_t of, const char* name, const std::string& text) const {
-    const Type type(checked(H5Tcopy(H5T_C_S1), file, "cannot make a text type"));
-    checked(H5Tset_size(type, text.size() + 1), file, "cannot size a text");
-    const Space space(checked(H5Screate(H5S_SCALAR), file, "cannot make a scalar"));
-    const Attribute attribute(
-        checked(H5Acreate2(of, name, type, space, H5P_DEFAULT, H5P_DEFAULT), file, "cannot make an attribute"));
-    checked(H5Awrite(attribute, type, text.c_str()), file, "cannot write an attribute");
-  }
-
-  template <std::size_t kRank>
-  Dataset dataset(const std::string& name, const std::array<hsize_t, kRank>& shape, hid_t file_type, hid_t memory_type,
-                  const void* values) const {
-    const Space space(checked(H5Screate_simple(kRank, shape.data(), nullptr), file, "cannot make a shape"));
-    Dataset made(checked(H5Dcreate2(hdf, name.c_str(), file_type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), file,
-                         "cannot make a dataset"));
-    checked(H5Dwrite(made, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), file, "cannot write a dataset");
-    return made;
-  }
-
-  void close() { close_and_publish(hdf, partial); }
-};
+void write_numbers(hid_t file, const Quantity& quantity, const Shape& shape, const double* values) {
+  const Dataset made = write_values(file, quantity.name, shape, H5T_IEEE_F64LE, values);
+  put_text(made, "units", quantity.units);
+  if (!quantity.long_name.empty()) put_text(made, "long_name", quantity.long_name);
+}
 
 bool is_sidecar(const std::filesystem::path& file) {
   return head_of(file, 64).find("<Xdmf") != std::string::npos;
@@ -96,7 +77,6 @@ struct FieldWriter::Impl {
 FieldWriter::FieldWriter(std::filesystem::path sidecar, std::span<const std::int32_t> quads, std::size_t nodes,
                          std::vector<Quantity> zone_quantities, const std::string& scene, std::vector<double> times_s)
     : impl_(std::make_unique<Impl>()) {
-  const Quiet quiet;
   Impl& w = *impl_;
   w.sidecar = std::move(sidecar);
   w.directory = w.sidecar;
@@ -116,12 +96,14 @@ FieldWriter::FieldWriter(std::filesystem::path sidecar, std::span<const std::int
     std::filesystem::remove_all(w.directory);
   }
   std::filesystem::create_directories(w.directory);
-  Part mesh(w.directory / "mesh.h5");
-  mesh.attribute(mesh.hdf, "format", "shearbus-fields");
-  mesh.attribute(mesh.hdf, "units_system", "SI");
-  mesh.dataset<2>("quads", {w.zones, 4}, H5T_STD_I32LE, H5T_NATIVE_INT32, quads.data());
-  if (!scene.empty()) mesh.dataset<1>("scene", {scene.size()}, H5T_STD_U8LE, H5T_NATIVE_UINT8, scene.data());
-  mesh.close();
+  OutputHdf5 mesh(w.directory / "mesh.h5", kHdf5File);
+  in_file(mesh.file(), [&] {
+    put_text(mesh, "format", "shearbus-fields");
+    put_text(mesh, "units_system", "SI");
+    write_values(mesh, "quads", {w.zones, 4}, H5T_STD_I32LE, quads.data());
+    if (!scene.empty()) write_values(mesh, "scene", {scene.size()}, H5T_STD_U8LE, scene.data());
+    mesh.close_and_publish();
+  });
 }
 FieldWriter::FieldWriter(FieldWriter&&) noexcept = default;
 FieldWriter& FieldWriter::operator=(FieldWriter&&) noexcept = default;
@@ -129,21 +111,16 @@ FieldWriter::~FieldWriter() = default;
 
 void FieldWriter::frame(double time_s, std::span<const double> place, std::span<const double> velocity,
                         std::span<const std::span<const double>> zones) {
-  const Quiet quiet;
   Impl& w = *impl_;
-  Part part(w.directory / frame_name(w.times.size()));
-  part.attribute(part.dataset<1>("time", {1}, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &time_s), "units", "s");
-  part.attribute(part.dataset<2>("place", {w.nodes, 3}, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, place.data()), "units", "m");
-  part.attribute(part.dataset<2>("velocity", {w.nodes, 3}, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, velocity.data()), "units",
-                 "m s-1");
-  for (std::size_t q = 0; q < w.quantities.size(); ++q) {
-    const Quantity& quantity = w.quantities[q];
-    const Dataset values =
-        part.dataset<1>(quantity.name, {w.zones}, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, zones[q].data());
-    part.attribute(values, "units", quantity.units);
-    part.attribute(values, "long_name", quantity.long_name);
-  }
-  part.close();
+  OutputHdf5 out(w.directory / frame_name(w.times.size()), kHdf5File);
+  in_file(out.file(), [&] {
+    write_numbers(out, {"time", "s", ""}, {1}, &time_s);
+    write_numbers(out, {"place", "m", ""}, {w.nodes, 3}, place.data());
+    write_numbers(out, {"velocity", "m s-1", ""}, {w.nodes, 3}, velocity.data());
+    for (std::size_t q = 0; q < w.quantities.size(); ++q)
+      write_numbers(out, w.quantities[q], {w.zones}, zones[q].data());
+    out.close_and_publish();
+  });
   w.times.push_back(time_s);
   w.write_sidecar();
 }

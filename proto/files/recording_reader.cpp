@@ -45,17 +45,10 @@ const char* class_name(H5T_class_t type) {
   }
 }
 
-std::string shape_text(const std::vector<hsize_t>& shape) {
+std::string shape_text(const Shape& shape) {
   std::string text = "[";
   for (std::size_t i = 0; i < shape.size(); ++i) text += fmt::format("{}{}", i ? ", " : "", shape[i]);
   return text + "]";
-}
-
-std::vector<hsize_t> shape_of(hid_t space) {
-  const int rank = H5Sget_simple_extent_ndims(space);
-  std::vector<hsize_t> shape(static_cast<std::size_t>(std::max(rank, 0)));
-  if (rank > 0) H5Sget_simple_extent_dims(space, shape.data(), nullptr);
-  return shape;
 }
 
 void convert(std::vector<double>& values, double to_si) {
@@ -85,22 +78,22 @@ struct HistoryReader::Impl {
   std::vector<std::uint64_t> node_ids;
   std::unordered_map<std::string, Series> series;
 
-  template <typename T>
-  T check(T returned, const char* what) const {
-    return checked(returned, file, what);
-  }
   [[noreturn]] void fail(const std::string& name, const std::string& what, const std::string& remedy) const {
     refuse(file, fmt::format("/{}{}{}", name, what.starts_with('[') ? "" : " ", what), remedy, name);
+  }
+
+  template <typename Body>
+  decltype(auto) reading(const Body& body) const {
+    return in_file(file, "Is the file damaged?", body);
   }
 
   void open();
   bool has(std::string_view name) const { return hdf5::has_link(handle, std::string(name)); }
   Dataset open_dataset(const std::string& name, bool integers_only = false) const;
+  Dataset open_values(const std::string& name) const;
   void check_link(const std::string& name) const;
-  void check_place(const std::string& name, hid_t dataset) const;
   void check_storage(const std::string& name, hid_t dataset) const;
   double factor_to_si(const std::string& name, hid_t dataset) const;
-  std::vector<hsize_t> shape(hid_t dataset) const;
   std::size_t length(const std::string& name, hid_t dataset, const char* letter, std::size_t most) const;
   void read_all(const std::string& name, hid_t dataset, hid_t memory_type, void* values) const;
   void read_start_time(hid_t time, double to_si);
@@ -108,9 +101,9 @@ struct HistoryReader::Impl {
   void read_dts();
   void read_node_ids();
   Series& open_series(const std::string& name);
-  void read_rows(const std::string& name, Series& one, std::size_t step) const;
-  std::vector<std::string> read_texts(hid_t from, bool attribute) const;
-  std::string read_text(hid_t from, bool attribute) const;
+  void load_rows(const std::string& name, Series& one, std::size_t step) const;
+  std::vector<std::string> read_texts(hid_t from) const;
+  std::string read_text(hid_t from) const;
 };
 
 void HistoryReader::Impl::open() {
@@ -146,9 +139,8 @@ Dataset HistoryReader::Impl::open_dataset(const std::string& name, bool integers
   if (opened < 0) fail(name, fmt::format("cannot be opened: {}", reason()), "");
   const Object object(opened);
   if (H5Iget_type(object) != H5I_DATASET) fail(name, "is not a dataset", "Expected an array of numbers.");
-  Dataset dataset(check(H5Dopen2(handle, name.c_str(), H5P_DEFAULT), "cannot open a dataset"));
-  check_place(name, dataset);
-  const Type type(check(H5Dget_type(dataset), "cannot read a type"));
+  Dataset dataset = open_values(name);
+  const Type type = type_of(dataset);
   const H5T_class_t found = H5Tget_class(type);
   const bool is_regime = found == H5T_ENUM && name == "regime" && H5Tget_size(type) == 1;
   const bool fits = found == H5T_INTEGER || ((found == H5T_FLOAT || is_regime) && !integers_only);
@@ -163,8 +155,11 @@ void HistoryReader::Impl::check_link(const std::string& name) const {
     fail(name, fault, "A history is one file: copy the values into it.");
 }
 
-void HistoryReader::Impl::check_place(const std::string& name, hid_t dataset) const {
+// Opens a dataset whose values are in the file itself.
+Dataset HistoryReader::Impl::open_values(const std::string& name) const {
+  Dataset dataset = hdf5::open_dataset(handle, name);
   if (const StorageFault found = fault_of_place(dataset); !found.fault.empty()) fail(name, found.fault, found.remedy);
+  return dataset;
 }
 
 void HistoryReader::Impl::check_storage(const std::string& name, hid_t dataset) const {
@@ -173,16 +168,14 @@ void HistoryReader::Impl::check_storage(const std::string& name, hid_t dataset) 
 
 // The factor by which the values of a dataset are converted, by its attribute `units`; none: they are SI.
 double HistoryReader::Impl::factor_to_si(const std::string& name, hid_t dataset) const {
-  if (H5Aexists(dataset, "units") <= 0) return 1.0;
+  if (!has_attribute(dataset, "units")) return 1.0;
   const bool parameter = name.starts_with("parameter/");
   const char* const si = wire::unit_of_quantity(name);
   if (si == nullptr || (*si == '\0' && !parameter)) return 1.0;
-  const Attribute attribute(check(H5Aopen(dataset, "units", H5P_DEFAULT), "cannot open an attribute units"));
-  const Type type(check(H5Aget_type(attribute), "cannot read an attribute units"));
-  const Space space(check(H5Aget_space(attribute), "cannot read an attribute units"));
-  if (H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
+  const Attribute attribute = open_attribute(dataset, "units");
+  if (!is_one_text(attribute))
     fail(name, "has an attribute units that is not one text", fmt::format("Write it as text, such as \"{}\".", si));
-  const std::string unit = read_texts(attribute, true).front();
+  const std::string unit = read_texts(attribute).front();
   if (parameter) {
     if (unit.empty() || unit == "1") return 1.0;
     fail(name,
@@ -196,15 +189,9 @@ double HistoryReader::Impl::factor_to_si(const std::string& name, hid_t dataset)
        "Convert the values and say their unit in the attribute units; without it they are SI.");
 }
 
-std::vector<hsize_t> HistoryReader::Impl::shape(hid_t dataset) const {
-  const Space space(check(H5Dget_space(dataset), "cannot read a size"));
-  if (H5Sget_simple_extent_type(space) == H5S_NULL) return {0};
-  return shape_of(space);
-}
-
 std::size_t HistoryReader::Impl::length(const std::string& name, hid_t dataset, const char* letter,
                                         std::size_t most) const {
-  const std::vector<hsize_t> found = shape(dataset);
+  const Shape found = shape_of(dataset);
   if (found.size() != 1)
     fail(name, fmt::format("has shape {}; expected one dimension, [{}]", shape_text(found), letter), "");
   if (found[0] == 0) fail(name, "has no values; expected at least one", "");
@@ -220,14 +207,12 @@ void HistoryReader::Impl::read_all(const std::string& name, hid_t dataset, hid_t
 }
 
 void HistoryReader::Impl::read_start_time(hid_t time, double to_si) {
-  if (H5Aexists(time, "t0") <= 0) return;
-  const Attribute attribute(check(H5Aopen(time, "t0", H5P_DEFAULT), "cannot open attribute t0 of /time"));
-  const Type type(check(H5Aget_type(attribute), "cannot read attribute t0 of /time"));
-  const Space space(check(H5Aget_space(attribute), "cannot read attribute t0 of /time"));
-  const H5T_class_t found = H5Tget_class(type);
-  if ((found != H5T_FLOAT && found != H5T_INTEGER) || H5Sget_simple_extent_npoints(space) != 1)
+  if (!has_attribute(time, "t0")) return;
+  const Attribute attribute = open_attribute(time, "t0");
+  const H5T_class_t found = H5Tget_class(type_of(attribute));
+  if ((found != H5T_FLOAT && found != H5T_INTEGER) || count_of(attribute) != 1)
     fail("time", "has an attribute t0 that is not one number", "Write the start of the first step in seconds.");
-  check(H5Aread(attribute, H5T_NATIVE_DOUBLE, &start_time), "cannot read attribute t0 of /time");
+  hdf5::read(attribute, H5T_NATIVE_DOUBLE, &start_time);
   start_time *= to_si;
   has_start = true;
   if (!std::isfinite(start_time))
@@ -282,8 +267,7 @@ void HistoryReader::Impl::read_node_ids() {
   const std::string name = "node_id";
   const Dataset dataset = open_dataset(name, true);
   node_ids.resize(length(name, dataset, "N", wire::kMaxNodesPerSession));
-  const Type type(check(H5Dget_type(dataset), "cannot read a type"));
-  if (H5Tget_sign(type) == H5T_SGN_2) {
+  if (H5Tget_sign(type_of(dataset)) == H5T_SGN_2) {
     std::vector<std::int64_t> given(node_ids.size());
     read_all(name, dataset, H5T_NATIVE_INT64, given.data());
     for (std::size_t i = 0; i < given.size(); ++i) {
@@ -307,8 +291,8 @@ HistoryReader::Impl::Series& HistoryReader::Impl::open_series(const std::string&
   if (const auto found = series.find(name); found != series.end()) return found->second;
   Series one;
   one.dataset = open_dataset(name);
-  const std::vector<hsize_t> found = shape(one.dataset);
-  if (found != std::vector<hsize_t>{times.size(), node_ids.size()})
+  const Shape found = shape_of(one.dataset);
+  if (found != Shape{times.size(), node_ids.size()})
     fail(name,
          fmt::format("has shape {}; expected [T, N] = [{}, {}]", shape_text(found), times.size(), node_ids.size()),
          "One row for each time, one column for each node.");
@@ -316,95 +300,63 @@ HistoryReader::Impl::Series& HistoryReader::Impl::open_series(const std::string&
   check_storage(name, one.dataset);
   one.to_si = factor_to_si(name, one.dataset);
   one.rows_per_read = std::max<std::size_t>(kBufferElements / node_ids.size(), 1);
-  const Properties creation(check(H5Dget_create_plist(one.dataset), "cannot read a layout"));
+  const Properties creation = creation_of(one.dataset);
   if (H5Pget_layout(creation) == H5D_CHUNKED) {
     // The dataset is read some rows at a time, and a chunk spans several rows. The cache holds the chunks of all nodes
     // for these rows (up to kMaxChunkCacheBytes), so that each chunk is unpacked once.
     std::array<hsize_t, 2> chunk{};
-    check(H5Pget_chunk(creation, 2, chunk.data()), "cannot read a layout");
-    const Type type(check(H5Dget_type(one.dataset), "cannot read a type"));
+    checked(H5Pget_chunk(creation, 2, chunk.data()), "read the chunks of ", name);
     const std::size_t across = (node_ids.size() + chunk[1] - 1) / chunk[1] * chunk[1];
-    const std::size_t band = chunk[0] * H5Tget_size(type) * across;
-    const Properties access(check(H5Pcreate(H5P_DATASET_ACCESS), "cannot prepare reading"));
-    check(H5Pset_chunk_cache(access, H5D_CHUNK_CACHE_NSLOTS_DEFAULT,
-                             std::clamp<std::size_t>(band, 1 << 20, kMaxChunkCacheBytes), H5D_CHUNK_CACHE_W0_DEFAULT),
-          "cannot prepare reading");
+    const std::size_t band = chunk[0] * H5Tget_size(type_of(one.dataset)) * across;
+    const Properties access(checked(H5Pcreate(H5P_DATASET_ACCESS), "make a property list"));
+    checked(H5Pset_chunk_cache(access, H5D_CHUNK_CACHE_NSLOTS_DEFAULT,
+                               std::clamp<std::size_t>(band, 1 << 20, kMaxChunkCacheBytes), H5D_CHUNK_CACHE_W0_DEFAULT),
+            "set a cache of chunks");
     one.dataset = Dataset();
-    one.dataset = Dataset(check(H5Dopen2(handle, name.c_str(), access), "cannot open a dataset"));
+    one.dataset = Dataset(checked(H5Dopen2(handle, name.c_str(), access), "find dataset ", name));
   }
   return series.emplace(name, std::move(one)).first->second;
 }
 
-void HistoryReader::Impl::read_rows(const std::string& name, Series& one, std::size_t step) const {
+void HistoryReader::Impl::load_rows(const std::string& name, Series& one, std::size_t step) const {
   const std::size_t nodes = node_ids.size();
   one.count = 0;  // until the read succeeds, no rows are in memory
   const std::size_t count = std::min(one.rows_per_read, times.size() - step);
   one.values.resize(count * nodes);
-  const hsize_t start[2] = {step, 0};
-  const hsize_t size[2] = {count, nodes};
-  const Space space(check(H5Dget_space(one.dataset), "cannot select rows"));
-  check(H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, size, nullptr), "cannot select rows");
-  const Space memory(check(H5Screate_simple(2, size, nullptr), "cannot select rows"));
-  const Type type(check(H5Dget_type(one.dataset), "cannot read a type"));
-  herr_t read = 0;
-  if (H5Tget_class(type) == H5T_ENUM) {  // HDF5 converts an enum to no number
-    std::vector<std::uint8_t> codes(count * nodes);
-    read = H5Dread(one.dataset, type, memory, space, H5P_DEFAULT, codes.data());
-    one.values.assign(codes.begin(), codes.end());
-  } else {
-    read = H5Dread(one.dataset, H5T_NATIVE_DOUBLE, memory, space, H5P_DEFAULT, one.values.data());
-  }
-  if (read < 0)
-    fail(name, fmt::format("rows {} to {} cannot be read: {}", step, step + count - 1, reason()),
+  try {
+    const Type type = type_of(one.dataset);
+    if (H5Tget_class(type) == H5T_ENUM) {  // HDF5 converts an enum to no number
+      std::vector<std::uint8_t> codes(count * nodes);
+      read_rows(one.dataset, type, step, {count, nodes}, codes.data());
+      one.values.assign(codes.begin(), codes.end());
+    } else {
+      read_rows(one.dataset, H5T_NATIVE_DOUBLE, step, {count, nodes}, one.values.data());
+    }
+  } catch (const Error& fault) {
+    fail(name, fmt::format("rows {} to {} cannot be read: {}", step, step + count - 1, fault.what()),
          "Is the file damaged?");
+  }
   convert(one.values, one.to_si);
   one.first = step;
   one.count = count;
 }
 
 // Reads all texts of an attribute or a dataset of texts.
-std::vector<std::string> HistoryReader::Impl::read_texts(hid_t from, bool attribute) const {
-  const Type type(check(attribute ? H5Aget_type(from) : H5Dget_type(from), "cannot read a text"));
-  const Space space(check(attribute ? H5Aget_space(from) : H5Dget_space(from), "cannot read a text"));
-  const auto count = static_cast<std::size_t>(check(H5Sget_simple_extent_npoints(space), "cannot read a text"));
-  const Type memory(check(H5Tcopy(type), "cannot read a text"));
-  const auto read = [&](void* out) {
-    check(attribute ? H5Aread(from, memory, out) : H5Dread(from, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, out),
-          "cannot read a text");
-  };
-  std::vector<std::string> texts;
-  texts.reserve(count);
-  if (H5Tis_variable_str(type) > 0) {
-    std::vector<char*> found(count, nullptr);
-    read(static_cast<void*>(found.data()));
-    for (const char* text : found) texts.emplace_back(text != nullptr ? text : "");
-    H5Dvlen_reclaim(memory, space, H5P_DEFAULT, static_cast<void*>(found.data()));
-    return texts;
-  }
-  const std::size_t width = H5Tget_size(type);
-  if (width > kMaxTextWidth)
+std::vector<std::string> HistoryReader::Impl::read_texts(hid_t from) const {
+  const Type type = type_of(from);
+  if (const std::size_t width = H5Tget_size(type); H5Tis_variable_str(type) <= 0 && width > kMaxTextWidth)
     refuse(file, fmt::format("has texts of {} bytes; at most {} are read", width, kMaxTextWidth));
-  std::string found(count * width, '\0');
-  read(found.data());
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::string_view cell = std::string_view(found).substr(i * width, width);
-    texts.emplace_back(cell.substr(0, cell.find('\0')));
-  }
-  return texts;
+  return texts_of(from);
 }
 
-std::string HistoryReader::Impl::read_text(hid_t from, bool attribute) const {
-  const Type type(check(attribute ? H5Aget_type(from) : H5Dget_type(from), "cannot read a text"));
-  const Space space(check(attribute ? H5Aget_space(from) : H5Dget_space(from), "cannot read a text"));
-  if (H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
-    refuse(file, "holds something other than one text in /meta");
-  return read_texts(from, attribute).front();
+std::string HistoryReader::Impl::read_text(hid_t from) const {
+  if (!is_one_text(from)) refuse(file, "holds something other than one text in /meta");
+  return read_texts(from).front();
 }
 
 HistoryReader::HistoryReader(fs::path file) : impl_(std::make_unique<Impl>()) {
-  const Quiet quiet;
   impl_->file = std::move(file);
-  impl_->open();
+  impl_->reading([&] { impl_->open(); });
 }
 
 HistoryReader::HistoryReader(HistoryReader&&) noexcept = default;
@@ -434,22 +386,21 @@ const std::vector<std::uint64_t>& HistoryReader::node_ids() const {
 }
 
 bool HistoryReader::has(std::string_view name) const {
-  const Quiet quiet;
-  return impl_->has(name);
+  return impl_->reading([&] { return impl_->has(name); });
 }
 
 std::vector<double> HistoryReader::per_node(std::string_view name_view) const {
-  const Quiet quiet;
   const Impl& self = *impl_;
   const std::string name(name_view);
-  const Dataset dataset = self.open_dataset(name);
-  const std::vector<hsize_t> found = self.shape(dataset);
-  if (found != std::vector<hsize_t>{nodes()})
-    self.fail(name, fmt::format("has shape {}; expected [N] = [{}]", shape_text(found), nodes()),
-              "One value for each node.");
   std::vector<double> values(nodes());
-  self.read_all(name, dataset, H5T_NATIVE_DOUBLE, values.data());
-  convert(values, self.factor_to_si(name, dataset));
+  self.reading([&] {
+    const Dataset dataset = self.open_dataset(name);
+    if (const Shape found = shape_of(dataset); found != Shape{nodes()})
+      self.fail(name, fmt::format("has shape {}; expected [N] = [{}]", shape_text(found), nodes()),
+                "One value for each node.");
+    self.read_all(name, dataset, H5T_NATIVE_DOUBLE, values.data());
+    convert(values, self.factor_to_si(name, dataset));
+  });
   for (std::size_t i = 0; i < values.size(); ++i)
     if (!std::isfinite(values[i]))
       self.fail(name, fmt::format("[{}] (node {}) is {}; expected a finite number", i, self.node_ids[i], values[i]),
@@ -458,45 +409,43 @@ std::vector<double> HistoryReader::per_node(std::string_view name_view) const {
 }
 
 std::vector<std::string> HistoryReader::texts(std::string_view name_view) const {
-  const Quiet quiet;
   const Impl& self = *impl_;
   const std::string name(name_view);
-  self.check_link(name);
-  const Dataset dataset(H5Dopen2(self.handle, name.c_str(), H5P_DEFAULT));
-  if (dataset < 0) self.fail(name, "is not a dataset", "Expected one text for each node.");
-  self.check_place(name, dataset);
-  const Type type(self.check(H5Dget_type(dataset), "cannot read a type"));
-  if (H5Tget_class(type) != H5T_STRING)
-    self.fail(name, fmt::format("holds {} values; expected texts", class_name(H5Tget_class(type))),
-              "Write one name for each node.");
-  const std::vector<hsize_t> found = self.shape(dataset);
-  if (found != std::vector<hsize_t>{nodes()})
-    self.fail(name, fmt::format("has shape {}; expected [N] = [{}]", shape_text(found), nodes()),
-              "One text for each node.");
-  self.check_storage(name, dataset);
-  return self.read_texts(dataset, false);
+  return self.reading([&] {
+    self.check_link(name);
+    if (H5Iget_type(Object(H5Oopen(self.handle, name.c_str(), H5P_DEFAULT))) != H5I_DATASET)
+      self.fail(name, "is not a dataset", "Expected one text for each node.");
+    const Dataset dataset = self.open_values(name);
+    if (const H5T_class_t found = H5Tget_class(type_of(dataset)); found != H5T_STRING)
+      self.fail(name, fmt::format("holds {} values; expected texts", class_name(found)),
+                "Write one name for each node.");
+    if (const Shape found = shape_of(dataset); found != Shape{nodes()})
+      self.fail(name, fmt::format("has shape {}; expected [N] = [{}]", shape_text(found), nodes()),
+                "One text for each node.");
+    self.check_storage(name, dataset);
+    return self.read_texts(dataset);
+  });
 }
 
 std::vector<std::string> HistoryReader::names_in(std::string_view group_view) const {
-  const Quiet quiet;
   const Impl& self = *impl_;
   const std::string name(group_view);
   std::vector<std::string> names;
-  if (!name.empty() && !self.has(name)) return names;
-  if (!name.empty()) self.check_link(name);
-  const std::string path = '/' + name;
-  const Object group(self.check(H5Oopen(self.handle, path.c_str(), H5P_DEFAULT), "cannot open a group"));
-  if (H5Iget_type(group) != H5I_GROUP) self.fail(name, "is not a group", "Expected a group of datasets.");
-  const auto add = [](hid_t, const char* link, const H5L_info_t*, void* into) -> herr_t {
-    static_cast<std::vector<std::string>*>(into)->emplace_back(link);
-    return 0;
-  };
-  self.check(H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names), "cannot list a group");
+  self.reading([&] {
+    if (!name.empty() && !self.has(name)) return;
+    if (!name.empty()) self.check_link(name);
+    const Object group(checked(H5Oopen(self.handle, ('/' + name).c_str(), H5P_DEFAULT), "find group /", name));
+    if (H5Iget_type(group) != H5I_GROUP) self.fail(name, "is not a group", "Expected a group of datasets.");
+    const auto add = [](hid_t, const char* link, const H5L_info_t*, void* into) -> herr_t {
+      static_cast<std::vector<std::string>*>(into)->emplace_back(link);
+      return 0;
+    };
+    checked(H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names), "list group /", name);
+  });
   return names;
 }
 
 void HistoryReader::row(std::string_view name_view, std::size_t step, std::span<double> values) {
-  const Quiet quiet;
   Impl& self = *impl_;
   const std::string name(name_view);
   if (step >= steps() || values.size() != nodes())
@@ -504,8 +453,11 @@ void HistoryReader::row(std::string_view name_view, std::size_t step, std::span<
         name,
         fmt::format("was asked for row {} of {} with room for {} of {} values", step, steps(), values.size(), nodes()),
         "");
-  Impl::Series& one = self.open_series(name);
-  if (step < one.first || step >= one.first + one.count) self.read_rows(name, one, step);
+  const Impl::Series& one = self.reading([&]() -> Impl::Series& {
+    Impl::Series& opened = self.open_series(name);
+    if (step < opened.first || step >= opened.first + opened.count) self.load_rows(name, opened, step);
+    return opened;
+  });
   const std::span<const double> row{one.values.data() + (step - one.first) * nodes(), nodes()};
   for (std::size_t i = 0; i < row.size(); ++i)
     if (!std::isfinite(row[i]))
@@ -517,23 +469,20 @@ void HistoryReader::row(std::string_view name_view, std::size_t step, std::span<
 }
 
 std::optional<std::string> HistoryReader::meta(std::string_view name_view) const {
-  const Quiet quiet;
   const Impl& self = *impl_;
   const std::string name(name_view);
-  if (!self.has("meta")) return std::nullopt;
-  self.check_link("meta");
-  const Object group(self.check(H5Oopen(self.handle, "meta", H5P_DEFAULT), "cannot open /meta"));
-  if (H5Aexists(group, name.c_str()) > 0)
-    return self.read_text(Attribute(self.check(H5Aopen(group, name.c_str(), H5P_DEFAULT), "cannot open an attribute")),
-                          true);
-  if (H5Iget_type(group) == H5I_GROUP && H5Lexists(group, name.c_str(), H5P_DEFAULT) > 0) {
-    self.check_link("meta/" + name);
-    const Dataset text(self.check(H5Dopen2(group, name.c_str(), H5P_DEFAULT), "cannot open a text"));
-    self.check_place("meta/" + name, text);
-    self.check_storage("meta/" + name, text);
-    return self.read_text(text, false);
-  }
-  return std::nullopt;
+  return self.reading([&]() -> std::optional<std::string> {
+    if (!self.has("meta")) return std::nullopt;
+    self.check_link("meta");
+    const Object group(checked(H5Oopen(self.handle, "meta", H5P_DEFAULT), "find /meta"));
+    if (has_attribute(group, name)) return self.read_text(open_attribute(group, name));
+    const std::string path = "meta/" + name;
+    if (H5Iget_type(group) != H5I_GROUP || !self.has(path)) return std::nullopt;
+    self.check_link(path);
+    const Dataset text = self.open_values(path);
+    self.check_storage(path, text);
+    return self.read_text(text);
+  });
 }
 
 std::string hash_of_file(const fs::path& file) {

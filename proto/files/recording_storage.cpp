@@ -39,7 +39,7 @@ std::string fault_of_path(hid_t file, const std::string& path, int links) {
 }
 
 // The number of chunks that an array of this shape has.
-hsize_t chunks_of(const std::vector<hsize_t>& shape, const std::vector<hsize_t>& chunk) {
+hsize_t chunks_of(const Shape& shape, const Shape& chunk) {
   hsize_t count = 1;
   for (std::size_t i = 0; i < shape.size(); ++i) count *= (shape[i] + chunk[i] - 1) / chunk[i];
   return count;
@@ -77,7 +77,7 @@ std::string fault_of_link(hid_t file, const std::string& path) {
 
 StorageFault fault_of_place(hid_t dataset) {
   const std::string elsewhere = "A history is one file: copy the values into it.";
-  const Properties creation(H5Dget_create_plist(dataset));
+  const Properties creation = creation_of(dataset);
   if (H5Pget_layout(creation) == H5D_VIRTUAL)
     return {.fault = "is a virtual dataset, made of other files", .remedy = elsewhere};
   if (H5Pget_external_count(creation) > 0) return {.fault = "has its values in another file", .remedy = elsewhere};
@@ -85,11 +85,11 @@ StorageFault fault_of_place(hid_t dataset) {
 }
 
 StorageFault fault_of_storage(hid_t dataset) {
-  const Properties creation(H5Dget_create_plist(dataset));
+  const Properties creation = creation_of(dataset);
   const H5D_layout_t layout = H5Pget_layout(creation);
   if (StorageFault found = fault_of_filters(creation); !found.fault.empty()) return found;
-  const Space space(H5Dget_space(dataset));
-  if (H5Sget_simple_extent_npoints(space) <= 0) return {};
+  const Shape shape = shape_of(dataset);
+  if (count_of(dataset) == 0) return {};
   if (layout != H5D_CHUNKED) {
     H5D_space_status_t status = H5D_SPACE_STATUS_ALLOCATED;
     if (layout == H5D_CONTIGUOUS && H5Dget_space_status(dataset, &status) >= 0 &&
@@ -97,19 +97,16 @@ StorageFault fault_of_storage(hid_t dataset) {
       return {.fault = "was made, but its values were never written", .remedy = "Write them."};
     return {};
   }
-  std::vector<hsize_t> shape(static_cast<std::size_t>(H5Sget_simple_extent_ndims(space)));
-  std::vector<hsize_t> chunk(shape.size());
-  H5Sget_simple_extent_dims(space, shape.data(), nullptr);
+  Shape chunk(shape.size());
   if (H5Pget_chunk(creation, static_cast<int>(chunk.size()), chunk.data()) < 0) return {};
-  const Type type(H5Dget_type(dataset));
-  std::size_t bytes = H5Tget_size(type);
+  std::size_t bytes = H5Tget_size(type_of(dataset));
   for (const hsize_t length : chunk) bytes *= length;
   if (bytes > kMostChunkBytes)
     return {.fault = fmt::format("has chunks of {} bytes; at most {} are read", bytes, kMostChunkBytes),
             .remedy = "Write it with smaller chunks."};
   hsize_t written = 0;
   const hsize_t expected = chunks_of(shape, chunk);
-  if (H5Dget_num_chunks(dataset, space, &written) >= 0 && written < expected)
+  if (H5Dget_num_chunks(dataset, space_of(dataset), &written) >= 0 && written < expected)
     return {.fault = fmt::format("has {} chunks, of which {} were never written", expected, expected - written),
             .remedy = "Write all values; was the program that wrote them interrupted?"};
   return {};

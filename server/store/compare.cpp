@@ -1,9 +1,9 @@
 #include "server/store/compare.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <array>
 #include <bit>
-#include <charconv>
 #include <cstring>
 #include <fstream>
 #include <optional>
@@ -32,14 +32,8 @@ Snapshot read(const std::filesystem::path& path) {
   return read_checkpoint(bytes, path.string(), footer.generation);
 }
 
-std::string number(double value) {
-  std::array<char, 32> text{};
-  // Returns the shortest text that reads back to the same bits.
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
-}
-
 std::string name_of(const SessionImage& session) {
-  return "session " + hexadecimal(session.id).substr(0, 8);
+  return fmt::format("session {:.8}", hexadecimal(session.id));
 }
 
 std::string difference(const std::string& where, const shard::States& a, const shard::States& b,
@@ -54,9 +48,8 @@ std::string difference(const std::string& where, const shard::States& a, const s
       const std::size_t at = row * x.width;
       for (std::size_t i = 0; i < x.width; ++i)
         if (std::bit_cast<std::uint64_t>(x.values[at + i]) != std::bit_cast<std::uint64_t>(y.values[at + i]))
-          return where + ", node " + std::to_string(node_ids[a.rows[row]]) + ", " + x.name +
-                 (x.width > 1 ? std::string(" ").append(std::to_string(i)) : "") + ": " + number(x.values[at + i]) +
-                 " and " + number(y.values[at + i]) + " " + x.units;
+          return fmt::format("{}, node {}, {}{}: {} and {} {}", where, node_ids[a.rows[row]], x.name,
+                             x.width > 1 ? fmt::format(" {}", i) : "", x.values[at + i], y.values[at + i], x.units);
     }
   return {};
 }
@@ -68,7 +61,7 @@ template <typename Value>
 std::string difference(const std::string& where, const char* what, const Value& a, const Value& b,
                        const std::vector<std::uint64_t>& node_ids) {
   if constexpr (std::is_integral_v<Value>) {
-    return a == b ? std::string() : where + ", " + what + ": " + std::to_string(a) + " and " + std::to_string(b);
+    return a == b ? std::string() : fmt::format("{}, {}: {} and {}", where, what, a, b);
   } else if constexpr (std::is_same_v<Value, shard::States>) {
     return difference(where, a, b, node_ids);
   } else if constexpr (std::is_same_v<Value, std::optional<shard::States>>) {
@@ -93,7 +86,7 @@ std::string difference_of(const std::string& where, const Image& a, const Image&
 }
 
 std::string difference(const std::string& where, const std::vector<MarkImage>& a, const std::vector<MarkImage>& b) {
-  if (a.size() != b.size()) return where + ", marks: " + std::to_string(a.size()) + " and " + std::to_string(b.size());
+  if (a.size() != b.size()) return fmt::format("{}, marks: {} and {}", where, a.size(), b.size());
   for (std::size_t i = 0; i < a.size(); ++i) {
     const std::string mark = where + ", mark \"" + a[i].name + "\"";
     if (a[i].name != b[i].name) return mark + ": \"" + b[i].name + "\" there";
@@ -106,7 +99,7 @@ std::string difference(const std::string& where, const std::vector<MarkImage>& a
 std::string difference_of_transfers(const Snapshot& a, const Snapshot& b) {
   const std::string where = "nodes offered";
   if (a.transfers.size() != b.transfers.size())
-    return where + ", offers: " + std::to_string(a.transfers.size()) + " and " + std::to_string(b.transfers.size());
+    return fmt::format("{}, offers: {} and {}", where, a.transfers.size(), b.transfers.size());
   for (std::size_t i = 0; i < a.transfers.size(); ++i)
     if (std::string text = difference_of(where, a.transfers[i], b.transfers[i]); !text.empty()) return text;
   return {};

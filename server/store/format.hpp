@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "proto/wire/text.hpp"
+
 namespace shearbus::store {
 
 static_assert(std::endian::native == std::endian::little, "files are written as they stand in memory");
@@ -102,14 +104,7 @@ struct CheckpointFooter {
 };
 static_assert(sizeof(CheckpointFooter) == 72);
 
-inline std::string hexadecimal(const std::array<std::uint8_t, 16>& id) {
-  std::string text;
-  for (const std::uint8_t byte : id) {
-    text += "0123456789abcdef"[byte >> 4];
-    text += "0123456789abcdef"[byte & 15];
-  }
-  return text;
-}
+using wire::hexadecimal;
 
 inline std::string numbered(const char* prefix, std::uint64_t number, const char* suffix) {
   std::string digits = std::to_string(number);

@@ -14,7 +14,7 @@
 
 namespace shearbus::store {
 
-SessionKey key_from(const std::string& text);  // throws Hdf5Error
+SessionKey key_from(const std::string& text);  // throws hdf5::Error
 std::vector<std::string> words_of(const std::string& text);
 
 // Writes the fields of one image, or reads them with the same names.
@@ -47,13 +47,13 @@ inline void put(hid_t group, const std::string& name, double value) {
 }
 void get(hid_t group, const std::string& name, double& value);
 inline void put(hid_t group, const std::string& name, const std::string& text) {
-  put_text(group, name, text);
+  hdf5::put_text(group, name, text);
 }
 inline void get(hid_t group, const std::string& name, std::string& text) {
   text = text_of(group, name);
 }
 inline void put(hid_t group, const std::string& name, const SessionKey& key) {
-  put_text(group, name, hexadecimal(key));
+  hdf5::put_text(group, name, hexadecimal(key));
 }
 inline void get(hid_t group, const std::string& name, SessionKey& key) {
   key = key_from(text_of(group, name));
@@ -70,7 +70,7 @@ inline void put(hid_t group, const std::string& name, const std::optional<shard:
   if (states) put(group, name, *states);
 }
 inline void get(hid_t group, const std::string& name, std::optional<shard::States>& states) {
-  if (has_child(group, name)) get(group, name, states.emplace());
+  if (hdf5::has_child(group, name)) get(group, name, states.emplace());
 }
 
 template <typename Value>
@@ -100,7 +100,7 @@ void get_fields(hid_t group, Image& image) {
   Image::fields([&](const char* name, auto member, const FieldOf& field) {
     auto& value = image.*member;
     using Value = std::remove_cvref_t<decltype(value)>;
-    if (field.maybe && !has_child(group, name) && !has_attribute(group, name)) return;
+    if (field.maybe && !hdf5::has_child(group, name) && !hdf5::has_attribute(group, name)) return;
     if constexpr (std::is_same_v<Value, std::string>)
       if (field.dataset) return static_cast<void>(value = text_in_dataset(group, name));
     get(group, name, value);

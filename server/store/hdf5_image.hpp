@@ -1,28 +1,17 @@
-// The part of HDF5 that checkpoints need: files in memory, groups, and attributes and datasets of numbers and text.
-// Every failed call throws an Hdf5Error that names the operation.
+// Files of HDF5 in memory, and attributes and datasets of numbers and text that are read only if they are as expected:
+// what checkpoints and capsules need. Throws hdf5::Error.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <stdexcept>
 #include <string>
-#include <string_view>
 #include <type_traits>
 #include <vector>
 
 #include "proto/files/hdf5.hpp"
 
 namespace shearbus::store {
-
-class Hdf5Error : public std::runtime_error {
- public:
-  explicit Hdf5Error(const std::string& doing) : std::runtime_error("HDF5 could not " + doing) {}
-};
-
-// Returns the id, or throws an Hdf5Error for a negative id. Its text is composed only for a
-// negative id: composing may throw, and a valid id must reach the handle that owns it before anything throws.
-hid_t checked(hid_t id, std::string_view doing, std::string_view what = {});
 
 template <typename Number>
 hid_t hdf5_type() {
@@ -46,13 +35,8 @@ hdf5::File new_image();                                   // creates an empty fi
 hdf5::File open_image(std::span<const std::byte> image);  // opens an image for reading
 std::vector<std::byte> bytes_of_image(hid_t file);
 
-hdf5::Group make_group(hid_t parent, const std::string& name);
-hdf5::Group open_group(hid_t parent, const std::string& name);
-bool has_child(hid_t parent, const std::string& name);
-bool has_attribute(hid_t object, const std::string& name);
 std::vector<std::string> children_of(hid_t group);  // names in ascending order
 
-void put_text(hid_t object, const std::string& name, const std::string& text);
 // Writes a text as a dataset, which may be longer than the 64 kB of an attribute.
 void put_text_dataset(hid_t group, const std::string& name, const std::string& text);
 std::string text_in_dataset(hid_t group, const std::string& name);
@@ -60,29 +44,29 @@ void put_number(hid_t object, const std::string& name, std::uint64_t value);
 std::string text_of(hid_t object, const std::string& name);
 std::uint64_t number_of(hid_t object, const std::string& name);
 
-// Writes a dataset of shape [rows] if width is 0, else [rows][width].
-hdf5::Dataset put_raw(hid_t group, const std::string& name, hid_t type, const void* data, std::size_t rows,
-                      std::size_t width);
+hdf5::Dataset open_numbers(hid_t group, const std::string& name, hid_t type);
 struct Extent {
   std::size_t rows = 0;
-  std::size_t width = 0;
+  std::size_t width = 0;  // 0: a list
 };
 Extent extent_of(hid_t dataset, const std::string& name);
-hdf5::Dataset open_dataset(hid_t group, const std::string& name, hid_t type);
-void get_raw(hid_t dataset, const std::string& name, hid_t type, void* data);
 
+// Writes a dataset of shape [rows] if width is 0, else [rows][width].
 template <typename Number>
 hdf5::Dataset put_numbers(hid_t group, const std::string& name, const std::vector<Number>& values, std::size_t rows,
                           std::size_t width = 0) {
-  return put_raw(group, name, hdf5_type<Number>(), values.data(), rows, width);
+  const hdf5::Shape shape = width == 0 ? hdf5::Shape{rows} : hdf5::Shape{rows, width};
+  hdf5::Dataset dataset = hdf5::make_dataset(group, name, hdf5_type<Number>(), shape);
+  if (rows != 0) hdf5::write(dataset, hdf5_type<Number>(), values.data());
+  return dataset;
 }
 
 template <typename Number>
 std::vector<Number> numbers_of(hid_t group, const std::string& name, std::size_t* width = nullptr) {
-  const hdf5::Dataset dataset = open_dataset(group, name, hdf5_type<Number>());
+  const hdf5::Dataset dataset = open_numbers(group, name, hdf5_type<Number>());
   const Extent extent = extent_of(dataset, name);
   std::vector<Number> values(extent.rows * (extent.width == 0 ? 1 : extent.width));
-  if (!values.empty()) get_raw(dataset, name, hdf5_type<Number>(), values.data());
+  if (!values.empty()) hdf5::read(dataset, hdf5_type<Number>(), values.data());
   if (width != nullptr) *width = extent.width;
   return values;
 }

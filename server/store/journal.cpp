@@ -1,5 +1,7 @@
 #include "server/store/journal.hpp"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cstring>
 
@@ -28,7 +30,7 @@ struct Rest {
 };
 
 [[noreturn]] void damaged(const std::string& name, std::uint64_t offset, const std::string& what) {
-  throw DamagedFile(name + ", byte " + std::to_string(offset) + ": " + what);
+  throw DamagedFile(fmt::format("{}, byte {}: {}", name, offset, what));
 }
 
 // Returns false if the header is incomplete: the file is too short, or all its bytes are 0.
@@ -38,9 +40,10 @@ bool read_segment_header(Bytes bytes, const std::string& name, Segment& segment)
   std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kJournalMagic) damaged(name, 0, "not a journal: it does not begin with the journal's mark");
   if (header.version != kJournalVersion)
-    damaged(name, 0,
-            "journal version " + std::to_string(header.version) + "; this server reads version " +
-                std::to_string(kJournalVersion) + ". Finish the run with the server that wrote it");
+    damaged(
+        name, 0,
+        fmt::format("journal version {}; this server reads version {}. Finish the run with the server that wrote it",
+                    header.version, kJournalVersion));
   if (header.sum != sum_of_header(header) || header.header_bytes != sizeof header)
     damaged(name, 0, "the segment's header does not match its sum");
   if (header.settled_sum != sum_of_settled(header.settled, header.sum))

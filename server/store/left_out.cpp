@@ -1,5 +1,7 @@
 #include "server/store/left_out.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <stdexcept>
@@ -67,13 +69,14 @@ void LeftOut::check_found() const {
       throw std::invalid_argument("session " + digits +
                                   " cannot be left out: the state directory holds none of this id");
     if (found->second.size() > 1)
-      throw std::invalid_argument("session " + digits + " cannot be left out: " + std::to_string(found->second.size()) +
-                                  " sessions begin with these digits; give more of them");
+      throw std::invalid_argument(
+          fmt::format("session {} cannot be left out: {} sessions begin with these digits; give more of them", digits,
+                      found->second.size()));
   }
   for (const std::uint64_t record : what_.records)
     if (!found_records_.contains(record))
-      throw std::invalid_argument("record " + std::to_string(record) +
-                                  " cannot be left out: the journal since the last checkpoint does not hold it");
+      throw std::invalid_argument(
+          fmt::format("record {} cannot be left out: the journal since the last checkpoint does not hold it", record));
 }
 
 std::string LeftOut::set_aside(Storage& storage, const StoreId& store) const {
@@ -107,8 +110,8 @@ std::string LeftOut::set_aside(Storage& storage, const StoreId& store) const {
     files += (files.empty() ? "" : " and ") + name;
   }
   storage.sync_directory();
-  return "dropped: " + std::to_string(sessions_.sessions.size()) + " sessions of the checkpoint and " +
-         std::to_string(records_.size()) + " requests of the journal are set aside in " + files;
+  return fmt::format("dropped: {} sessions of the checkpoint and {} requests of the journal are set aside in {}",
+                     sessions_.sessions.size(), records_.size(), files);
 }
 
 }  // namespace shearbus::store

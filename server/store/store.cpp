@@ -1,5 +1,7 @@
 #include "server/store/store.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -41,8 +43,7 @@ StoreIdentity identity_in(Bytes bytes) {
   const std::string file = kIdentityName;
   StoreIdentity identity;
   if (bytes.size() != sizeof identity)
-    throw DamagedFile(file + ": " + std::to_string(bytes.size()) + " bytes, expected " +
-                      std::to_string(sizeof identity));
+    throw DamagedFile(fmt::format("{}: {} bytes, expected {}", file, bytes.size(), sizeof identity));
   std::memcpy(&identity, bytes.data(), sizeof identity);
   if (identity.magic != kIdentityMagic || identity.sum != files::sum_of_header(identity))
     throw DamagedFile(file + ": its bytes do not match their sum");
@@ -67,8 +68,8 @@ Store::Store(Storage& storage, StoreOptions options)
 
 std::string Store::replaying() const {
   if (replaying_ == nullptr) return {};
-  return "record " + std::to_string(replaying_->index) + ", request " + std::to_string(replaying_->sequence) +
-         " of session " + hexadecimal(replaying_->session).substr(0, 8);
+  return fmt::format("record {}, request {} of session {:.8}", replaying_->index, replaying_->sequence,
+                     hexadecimal(replaying_->session));
 }
 
 void Store::log(const std::string& line) const {
@@ -150,15 +151,14 @@ bool Store::read_identity(const Found& found) {
       fault = why.what();
     }
     if (identity_.version != kIdentityVersion)
-      throw DamagedFile(kIdentityName + std::string(": version ") + std::to_string(identity_.version) +
-                        "; this server reads version " + std::to_string(kIdentityVersion));
+      throw DamagedFile(fmt::format("{}: version {}; this server reads version {}", kIdentityName, identity_.version,
+                                    kIdentityVersion));
   }
   identity_ = {.id = options_.fresh_id};
   if (!found.checkpoints.empty() || !found.segments.empty()) {
-    const std::string text = std::string(kIdentityName) +
-                             ", the file that names the newest checkpoint and segment: " + fault +
-                             "; expected beside " + std::to_string(found.checkpoints.size()) + " checkpoints and " +
-                             std::to_string(found.segments.size()) + " segments";
+    const std::string text = fmt::format(
+        "{}, the file that names the newest checkpoint and segment: {}; expected beside {} checkpoints and {} segments",
+        kIdentityName, fault, found.checkpoints.size(), found.segments.size());
     if (options_.durability == Durability::kPower) throw DamagedFile(text + kOfLoss);
     log("LOST: " + text + ". Whether later files are lost cannot be known");
     if (!found.segments.empty()) identity_.last_segment = *found.segments.rbegin();
@@ -193,8 +193,8 @@ void Store::adopt_id(const Found& found) {
 
 bool Store::is_foreign(const StoreId& id, const std::string& file) const {
   if (id == identity_.id) return false;
-  log("FOREIGN: " + file + " belongs to the state directory " + hexadecimal(id) + ", this is " +
-      hexadecimal(identity_.id) + "; it is not used and left as it is");
+  log(fmt::format("FOREIGN: {} belongs to the state directory {}, this is {}; it is not used and left as it is", file,
+                  hexadecimal(id), hexadecimal(identity_.id)));
   return true;
 }
 
@@ -228,8 +228,7 @@ Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
     refuse_other_states(found, checkpoint_name(checkpoints_.back().number) + ": " + fault.what());
     throw;
   }
-  log("restored " + checkpoint_name(checkpoints_.back().number) + ": " + std::to_string(newest->sessions.size()) +
-      " sessions");
+  log(fmt::format("restored {}: {} sessions", checkpoint_name(checkpoints_.back().number), newest->sessions.size()));
   restored.next_index = newest->next_index;
   return restored;
 }
@@ -243,11 +242,11 @@ void Store::refuse_other_states(const Found& found, const std::string& fault) {
   const std::uint64_t number = *found.segments.rbegin();
   const auto segment = segment_in(segment_name(number), number, bytes, missed);
   if (!segment || segment->numerics == options_.numerics) return;
-  throw OtherNumerics(fault + ". These states are of numerics " + std::to_string(segment->numerics) +
-                      ", and this server has numerics " + std::to_string(options_.numerics) +
-                      ", which has other ones for the same scene. Start the server whose --version says numerics " +
-                      std::to_string(segment->numerics) +
-                      " and finish its sessions there, or leave them out (--drop-session)");
+  throw OtherNumerics(fmt::format(
+      "{0}. These states are of numerics {1}, and this server has numerics {2}, which has other ones for the "
+      "same scene. Start the server whose --version says numerics {1} and finish its sessions there, or "
+      "leave them out (--drop-session)",
+      fault, segment->numerics, options_.numerics));
 }
 
 // Reads a segment of this directory. Returns nothing for a file that cannot hold a record of this directory. Returns
@@ -272,7 +271,7 @@ std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t 
       return {};
     }
     if (segment.number != number)
-      throw DamagedFile(file + ": it is segment " + std::to_string(segment.number) + " under the name of another");
+      throw DamagedFile(fmt::format("{}: it is segment {} under the name of another", file, segment.number));
     return segment;
   } catch (const std::exception& why) {
     if (noted)
@@ -287,17 +286,19 @@ std::optional<Segment> Store::segment_in(const std::string& file, std::uint64_t 
 // that were read already. `end` is the index after the last record read.
 void Store::check_order(const Segment& segment, const std::string& file, std::uint64_t end, const Missed& missed,
                         const Restored& restored) const {
-  const std::string begins = file + ": it begins with record " + std::to_string(segment.first_index);
+  const std::string begins = fmt::format("{}: it begins with record {}", file, segment.first_index);
   if (segment.first_index > next_index_) {
     for (const std::exception_ptr& cause : {missed.cause, restored.unread})
       if (cause) std::rethrow_exception(cause);
-    throw DamagedFile((restored.faults.empty() ? "" : "no checkpoint can be loaded: " + restored.faults + "; ") +
-                      (missed.text.empty() ? "" : missed.text + "; ") + begins + "; records from " +
-                      std::to_string(next_index_) + " on are missing");
+    throw DamagedFile(
+        fmt::format("{}{}{}; records from {} on are missing",
+                    restored.faults.empty() ? "" : "no checkpoint can be loaded: " + restored.faults + "; ",
+                    missed.text.empty() ? "" : missed.text + "; ", begins, next_index_));
   }
   if (segment.first_index < end)
-    throw DamagedFile(begins + "; expected record " + std::to_string(end) +
-                      ", since the segments before hold the ones up to there: these are two histories");
+    throw DamagedFile(fmt::format(
+        "{}; expected record {}, since the segments before hold the ones up to there: these are two histories", begins,
+        end));
 }
 
 // Replays the records that the restored checkpoint does not include. Settled records are those that the journal says it
@@ -322,12 +323,11 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
     for (const Record& record : segment->records) {
       if (record.index < next_index_) continue;
       if (segment->numerics != options_.numerics)
-        throw OtherNumerics(file + ": record " + std::to_string(record.index) +
-                            " and those after it were answered by numerics " + std::to_string(segment->numerics) +
-                            ", and this server has numerics " + std::to_string(options_.numerics) +
-                            ". Start the server whose --version says numerics " + std::to_string(segment->numerics) +
-                            " and stop it cleanly (SIGTERM): it leaves a checkpoint and nothing to replay. Then start "
-                            "this one");
+        throw OtherNumerics(fmt::format(
+            "{0}: record {1} and those after it were answered by numerics {2}, and this server has numerics {3}. Start "
+            "the server whose --version says numerics {2} and stop it cleanly (SIGTERM): it leaves a checkpoint and "
+            "nothing to replay. Then start this one",
+            file, record.index, segment->numerics, options_.numerics));
       const auto place = static_cast<double>(record.index - segment->first_index);
       share_replayed_ = (segments_read - 1.0 + place / static_cast<double>(segment->records.size())) / num_segments;
       replaying_ = &record;
@@ -338,9 +338,8 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
     }
     end = segment->next_index();
     if (segment->settled > std::max(end, restored.next_index))
-      lost = file + ": it held records " + std::to_string(segment->first_index) + " to " +
-             std::to_string(segment->settled - 1) + ", found " +
-             (segment->records.empty() ? "none" : "them up to " + std::to_string(end - 1));
+      lost = fmt::format("{}: it held records {} to {}, found {}", file, segment->first_index, segment->settled - 1,
+                         segment->records.empty() ? "none" : fmt::format("them up to {}", end - 1));
     else if (segment->torn)
       log(file + ": it ends in the middle of a record, whose request was never answered");
     bytes_since_checkpoint_ += segment->sound_bytes;
@@ -349,18 +348,18 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
     if (options_.durability == Durability::kPower) storage_.sync(file);
   }
   changed_ = counters_.replayed != 0;
-  if (changed_) log("replayed " + std::to_string(counters_.replayed) + " requests from the journal");
+  if (changed_) log(fmt::format("replayed {} requests from the journal", counters_.replayed));
   if (missed.cause) std::rethrow_exception(missed.cause);
   if (segments_.empty() && checkpoints_.empty() && restored.unread) std::rethrow_exception(restored.unread);
   if (segments_.empty() && checkpoints_.empty() && !restored.faults.empty())
     throw DamagedFile("no checkpoint can be loaded: " + restored.faults);
   if (identity_.last_segment > (segments_.empty() ? 0 : segments_.back().number))
-    lost = segment_name(identity_.last_segment) + ", the newest segment, held the records from " +
-           std::to_string(identity_.first_index) +
-           " on; found: " + (missed.text.empty() ? "no such file" : missed.text);
+    lost = fmt::format("{}, the newest segment, held the records from {} on; found: {}",
+                       segment_name(identity_.last_segment), identity_.first_index,
+                       missed.text.empty() ? "no such file" : missed.text);
   if (lost.empty()) return false;
   if (options_.durability == Durability::kPower) throw DamagedFile(lost + kOfLoss);
-  log("LOST: " + lost + ". The sessions go on from record " + std::to_string(next_index_));
+  log(fmt::format("LOST: {}. The sessions go on from record {}", lost, next_index_));
   return true;
 }
 
@@ -369,7 +368,7 @@ std::string Store::unused_suffix(const Found& found, const std::vector<std::stri
   std::string suffix(kSetAside);
   for (int again = 2; std::ranges::any_of(files, [&](const auto& file) { return found.names.contains(file + suffix); });
        ++again)
-    suffix = std::string(kSetAside) + "-" + std::to_string(again);
+    suffix = fmt::format("{}-{}", kSetAside, again);
   return suffix;
 }
 

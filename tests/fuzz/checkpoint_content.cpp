@@ -32,10 +32,10 @@ struct Target {
 };
 
 hdf5::File open_to_write(const std::vector<std::byte>& image) {
-  const hdf5::Properties access(store::checked(H5Pcreate(H5P_FILE_ACCESS), "make a property list"));
+  const hdf5::Properties access(hdf5::checked(H5Pcreate(H5P_FILE_ACCESS), "make a property list"));
   H5Pset_fapl_core(access, 1 << 20, 0);
   H5Pset_file_image(access, const_cast<std::byte*>(image.data()), image.size());
-  return hdf5::File(store::checked(H5Fopen(store::kImageName, H5F_ACC_RDWR, access), "open a file image"));
+  return hdf5::File(hdf5::checked(H5Fopen(store::kImageName, H5F_ACC_RDWR, access), "open a file image"));
 }
 
 herr_t note_attribute(hid_t, const char* name, const H5A_info_t*, void* names) {
@@ -45,7 +45,7 @@ herr_t note_attribute(hid_t, const char* name, const H5A_info_t*, void* names) {
 herr_t note_object(hid_t root, const char* name, const H5O_info_t*, void* found) {
   auto& targets = *static_cast<std::vector<Target>*>(found);
   if (std::string(name) != ".") targets.push_back({name, ""});
-  const hdf5::Object object(store::checked(H5Oopen(root, name, H5P_DEFAULT), "open an object"));
+  const hdf5::Object object(hdf5::checked(H5Oopen(root, name, H5P_DEFAULT), "open an object"));
   Parts names;
   hsize_t at = 0;
   H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_INC, &at, note_attribute, &names);
@@ -70,7 +70,7 @@ const Sample& sample() {
 
 hdf5::Type type_of(unsigned choice, unsigned size) {
   constexpr unsigned kTextBytes[] = {1, 5, 32, 1000, 1U << 16, 1U << 24, 1U << 31, 3};
-  const auto copy = [](hid_t type) { return hdf5::Type(store::checked(H5Tcopy(type), "copy a type")); };
+  const auto copy = [](hid_t type) { return hdf5::Type(hdf5::checked(H5Tcopy(type), "copy a type")); };
   switch (choice % 10) {
     case 0:
       return copy(H5T_STD_U64LE);
@@ -89,7 +89,7 @@ hdf5::Type type_of(unsigned choice, unsigned size) {
     }
     case 6: {
       const hsize_t extent = 1 + size;
-      return hdf5::Type(store::checked(H5Tarray_create2(H5T_STD_U64LE, 1, &extent), "make an array type"));
+      return hdf5::Type(hdf5::checked(H5Tarray_create2(H5T_STD_U64LE, 1, &extent), "make an array type"));
     }
     case 7:
       return copy(H5T_STD_REF_OBJ);
@@ -104,10 +104,10 @@ hdf5::Type type_of(unsigned choice, unsigned size) {
 hdf5::Space space_of(const Edit& edit) {
   constexpr hsize_t kExtents[] = {0, 1, 2, 3, 5, 12, 1000, 1 << 20, hsize_t{1} << 40, hsize_t{1} << 61};
   const int rank = edit[4] % 5;
-  if (rank == 0) return hdf5::Space(store::checked(H5Screate(H5S_SCALAR), "make a space"));
-  if (rank == 4) return hdf5::Space(store::checked(H5Screate(H5S_NULL), "make a space"));
+  if (rank == 0) return hdf5::Space(hdf5::checked(H5Screate(H5S_SCALAR), "make a space"));
+  if (rank == 4) return hdf5::Space(hdf5::checked(H5Screate(H5S_NULL), "make a space"));
   const hsize_t extent[3] = {kExtents[edit[5] % 10], kExtents[edit[6] % 10], 1};
-  return hdf5::Space(store::checked(H5Screate_simple(rank, extent, nullptr), "make a space"));
+  return hdf5::Space(hdf5::checked(H5Screate_simple(rank, extent, nullptr), "make a space"));
 }
 
 // Returns zero bytes for as many values of `type` as the dataspace has, or an empty string if they exceed kMostBytes.
@@ -125,15 +125,15 @@ void replace(hid_t file, const Target& target, const Edit& edit) {
   const hdf5::Space space = space_of(edit);
   const std::string zeros = zeros_for(type, space);
   if (!target.attribute.empty()) {
-    const hdf5::Object object(store::checked(H5Oopen(file, target.object.c_str(), H5P_DEFAULT), "open an object"));
+    const hdf5::Object object(hdf5::checked(H5Oopen(file, target.object.c_str(), H5P_DEFAULT), "open an object"));
     H5Adelete(object, target.attribute.c_str());
-    const hdf5::Attribute made(store::checked(
+    const hdf5::Attribute made(hdf5::checked(
         H5Acreate2(object, target.attribute.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT), "make an attribute"));
     if (!zeros.empty()) H5Awrite(made, type, zeros.data());
     return;
   }
   H5Ldelete(file, target.object.c_str(), H5P_DEFAULT);
-  const hdf5::Dataset made(store::checked(
+  const hdf5::Dataset made(hdf5::checked(
       H5Dcreate2(file, target.object.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), "make a dataset"));
   if (!zeros.empty()) H5Dwrite(made, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, zeros.data());
 }
@@ -155,13 +155,13 @@ void change_one(std::string& bytes, std::size_t size, bool reals, Random& random
 void overwrite(hid_t file, const Target& target, const Edit& edit) {
   Random random(edit[3] + 256U * edit[4] + 65536U * edit[5]);
   const bool of_object = !target.attribute.empty();
-  const hdf5::Object object(store::checked(H5Oopen(file, target.object.c_str(), H5P_DEFAULT), "open an object"));
+  const hdf5::Object object(hdf5::checked(H5Oopen(file, target.object.c_str(), H5P_DEFAULT), "open an object"));
   const hdf5::Attribute attribute(
-      of_object ? store::checked(H5Aopen(object, target.attribute.c_str(), H5P_DEFAULT), "open an attribute")
+      of_object ? hdf5::checked(H5Aopen(object, target.attribute.c_str(), H5P_DEFAULT), "open an attribute")
                 : H5I_INVALID_HID);
   if (!of_object && H5Iget_type(object) != H5I_DATASET) return;
-  const hdf5::Type type(store::checked(of_object ? H5Aget_type(attribute) : H5Dget_type(object), "type values"));
-  const hdf5::Space space(store::checked(of_object ? H5Aget_space(attribute) : H5Dget_space(object), "size values"));
+  const hdf5::Type type(hdf5::checked(of_object ? H5Aget_type(attribute) : H5Dget_type(object), "type values"));
+  const hdf5::Space space(hdf5::checked(of_object ? H5Aget_space(attribute) : H5Dget_space(object), "size values"));
   std::string bytes = zeros_for(type, space);
   if (bytes.empty() || H5Tis_variable_str(type) > 0) return;
   const herr_t read = of_object ? H5Aread(attribute, type, bytes.data())
@@ -206,6 +206,7 @@ void carry_out(const Edit& edit, hid_t file) {
 }
 
 std::vector<std::byte> edited(const std::uint8_t* data, std::size_t size) {
+  const hdf5::Quiet quiet;
   std::vector<std::byte> bytes;
   {
     const hdf5::File file = open_to_write(sample().image);
@@ -214,7 +215,7 @@ std::vector<std::byte> edited(const std::uint8_t* data, std::size_t size) {
       std::memcpy(edit.data(), data + i * kEditBytes, kEditBytes);
       try {
         carry_out(edit, file);
-      } catch (const store::Hdf5Error&) {
+      } catch (const hdf5::Error&) {
         // HDF5 refused a call of this edit, for instance because an earlier edit removed the object. The loop goes on.
       }
     }

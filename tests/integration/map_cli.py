@@ -147,7 +147,9 @@ def main():
             if text is not None:
                 bad.write_bytes(text)
             refused = run(options.study, "map", bad, "--out", out, *small)
-            check(refused.returncode == 1 and told in refused.stderr and refused.stderr.count("\n") < 4, refused.stderr)
+            check(refused.returncode == 1 and told in refused.stderr and "Traceback" not in refused.stderr, refused.stderr)
+        faults = refused.stderr.splitlines()  # of the last scene: each has its line
+        check(len(faults) > 2 and all("scene:" in fault for fault in faults), faults)
         refused = run(options.study, "map", scene, "--out", with_hydro, *small)
         check(refused.returncode == 1 and "hydro.toml: cannot be made: File exists" in refused.stderr, refused.stderr)
 
