@@ -29,14 +29,18 @@ transport::Admission admitted(bool is_operator, const std::string& identity) {
 
 }  // namespace
 
-Access::Access(const ServerOptions& options)
-    : uids_(options.allow_uids), insecure_plaintext_(options.insecure_plaintext), keys_file_(options.authorized_keys) {
-  if (uids_.empty()) uids_ = {::geteuid()};
+void Access::check(const ServerOptions& options) {
   if (options.curve_secret.empty() != options.authorized_keys.empty())
     throw std::invalid_argument(
         "--curve-secret and --authorized-keys go together: the server's own key, and those of its clients");
   if (!options.curve_secret.empty() && options.insecure_plaintext)
     throw std::invalid_argument("--insecure-plaintext would be without effect beside --curve-secret; leave it out");
+}
+
+Access::Access(const ServerOptions& options)
+    : uids_(options.allow_uids), insecure_plaintext_(options.insecure_plaintext), keys_file_(options.authorized_keys) {
+  check(options);
+  if (uids_.empty()) uids_ = {::geteuid()};
   if (options.curve_secret.empty()) return;
   secret_key_ = files::read_secret_key(options.curve_secret);
   read_authorized_keys();

@@ -20,6 +20,9 @@ namespace shearbus::server {
 
 class Access {
  public:
+  // Throws std::invalid_argument for options that exclude or need each other.
+  static void check(const ServerOptions& options);
+
   // Reads the key files that the options name. Throws std::invalid_argument for options that exclude each other,
   // std::runtime_error for files that cannot be used.
   explicit Access(const ServerOptions& options);

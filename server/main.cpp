@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <climits>
 #include <csignal>
@@ -21,6 +22,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -30,10 +32,12 @@
 #include "proto/program/program.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
+#include "server/access.hpp"
 #include "server/host.hpp"
 #include "server/options.hpp"
 #include "server/own_laws.hpp"
 #include "server/server.hpp"
+#include "server/transport/endpoint.hpp"
 #include "server/version.hpp"
 
 namespace {
@@ -140,8 +144,10 @@ void add_options(CLI::App& app, ServerOptions& options) {
       ->type_name("FILE");
   app.add_flag("--insecure-plaintext", options.insecure_plaintext,
                "Allow tcp without keys: whoever reaches the address is served, unknown and unencrypted");
-  shearbus::program::add_choice(app, "--log-level", options.log_level,
-                                {"trace", "debug", "info", "warn", "error", "off"}, "How much to say")
+  shearbus::program::add_choice(
+      app, "--log-level", options.log_level, {"trace", "debug", "info", "warn", "error", "off"},
+      "How much to say; error leaves the lines that need the operator: ALARM, FAILED, LOST and "
+      "DAMAGED")
       ->default_str(options.log_level);
   app.add_option("--log-file", options.log_file, "Where to say it; by default standard error")->type_name("FILE");
 }
@@ -152,6 +158,18 @@ constexpr const char* kFooter = R"(Examples:
 
 Exit codes: 0 stopped, 1 a fault, 2 a wrong command line, 3 the time of a drain was over and
 sessions were open.)";
+
+// Throws CLI::ParseError for options that no server can have, whatever is on the disk.
+void check_command_line(const ServerOptions& options) try {
+  for (const std::string& text : options.endpoints) {
+    const auto endpoint = shearbus::transport::Endpoint::parse(text);
+    if (options.curve_secret.empty() && !options.insecure_plaintext) endpoint.refuse_unprotected();
+  }
+  shearbus::server::Access::check(options);
+  for (const std::string& law : options.own_laws) static_cast<void>(shearbus::server::own_law_of(law));
+} catch (const std::exception& fault) {
+  throw CLI::ValidationError(fault.what());
+}
 
 // Every line of a log begins with its time.
 bool is_log(const std::filesystem::path& file) {
@@ -167,17 +185,30 @@ void check_outputs(const ServerOptions& options) {
       {{"--curve-secret", options.curve_secret}, {"--authorized-keys", options.authorized_keys}}};
   shearbus::files::refuse_inputs_as_output("--endpoint-file", options.endpoint_file, inputs);
   shearbus::files::refuse_inputs_as_output("--log-file", options.log_file, inputs);
-  if (!options.endpoint_file.empty())
+  if (!options.endpoint_file.empty()) {
     shearbus::files::check_output(options.endpoint_file, shearbus::files::kEndpointFile);
+    shearbus::files::refuse_file_of_running_server(options.endpoint_file);
+  }
   std::error_code ignored;
   const bool device = std::filesystem::is_character_file(options.log_file, ignored) ||
                       std::filesystem::is_fifo(options.log_file, ignored);
   if (!options.log_file.empty() && !device) shearbus::files::check_output(options.log_file, kLogFile);
 }
 
-// A line that reports a failure begins with this word.
-spdlog::level::level_enum level_of(const std::string& line) {
-  return line.starts_with("FAILED: ") ? spdlog::level::err : spdlog::level::info;
+// The words with which the server begins the lines that an operator must see, however little is logged.
+constexpr std::array<std::pair<std::string_view, spdlog::level::level_enum>, 7> kWords = {{
+    {"ALARM: ", spdlog::level::err},     // something needs the operator
+    {"FAILED: ", spdlog::level::err},    // the server ends, or admits nobody
+    {"LOST: ", spdlog::level::err},      // answered requests are missing on the disk
+    {"DAMAGED: ", spdlog::level::err},   // a file cannot be used; others stand in
+    {"FOREIGN: ", spdlog::level::warn},  // a file of another server
+    {"REFUSED: ", spdlog::level::warn},  // a peer asked for what it may not
+    {"WARNING: ", spdlog::level::warn},
+}};
+
+spdlog::level::level_enum level_of(std::string_view line) {
+  const auto* const word = std::ranges::find_if(kWords, [&](const auto& row) { return line.starts_with(row.first); });
+  return word != kWords.end() ? word->second : spdlog::level::info;
 }
 
 // The text of a line of the log, whatever names of strangers it quotes.
@@ -227,28 +258,6 @@ int block_stop_signals() {
   return ::signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK);
 }
 
-// The endpoint file of a server, present as long as this object. A file that another server has written since is left
-// there.
-class PublishedEndpoint {
- public:
-  PublishedEndpoint(const std::string& file, const shearbus::files::EndpointFile& contents)
-      : file_(shearbus::files::target_of_output(file)), text_(text_of(contents)) {
-    shearbus::files::write_whole(file_, shearbus::files::kEndpointFile, text_);
-  }
-  PublishedEndpoint(const PublishedEndpoint&) = delete;
-  PublishedEndpoint& operator=(const PublishedEndpoint&) = delete;
-  ~PublishedEndpoint() {
-    std::error_code ignored;
-    if (std::filesystem::symlink_status(file_, ignored).type() == std::filesystem::file_type::regular &&
-        shearbus::files::head_of(file_, text_.size() + 1) == text_)
-      ::unlink(file_.c_str());
-  }
-
- private:
-  std::filesystem::path file_;
-  std::string text_;
-};
-
 std::string host_name() {
   std::array<char, HOST_NAME_MAX + 1> name{};
   if (::gethostname(name.data(), name.size() - 1) != 0) return "localhost";
@@ -286,7 +295,7 @@ int run(const ServerOptions& options) {
       spdlog::warn("INSECURE: whoever reaches a tcp address of this server is served, unknown and unencrypted");
     std::vector<std::string> bound;
     for (const std::string& endpoint : options.endpoints) bound.push_back(server.bind(endpoint));
-    std::optional<PublishedEndpoint> published;
+    std::optional<shearbus::files::PublishedEndpoint> published;
     if (!options.endpoint_file.empty()) {
       const std::string host = host_name();
       published.emplace(
@@ -331,7 +340,7 @@ int main(int argc, char** argv) {
   ServerOptions options;
   add_options(app, options);
   shearbus::program::complete(app, "shearbus-server", shearbus::server::version_text, kFooter);
-  if (const auto code = shearbus::program::parse(app, argc, argv)) return *code;
+  if (const auto code = shearbus::program::parse(app, argc, argv, [&] { check_command_line(options); })) return *code;
   try {
     return run(options);
   } catch (const std::exception& fault) {

@@ -41,14 +41,19 @@ std::string fault_of(const shearbus_friction_law& law) {
 
 }  // namespace
 
+OwnLaw own_law_of(const std::string& given) {
+  const std::size_t equals = given.find('=');
+  OwnLaw law{given.substr(0, equals), equals == given.npos ? "" : given.substr(equals + 1)};
+  const auto fits = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.'; };
+  if (law.name.empty() || law.file.empty() || !std::all_of(law.name.begin(), law.name.end(), fits))
+    refuse(given, "expected NAME=FILE, with a name of letters, digits, '_', '-' and '.'",
+           "For example --friction-law fault_gouge=/usr/lib/shearbus/fault_gouge.so.");
+  return law;
+}
+
 void load_own_laws(const std::vector<std::string>& laws) {
   for (const std::string& given : laws) {
-    const std::size_t equals = given.find('=');
-    const std::string name = given.substr(0, equals), file = equals == given.npos ? "" : given.substr(equals + 1);
-    const auto fits = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.'; };
-    if (name.empty() || file.empty() || !std::all_of(name.begin(), name.end(), fits))
-      refuse(given, "expected NAME=FILE, with a name of letters, digits, '_', '-' and '.'",
-             "For example --friction-law fault_gouge=/usr/lib/shearbus/fault_gouge.so.");
+    const auto [name, file] = own_law_of(given);
     void* const library = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);  // never closed: sessions use it to the end
     if (library == nullptr) {
       const char* const fault = ::dlerror();

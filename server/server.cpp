@@ -86,6 +86,12 @@ store::StoreOptions store_options(const ServerOptions& options, std::uint64_t ep
           .log = log.info};
 }
 
+// A recording that fails needs the operator, unlike one that began too late.
+std::function<void(const std::string&, bool)> log_of_recordings(const Log& log) {
+  if (!log.info) return {};
+  return [info = log.info](const std::string& line, bool failed) { info((failed ? "ALARM: " : "WARNING: ") + line); };
+}
+
 }  // namespace
 
 Server::Server(const ServerOptions& options, const Log& log) : Server(options, log, random_epoch()) {}
@@ -100,7 +106,7 @@ Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch
                                                  files::RecorderOptions{.place = options.record_dir,
                                                                         .recorder = files::Recorder::kServer,
                                                                         .sessions = options.record_sessions,
-                                                                        .log = log.info})),
+                                                                        .log = log_of_recordings(log)})),
       service_(with_hooks(service_options(options, epoch, log)), pool_, store_.get()),
       access_(options),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,

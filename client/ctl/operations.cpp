@@ -4,8 +4,12 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <future>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "proto/files/endpoint_file.hpp"
 #include "proto/wire/enum_names.hpp"
@@ -202,10 +206,12 @@ bool show_all(const std::filesystem::path& directory, bool json, const StatusOf&
   bool all_answer = true;
   constexpr std::size_t kLongestName = 1024;
   constexpr std::size_t kLongestFault = 4096;
-  for (const auto& [file, endpoint] : servers_of(directory)) {
-    const std::string name = wire::printable(file, kLongestName);
+  std::vector<std::pair<std::string, std::future<Told>>> asked;
+  for (const auto& [file, endpoint] : servers_of(directory))
+    asked.emplace_back(wire::printable(file, kLongestName), std::async(std::launch::async, status_of, endpoint));
+  for (auto& [name, answer] : asked) {
     try {
-      const Told told = status_of(endpoint);
+      const Told told = answer.get();
       const wire::ServerStatus& s = told.status;
       if (json) {
         nlohmann::ordered_json line = {{"file", name}};

@@ -49,7 +49,7 @@ using ServerList = std::vector<std::pair<std::string, std::string>>;  // names a
 // Returns the servers of a directory of endpoint files, by file name. Throws std::runtime_error if there are none.
 ServerList servers_of(const std::filesystem::path& directory);
 // Prints a line for each endpoint file of a directory: what the server holds, or why it does not answer. Returns false
-// if one does not answer.
+// if one does not answer. All are asked at once, each on a thread.
 bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of);
 void show_sessions(Operator& server, bool json);
 // `session`: the first digits of a session id, or the name of its scene; may be empty if there is only one session.

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "client/ctl/operations.hpp"
+#include "proto/wire/numbers.hpp"
 
 namespace shearbus::ctl {
 namespace {
@@ -198,12 +199,14 @@ std::string prometheus_text(const Told& told) {
 static void check_address(const std::string& address) {
   const std::size_t colon = address.rfind(':');
   const std::string port = colon == std::string::npos ? address : address.substr(colon + 1);
-  const bool is_port = !port.empty() && port.find_first_not_of("0123456789") == std::string::npos;
+  constexpr std::uint64_t kLastPort = 65535;
+  const bool is_port = wire::count_of(port, kLastPort).has_value();
   if (is_port && colon != std::string::npos && colon != 0 && address.find(',') == std::string::npos) return;
-  throw std::runtime_error(fmt::format(
-      "cannot listen at {0}: expected ADDRESS:PORT. For this machine alone: 127.0.0.1:{1}; for every network that the "
-      "machine is in, where nothing protects the metrics: 0.0.0.0:{1}",
-      address, is_port ? port : "9464"));
+  throw std::runtime_error(
+      fmt::format("cannot listen at {0}: expected ADDRESS:PORT, with a port up to 65535. For this machine alone: "
+                  "127.0.0.1:{1}; for every network that the "
+                  "machine is in, where nothing protects the metrics: 0.0.0.0:{1}",
+                  address, is_port ? port : "9464"));
 }
 
 void serve_metrics(const std::string& address, std::function<ServerList()> servers, StatusOf status_of) {

@@ -91,7 +91,7 @@ class InProcessPeer final : public Peer {
   explicit InProcessPeer(const fs::path& record) {
     if (!record.empty())
       recorder_.emplace(files::RecorderOptions{
-          .place = record, .recorder = files::Recorder::kClient, .sessions = {}, .log = complain});
+          .place = record, .recorder = files::Recorder::kClient, .sessions = {}, .log = [](const std::string& line, bool) { complain(line); }});
   }
 
   const wire::Reply& ask(wire::Request& request) override {

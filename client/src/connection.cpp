@@ -24,6 +24,7 @@
 #include "proto/files/key_file.hpp"
 #include "proto/wire/codec.hpp"
 #include "proto/wire/host_process.hpp"
+#include "proto/wire/numbers.hpp"
 #include "proto/wire/text.hpp"
 
 namespace shearbus {
@@ -61,6 +62,20 @@ std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
   throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", where, why)});
 }
 
+// Throws Error for a tcp endpoint without a port that one can connect to.
+void check_port(std::string_view endpoint) {
+  constexpr std::string_view kTcp = "tcp://";
+  constexpr std::uint64_t kLastPort = 65535;
+  if (!endpoint.starts_with(kTcp)) return;
+  const std::size_t colon = endpoint.rfind(':');  // where there is no port, that of the scheme
+  const std::string_view port = colon < kTcp.size() ? std::string_view() : endpoint.substr(colon + 1);
+  if (const auto number = wire::count_of(port, kLastPort); number && *number > 0) return;
+  throw Error({.code = Code::kUnreachable,
+               .text = fmt::format("{}: expected a port from 1 to {} at the end, found {}",
+                                   wire::printable(endpoint, kLongestShown), kLastPort, wire::in_quotes(port)),
+               .remedy = "Write tcp://HOST:PORT, with the port that the log of the server names."});
+}
+
 void check_endpoint(const ClientOptions& options) {
   const std::string_view endpoint = options.endpoint;
   const bool file = endpoint.starts_with(files::kFileScheme);  // the server's key is in the file
@@ -71,6 +86,7 @@ void check_endpoint(const ClientOptions& options) {
          .text = fmt::format("\"{}\" is not an endpoint", wire::printable(endpoint, kLongestShown)),
          .remedy = "Use tcp://host:port, ipc://path, file://path of an endpoint file, or the inproc:// endpoint of an "
                    "embedded server."});
+  check_port(endpoint);
   if (endpoint.starts_with(kOwnProcess) && options.context == nullptr)
     throw Error({.code = Code::kUnreachable,
                  .text = fmt::format("{} can be reached only by the program that started the server", endpoint),
@@ -150,8 +166,10 @@ bool SocketConnection::in_process() const {
 void SocketConnection::start_recording() {
   const auto report = [log = options().log](const std::string& line) { write_line(log, line); };
   try {
-    recorder_.emplace(files::RecorderOptions{
-        .place = options().record, .recorder = files::Recorder::kClient, .sessions = {}, .log = report});
+    recorder_.emplace(files::RecorderOptions{.place = options().record,
+                                             .recorder = files::Recorder::kClient,
+                                             .sessions = {},
+                                             .log = [report](const std::string& line, bool) { report(line); }});
   } catch (const std::exception& fault) {
     report(fmt::format("nothing is recorded: {}", fault.what()));
   }
@@ -211,10 +229,16 @@ bool SocketConnection::find_server() {
   where_ = wire::printable(options().endpoint, kLongestShown);
   if (!by_file()) return true;
   files::EndpointFile file;
+  const std::string path = where_.substr(files::kFileScheme.size());
   try {
-    file = files::read_endpoint_file(where_.substr(files::kFileScheme.size()));
+    file = files::read_endpoint_file(path);
   } catch (const std::runtime_error& fault) {
-    file_fault_ = fault.what();
+    if (files::may_become_endpoint_file(path))
+      file_fault_ = fault.what();
+    else
+      refusal_ = {.code = Code::kUnreachable,
+                  .text = fmt::format("expected an endpoint file of a server, found another file: {}", fault.what()),
+                  .remedy = "Name the file that the server got as --endpoint-file."};
     return false;
   }
   file_fault_.clear();
@@ -670,11 +694,15 @@ void SocketConnection::give_up(bool sent, Clock::duration waited) const {
                    .text = fmt::format("no server was found at {} within {:.1f} s: {}", where_, seconds, fault),
                    .remedy = "Write the address of the server's machine, or a name that \"getent ahostsv4 NAME\" knows "
                              "here."});
-    throw Error({.code = Code::kUnreachable,
-                 .text = fmt::format("no server answered at {} within {:.1f} s", where_, seconds),
-                 .remedy = by_file()
-                               ? "A server that is killed leaves its file behind: start it again, or remove the file."
-                               : fmt::format("Is one running? Start it with: shearbus-server --bind {}", where_)});
+    throw Error(
+        {.code = Code::kUnreachable,
+         .text = fmt::format("no server answered at {} within {:.1f} s", where_, seconds),
+         .remedy = by_file() ? "A server that is killed leaves its file behind: start it again, or remove the file."
+                             : fmt::format("Is one running? Start it with: shearbus-server --bind {}{}", where_,
+                                           !where_.starts_with("tcp://") ? ""
+                                           : server_.secret_key.empty()
+                                               ? " --insecure-plaintext, or give both sides keys (shearbus-ctl keygen)"
+                                               : " --curve-secret FILE --authorized-keys FILE")});
   }
   throw Error({.code = Code::kUnknownOutcome,
                .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run{}{}", where_,

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -13,6 +14,7 @@
 #include <utility>
 
 #include "proto/files/key_file.hpp"
+#include "proto/wire/status.hpp"
 
 namespace shearbus::files {
 namespace {
@@ -138,10 +140,52 @@ EndpointFile read_endpoint_file(const std::filesystem::path& file) {
 std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory) {
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(directory))
-    if (entry.is_regular_file() && entry.path().extension() != ".partial") files.push_back(entry.path());
+    if (entry.is_regular_file() && entry.path().extension() != ".partial" && is_endpoint_file(entry.path()))
+      files.push_back(entry.path());
   if (files.empty()) throw std::runtime_error(directory.string() + ": has no endpoint files; is a server running?");
   std::sort(files.begin(), files.end());
   return files;
+}
+
+bool may_become_endpoint_file(const std::filesystem::path& file) {
+  std::error_code fault;
+  const std::filesystem::file_status status = std::filesystem::status(file, fault);
+  if (!std::filesystem::exists(status)) return true;
+  if (!std::filesystem::is_regular_file(status)) return false;
+  return std::filesystem::file_size(file, fault) == 0 || fault || is_endpoint_file(file);
+}
+
+void refuse_file_of_running_server(const std::filesystem::path& file) {
+  const std::filesystem::path target = target_of_output(file);
+  const int there = ::open(target.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | O_NOFOLLOW);
+  if (there < 0) return;
+  const bool held = ::flock(there, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  ::close(there);
+  if (!held) return;
+  std::string place;
+  try {
+    place = fmt::format(", at {}", read_endpoint_file(target).endpoint);
+  } catch (const std::runtime_error&) {  // it has just ended, or the file was written over
+  }
+  throw wire::Error(
+      {.code = wire::Code::kInvalidValue,
+       .text = fmt::format("{} is the endpoint file of a server that runs{}; expected a file of this server's own",
+                           file.string(), place),
+       .remedy = "Stop that server first, or name another file."});
+}
+
+PublishedEndpoint::PublishedEndpoint(const std::filesystem::path& file, const EndpointFile& contents)
+    : file_(target_of_output(file)), text_(text_of(contents)), lock_(-1) {
+  refuse_file_of_running_server(file);
+  lock_ = write_whole_locked(file_, kEndpointFile, text_);
+}
+
+PublishedEndpoint::~PublishedEndpoint() {
+  std::error_code ignored;
+  if (std::filesystem::symlink_status(file_, ignored).type() == std::filesystem::file_type::regular &&
+      head_of(file_, text_.size() + 1) == text_)
+    ::unlink(file_.c_str());
+  ::close(lock_);
 }
 
 }  // namespace shearbus::files

@@ -35,8 +35,29 @@ extern const FileKind kEndpointFile;
 // Throws std::runtime_error for a file that is absent, incomplete or no endpoint file; its text names the file.
 EndpointFile read_endpoint_file(const std::filesystem::path& file);
 
-// Returns the endpoint files in a directory, ordered by their names. Throws std::runtime_error if it has none or cannot
-// be read.
+// Returns false for what no server makes an endpoint file of: a file of another kind, which no server replaces.
+bool may_become_endpoint_file(const std::filesystem::path& file);
+
+// Returns the endpoint files in a directory, told by their contents, ordered by their names. Throws std::runtime_error
+// if it has none or cannot be read.
 std::vector<std::filesystem::path> endpoint_files(const std::filesystem::path& directory);
+
+// Throws wire::Error if a server that runs has written the file.
+void refuse_file_of_running_server(const std::filesystem::path& file);
+
+// The endpoint file of a server, there and locked as long as this object. A file that was replaced since is left there.
+class PublishedEndpoint {
+ public:
+  // Throws wire::Error for a file that cannot be written, or that is of a server that runs.
+  PublishedEndpoint(const std::filesystem::path& file, const EndpointFile& contents);
+  PublishedEndpoint(const PublishedEndpoint&) = delete;
+  PublishedEndpoint& operator=(const PublishedEndpoint&) = delete;
+  ~PublishedEndpoint();
+
+ private:
+  std::filesystem::path file_;
+  std::string text_;
+  int lock_;
+};
 
 }  // namespace shearbus::files

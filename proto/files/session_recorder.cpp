@@ -92,7 +92,7 @@ SessionRecorder::Log* SessionRecorder::begin(std::uint32_t verb, const wire::Ses
                                      .scene = opened->effective_scene});
   }
   if (!log && !one_file_ && std::filesystem::exists(file, ignored)) log.emplace(file, id);
-  if (!log) stop(id, "it was opened before the recording began");
+  if (!log) stop(id, "it was opened before the recording began", false);
   return &log;
 }
 
@@ -116,16 +116,17 @@ void SessionRecorder::add(const ExchangeFrames& frames) noexcept try {
     if (*log) (*log)->sync();
     sessions_.erase(id);
   } catch (const std::exception& fault) {
-    stop(id, fault.what());
+    stop(id, fault.what(), true);
   }
 } catch (const std::exception&) {  // no memory to say why a header is malformed: it is not recorded in any case
 }
 
-void SessionRecorder::stop(const wire::SessionId& id, const std::string& why) noexcept try {
+void SessionRecorder::stop(const wire::SessionId& id, const std::string& why, bool failed) noexcept try {
   sessions_[id].reset();
   if (options_.log)
     options_.log(
-        fmt::format("session {} is not recorded any further: {}", wire::hexadecimal(std::span(id).first(4)), why));
+        fmt::format("session {} is not recorded any further: {}", wire::hexadecimal(std::span(id).first(4)), why),
+        failed);
 } catch (const std::exception&) {
 }
 

@@ -18,8 +18,9 @@ struct RecorderOptions {
   // its first session.
   std::filesystem::path place;
   Recorder recorder = Recorder::kServer;
-  std::vector<std::string> sessions;            // names of scenes or domains; empty: records all sessions
-  std::function<void(const std::string&)> log;  // receives one line if the recording of a session stops
+  std::vector<std::string> sessions;  // names of scenes or domains; empty: records all sessions
+  // Receives one line if the recording of a session stops, and whether it has failed.
+  std::function<void(const std::string& line, bool failed)> log;
 };
 
 // One thread at a time may call it.
@@ -39,7 +40,7 @@ class SessionRecorder {
   std::filesystem::path file_of(const wire::SessionId& id) const;
   bool wanted(const ExchangeFrames& frames, const wire::SessionOpened& opened) const;
   std::uint64_t time_ns();
-  void stop(const wire::SessionId& id, const std::string& why) noexcept;
+  void stop(const wire::SessionId& id, const std::string& why, bool failed) noexcept;
 
   RecorderOptions options_;
   bool one_file_ = false;

@@ -90,7 +90,9 @@ void refuse_to_write(const fs::path& file, int fault) {
   throw wire::Error(
       {.code = no_space ? wire::Code::kNoSpace : wire::Code::kInvalidValue,
        .text = file.string() + ": cannot be written: " + std::generic_category().message(fault) + "; no file is left",
-       .remedy = no_space ? "Make room there, or write elsewhere." : ""});
+       .remedy = no_space                                              ? "Make room there, or write elsewhere."
+                 : fault == EACCES || fault == EPERM || fault == EROFS ? "Write into a directory of your own."
+                                                                       : "Write elsewhere."});
 }
 
 void refuse_inputs_as_output(const std::string& option, const fs::path& out, std::span<const InputFile> inputs) {
@@ -239,6 +241,10 @@ void PartialFile::refuse_newer() {
 }
 
 void PartialFile::publish() {
+  ::close(publish_locked());
+}
+
+int PartialFile::publish_locked() {
   if (::fsync(descriptor_) != 0) refuse_to_write(file_, errno);
   if (writers_ == Writers::kOne && !(version_of(file_) == before_)) refuse_newer();
   const bool first = writers_ == Writers::kOne && !before_.there;
@@ -246,18 +252,28 @@ void PartialFile::publish() {
   if (renamed != 0 && first && errno == EEXIST) refuse_newer();
   if (renamed != 0 && (errno == EINVAL || errno == ENOSYS)) renamed = ::rename(partial_.c_str(), file_.c_str());
   if (renamed != 0) refuse_to_write(file_, errno);
-  ::close(std::exchange(descriptor_, -1));
-  sync_to_disk(directory_of(file_), file_);
+  const int published = std::exchange(descriptor_, -1);
+  try {
+    sync_to_disk(directory_of(file_), file_);
+  } catch (...) {
+    ::close(published);
+    throw;
+  }
+  return published;
 }
 
-void write_whole(const fs::path& file, const FileKind& kind, std::string_view text) {
+int write_whole_locked(const fs::path& file, const FileKind& kind, std::string_view text) {
   PartialFile partial(file, kind, PartialFile::Writers::kAny);
   while (!text.empty()) {
     const ssize_t written = ::write(partial.descriptor(), text.data(), text.size());
     if (written < 0 && errno != EINTR) refuse_to_write(file, errno);
     if (written > 0) text.remove_prefix(static_cast<std::size_t>(written));
   }
-  partial.publish();
+  return partial.publish_locked();
+}
+
+void write_whole(const fs::path& file, const FileKind& kind, std::string_view text) {
+  ::close(write_whole_locked(file, kind, text));
 }
 
 OneWriter::OneWriter(const fs::path& directory) : lock_(directory / kLockName) {
@@ -267,9 +283,10 @@ OneWriter::OneWriter(const fs::path& directory) : lock_(directory / kLockName) {
     refuse_file(directory, fmt::format("the directory cannot be made: {}", fault.message()), "Write elsewhere.");
   for (;;) {
     descriptor_ = ::open(lock_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (descriptor_ < 0 && errno == EACCES)  // of another user, in a directory that both write to
+    const int first_fault = errno;
+    if (descriptor_ < 0 && first_fault == EACCES)  // of another user, in a directory that both write to
       descriptor_ = ::open(lock_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-    if (descriptor_ < 0) refuse_to_write(lock_, errno);
+    if (descriptor_ < 0) refuse_to_write(lock_, first_fault);
     if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
       ::close(std::exchange(descriptor_, -1));
       refuse_file(directory, "another run writes here", "Wait for it, or give each run a directory of its own.");

@@ -65,6 +65,8 @@ class PartialFile {
 
   // Gives the finished file its name. When the function has returned, the name survives a loss of power.
   void publish();
+  // The same. Returns the descriptor of the file, which stays locked until the caller closes it.
+  int publish_locked();
 
  private:
   // What is known of the file of the final name, to see whether another program has written it since.
@@ -89,6 +91,8 @@ class PartialFile {
 
 // Writes the text to `file` as a whole; on failure throws Error and leaves no partial file.
 void write_whole(const std::filesystem::path& file, const FileKind& kind, std::string_view text);
+// The same. Returns the descriptor of the file, which stays locked until the caller closes it.
+int write_whole_locked(const std::filesystem::path& file, const FileKind& kind, std::string_view text);
 
 // Keeps a run's directory to one writer. Makes the directory if it is not there.
 class OneWriter {

@@ -225,7 +225,7 @@ std::optional<int> parse(CLI::App& app, int argc, const char* const* argv, const
     app.parse(argc, argv);
     if (check) check();
   } catch (const CLI::Success& call) {  // --help, --version
-    return app.exit(call);
+    return end_program(app.get_name(), app.exit(call));
   } catch (const CLI::ParseError& fault) {
     complain(fmt::format("{}: {}\nRun {} --help for more information.", app.get_name(),
                          wire::printable(text_of(app, fault), wire::kMaxTextBytes), app.get_name()));

@@ -58,12 +58,12 @@ void Service::leave_capsules(const Member& member, const RunningStep& running, b
          .state = state_of(shard, slot, from_trial),
          .inputs = values_of(running.request.batch, row),
          .answer = values_of(running.reply->batch, row)});
-    log(fmt::format("node {} of session {} has no answer to step {}: {}", node, short_name(member.id), step.step,
-                    file));
+    log(fmt::format("WARNING: node {} of session {} has no answer to step {}: {}", node, short_name(member.id),
+                    step.step, file));
     --room;
   }
 } catch (const std::exception& fault) {
-  log(std::string("a failure capsule could not be written: ") + fault.what());
+  log(std::string("ALARM: a failure capsule could not be written: ") + fault.what());
 }
 
 }  // namespace shearbus::service

@@ -141,7 +141,7 @@ void Service::begin_checkpoint(bool aside) {
   try {
     job_ = store_->begin_checkpoint(snapshot());
   } catch (const std::bad_alloc&) {
-    log("the checkpoint found no memory; the ones before and the journal hold everything");
+    log("ALARM: the checkpoint found no memory; the ones before and the journal hold everything");
     if (options_.around_checkpoint) options_.around_checkpoint(false);
     return;
   }
@@ -185,7 +185,7 @@ bool Service::end_checkpoint(bool wait) noexcept try {
   if (written) last_checkpoint_ns_ = now;
   return written;
 } catch (const std::exception& fault) {
-  log(std::string("a checkpoint could not be completed: ") + fault.what());
+  log(std::string("ALARM: a checkpoint could not be completed: ") + fault.what());
   return false;
 }
 

@@ -318,7 +318,7 @@ void Service::forget_transfers_of(const Domain& domain) {
   std::erase_if(transfers_, [&](const auto& entry) {
     const store::TransferImage& transfer = *entry.second;
     if (Domain{transfer.identity, transfer.domain} != domain) return false;
-    log(fmt::format("domain {} ends: {} nodes that session {} offered are gone", printable(transfer.domain),
+    log(fmt::format("WARNING: domain {} ends: {} nodes that session {} offered are gone", printable(transfer.domain),
                     transfer.node_ids.size(), short_name(transfer.giver)));
     metrics_.nodes -= transfer.node_ids.size();
     metrics_.state_bytes -= kept_bytes(transfer.states);

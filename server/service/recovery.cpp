@@ -119,8 +119,11 @@ void Service::prove_last_replies() noexcept try {
     proven = true;
   }
   if (proven) settle();
+  unproven_.clear();
 } catch (const std::exception& fault) {  // a final failure of the journal ends the server; a full disk is tried again
-  log(std::string("the last reply of a session could not be proven: ") + fault.what());
+  if (unproven_ == fault.what()) return;
+  log(std::string("ALARM: the last reply of a session could not be proven: ") + fault.what());
+  unproven_ = fault.what();
 }
 
 std::optional<ReplyFrames> Service::refuse_while_recovering(Frames frames) const noexcept try {

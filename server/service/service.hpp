@@ -316,6 +316,7 @@ class Service : private store::Recovery {
   wire::Batch used_batch_;
   ReplyPtr used_reply_;
   bool failed_ = false;
+  std::string unproven_;  // why the last replies could not be proven at the last look
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
   bool draining_ = false;

@@ -299,7 +299,7 @@ bool Service::work() noexcept {
     std::erase(journaled_, &member);
     if (member.running->pending) member.running->pending->copy();
     member.running.reset();
-    log(std::string("a step could not be computed: ") + fault.what());
+    log(std::string("ALARM: a step could not be computed: ") + fault.what());
     return true;
   }
 }

@@ -211,7 +211,7 @@ Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
     } catch (const std::exception& fault) {  // damaged, unreadable or too large for the memory
       if (dynamic_cast<const StorageError*>(&fault) != nullptr && !restored.unread)
         restored.unread = std::current_exception();
-      log(std::string("DAMAGED checkpoint, not loaded: ") + fault.what());
+      log(std::string("DAMAGED: checkpoint not loaded: ") + fault.what());
       restored.faults += (restored.faults.empty() ? "" : "; ") + std::string(fault.what());
     }
   }
@@ -317,7 +317,7 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
     const auto segment = segment_in(file, number, bytes, missed);
     if (!segment) continue;
     check_order(*segment, file, end, missed, restored);
-    if (!missed.text.empty()) log(missed.text + "; the other files hold its records");
+    if (!missed.text.empty()) log("DAMAGED: " + missed.text + "; the other files hold its records");
     missed = {};
     lost.clear();
     for (const Record& record : segment->records) {
@@ -374,7 +374,7 @@ std::string Store::unused_suffix(const Found& found, const std::vector<std::stri
 
 void Store::start_empty(const Found& found, Recovery& recovery, const std::string& fault) {
   recovery.clear();
-  log("the states on disk cannot be used: " + fault);
+  log("LOST: the states on disk cannot be used: " + fault);
   std::vector<std::string> files;
   for (const std::uint64_t generation : found.checkpoints) files.push_back(checkpoint_name(generation));
   for (const std::uint64_t number : found.segments) files.push_back(segment_name(number));
@@ -577,7 +577,8 @@ bool Store::end_checkpoint(CheckpointJob& job) {
     ++counters_.checkpoints_failed;
     retry_at_bytes_ = bytes_since_checkpoint_ + options_.checkpoint_bytes / 8 + 1;
     retry_at_work_ = work_since_checkpoint_ + options_.checkpoint_work / 8;
-    log("the checkpoint could not be written: " + job.fault + "; the ones before and the journal hold everything");
+    log("ALARM: the checkpoint could not be written: " + job.fault +
+        "; the ones before and the journal hold everything");
     return false;
   }
   retry_at_bytes_ = 0;
@@ -592,7 +593,7 @@ bool Store::end_checkpoint(CheckpointJob& job) {
     publish_identity(identity);
     prune();
   } catch (const std::exception& fault) {
-    log(std::string("old files could not be put away: ") + fault.what());
+    log(std::string("ALARM: old files could not be put away: ") + fault.what());
   }
   return true;
 }

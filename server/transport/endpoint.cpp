@@ -64,4 +64,12 @@ Endpoint Endpoint::parse(std::string_view text) {
   refuse(text, "has scheme \"" + std::string(scheme) + "\"");
 }
 
+void Endpoint::refuse_unprotected() const {
+  if (scheme == Scheme::kTcp)
+    throw std::invalid_argument("endpoint \"" + text +
+                                "\": whoever reaches it would be served, unknown and unencrypted; use ipc://, or give "
+                                "the server keys with --curve-secret and --authorized-keys, or accept that with "
+                                "--insecure-plaintext");
+}
+
 }  // namespace shearbus::transport

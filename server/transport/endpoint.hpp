@@ -18,6 +18,9 @@ struct Endpoint {
 
   // Throws std::invalid_argument with the expected form, the text found and a remedy.
   static Endpoint parse(std::string_view text);
+
+  // Throws std::invalid_argument for a tcp endpoint of a server that has no keys and was not told to do without.
+  void refuse_unprotected() const;
 };
 
 }  // namespace shearbus::transport

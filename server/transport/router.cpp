@@ -100,7 +100,7 @@ void Router::bind_ipc(const Endpoint& endpoint) {
   SocketPath path(endpoint.path, options_.ipc_users.empty());
   listen_at(path, endpoint.text);
   if (!path.admit(options_.ipc_users) && options_.log_access)
-    options_.log_access("the file system of " + endpoint.path +
+    options_.log_access("WARNING: the file system of " + endpoint.path +
                         " has no access lists: every user of this machine can connect there, and is refused then "
                         "unless --allow-uid names the user");
   paths_.push_back({.path = std::move(path), .endpoint = endpoint.text, .fault = {}});
@@ -143,12 +143,7 @@ std::vector<std::string> Router::look_after_paths() {
 
 void Router::bind_tcp(const Endpoint& endpoint) {
   const bool curve = !options_.curve_secret_key.empty();
-  if (!curve && !options_.insecure_plaintext)
-    throw std::invalid_argument(
-        "endpoint \"" + endpoint.text +
-        "\": whoever reaches it would be served, unknown and unencrypted; use ipc://, or give the "
-        "server keys with --curve-secret and --authorized-keys, or accept that with "
-        "--insecure-plaintext");
+  if (!curve && !options_.insecure_plaintext) endpoint.refuse_unprotected();
   socket_.set(zmq::sockopt::ipv6, endpoint.host.find(':') != std::string::npos);
   if (curve) socket_.set(zmq::sockopt::curve_secretkey, options_.curve_secret_key);
   socket_.set(zmq::sockopt::curve_server, curve);  // selects the mechanism of the next bind: CURVE or none

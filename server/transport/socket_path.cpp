@@ -99,8 +99,8 @@ void refuse_other_socket(const std::string& path) {
                              " is a file or directory, not a socket: listening there would delete it; "
                              "choose another path");
   if (is_served(path))
-    throw std::runtime_error("another server listens on ipc://" + path + ", although its lock file " + path +
-                             ".lock was removed; stop it first, or choose another path");
+    throw std::runtime_error("another process listens on ipc://" + path + ", and does not hold the lock file " + path +
+                             ".lock; stop it first, or choose another path");
 }
 
 int take_lock(const std::string& path) {

@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -60,6 +61,14 @@ class Programs(unittest.TestCase):
             self.assertEqual(done.returncode, 2)
             self.assertIn(said, done.stderr)
 
+    def test_what_cannot_be_printed_is_no_success(self):
+        for program in OPTIONS.programs:
+            for option in ("--help", "--version"):
+                with self.subTest(program=program.name, option=option), open("/dev/full", "w") as full:
+                    done = subprocess.run([program, option], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+                    self.assertEqual(done.returncode, 1, done.stderr)
+                    self.assertIn("standard output could not be written", done.stderr)
+
     def test_help_is_for_people(self):
         for program in OPTIONS.programs:
             commands = [[]]
@@ -102,6 +111,65 @@ class Programs(unittest.TestCase):
                 self.assertIn(f"Run {command[0]} --help", done.stderr)
 
 
+class Rehearsal(unittest.TestCase):
+    """The socket at which shearbus-ctl rehearse waits for a host."""
+
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory(prefix="shearbus-")
+        self.addCleanup(scratch.cleanup)
+        self.path = pathlib.Path(scratch.name)
+        self.program = {p.name: p for p in OPTIONS.programs}
+
+    def start(self, *command, until):
+        process = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.addCleanup(process.stdout.close)
+        self.addCleanup(process.wait)
+        self.addCleanup(process.kill)
+        line = ""
+        while until not in line:
+            self.assertTrue(line := process.stdout.readline(), f"{until} was not said")
+        return process
+
+    def rehearse(self, endpoint, code, said):
+        done = run(self.program["shearbus-ctl"], "rehearse", endpoint)
+        self.assertEqual((done.returncode, done.stdout), (code, ""), done.stderr)
+        self.assertIn(said, done.stderr)
+        self.assertNotIn("Traceback", done.stderr)
+
+    def test_a_wrong_endpoint_is_a_line_of_what_was_expected(self):
+        for endpoint in ("bogus", "file:///x", "tcp://127.0.0.1:99999", "tcp://127.0.0.1", "ipc://"):
+            self.rehearse(endpoint, 2, f'expected ipc://PATH, or tcp://ADDRESS:PORT with a port up to 65535 (*: any that is free); found "{endpoint}"')
+        self.rehearse(f"ipc://{self.path}/{'x' * 120}", 2, "at most 107 bytes")
+        self.rehearse(f"ipc://{self.path}/absent/x", 1, f"there is no directory {self.path}/absent; create it")
+        (self.path / "file").write_text("precious")
+        self.rehearse(f"ipc://{self.path}/file", 1, "not a socket")
+        self.rehearse("tcp://192.0.2.1:5999", 1, "cannot listen on tcp://192.0.2.1:5999")
+        self.assertEqual((self.path / "file").read_text(), "precious")
+
+    def test_the_socket_of_a_server_is_not_taken(self):
+        endpoint = f"ipc://{self.path}/s"
+        server = self.start(self.program["shearbus-server"], "--bind", endpoint, until="listening on")
+        self.rehearse(endpoint, 1, f"a server listens on {endpoint}")
+        (self.path / "s.lock").unlink()
+        self.rehearse(endpoint, 1, f"a server listens on {endpoint}")
+        self.assertNotIn("mock", run(self.program["shearbus-ctl"], "ping", "--server", endpoint).stdout)
+        server.terminate()
+        self.assertNotIn("ALARM", server.communicate(timeout=30)[0])
+
+    def test_the_socket_goes_with_the_rehearsal(self):
+        endpoint = f"ipc://{self.path}/s"
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            kit = self.start(self.program["shearbus-ctl"], "rehearse", endpoint, until="waiting at")
+            refused = run(self.program["shearbus-server"], "--bind", endpoint)
+            self.assertEqual(refused.returncode, 1)
+            self.assertIn("another server listens on", refused.stderr)
+            kit.send_signal(number)
+            said = kit.communicate(timeout=30)[0]
+            self.assertEqual(kit.returncode, 1, said)
+            self.assertIn("your client: 0 of", said)
+            self.assertFalse((self.path / "s").exists())
+
+
 # What no program takes for a number, and further texts that it takes for no whole one.
 NO_NUMBERS = ("", " ", "nan", "inf", "-inf", "1e309", "0x10", "1_0", " 1", "1 ", "1,5", "\u0663", "+-5", "1" * 101)
 NO_COUNTS = (*NO_NUMBERS, "-1", "+1", "1.5", "1e3", str(2**64))
@@ -135,6 +203,29 @@ def python_programs():
 
 
 class PythonPrograms(unittest.TestCase):
+    def test_an_example_says_in_a_line_why_it_cannot_go_on(self):
+        examples = OPTIONS.source / "client/examples"
+        without = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        client = {**without, "PYTHONPATH": str(OPTIONS.source / "client/python"), "LC_ALL": "C"}
+        for words, code, said, environment in (
+                (["make_history.py", "constant", "/nonexistent/x.h5"], 1, "/nonexistent/x.h5 cannot be written", without),
+                (["make_history.py", "constant", "/dev/full"], 1, "/dev/full cannot be written", without),
+                (["host.py"], 1, "the Python client cannot be loaded", without), (["sweep.py"], 1, "the Python client cannot be loaded", without),
+                (["host.py", "--help"], 0, "", client), (["sweep.py", "--help"], 0, "", client),
+                (["host.py", "bogus"], 1, "host.py: ", client), (["sweep.py", "bogus"], 1, "sweep.py: ", client)):
+            with self.subTest(words=words):
+                done = run("/usr/bin/python3", "-B", examples / words[0], *words[1:], env=environment)
+                self.assertEqual(done.returncode, code, done.stderr)
+                self.assertIn(said, done.stderr)
+                self.assertNotIn("Traceback", done.stderr)
+                self.assertLessEqual(len(done.stderr.splitlines()), 2, done.stderr)
+
+    def test_lines_of_the_library_have_its_name_unless_the_host_logs(self):
+        for configured, expected in (("", "shearbus: waiting for x\n"), ("logging.basicConfig(); ", "WARNING:shearbus:waiting for x\n")):
+            done = run("/usr/bin/python3", "-B", "-c", f"import logging; {configured}from shearbus import _library; _library.say(b'waiting for x')",
+                       env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+            self.assertEqual(done.stderr, expected)
+
     def test_numbers_have_the_rule_of_the_other_programs(self):
         for program, option, whole, command in python_programs():
             values = NO_COUNTS if whole else NO_NUMBERS

@@ -96,14 +96,26 @@ class EndpointFiles(served.Served):
         self.assertEqual(listing(self.file)["endpoint"], f"ipc://{self.path.resolve()}/bus/s")
         self.assertEqual(listing(self.file)["server_key"], "")
 
-    def test_the_file_of_another_server_is_left_to_it(self):
+    def test_the_file_of_a_running_server_is_refused_to_another(self):
         first = self.serve()
         self.wait()
+        before = self.file.read_text()
+        said = self.ended(self.serve(bind=f"ipc://{self.path}/other/s"), 1)
+        self.assertIn(f"{self.file} is the endpoint file of a server that runs, at ipc://{self.path}/bus/s", said)
+        self.assertEqual(self.file.read_text(), before)
+        # One that was killed has left its file to the next.
+        first.kill()
+        first.wait()
         self.serve(bind=f"ipc://{self.path}/other/s")
         served.until(self, lambda: "other" in listing(self.file)["endpoint"])
-        first.send_signal(signal.SIGTERM)
-        self.ended(first)
-        self.assertIn("/other/s", self.ctl("ping", "--server", self.endpoint, "--timeout", 5) + listing(self.file)["endpoint"])
+
+    def test_a_file_that_names_another_server_is_left_there(self):
+        server = self.serve()
+        self.wait()
+        self.file.write_text(self.file.read_text().replace("/bus/s", "/other/s"))
+        server.send_signal(signal.SIGTERM)
+        self.ended(server)
+        self.assertIn("/other/s", listing(self.file)["endpoint"])
 
     def test_a_file_that_cannot_be_written_ends_the_server_with_the_reason(self):
         self.assertIn("absent/file: there is no directory", self.ended(self.serve(file=self.path / "absent/file"), 1))
@@ -192,6 +204,45 @@ class EndpointFiles(served.Served):
         self.assertEqual([json.loads(line)["file"] for line in lines], ["one", "two"])
         self.assertIn("UNREACHABLE", json.loads(lines[1])["fault"])
 
+    def test_other_files_of_a_directory_are_none_of_its_servers(self):
+        self.serve_second()
+        place = self.file.parent
+        (place / "log").write_text("2026-01-01T00:00:00.000+0000 info listening on ipc://x\n" * 200)
+        (place / "s.lock").touch()
+        (place / "notes").write_text("version of the run: 3\n")
+        began = time.monotonic()
+        lines = self.ctl("status", "--all", place).splitlines()
+        self.assertEqual([line.split()[0] for line in lines], ["one", "two"])
+        with shearbus.open(served.EXAMPLES / "constant_friction.toml", range(4), f"file://{place}", check_closure="off") as session:
+            self.step(session)
+        # What no server makes an endpoint file of is not waited for.
+        for name in ("log", "notes"):
+            said = self.ctl("wait", "--server", f"file://{place / name}", code=1)
+            self.assertIn("expected an endpoint file of a server, found another file", said)
+            self.assertIn(f"{place / name}", said)
+        self.assertLess(time.monotonic() - began, 15)
+
+    def test_servers_that_do_not_answer_are_waited_for_at_once(self):
+        self.serve()
+        self.wait()
+        for name in ("two", "three", "four"):
+            (self.file.parent / name).write_text(self.file.read_text().replace("/bus/s", f"/{name}"))
+        began = time.monotonic()
+        lines = self.ctl("status", "--all", self.file.parent, "--timeout", 4, code=1).splitlines()
+        self.assertEqual([line.split()[0] for line in lines], ["four", "one", "three", "two"])
+        self.assertLess(time.monotonic() - began, 11)  # in turn it would be 12 s
+
+    def test_the_remedy_for_an_address_without_a_server_starts_one(self):
+        said = self.ctl("ping", "--server", "tcp://127.0.0.1:1", "--timeout", 0.3, code=1)
+        words = re.search(r"Start it with: shearbus-server (--bind \S+ --insecure-plaintext)", said)
+        self.assertIsNotNone(words, said)
+        _, key = self.keys()
+        said = self.ctl("ping", "--server", "tcp://127.0.0.1:1", "--server-key", self.path / "server.public", "--key", key, "--timeout", 0.3, code=1)
+        self.assertIn("--bind tcp://127.0.0.1:1 --curve-secret FILE --authorized-keys FILE", said)
+        for port in ("99999", "0", "x", ""):
+            said = self.ctl("wait", "--server", f"tcp://127.0.0.1:{port}", code=1)
+            self.assertIn(f'expected a port from 1 to 65535 at the end, found "{port}"', said)
+
     def relay(self, ended):
         """Passes messages on to the server; the second answer to a connection, and later ones, take 6 s."""
         front, behind, poller = zmq.Context.instance().socket(zmq.ROUTER), {}, zmq.Poller()
@@ -254,6 +305,8 @@ class EndpointFiles(served.Served):
         self.assertIn('shearbus_up{server="two"} 0', lines)
         self.assertFalse([line for line in lines if 'server="two"' in line and "shearbus_up" not in line])
         self.assertIn('shearbus_sessions{server="one"} 0', lines)
+        self.assertIn("cannot listen at 127.0.0.1:99999: expected ADDRESS:PORT, with a port up to 65535",
+                      self.ctl("metrics", "--server", self.endpoint, "--listen", "127.0.0.1:99999", code=1))
         self.assertIn(f"cannot listen at 127.0.0.1:{port}",
                       self.ctl("metrics", "--server", self.endpoint, "--listen", f"127.0.0.1:{port}", code=1))
         exporter.send_signal(signal.SIGTERM)

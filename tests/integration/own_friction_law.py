@@ -99,8 +99,9 @@ class OwnFrictionLaw(served.Served):
         self.assertIsNone(self.server.poll())
 
     def test_a_library_without_a_law_stops_the_start(self):
-        for given, told in ((f"x={self.path}/none.so", "none.so"), ("x", "NAME=FILE"), ("x=libm.so.6", "shearbus_friction_law_of_library")):
-            self.refused(OPTIONS.server, "--bind", f"ipc://{self.path}/other", "--friction-law", given, said=told)
+        for given, told, code in ((f"x={self.path}/none.so", "none.so", 1), ("x", "NAME=FILE", 2),
+                                  ("x=libm.so.6", "shearbus_friction_law_of_library", 1)):
+            self.refused(OPTIONS.server, "--bind", f"ipc://{self.path}/other", "--friction-law", given, said=told, code=code)
 
 
 if __name__ == "__main__":

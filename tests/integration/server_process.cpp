@@ -153,16 +153,17 @@ TEST(ServerProgram, WhatMustNotBeBoundIsRefusedWithAReason) {
   std::ofstream(scratch.path() / "precious.txt") << "contents";
   const struct {
     std::string endpoint, reason;
+    int code = 2;
   } cases[] = {{"tcp://0.0.0.0:5999", "--insecure-plaintext"},
                {"tcp://127.0.0.1:5999", "--curve-secret"},
                {"ws://127.0.0.1:5999", "scheme \"ws\""},
                {"/run/bus", "no scheme"},
-               {"ipc://" + (scratch.path() / "none" / "none" / "bus").string(), "cannot be made"},
-               {"ipc://" + (scratch.path() / "precious.txt").string(), "not a socket"},
+               {"ipc://" + (scratch.path() / "none" / "none" / "bus").string(), "cannot be made", 1},
+               {"ipc://" + (scratch.path() / "precious.txt").string(), "not a socket", 1},
                {"ipc://" + (scratch.path() / std::string(120, 'x')).string(), "has at most 107"}};
   for (const auto& c : cases) {
     ServerProcess server({"--bind", c.endpoint});
-    EXPECT_EQ(server.process().exit_code(5s), 1) << c.endpoint;
+    EXPECT_EQ(server.process().exit_code(5s), c.code) << c.endpoint;
     EXPECT_NE(server.log().find(c.reason), std::string::npos) << server.log();
   }
   EXPECT_EQ(support::text_of(scratch.path() / "precious.txt"), "contents");
@@ -173,6 +174,8 @@ TEST(ServerProgram, WrongUsageExitsWithTwo) {
                                                        {"--bind"},
                                                        {"--bind", "ipc:///tmp/x", "--threads", "-1"},
                                                        {"--bind", "ipc:///tmp/x", "--log-level", "loud"},
+                                                       {"--bind", "ipc:///tmp/x", "--friction-law", "x"},
+                                                       {"--bind", "ipc:///tmp/x", "--curve-secret", "none"},
                                                        {"--nonsense"}};
   for (const auto& arguments : wrong) {
     ServerProcess server(arguments);

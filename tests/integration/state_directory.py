@@ -130,10 +130,29 @@ class StateDirectory(support.ReplayTest):
     def test_without_its_lock_file_an_address_is_still_refused(self):
         server = self.serve()
         (self.path / "bus.lock").unlink()
-        self.refused(state=self.path / "second", words=["another server listens on"])
+        self.refused(state=self.path / "second", words=["another process listens on", "does not hold the lock file"])
         self.run_host()
         self.stop(server, signal.SIGKILL)
         self.serve()  # the socket of a dead server is no obstacle
+
+    def test_what_needs_the_operator_is_logged_at_any_level(self):
+        limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))
+        server = self.start("--log-level", "error", "--record", self.path / "records", preexec=limit)
+        served.until(self, (self.path / "bus").exists, server)
+        for _ in range(2):
+            self.run_host()
+        (self.path / "bus").unlink()
+        served.until(self, lambda: "ALARM: the socket" in server.text(), server)
+        self.assertEqual(self.stop(server), 0)
+        self.assertIn(" error ALARM: the checkpoint could not be written", server.text())
+        self.assertRegex(server.text(), " error ALARM: session [0-9a-f]{8} is not recorded any further: .*File too large")
+        self.assertNotIn(" info ", server.text())
+        newest = self.segments()[-1]
+        newest.unlink()
+        server = self.start("--log-level", "error")
+        served.until(self, (self.path / "bus").exists, server)
+        self.run_host()
+        self.assertIn(" error LOST: " + newest.name, server.text())
 
     def test_the_largest_size_of_a_file_starts_another_segment(self):
         def limit():

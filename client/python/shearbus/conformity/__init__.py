@@ -103,11 +103,14 @@ def tell(results, scenario=""):
 
 def await_host(endpoint, problem):
     """Serves a problem at an endpoint until a host has closed its session, or until an interrupt. Prints what failed.
-    Returns (checks that hold, checks)."""
+    Returns (checks that hold, checks). Raises Refused for an endpoint that cannot be had."""
     server = mock_server.MockServer(problem)
-    print(f"waiting at {endpoint} for a host with the problem {problem}; an interrupt ends it", flush=True)
+
+    def ready(bound):
+        print(f"waiting at {bound} for a host with the problem {problem}; an interrupt ends it", flush=True)
+
     try:
-        server.serve(endpoint)
+        server.serve(endpoint, ready=ready)
     except KeyboardInterrupt:
         print()
     results = server.report.results(SCENARIOS[problem][1])

@@ -22,11 +22,24 @@ The others are played where they are named (client/examples/problems has their a
     without_strength      bodies without shear stress, of which 27.03 and 79 g/m2 move with the interface (half zones of 20 um, or
                           cells of 10 um): the jump falls by 2.482 m/s each ns and is 0 from 40.28 ns on"""
 import argparse
+import signal
 import sys
 
-from .._terminal import Parser, positive_number
+from .._terminal import Parser, complain, positive_number
 from . import DEFAULT, SCENARIOS, await_host, command_client, judge
+from ._door import Refused, check_endpoint
 from .problems import Problem
+
+
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+
+def end_as_by_interrupt():
+    """Other requests to end are taken as an interrupt: sockets are removed, and started hosts end. nohup is respected."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, interrupt)
 
 
 def main(words):
@@ -42,11 +55,24 @@ def main(words):
     options, command = parser.parse_args(words[:at]), words[at + 1:]
     if bool(options.endpoint) == bool(command):
         parser.error("expected either an ENDPOINT or -- and the command of a host")
-    if options.endpoint:
-        good, total = await_host(options.endpoint, options.problem)
-    else:
-        good, total = judge(command_client(command, options.timeout), options.delay, options.server,
-                            tuple(SCENARIOS) if "all" in (options.scenario or ()) else options.scenario or DEFAULT)
+    end_as_by_interrupt()
+    try:
+        if options.endpoint:
+            check_endpoint(options.endpoint)
+    except Refused as fault:
+        parser.error(str(fault))
+    try:
+        if options.endpoint:
+            good, total = await_host(options.endpoint, options.problem)
+        else:
+            good, total = judge(command_client(command, options.timeout), options.delay, options.server,
+                                tuple(SCENARIOS) if "all" in (options.scenario or ()) else options.scenario or DEFAULT)
+    except Refused as fault:
+        complain(parser.prog, fault)
+        return 1
+    except KeyboardInterrupt:
+        complain(parser.prog, "interrupted before the last scenario")
+        return 1
     return good < total
 
 

@@ -16,7 +16,8 @@ import tomllib
 
 import zmq
 
-from .._terminal import Parser, whole_number
+from .._terminal import Parser, complain, whole_number
+from ._door import Refused, listening
 from .problems import Heat, Problem
 
 MAGIC = 0x31425353
@@ -651,30 +652,34 @@ class MockServer:
 
     # -- the socket --
 
-    def serve(self, endpoint, stop=lambda: False, until_closed=True):
-        """Answers requests until a session was closed, or `stop` says so."""
+    def serve(self, endpoint, stop=lambda: False, until_closed=True, ready=lambda bound: None):
+        """Answers requests until a session was closed, or `stop` says so. Calls `ready` with the endpoint once it listens. Raises
+        Refused for an endpoint that cannot be had."""
         socket = zmq.Context.instance().socket(zmq.ROUTER)
         socket.setsockopt(zmq.LINGER, 200)
         monitor = socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
-        socket.bind(endpoint)
         try:
-            while not stop() and not (until_closed and self.closed):
-                if not socket.poll(20):
-                    continue
-                peer, *frames = socket.recv_multipart()
-                waiting = []
-                while socket.poll(0):  # a second message that came before the answer to the first
-                    waiting.append(socket.recv_multipart())
-                for other, *more in [(peer, *frames), *waiting]:
-                    if other == peer and more != frames:
-                        self.report.check("one_in_flight", False, "a request came before the answer to the one before")
-                    socket.send_multipart([other, *self.answer(more, other)])
-            if until_closed and self.closed:
-                monitor.poll(5000)  # ms; the reply may still be on its way
+            with listening(socket, endpoint) as bound:
+                ready(bound)
+                while not stop() and not (until_closed and self.closed):
+                    if socket.poll(20):
+                        self.answer_waiting(socket)
+                if until_closed and self.closed:
+                    monitor.poll(5000)  # ms; the reply may still be on its way
         finally:
             socket.disable_monitor()
             monitor.close()
             socket.close()
+
+    def answer_waiting(self, socket):
+        peer, *frames = socket.recv_multipart()
+        waiting = []
+        while socket.poll(0):  # a second message that came before the answer to the first
+            waiting.append(socket.recv_multipart())
+        for other, *more in [(peer, *frames), *waiting]:
+            if other == peer and more != frames:
+                self.report.check("one_in_flight", False, "a request came before the answer to the one before")
+            socket.send_multipart([other, *self.answer(more, other)])
 
 
 def main():
@@ -684,7 +689,11 @@ def main():
     parser.add_argument("--restart-after", type=whole_number)
     options = parser.parse_args()
     server = MockServer(options.problem, options.restart_after)
-    server.serve(options.bind)
+    try:
+        server.serve(options.bind)
+    except Refused as fault:
+        complain(parser.prog, fault)
+        return 1
     results = server.report.results(PROTOCOL + RESTARTED * (options.restart_after is not None))
     for name, why in results.items():
         if why:
