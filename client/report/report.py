@@ -10,7 +10,7 @@ import shlex
 import subprocess
 import sys
 
-from terminal import Parser, complain, printable
+from terminal import Parser, complain, nothing_to_clean_up, printable
 
 
 EPILOG = """Examples:
@@ -66,10 +66,11 @@ def main(version, programs):
         first = options.runs[0]
         options.out = (first if first.is_dir() else first.parent) / "report.html"
     try:
-        import jinja2
-        import output
-        import runs
-        import sections
+        with nothing_to_clean_up():
+            import jinja2
+            import output
+            import runs
+            import sections
     except ImportError as fault:
         print(f"shearbus-report: {fault}; install python3-jinja2, python3-matplotlib and python3-h5py", file=sys.stderr)
         return 1

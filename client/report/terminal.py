@@ -2,6 +2,7 @@
 have the rule of all programs (proto/wire/numbers.hpp); texts of strangers (names in files, names of files) are without
 commands to the terminal; a file is regular, and what it nests has an end."""
 import argparse
+import contextlib
 import json
 import math
 import os
@@ -9,6 +10,7 @@ import re
 import signal
 import stat
 import sys
+import threading
 import tomllib
 
 # Control characters, separators of lines, and characters that change the direction of the text around them.
@@ -48,16 +50,44 @@ def end_by_signals():
         signal.signal(number, signal.SIG_DFL)
 
 
-def tell_interrupt(kind, fault, trace):
-    """In place of sys.excepthook: an interrupt ends a program by one line, after what it had opened is closed. Python then
-    exits by the signal."""
+def say_interrupted():
+    print(f"{printable(os.path.basename(sys.argv[0]))}: interrupted", file=sys.stderr, flush=True)
+
+
+def end_at_once(number, frame):
+    """Handler of an interrupt that has nothing to clean up: while libraries load, some of them turn every exception into
+    a text of their own."""
+    say_interrupted()
+    signal.signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)
+
+
+def exchange_handlers(old, new):
+    """Changes what an interrupt does, unless it is ignored or something else was chosen."""
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is old:
+        signal.signal(signal.SIGINT, new)
+
+
+@contextlib.contextmanager
+def nothing_to_clean_up():
+    exchange_handlers(signal.default_int_handler, end_at_once)
+    try:
+        yield
+    finally:
+        exchange_handlers(end_at_once, signal.default_int_handler)
+
+
+def tell_fault(kind, fault, trace):
+    """In place of sys.excepthook: an interrupt gets one line. Python then exits by the signal."""
     if issubclass(kind, KeyboardInterrupt):
-        print(f"{printable(os.path.basename(sys.argv[0]))}: interrupted", file=sys.stderr)
+        say_interrupted()
     else:
         sys.__excepthook__(kind, fault, trace)
 
 
-sys.excepthook = tell_interrupt  # of every program that reads its command line here
+# Of every program that reads its command line here, which ends the second.
+sys.excepthook = tell_fault
+exchange_handlers(signal.default_int_handler, end_at_once)
 
 
 def open_regular(path, most=MOST_BYTES):
@@ -139,6 +169,10 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options):
         super().__init__(**{"formatter_class": Help, "allow_abbrev": False, **options})
+
+    def parse_args(self, *arguments, **options):
+        exchange_handlers(end_at_once, signal.default_int_handler)
+        return super().parse_args(*arguments, **options)
 
     def error(self, message):
         complain(self.prog, message)
