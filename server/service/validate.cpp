@@ -442,6 +442,33 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   return rows;
 }
 
+void check_layer_masses(const wire::Batch& batch, const shard::Rows& rows, const shard::Shard& shard) {
+  const physics::ModelOptions& scene = shard.model().options();
+  if (!scene.inertia || scene.strategy != physics::Strategy::kForceDriven) return;
+  const auto mass = batch.f64(Field::kMassSoft), pressure = batch.f64(Field::kPressure);
+  std::vector<std::uint64_t> nodes;
+  std::string first;
+  for (std::size_t row = 0; row < mass.size(); ++row) {
+    if (!(pressure[row] > 0.0)) continue;
+    const physics::ModelOptions& options = shard.model_of(slot_of(shard.nodes(), rows, row)).options();
+    const double layer = options.soft.density * options.grid.thickness;
+    if (mass[row] > layer) continue;
+    nodes.push_back(node_of(shard.nodes(), rows, batch, row));
+    if (nodes.size() == 1)
+      first = fmt::format(
+          "{} of node {} is {}; expected above {} kg/m2, the mass of the layer (density times "
+          "layer.thickness_m), which with layer.inertia is taken from that of the half zone",
+          wire::name(Field::kMassSoft), nodes.front(), mass[row], layer);
+  }
+  if (nodes.empty()) return;
+  const std::size_t faults = nodes.size();
+  refuse(Code::kInvalidValue, wire::name(Field::kMassSoft),
+         fmt::format("{} ({} of {} rows at fault)", first, faults, mass.size()),
+         "Nothing was changed; open the session with a layer.thickness_m that is less than half the zone, or without "
+         "layer.inertia.",
+         std::move(nodes));
+}
+
 shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
   check_components(batch, 1);
   for (const wire::Column& column : batch.columns())

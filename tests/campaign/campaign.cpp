@@ -221,7 +221,7 @@ Course::Course(Rig& on, const Host& of, int scene_number)
   const ModelOptions& options = rig.model.options();
   for (int l = 0; l < kLanes; ++l) {
     rig.inputs.pressure[l] = host.pressure;
-    rig.inputs.mass_soft[l] = options.soft.density * host.half_zone_soft;
+    rig.inputs.mass_soft[l] = options.soft.density * host.half_zone_soft + mass_of_waves(options);
     rig.inputs.mass_hard[l] = options.hard.density * host.half_zone_hard;
     rig.inputs.soft_shear_rate[l] = 1e5;
     rig.inputs.soft_plastic_strain_rate[l] = options.plastic_layer ? 1e5 : 0.0;

@@ -54,7 +54,8 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
             "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i, carried, most, T, ep);
     if (most > nothing) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
     // A vertex counts as flowing only if its plastic strain increment exceeds the rounding error of the strain.
-    const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
+    const bool forced = options.strategy == Strategy::kForceDriven;
+    const bool held_by_friction = options.inertia && i == 0 && (a.regime == Regime::kCoulomb || (forced && !a.sticks));
     // The vertex may have flowed in an earlier substep or stage only, at another stress.
     // Where the work of waves leaps, the layer is as cool as its work makes it, and no warmer under the stress.
     const bool leaps = options.inertia && options.taylor_quinney_factor && (a.outcome & kMultipleRoots) != 0;

@@ -44,7 +44,8 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
                 fraction * hardened(a.junction_strain + grown)};
   }
   // Friction may depend on the slip, which has that error, too.
-  const bool has_state = options.strategy == Strategy::kForceDriven && !states_of(law.friction_law).empty();
+  const bool has_state = options.strategy == Strategy::kForceDriven && !options.inertia &&
+                         !states_of(law.friction_law).empty();  // a least slip in its law
   const double free = a.jump_old + a.driven, along = free < 0.0 ? -1.0 : 1.0;
   const double rest =
       has_state ? reference::least_slip_of_law(along * a.jump_old, std::abs(free) + a.plastic_drive) : 0.0;

@@ -8,7 +8,9 @@
 #include "server/physics/interface/edge_zero.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/scratch.hpp"
+#include "server/physics/solver/velocity_driven/wave_bodies.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
 #include "server/physics/solver/velocity_driven/waves_wide.hpp"
 #include "server/physics/solver/work.hpp"
@@ -34,10 +36,15 @@ void scatter(const double* values, int count, double* rows) {
   for (std::ptrdiff_t i = 0; i < count; ++i) rows[i * kLanes] = values[i];
 }
 
+// Whether only the slip at z = 0 heats: force-driven, where the jump is that of the bodies, which waves change.
+bool slip_heats(const Problem& problem) {
+  return problem.options.strategy == Strategy::kForceDriven;
+}
+
 // Backward Euler of one lane over the length of `heat`, from the state in `trial`, whose temperatures have been
 // conducted already. Returns false if no answer was found.
-bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double limit,
-                 const double* guess, double* trial, int l, Found& found) {
+bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, const WaveEnds& ends,
+                 double limit, const double* guess, double* trial, int l, Found& found) {
   const TileLayout& layout = problem.layout;
   const Grid& grid = problem.grid;
   const int n = grid.num_cells();
@@ -47,9 +54,12 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
                       .response = heat.layer_response(),
                       .dt = heat.dt,
                       .pressure = inputs.pressure[l],
-                      .jump = inputs.velocity_jump[l],
+                      .jump = ends.jump[l],
                       .heat_share = heat_share(problem),
-                      .coulomb = limit};
+                      .coulomb = limit,
+                      .give_near = ends.give_near[l],
+                      .give_far = ends.give_far[l],
+                      .slip_heats = slip_heats(problem)};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
   gather(trial + layout.plastic_strain + l, n + 1, fields.strain);
@@ -87,8 +97,8 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
 // answer. `limit`: the largest stress that the contact of each lane carries. `guess`: rows of velocities from which to
 // start; null: those before the step. Returns the lanes that have no answer.
 std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                          std::uint32_t lanes, const double (&limit)[kLanes], const double* guess, double* trial,
-                          Found (&found)[kLanes]) {
+                          const WaveEnds& ends, std::uint32_t lanes, const double (&limit)[kLanes], const double* guess,
+                          double* trial, Found (&found)[kLanes]) {
   if (lanes == 0) return 0;
   const TileLayout& layout = problem.layout;
   const int n = problem.grid.num_cells();
@@ -96,7 +106,7 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
   if (!properties_of(any.flow_law).has_wave_return) {
     std::uint32_t unsolved = 0;
     for (const int l : lanes_of(lanes))
-      if (!search_lane(problem, heat, inputs, limit[l], guess, trial, l, found[l])) unsolved |= 1u << l;
+      if (!search_lane(problem, heat, inputs, ends, limit[l], guess, trial, l, found[l])) unsolved |= 1u << l;
     return unsolved;
   }
   WideWaveStep step{.soft = &any,
@@ -108,19 +118,24 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
                     .bracket = {},
                     .jump = {},
                     .coulomb = {},
+                    .give_near = {},
+                    .give_far = {},
                     .T_ad = trial + layout.temperature,
                     .strain = trial + layout.plastic_strain,
                     .stress = trial + layout.shear_stress,
                     .velocity = trial + layout.layer_velocity,
                     .guess = guess,
                     .most_steps = guess != nullptr ? kStepsOfSearch : WideWaveStep{}.most_steps,
+                    .slip_heats = slip_heats(problem),
                     .tries_limit = guess != nullptr};
+  std::copy_n(ends.give_near, kLanes, step.give_near);
+  std::copy_n(ends.give_far, kLanes, step.give_far);
   for (const int l : lanes_of(lanes)) {
     const Material soft = at_pressure(any, inputs.pressure[l]);
     step.T_melt[l] = soft.melting_temperature;
     step.bracket[l] = 1.0 + soft.pressure_coefficient * inputs.pressure[l] +
                       soft.temperature_coefficient * SteinbergCochranGuinan::kReference;
-    step.jump[l] = inputs.velocity_jump[l];
+    step.jump[l] = ends.jump[l];
     step.coulomb[l] = limit[l];
   }
   WideWaveAnswer answer;
@@ -128,7 +143,7 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
   std::uint32_t lost = 0;
   for (const int l : lanes_of(lanes)) {
     if (!contains(solved, l)) {
-      if (!search_lane(problem, heat, inputs, limit[l], guess, trial, l, found[l])) lost |= 1u << l;
+      if (!search_lane(problem, heat, inputs, ends, limit[l], guess, trial, l, found[l])) lost |= 1u << l;
       continue;
     }
     if (inputs.effort != nullptr) inputs.effort->newton_steps += static_cast<int>(answer.iterations[l]);
@@ -163,8 +178,8 @@ double direction_of(double stress) {
 // stress, since only a stress along the jump heats. The limit of a stress against the jump is the larger one, so that
 // the direction found with the smaller is that of the answer.
 std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                                      std::uint32_t lanes, const WaveContacts& contacts, const double* guess,
-                                      double* trial, Found (&found)[kLanes]) {
+                                      const WaveEnds& ends, std::uint32_t lanes, const WaveContacts& contacts,
+                                      const double* guess, double* trial, Found (&found)[kLanes]) {
   const TileLayout& layout = problem.layout;
   double* start = scratch_tile(Scratch::kWaves, layout.doubles);
   std::copy_n(trial, layout.doubles, start);
@@ -175,7 +190,7 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
     limit[l] = rise > 0.0 ? slip_stress(contacts[l].limit, heating, kInfinity, 0.0)
                           : contacts[l].limit.at(heating.T_ad).stress;
   }
-  std::uint32_t lost = solve_waves(problem, heat, inputs, lanes, limit, guess, trial, found);
+  std::uint32_t lost = solve_waves(problem, heat, inputs, ends, lanes, limit, guess, trial, found);
   std::uint32_t against = 0;
   for (const int l : lanes_of(lanes & ~lost)) {
     if (!found[l].interface_slips || direction_of(trial[layout.shear_stress + l]) * inputs.velocity_jump[l] >= 0.0)
@@ -184,7 +199,7 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
     copy_lane(start, trial, layout.doubles, l);
     against |= 1u << l;
   }
-  lost |= solve_waves(problem, heat, inputs, against, limit, guess, trial, found);
+  lost |= solve_waves(problem, heat, inputs, ends, against, limit, guess, trial, found);
   return lost;
 }
 
@@ -192,9 +207,15 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
 // sticks sticks while it can; one that slips takes the answer with the most slip.
 class ContactSearch {
  public:
-  ContactSearch(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+  ContactSearch(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, const WaveEnds& ends,
                 const WaveContacts& contacts, const double* guess, double* trial, Found (&found)[kLanes])
-      : problem_(problem), heat_(heat), inputs_(inputs), contacts_(contacts), trial_(trial), found_(found) {
+      : problem_(problem),
+        heat_(heat),
+        inputs_(inputs),
+        ends_(ends),
+        contacts_(contacts),
+        trial_(trial),
+        found_(found) {
     std::copy_n(trial, problem.layout.doubles, start_);
     std::copy_n(guess != nullptr ? guess : trial + problem.layout.layer_velocity, velocities_, guess_);
     std::fill_n(limit_, kLanes, kInfinity);
@@ -205,6 +226,7 @@ class ContactSearch {
     std::uint32_t held = 0, slipping = 0;
     for (const int l : lanes_of(lanes)) {
       sought_[l].T_ad = start_[problem_.layout.temperature + static_cast<std::size_t>(l)];
+      if (slip_heats(problem_)) sought_[l].T_per_work = problem_.heat_partition * heat_.layer_response()[0];
       if (contacts_[l].stuck) held |= 1u << l;
     }
     solve_under_limit(held);
@@ -222,10 +244,14 @@ class ContactSearch {
     SlipPoint free{};  // the start of the search: no stress, the most slip
     SlipPoint end{};   // its end: where the interface sticks, or can only carry less
     double direction = 1.0, T_ad = 0.0, T_per_stress = 0.0;
+    double T_per_work = 0.0;    // where the slip heats: rise of T0 per power of the slip  [K m2/W]
     double ceiling_slip = 0.0;  // slip velocity next to a layer that flows at its ceiling  [m/s]
     bool several = false;
 
-    SlipPoint point(double a, double slip) const { return {a, T_ad + T_per_stress * a, std::max(0.0, slip)}; }
+    SlipPoint point(double a, double slip) const {
+      const double v = std::max(0.0, slip);
+      return {a, T_ad + T_per_stress * a + T_per_work * (a * v), v};
+    }
     SlipPoint point(double a, const Found& found) const { return point(a, direction * found.interface_slip); }
   };
 
@@ -234,7 +260,7 @@ class ContactSearch {
   // Solves the waves under limit_, from the state before the step, starting from the velocities under the last stress.
   void solve_under_limit(std::uint32_t lanes) {
     for (const int l : lanes_of(lanes)) copy_lane(start_, trial_, problem_.layout.doubles, l);
-    lost_ |= solve_waves(problem_, heat_, inputs_, lanes & ~lost_, limit_, guess_, trial_, found_);
+    lost_ |= solve_waves(problem_, heat_, inputs_, ends_, lanes & ~lost_, limit_, guess_, trial_, found_);
     for (const int l : lanes_of(lanes & ~lost_))
       copy_lane(trial_ + problem_.layout.layer_velocity, guess_, velocities_, l);
   }
@@ -243,7 +269,8 @@ class ContactSearch {
   void face(int l) {
     Sought& own = sought_[l];
     own.direction = direction_of(stress_of(l));
-    own.T_per_stress = heat_per_stress(problem_, inputs_, l, own.direction) * heat_.layer_response()[0];
+    if (!slip_heats(problem_))
+      own.T_per_stress = heat_per_stress(problem_, inputs_, l, own.direction) * heat_.layer_response()[0];
   }
 
   // Of an interface that did not slip under the last limit: whether it sticks.
@@ -253,7 +280,8 @@ class ContactSearch {
     face(l);
     own.end = own.point(std::abs(stress_of(l)), 0.0);
     own.several = contact.at(own.end.T, 0.0).stress >= own.end.a;
-    return own.end.a == 0.0 || (own.several && (contacts_[l].stuck || !contact.falls_with_slip()));
+    const bool falls = contact.falls_with_slip() || own.T_per_work > 0.0;  // also by the heat of the slip
+    return own.end.a == 0.0 || (own.several && (contacts_[l].stuck || !falls));
   }
 
   // Finds the slip under no stress, with which the contact carries the most; and up to that limit, or to the stress at
@@ -284,7 +312,7 @@ class ContactSearch {
   void search(std::uint32_t lanes) {
     for (const int l : lanes_of(lanes & ~lost_)) {
       Sought& own = sought_[l];
-      own.zero = EdgeZero(contacts_[l].limit, own.free, own.end, own.end);
+      own.zero = EdgeZero(contacts_[l].limit, own.free, own.end, own.end, {own.T_ad, own.T_per_work});
     }
     for (;;) {
       std::uint32_t unsolved = 0;
@@ -330,11 +358,16 @@ class ContactSearch {
     const double v = taken < flow ? asked : flow * weight / heat_.dt;
     found_[l].interface_slip = sought_[l].direction * v;
     found_[l].interface_slips = true;
+    if (!slip_heats(problem_)) return;
+    const double flux = problem_.heat_partition * std::abs(stress_of(l)) * v;
+    found_[l].flux += flux;
+    add_flux_lane(heat_, problem_.heat_grid.num_vertices(), l, flux, trial_ + problem_.layout.first_temperature());
   }
 
   const Problem& problem_;
   const HeatOperator& heat_;
   const TileInputs& inputs_;
+  const WaveEnds& ends_;
   const WaveContacts& contacts_;
   double* trial_;
   Found (&found_)[kLanes];
@@ -351,6 +384,7 @@ class ContactSearch {
 
 bool WaveContacts::needed(const Problem& problem) {
   const ModelOptions& o = problem.options;
+  if (o.strategy == Strategy::kForceDriven) return true;
   const FrictionLaw law = problem.interface.friction_law;
   return limit_follows_slip(problem) || (has_friction(o) && properties_of(law).depends_on_temperature);
 }
@@ -363,6 +397,10 @@ WaveContacts::WaveContacts(const Problem& problem, const TileInputs& inputs, con
     own.state = contact_before(problem, committed, l);
     own.limit = contact_limit(problem, soft_at_(l), inputs.pressure[l], dt, own.state, inputs.effort);
     own.stuck = sticking != TileLayout::kAbsent && committed[sticking + static_cast<std::size_t>(l)] != 0.0;
+    if (problem.options.strategy != Strategy::kForceDriven) continue;
+    const TrialSlip slip(forcing_of(problem, inputs, l), dt, inputs.velocity_jump[l],
+                         stress_before(problem.layout, inputs, committed, l));
+    own.drive = slip.direction * slip.drive;
   }
 }
 
@@ -370,15 +408,24 @@ std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, cons
                           std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes],
                           const double* guess) {
   if (lanes == 0) return 0;
+  WaveEnds ends = imposed_ends(inputs);
+  if (problem.options.strategy == Strategy::kForceDriven) {
+    std::uint32_t lost = meet_bodies(problem, heat.dt, inputs, lanes, *contacts, trial, ends);
+    const std::uint32_t met = lanes & ~lost;
+    lost |= ContactSearch(problem, heat, inputs, ends, *contacts, guess, trial, found).solve(met);
+    leave_bodies(problem, heat.dt, inputs, lanes & ~lost, trial);
+    for (const int l : lanes_of(lanes & ~lost)) found[l].mean_slip = found[l].interface_slip;
+    return lost;
+  }
   if (contacts == nullptr) {
     double limit[kLanes];
     for (const int l : lanes_of(lanes))
       limit[l] = interface_strength(problem.interface, problem.options.soft, inputs.pressure[l], nullptr).coulomb;
-    return solve_waves(problem, heat, inputs, lanes, limit, guess, trial, found);
+    return solve_waves(problem, heat, inputs, ends, lanes, limit, guess, trial, found);
   }
   return limit_follows_slip(problem)
-             ? ContactSearch(problem, heat, inputs, *contacts, guess, trial, found).solve(lanes)
-             : solve_under_temperature(problem, heat, inputs, lanes, *contacts, guess, trial, found);
+             ? ContactSearch(problem, heat, inputs, ends, *contacts, guess, trial, found).solve(lanes)
+             : solve_under_temperature(problem, heat, inputs, ends, lanes, *contacts, guess, trial, found);
 }
 
 }  // namespace shearbus::physics

@@ -15,6 +15,7 @@ struct Found {
   double flux = 0.0;             // heat flux q into the layer: of a step its mean  [W/m2]
   double slip_along[2] = {};     // flow and slip at z = 0 along stresses above 0, and along stresses below 0  [m]
   double interface_slip = 0.0;   // slip velocity of the interface at the end, without the flow of the layer  [m/s]
+  double mean_slip = 0.0;        // the same; of a step its mean
   bool interface_slips = false;  // at the end the limit of the contact holds the stress at z = 0
   bool several = false;          // the interface could stick as well
   double stress[2] = {};         // stress at z = 0 and at z = h; of a step the means in its balance of momentum  [Pa]
@@ -27,6 +28,7 @@ class WaveContacts {
     StressLimit limit;
     ContactState state;
     bool stuck = false;  // the interface did not slip at the end of the last step
+    double drive = 0.0;  // force-driven: slip velocity due to the host's plastic shear, signed, DLP (64)  [m/s]
   };
   // Of the active lanes, in a step of length dt from the state `committed`.
   WaveContacts(const Problem& problem, const TileInputs& inputs, const double* committed, double dt);

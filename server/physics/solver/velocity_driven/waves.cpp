@@ -8,6 +8,7 @@
 #include "server/physics/layer/wide.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/flow/root_search.hpp"
 #include "server/physics/solver/velocity_driven/waves_return.hpp"
 
 namespace shearbus::physics {
@@ -139,6 +140,33 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
   }
 }
 
+// ---- The heat of the slip at z = 0 ----
+
+// The vertex at z = 0 that the friction limit holds, where its slip heats it: the heat flux q is released by the slip that
+// the flow of the vertex at the temperature of q leaves.
+struct HeatedSlip {
+  double flux;     // q  [W/m2]
+  double slope;    // derivative of q by the trial stress  [W/(m2 Pa)]
+  HeldVertex own;  // flow and slip at q
+};
+
+// `left`: trial stress above the limit  [Pa]; `per_left`: heat flux per stress left to the slip  [W/(m2 Pa)]; `flow(q)`:
+// growth of the plastic strain under the limit, which rises with q, at most left/kappa.
+template <class Flow>
+HeatedSlip heat_of_slip(double left, double per_left, double kappa, const Flow& flow) {
+  constexpr double kSmall = 1e-6;  // of q, the difference that gives the derivative of the flow
+  const auto surplus = [&](double q) { return q - per_left * std::max(0.0, left - kappa * flow(q)); };
+  const double most = per_left * left, at_most = surplus(most), at_none = surplus(0.0);
+  if (!(at_most > 0.0)) return {most, per_left, {flow(most), std::max(0.0, left - kappa * flow(most))}};
+  if (!(at_none < 0.0)) return {0.0, 0.0, {left / kappa, 0.0}};
+  RootSearch search(0.0, at_none, most, at_most, most, most + at_none);
+  while (!search.update(surplus(search.at()))) {
+  }
+  const double q = search.at(), slips = std::min(left, q / per_left);
+  const double rises = (flow(q + kSmall * q) - flow(q)) / (kSmall * q);
+  return {q, per_left / (1.0 + per_left * kappa * rises), {(left - slips) / kappa, slips}};
+}
+
 // ---- The step of one node ----
 
 class Waves {
@@ -153,6 +181,8 @@ class Waves {
                  step.soft->temperature_coefficient * SteinbergCochranGuinan::kReference,
              step.soft->temperature_coefficient, step.soft->melting_temperature},
         by_law_(*step.soft, step.pressure, step.dt),
+        by_law_near_(*step.soft, step.pressure, step.dt, step.give_near),
+        by_law_far_(*step.soft, step.pressure, step.dt, step.give_far),
         has_form_(properties_of(step.soft->flow_law).has_wave_return),
         evaluations_(evaluations),
         evaluations_left_(evaluations) {
@@ -162,7 +192,7 @@ class Waves {
       const bool inside = i <= num_cells_;
       const double hardened = 1.0 + (inside ? soft.hardening_coefficient * fields.strain[i] : 0.0);
       rows_.strength[i] = soft.yield_strength * power(hardened, soft.hardening_exponent) / kSqrt3;
-      rows_.compliance[i] = soft.hardening_coefficient / (kappa_ * hardened);
+      rows_.compliance[i] = soft.hardening_coefficient / (kappa_ * hardened) * give(i);
       rows_.t[i] = 0.0;
       rows_.T[i] = SteinbergCochranGuinan::kReference;
       stress_old_[i] = inside ? fields.stress[i] : 0.0;
@@ -185,10 +215,12 @@ class Waves {
   }
 
  private:
+  double give(int i) const { return i == 0 ? step_.give_near : i == num_cells_ ? step_.give_far : 1.0; }
   double gain(int i) const {  // trial stress per velocity difference  [Pa s/m]
-    return step_.soft->shear_modulus * step_.dt / step_.grid->weight[static_cast<std::size_t>(i)];
+    return step_.soft->shear_modulus * step_.dt / step_.grid->weight[static_cast<std::size_t>(i)] / give(i);
   }
-  double inertia(int c) const {  // stress difference per change of velocity  [Pa s/m]
+  double kappa(int i) const { return kappa_ / give(i); }  // trial stress per plastic strain  [Pa]
+  double inertia(int c) const {                           // stress difference per change of velocity  [Pa s/m]
     return step_.soft->density * step_.grid->width[static_cast<std::size_t>(c)] / step_.dt;
   }
   double velocity_behind(int c) const { return c < num_cells_ ? fields_.velocity[c] : step_.jump; }
@@ -225,7 +257,8 @@ class Waves {
 
   void return_by_law() {
     for (int i = 0; i <= num_cells_; ++i) {
-      const ReturnedStress found = by_law_.at(fields_.strain[i], std::abs(rows_.t[i]), rows_.T[i], 0.0);
+      const LawReturn& by_law = i == 0 ? by_law_near_ : i == num_cells_ ? by_law_far_ : by_law_;
+      const ReturnedStress found = by_law.at(fields_.strain[i], std::abs(rows_.t[i]), rows_.T[i], 0.0);
       fields_.stress[i] = std::copysign(found.stress, rows_.t[i]);
       rows_.slope[i] = found.slope;
       rows_.softening[i] = std::copysign(1.0, rows_.t[i]) * found.softening;
@@ -238,6 +271,7 @@ class Waves {
     set_trial_stress();
     if (given) return evaluate_at(*given);
     const double direction = direction_at_interface();
+    if (step_.slip_heats) return evaluate_slip(direction);
     const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // heat flux per stress [m/s]
     const InterfaceReturn found = return_at_interface(per_stress);
     evaluate_at(per_stress * found.stress);
@@ -245,6 +279,37 @@ class Waves {
     fields_.stress[0] = std::copysign(found.stress, rows_.t[0]);
     rows_.slope[0] = found.slope;
     flux_slope_ = direction * (per_stress * found.slope);
+  }
+
+  // The same where only slip heats: there is none unless the friction limit holds the vertex at z = 0 in the cold.
+  void evaluate_slip(double direction) {
+    const InterfaceReturn cold = return_at_interface(0.0);
+    HeatedSlip slip{};
+    if (cold.held) {
+      const double left = std::abs(rows_.t[0]) - step_.coulomb;
+      slip = heat_of_slip(left, step_.heat_share * step_.coulomb / gain(0), kappa(0),
+                          [&](double q) { return held_vertex(fields_.T_ad[0] + q * step_.response[0]).strain_growth; });
+    }
+    evaluate_at(slip.flux);
+    held_ = cold.held;
+    held_vertex_ = slip.own;
+    fields_.stress[0] = std::copysign(cold.stress, rows_.t[0]);
+    rows_.slope[0] = cold.slope;
+    rows_.softening[0] = 0.0;
+    flux_slope_ = direction * slip.slope;
+  }
+
+  // The vertex at z = 0 under the friction limit, at a temperature.
+  HeldVertex held_vertex(double T) const {
+    const double t = std::abs(rows_.t[0]), left = t - step_.coulomb;
+    if (!has_form_) {
+      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], T, left / kappa(0));
+      return {flow, std::max(0.0, left - kappa(0) * flow)};
+    }
+    const double g = softening(*step_.soft, step_.pressure, T).g;
+    const double most = rows_.compliance[0] > 0.0 ? law_.ceiling : std::min(law_.ceiling, rows_.strength[0]);
+    if (step_.slip_heats && most * g < step_.coulomb) return {left / kappa(0), 0.0};
+    return flow_under_friction(t, step_.coulomb, rows_.strength[0] * g, rows_.compliance[0], kappa(0), law_.exponent);
   }
 
   struct InterfaceReturn {
@@ -280,7 +345,7 @@ class Waves {
       return a > step_.coulomb ? InterfaceReturn{step_.coulomb, 0.0, true} : InterfaceReturn{a, slope, false};
     };
     if (!has_form_) {
-      const ReturnedStress found = by_law_.at(fields_.strain[0], t, fields_.T_ad[0], rise);
+      const ReturnedStress found = by_law_near_.at(fields_.strain[0], t, fields_.T_ad[0], rise);
       return held_or(found.stress, found.slope);
     }
     if (carried(t).stress >= t) return held_or(t, 1.0);
@@ -440,9 +505,13 @@ class Waves {
     double hi = std::max(0.0, (law_.T_melt - fields_.T_ad[0]) / step_.response[0]);
     std::copy_n(velocity_old_, num_cells_, fields_.velocity);
     descend(0.0, steps, true);
-    const auto made = [&] { return share * fields_.stress[0]; };  // heat flux q that the stress at z = 0 causes
+    const auto made = [&] {  // heat flux q that the stress or the slip at z = 0 causes
+      if (!step_.slip_heats) return share * fields_.stress[0];
+      return held_ ? step_.heat_share * step_.coulomb * held_vertex(rows_.T[0]).left / gain(0) : 0.0;
+    };
     const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
     const bool heats = made() > unfelt;
+    if (step_.slip_heats) hi = std::min(hi, made());
     while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
       const double flux = 0.5 * (lo + hi);
       descend(flux, steps, true);
@@ -466,19 +535,10 @@ class Waves {
   // Computes plastic strain and interface slip from the difference between trial stress and stress.
   void finish() {
     for (int i = 0; i <= num_cells_; ++i) {
-      fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
+      fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa(i);
     }
     if (!held_) return;
-    if (!has_form_) {
-      const double left = std::abs(rows_.t[0]) - step_.coulomb;
-      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa_);
-      fields_.strain_growth[0] = flow;
-      answer_.interface_slip = std::copysign(std::max(0.0, left - kappa_ * flow) / gain(0), rows_.t[0]);
-      return;
-    }
-    const double yield = rows_.strength[0] * softening(*step_.soft, step_.pressure, rows_.T[0]).g;
-    const HeldVertex held =
-        flow_under_friction(std::abs(rows_.t[0]), step_.coulomb, yield, rows_.compliance[0], kappa_, law_.exponent);
+    const HeldVertex held = step_.slip_heats ? held_vertex_ : held_vertex(rows_.T[0]);
     fields_.strain_growth[0] = held.strain_growth;
     answer_.interface_slip = std::copysign(held.left / gain(0), rows_.t[0]);
   }
@@ -488,12 +548,14 @@ class Waves {
   int num_cells_;
   double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
   ReturnLaw law_;
-  LawReturn by_law_;  // the return of a law that ReturnLaw does not describe
-  bool has_form_;     // the law has the form of ReturnLaw
+  // The return of a law that ReturnLaw does not describe, and that of the vertices at z = 0 and z = h.
+  LawReturn by_law_, by_law_near_, by_law_far_;
+  bool has_form_;  // the law has the form of ReturnLaw
   WaveAnswer answer_;
   int evaluations_;  // largest number of evaluations of the balance in a search
   int evaluations_left_;
   bool held_ = false;             // the friction limit mu P holds the stress at z = 0
+  HeldVertex held_vertex_{};      // where only slip heats: the vertex there under that limit, at the heat of its slip
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
   double flux_slope_ = 0.0;       // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;

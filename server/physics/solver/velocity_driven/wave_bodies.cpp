@@ -1,0 +1,76 @@
+#include "server/physics/solver/velocity_driven/wave_bodies.hpp"
+
+#include <algorithm>
+#include <cstddef>
+
+namespace shearbus::physics {
+namespace {
+
+// Mass per area of the host's soft half zone behind the layer, which carries its own  [kg/m2].
+double mass_behind_layer(const Problem& problem, double mass_soft) {
+  return mass_soft - problem.options.soft.density * problem.grid.vertex.back();
+}
+
+}  // namespace
+
+WaveEnds imposed_ends(const TileInputs& inputs) {
+  WaveEnds ends;
+  std::copy_n(inputs.velocity_jump, kLanes, ends.jump);
+  std::fill_n(ends.give_near, kLanes, 1.0);
+  std::fill_n(ends.give_far, kLanes, 1.0);
+  return ends;
+}
+
+void follow_host(const Problem& problem, const TileInputs& inputs, double* trial) {
+  const TileLayout& layout = problem.layout;
+  const std::size_t n = layout.num_velocity_cells - 1;
+  for (const int l : lanes_of(inputs.active)) {
+    double* velocity = trial + layout.layer_velocity + static_cast<std::size_t>(l);
+    const double jump = inputs.velocity_jump[l];
+    double ahead = mass_behind_layer(problem, inputs.mass_soft[l]) * (velocity[n * kLanes] - jump);
+    for (std::size_t c = 0; c < n; ++c)
+      ahead += problem.options.soft.density * problem.grid.width[c] * (velocity[c * kLanes] - jump);
+    for (std::size_t c = 0; c <= n; ++c) velocity[c * kLanes] -= ahead / inputs.mass_soft[l];
+  }
+}
+
+std::uint32_t meet_bodies(const Problem& problem, double dt, const TileInputs& inputs, std::uint32_t lanes,
+                          const WaveContacts& contacts, double* trial, WaveEnds& ends) {
+  const TileLayout& layout = problem.layout;
+  const std::size_t n = layout.num_stress_vertices - 1;
+  std::uint32_t lost = 0;
+  for (const int l : lanes_of(lanes)) {
+    const auto lane = static_cast<std::size_t>(l);
+    const double mass = mass_behind_layer(problem, inputs.mass_soft[l]);
+    if (!(mass > 0.0)) {
+      lost |= 1u << l;
+      continue;
+    }
+    // The stress before the stage and the host's force, each with its share of the trial stress.
+    const auto meet = [&](std::size_t vertex, double of_body, double force) {
+      const double follows = problem.options.soft.shear_modulus * dt / problem.grid.weight[vertex] * (dt / of_body);
+      double& stress = trial[layout.shear_stress + vertex * kLanes + lane];
+      stress = stress / (1.0 + follows) + force * (follows / (1.0 + follows));
+      return 1.0 + follows;
+    };
+    ends.give_near[l] = meet(0, inputs.mass_hard[l], inputs.stress_hard[l]);
+    ends.give_far[l] = meet(n, mass, inputs.stress_soft[l]);
+    ends.jump[l] = trial[layout.layer_velocity + n * kLanes + lane] + contacts[l].drive;
+  }
+  return lost;
+}
+
+void leave_bodies(const Problem& problem, double dt, const TileInputs& inputs, std::uint32_t lanes, double* trial) {
+  const TileLayout& layout = problem.layout;
+  const std::size_t n = layout.num_stress_vertices - 1;
+  for (const int l : lanes_of(lanes)) {
+    double* stress = trial + layout.shear_stress + static_cast<std::size_t>(l);
+    double* velocity = trial + layout.layer_velocity + static_cast<std::size_t>(l);
+    velocity[n * kLanes] +=
+        (inputs.stress_soft[l] - stress[n * kLanes]) * (dt / mass_behind_layer(problem, inputs.mass_soft[l]));
+    const double hard = (stress[0] - inputs.stress_hard[l]) * (dt / inputs.mass_hard[l]);
+    for (std::size_t c = 0; c <= n; ++c) velocity[c * kLanes] -= hard;
+  }
+}
+
+}  // namespace shearbus::physics
