@@ -226,7 +226,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   if (step.follows != 0) check_follows(step, member.conversation.last_hash());
   check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
   running->rows = check_step(step, request.batch, options, shard.nodes());
-  check_layer_masses(request.batch, running->rows, shard);
+  check_layer_masses(step.dt_s, request.batch, running->rows, shard);
   if (running->extends_trial) check_rows_of_part(request.batch, running->rows, *member.parts);
   const bool commits = step.commit_previous && !previous_committed_;
   if (commits && !member.trial_stands())

@@ -282,14 +282,16 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   return options;
 }
 
-// The same force-driven.
+// The same force-driven, and by any flow law.
 inline ModelOptions random_forced_inertia_options(Draw& draw, bool extreme) {
   ModelOptions options;
   do {
     options = random_options(draw, Strategy::kForceDriven, extreme);
     options.inertia = true;
     options.time_integrator = draw.chance(0.5) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
-  } while (!refusals(options).empty() || !properties_of(options.soft.flow_law).has_wave_return);
+    if (options.hard_grid && draw.chance(0.4))
+      options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
+  } while (!refusals(options).empty());
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
   return options;
 }
@@ -386,10 +388,15 @@ inline double random_dt(Draw& draw, bool extreme) {
   return extreme ? draw.log_uniform(1e-12, 1e-5) : draw.log_uniform(1e-10, 1e-8);
 }
 
-// The mass of a layer with inertia, which a force-driven host's soft half zone has and more  [kg/m2]; else 0.
-inline double mass_of_waves(const ModelOptions& options) {
-  const bool waves = options.inertia && options.strategy == Strategy::kForceDriven;
-  return waves ? options.soft.density * options.grid.thickness * (1.0 + 1e-6) : 0.0;
+// The mass of a layer with inertia, which a force-driven host's soft half zone has and a little more, and the little that
+// its hard half zone has  [kg/m2]; else 0.
+struct MassOfWaves {
+  double soft, hard;
+};
+inline MassOfWaves mass_of_waves(const ModelOptions& options) {
+  if (!options.inertia || options.strategy != Strategy::kForceDriven) return {0.0, 0.0};
+  const double layer = options.soft.density * options.grid.thickness, little = 1e-3 * layer + 1e-5;
+  return {layer + little, little};
 }
 
 // Draws the inputs of all lanes for one step. Pressure, velocity jump and masses mostly keep their last values; rates
@@ -411,7 +418,8 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
     if (draw.chance(0.3)) {
       in.mass_soft[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
       in.mass_hard[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
-      in.mass_soft[l] += mass_of_waves(rig.model.options());
+      in.mass_soft[l] += mass_of_waves(rig.model.options()).soft;
+      in.mass_hard[l] += mass_of_waves(rig.model.options()).hard;
     }
     if (rig.model.options().plastic_layer) {
       in.soft_plastic_strain_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);

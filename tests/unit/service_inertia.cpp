@@ -46,6 +46,12 @@ TEST(ServiceInertia, ASoftHalfZoneNoHeavierThanItsLayerIsRefusedAndChangesNothin
   EXPECT_THAT(refused.reply.status.text, HasSubstr("is 0.054; expected above 0.05406"));
   EXPECT_THAT(refused.reply.status.text, HasSubstr("(2 of 11 rows at fault)"));
   EXPECT_THAT(refused.reply.status.remedy, HasSubstr("layer.thickness_m"));
+  wire::Batch of_nothing = closed(2);
+  of_nothing.f64(Field::kMassHard)[3] = 1e-30;
+  const Answer lost = harness.ask(ServiceHarness::step(2, std::move(of_nothing)));
+  EXPECT_EQ(lost.code(), Code::kInvalidValue);
+  EXPECT_EQ(lost.reply.status.field, "mass_hard_kg_per_m2");
+  EXPECT_THAT(lost.reply.status.node_ids, ElementsAre(kNodes[3]));
   const Answer answer = harness.ask(ServiceHarness::step(2, closed(2)));
   ASSERT_TRUE(answer.reply.status.ok());
   EXPECT_EQ(answer.payload(), twin.ask(ServiceHarness::step(2, closed(2))).payload()) << "the refusal changed nothing";

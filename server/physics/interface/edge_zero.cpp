@@ -14,9 +14,8 @@ constexpr double kStepWithinBound = 0.9;  // share of the step that would just b
 
 }  // namespace
 
-EdgeZero::EdgeZero(const StressLimit& limit, const SlipPoint& from, const SlipPoint& to, const SlipPoint& hottest,
-                   const SlipHeat& heat)
-    : limit_(&limit), heat_(heat), from_(from), to_(to), hottest_(hottest), sign_(from.a <= to.a ? 1.0 : -1.0) {
+EdgeZero::EdgeZero(const StressLimit& limit, const SlipPoint& from, const SlipPoint& to, const SlipPoint& hottest)
+    : limit_(&limit), from_(from), to_(to), hottest_(hottest), sign_(from.a <= to.a ? 1.0 : -1.0) {
   f_from_ = value(from_);
   f_to_ = value(to_);
   if (!(f_from_ > 0.0) || std::isnan(f_to_)) {
@@ -37,7 +36,6 @@ EdgeZero::EdgeZero(const StressLimit& limit, const SlipPoint& from, const SlipPo
 double EdgeZero::bound(const SlipPoint& edge, const SlipPoint& p) const {
   double T = sign_ > 0.0 ? std::max(edge.T, p.T) : std::min(edge.T, p.T);
   if (sign_ > 0.0 && edge.a < hottest_.a && hottest_.a < p.a) T = hottest_.T;
-  if (heat_.per_work > 0.0) T = std::max(T, heat_.T_ad + heat_.per_work * (p.a * edge.v));
   if (limit_->effort != nullptr) ++limit_->effort->limit_values;
   return sign_ * (limit_->at(T, {p.v, edge.v}).stress - p.a);
 }

@@ -19,15 +19,7 @@ class EdgeZero {
   EdgeZero() = default;
   // Searches from `from` towards `to`. `hottest`: the point of the highest temperature; to its left T rises with the
   // stress, to its right it falls.
-  EdgeZero(const StressLimit& limit, const SlipPoint& from, const SlipPoint& to, const SlipPoint& hottest)
-      : EdgeZero(limit, from, to, hottest, {}) {}
-  // The same of an interface that its slip alone heats, T = T_ad + per_work a v, with a slip of which no more is known
-  // than that it falls with the stress. Only from the left.
-  struct SlipHeat {
-    double T_ad = 0.0, per_work = 0.0;
-  };
-  EdgeZero(const StressLimit& limit, const SlipPoint& from, const SlipPoint& to, const SlipPoint& hottest,
-           const SlipHeat& heat);
+  EdgeZero(const StressLimit& limit, const SlipPoint& from, const SlipPoint& to, const SlipPoint& hottest);
 
   bool done() const { return done_; }
   double at() const { return at_; }  // the stress at which update() needs the point
@@ -49,7 +41,6 @@ class EdgeZero {
   void end(const SlipPoint& at, bool found);
 
   const StressLimit* limit_ = nullptr;
-  SlipHeat heat_{};
   SlipPoint from_{}, to_{}, hottest_{}, cap_{}, answer_{}, below_{};  // no zero lies between the start and from_
   double f_from_ = 0.0, f_to_ = 0.0;      // signed spare strengths: that of from_ is positive
   double f_cap_ = 0.0, cap_bound_ = 0.0;  // at cap_: spare strength, and its bound from from_ on

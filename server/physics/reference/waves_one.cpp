@@ -174,8 +174,14 @@ struct Stage {
 // The largest stress that the contact carries, as its papers print it: friction, and the strength of junctions.
 double limit_of_contact(const ModelOptions& options, double dt, const NodeInputs& in, const NodeState& old, double T0,
                         double slip) {
-  const double friction = friction_of(options, in.pressure, T0, slip, dt, old.friction_state);
   const bool yields = options.strategy == Strategy::kForceDriven;  // an interface with a strength of its own, DLP (65)
+  if (yields && !states_of(options.interface.friction_law).empty()) {
+    // Slower than this share of what moves the bodies is rest, where a law with a state is asked for its friction.
+    const double moves = std::abs(in.velocity_jump) + kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate +
+                         dt * (std::abs(in.stress_soft) / in.mass_soft + std::abs(in.stress_hard) / in.mass_hard);
+    slip = std::max(slip, 1e-8 * moves);
+  }
+  const double friction = friction_of(options, in.pressure, T0, slip, dt, old.friction_state);
   if (!options.junctions && !yields) return friction;
   if (!options.junctions)
     return std::min(friction, options.interface.yield_strength / kSqrt3 * softening(options.soft, in.pressure, T0).g);
@@ -298,12 +304,12 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
         if (i == kPoints ? !can_stick : spare(now) < 0.0) {
           const double a = bisect([&](double trial) { return -spare(trial); }, before, now);
           const double v = slip_under(a);
-          slips = v > 1e-8 * most;
+          slips = layer.forced() || v > 1e-8 * most;
           // Under its ceiling the layer flows by any amount: a contact that slip makes stronger slips until it carries as
           // much.
           if (const double T0 = T0_of(stage.flux); slips && limit(T0, v) > a * (1.0 + 1e-9)) {
             const double own = bisect([&](double slip) { return limit(T0, slip) - a; }, 0.0, v);
-            slips = own > 1e-8 * most;
+            slips = layer.forced() || own > 1e-8 * most;
             at.interface_slip = std::copysign(own, direction);
             at.growth[0] += (v - own) * dt / (kSqrt3 * layer.grid.weight[0]);
           }

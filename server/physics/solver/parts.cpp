@@ -453,7 +453,7 @@ std::optional<Refusal> short_table(const ModelOptions& o) {
   return {};
 }
 
-constexpr std::array<Limit, 11> kLimits = {
+constexpr std::array<Limit, 10> kLimits = {
     short_table,
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.inertia || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};
@@ -461,15 +461,6 @@ constexpr std::array<Limit, 11> kLimits = {
                      "layer.inertia = true lets waves cross the layer, and a layer that is rigid moves with the soft "
                      "body, whose mass has its own already",
                      "Leave it out, or set interface.plastic_layer = true."};
-    },
-    [](const ModelOptions& o) -> std::optional<Refusal> {
-      if (!o.inertia || o.strategy != Strategy::kForceDriven || !o.taylor_quinney_factor) return {};
-      return Refusal{
-          "interface.taylor_quinney_factor",
-          "interface.taylor_quinney_factor does not go with layer.inertia under force: the heat in place and "
-          "the stress of the contact are then searched one within the other, and a step next to melting "
-          "may take minutes",
-          "Leave out one of the two."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.taylor_quinney_factor || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};

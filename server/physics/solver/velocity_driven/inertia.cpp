@@ -13,8 +13,8 @@
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/velocity_driven/forced_stage.hpp"
 #include "server/physics/solver/velocity_driven/inertia_stage.hpp"
-#include "server/physics/solver/velocity_driven/wave_bodies.hpp"
 #include "server/physics/solver/velocity_driven/waves_heat.hpp"
 
 namespace shearbus::physics {
@@ -238,6 +238,7 @@ void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& op
     second[l] = step_of(first[l], second[l]);
     if (is_forced(problem) && second[l].stress[0] * second[l].mean_slip < 0.0) lost |= 1u << l;  // the slip turns
   }
+  if (is_forced(problem)) lost |= sdirk2::lanes_out_of_range(problem, inputs, T_old, T);  // it heated one stage alone
   answer_lanes(problem, operators.dt(), inputs, closed & ~lost, second, trial, outputs);
   close_lanes(problem, inputs.active & ~lost, contact, second, trial, outputs);
 

@@ -10,7 +10,7 @@
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/scratch.hpp"
-#include "server/physics/solver/velocity_driven/wave_bodies.hpp"
+#include "server/physics/solver/velocity_driven/forced_stage.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
 #include "server/physics/solver/velocity_driven/waves_wide.hpp"
 #include "server/physics/solver/work.hpp"
@@ -22,10 +22,12 @@ namespace {
 constexpr int kStepsOfSearch = 25;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Share of the work of friction that a stage turns into heat at z = 0. Where plastic work heats in place, the
-// temperatures that a stage is given hold all its heat (waves_heat.hpp).
+// Share of the work of s(0) on the jump that waves turn into heat at z = 0. Where plastic work heats in place, and under
+// force, the temperatures that waves are given hold all their heat (waves_heat.hpp, forced_stage.hpp).
 double heat_share(const Problem& problem) {
-  return problem.options.taylor_quinney_factor ? 0.0 : problem.heat_partition;
+  const bool jump_heats =
+      !problem.options.taylor_quinney_factor && problem.options.strategy == Strategy::kVelocityDriven;
+  return jump_heats ? problem.heat_partition : 0.0;
 }
 
 void gather(const double* rows, int count, double* values) {
@@ -34,11 +36,6 @@ void gather(const double* rows, int count, double* values) {
 
 void scatter(const double* values, int count, double* rows) {
   for (std::ptrdiff_t i = 0; i < count; ++i) rows[i * kLanes] = values[i];
-}
-
-// Whether only the slip at z = 0 heats: force-driven, where the jump is that of the bodies, which waves change.
-bool slip_heats(const Problem& problem) {
-  return problem.options.strategy == Strategy::kForceDriven;
 }
 
 // Backward Euler of one lane over the length of `heat`, from the state in `trial`, whose temperatures have been
@@ -58,8 +55,7 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
                       .heat_share = heat_share(problem),
                       .coulomb = limit,
                       .give_near = ends.give_near[l],
-                      .give_far = ends.give_far[l],
-                      .slip_heats = slip_heats(problem)};
+                      .give_far = ends.give_far[l]};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
   gather(trial + layout.plastic_strain + l, n + 1, fields.strain);
@@ -93,9 +89,18 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
   return true;
 }
 
-// The same of several lanes: by Newton's method in all of them at once, and by search_lane() where that has not found an
-// answer. `limit`: the largest stress that the contact of each lane carries. `guess`: rows of velocities from which to
-// start; null: those before the step. Returns the lanes that have no answer.
+// Velocity-driven.
+WaveEnds imposed_ends(const TileInputs& inputs) {
+  WaveEnds ends;
+  std::copy_n(inputs.velocity_jump, kLanes, ends.jump);
+  std::fill_n(ends.give_near, kLanes, 1.0);
+  std::fill_n(ends.give_far, kLanes, 1.0);
+  return ends;
+}
+
+}  // namespace
+
+// By Newton's method in all lanes at once, and by search_lane() where that has not found an answer.
 std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
                           const WaveEnds& ends, std::uint32_t lanes, const double (&limit)[kLanes], const double* guess,
                           double* trial, Found (&found)[kLanes]) {
@@ -126,7 +131,6 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
                     .velocity = trial + layout.layer_velocity,
                     .guess = guess,
                     .most_steps = guess != nullptr ? kStepsOfSearch : WideWaveStep{}.most_steps,
-                    .slip_heats = slip_heats(problem),
                     .tries_limit = guess != nullptr};
   std::copy_n(ends.give_near, kLanes, step.give_near);
   std::copy_n(ends.give_far, kLanes, step.give_far);
@@ -159,6 +163,8 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
   }
   return lost;
 }
+
+namespace {
 
 // ---- Contact laws ----
 //
@@ -226,7 +232,6 @@ class ContactSearch {
     std::uint32_t held = 0, slipping = 0;
     for (const int l : lanes_of(lanes)) {
       sought_[l].T_ad = start_[problem_.layout.temperature + static_cast<std::size_t>(l)];
-      if (slip_heats(problem_)) sought_[l].T_per_work = problem_.heat_partition * heat_.layer_response()[0];
       if (contacts_[l].stuck) held |= 1u << l;
     }
     solve_under_limit(held);
@@ -244,14 +249,10 @@ class ContactSearch {
     SlipPoint free{};  // the start of the search: no stress, the most slip
     SlipPoint end{};   // its end: where the interface sticks, or can only carry less
     double direction = 1.0, T_ad = 0.0, T_per_stress = 0.0;
-    double T_per_work = 0.0;    // where the slip heats: rise of T0 per power of the slip  [K m2/W]
     double ceiling_slip = 0.0;  // slip velocity next to a layer that flows at its ceiling  [m/s]
     bool several = false;
 
-    SlipPoint point(double a, double slip) const {
-      const double v = std::max(0.0, slip);
-      return {a, T_ad + T_per_stress * a + T_per_work * (a * v), v};
-    }
+    SlipPoint point(double a, double slip) const { return {a, T_ad + T_per_stress * a, std::max(0.0, slip)}; }
     SlipPoint point(double a, const Found& found) const { return point(a, direction * found.interface_slip); }
   };
 
@@ -269,8 +270,7 @@ class ContactSearch {
   void face(int l) {
     Sought& own = sought_[l];
     own.direction = direction_of(stress_of(l));
-    if (!slip_heats(problem_))
-      own.T_per_stress = heat_per_stress(problem_, inputs_, l, own.direction) * heat_.layer_response()[0];
+    own.T_per_stress = heat_per_stress(problem_, inputs_, l, own.direction) * heat_.layer_response()[0];
   }
 
   // Of an interface that did not slip under the last limit: whether it sticks.
@@ -280,8 +280,7 @@ class ContactSearch {
     face(l);
     own.end = own.point(std::abs(stress_of(l)), 0.0);
     own.several = contact.at(own.end.T, 0.0).stress >= own.end.a;
-    const bool falls = contact.falls_with_slip() || own.T_per_work > 0.0;  // also by the heat of the slip
-    return own.end.a == 0.0 || (own.several && (contacts_[l].stuck || !falls));
+    return own.end.a == 0.0 || (own.several && (contacts_[l].stuck || !contact.falls_with_slip()));
   }
 
   // Finds the slip under no stress, with which the contact carries the most; and up to that limit, or to the stress at
@@ -312,7 +311,7 @@ class ContactSearch {
   void search(std::uint32_t lanes) {
     for (const int l : lanes_of(lanes & ~lost_)) {
       Sought& own = sought_[l];
-      own.zero = EdgeZero(contacts_[l].limit, own.free, own.end, own.end, {own.T_ad, own.T_per_work});
+      own.zero = EdgeZero(contacts_[l].limit, own.free, own.end, own.end);
     }
     for (;;) {
       std::uint32_t unsolved = 0;
@@ -358,10 +357,6 @@ class ContactSearch {
     const double v = taken < flow ? asked : flow * weight / heat_.dt;
     found_[l].interface_slip = sought_[l].direction * v;
     found_[l].interface_slips = true;
-    if (!slip_heats(problem_)) return;
-    const double flux = problem_.heat_partition * std::abs(stress_of(l)) * v;
-    found_[l].flux += flux;
-    add_flux_lane(heat_, problem_.heat_grid.num_vertices(), l, flux, trial_ + problem_.layout.first_temperature());
   }
 
   const Problem& problem_;
@@ -401,6 +396,11 @@ WaveContacts::WaveContacts(const Problem& problem, const TileInputs& inputs, con
     const TrialSlip slip(forcing_of(problem, inputs, l), dt, inputs.velocity_jump[l],
                          stress_before(problem.layout, inputs, committed, l));
     own.drive = slip.direction * slip.drive;
+    // A law with a state may carry nothing at rest: slower than this is rest.
+    if (problem.layout.num_friction_states > 0)
+      own.limit.least_slip = kAtRest * (std::abs(inputs.velocity_jump[l]) + slip.drive +
+                                        dt * (std::abs(inputs.stress_soft[l]) / inputs.mass_soft[l] +
+                                              std::abs(inputs.stress_hard[l]) / inputs.mass_hard[l]));
   }
 }
 
@@ -408,15 +408,9 @@ std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, cons
                           std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes],
                           const double* guess) {
   if (lanes == 0) return 0;
-  WaveEnds ends = imposed_ends(inputs);
-  if (problem.options.strategy == Strategy::kForceDriven) {
-    std::uint32_t lost = meet_bodies(problem, heat.dt, inputs, lanes, *contacts, trial, ends);
-    const std::uint32_t met = lanes & ~lost;
-    lost |= ContactSearch(problem, heat, inputs, ends, *contacts, guess, trial, found).solve(met);
-    leave_bodies(problem, heat.dt, inputs, lanes & ~lost, trial);
-    for (const int l : lanes_of(lanes & ~lost)) found[l].mean_slip = found[l].interface_slip;
-    return lost;
-  }
+  if (problem.options.strategy == Strategy::kForceDriven)
+    return solve_forced_stage(problem, heat, inputs, lanes, *contacts, trial, found, guess);
+  const WaveEnds ends = imposed_ends(inputs);
   if (contacts == nullptr) {
     double limit[kLanes];
     for (const int l : lanes_of(lanes))

@@ -45,6 +45,18 @@ class WaveContacts {
   Lane lanes_[kLanes];
 };
 
+// The bodies at the ends of the layers of a tile in one stage.
+struct WaveEnds {
+  double jump[kLanes];                         // velocity at z = h, of a body that gives way before the stage  [m/s]
+  double give_near[kLanes], give_far[kLanes];  // WaveStep
+};
+
+// Solves the waves of several lanes under given limits of the stress at z = 0 from the state in `trial`. `guess`: as in
+// solve_stage(). Returns the lanes that have no answer.
+std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+                          const WaveEnds& ends, std::uint32_t lanes, const double (&limit)[kLanes], const double* guess,
+                          double* trial, Found (&found)[kLanes]);
+
 // Backward Euler of `lanes` over the length of `heat`, from the state in `trial`, whose temperatures have been conducted
 // already. `contacts`: null where a constant friction stress limits the stress, or none. `guess`: rows of velocities
 // from which the search starts; null: those before the step. Returns the lanes that have no answer.

@@ -8,7 +8,6 @@
 #include "server/physics/layer/wide.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/flow/root_search.hpp"
 #include "server/physics/solver/velocity_driven/waves_return.hpp"
 
 namespace shearbus::physics {
@@ -30,6 +29,9 @@ constexpr double kUndershoot = 0.5;
 // A step must lower the energy by at least half this fraction of (length of the step) * (slope of the energy at its
 // start).
 constexpr double kLeastDescent = 0.25;
+// Share of secants in the slopes of a step of the line search: the least, and its factors after a step that was cut and
+// after one that was not.
+constexpr double kLeastSecant = 1e-4, kMoreSecant = 10.0, kLessSecant = 0.3;
 constexpr int kLocalSteps = 60;          // largest number of iterations of a return to the yield stress; 3 are usual
 constexpr int kLocalNewtonSteps = 12;    // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
@@ -140,33 +142,6 @@ SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, Retur
   }
 }
 
-// ---- The heat of the slip at z = 0 ----
-
-// The vertex at z = 0 that the friction limit holds, where its slip heats it: the heat flux q is released by the slip that
-// the flow of the vertex at the temperature of q leaves.
-struct HeatedSlip {
-  double flux;     // q  [W/m2]
-  double slope;    // derivative of q by the trial stress  [W/(m2 Pa)]
-  HeldVertex own;  // flow and slip at q
-};
-
-// `left`: trial stress above the limit  [Pa]; `per_left`: heat flux per stress left to the slip  [W/(m2 Pa)]; `flow(q)`:
-// growth of the plastic strain under the limit, which rises with q, at most left/kappa.
-template <class Flow>
-HeatedSlip heat_of_slip(double left, double per_left, double kappa, const Flow& flow) {
-  constexpr double kSmall = 1e-6;  // of q, the difference that gives the derivative of the flow
-  const auto surplus = [&](double q) { return q - per_left * std::max(0.0, left - kappa * flow(q)); };
-  const double most = per_left * left, at_most = surplus(most), at_none = surplus(0.0);
-  if (!(at_most > 0.0)) return {most, per_left, {flow(most), std::max(0.0, left - kappa * flow(most))}};
-  if (!(at_none < 0.0)) return {0.0, 0.0, {left / kappa, 0.0}};
-  RootSearch search(0.0, at_none, most, at_most, most, most + at_none);
-  while (!search.update(surplus(search.at()))) {
-  }
-  const double q = search.at(), slips = std::min(left, q / per_left);
-  const double rises = (flow(q + kSmall * q) - flow(q)) / (kSmall * q);
-  return {q, per_left / (1.0 + per_left * kappa * rises), {(left - slips) / kappa, slips}};
-}
-
 // ---- The step of one node ----
 
 class Waves {
@@ -208,7 +183,7 @@ class Waves {
         evaluations_left_ = evaluations_;
         search(kMostGuardedSteps);
       }
-      answer_.found = evaluations_left_ > 0 && balanced();
+      answer_.found = balanced();
     }
     finish();
     return answer_;
@@ -271,7 +246,6 @@ class Waves {
     set_trial_stress();
     if (given) return evaluate_at(*given);
     const double direction = direction_at_interface();
-    if (step_.slip_heats) return evaluate_slip(direction);
     const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // heat flux per stress [m/s]
     const InterfaceReturn found = return_at_interface(per_stress);
     evaluate_at(per_stress * found.stress);
@@ -279,37 +253,6 @@ class Waves {
     fields_.stress[0] = std::copysign(found.stress, rows_.t[0]);
     rows_.slope[0] = found.slope;
     flux_slope_ = direction * (per_stress * found.slope);
-  }
-
-  // The same where only slip heats: there is none unless the friction limit holds the vertex at z = 0 in the cold.
-  void evaluate_slip(double direction) {
-    const InterfaceReturn cold = return_at_interface(0.0);
-    HeatedSlip slip{};
-    if (cold.held) {
-      const double left = std::abs(rows_.t[0]) - step_.coulomb;
-      slip = heat_of_slip(left, step_.heat_share * step_.coulomb / gain(0), kappa(0),
-                          [&](double q) { return held_vertex(fields_.T_ad[0] + q * step_.response[0]).strain_growth; });
-    }
-    evaluate_at(slip.flux);
-    held_ = cold.held;
-    held_vertex_ = slip.own;
-    fields_.stress[0] = std::copysign(cold.stress, rows_.t[0]);
-    rows_.slope[0] = cold.slope;
-    rows_.softening[0] = 0.0;
-    flux_slope_ = direction * slip.slope;
-  }
-
-  // The vertex at z = 0 under the friction limit, at a temperature.
-  HeldVertex held_vertex(double T) const {
-    const double t = std::abs(rows_.t[0]), left = t - step_.coulomb;
-    if (!has_form_) {
-      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], T, left / kappa(0));
-      return {flow, std::max(0.0, left - kappa(0) * flow)};
-    }
-    const double g = softening(*step_.soft, step_.pressure, T).g;
-    const double most = rows_.compliance[0] > 0.0 ? law_.ceiling : std::min(law_.ceiling, rows_.strength[0]);
-    if (step_.slip_heats && most * g < step_.coulomb) return {left / kappa(0), 0.0};
-    return flow_under_friction(t, step_.coulomb, rows_.strength[0] * g, rows_.compliance[0], kappa(0), law_.exponent);
   }
 
   struct InterfaceReturn {
@@ -458,15 +401,27 @@ class Waves {
     return slope;
   }
 
+  // Moves the slopes towards those of lines through 0. With the latter a step is the minimum of an energy that is nowhere
+  // below that of the layer, so that it descends in full. Newton's own steps hardly move layers that flow under one stress
+  // and weigh little, since whole parts of them are free to move.
+  void mix_secants(double share) {
+    for (int i = 0; i <= num_cells_; ++i) {
+      const double line = rows_.t[i] != 0.0 ? std::abs(fields_.stress[i] / rows_.t[i]) : 1.0;
+      rows_.slope[i] += share * (line - rows_.slope[i]);
+    }
+  }
+
   // Newton's method with a line search; returns whether it converged. The slope of the energy increases along Newton's
   // direction, so bisection finds where it is small. With `surely` a step beyond the minimum of the energy is accepted
   // only if two slopes, at its middle and at its end, prove that the energy falls.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
+    double secant = 0.0;  // share of secants in the slopes of the next step
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
+      if (secant > 0.0) mix_secants(secant);
       newton_direction();
       if (!std::isfinite(largest_step())) return false;
-      const bool last = small_step();
+      const bool last = secant == 0.0 && small_step();
       std::copy_n(fields_.velocity, num_cells_, start_);
       double slope_0 = 0.0;
       for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
@@ -488,6 +443,11 @@ class Waves {
         part = 0.5 * (lo + hi);
         slope = slope_after(part, flux);
       }
+      if (!surely) continue;
+      if (part < 1.0)
+        secant = std::clamp(kMoreSecant * secant, kLeastSecant, 1.0);
+      else
+        secant = secant > kLeastSecant ? kLessSecant * secant : 0.0;
     }
     return false;
   }
@@ -505,13 +465,9 @@ class Waves {
     double hi = std::max(0.0, (law_.T_melt - fields_.T_ad[0]) / step_.response[0]);
     std::copy_n(velocity_old_, num_cells_, fields_.velocity);
     descend(0.0, steps, true);
-    const auto made = [&] {  // heat flux q that the stress or the slip at z = 0 causes
-      if (!step_.slip_heats) return share * fields_.stress[0];
-      return held_ ? step_.heat_share * step_.coulomb * held_vertex(rows_.T[0]).left / gain(0) : 0.0;
-    };
+    const auto made = [&] { return share * fields_.stress[0]; };  // heat flux q that the stress at z = 0 causes
     const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
     const bool heats = made() > unfelt;
-    if (step_.slip_heats) hi = std::min(hi, made());
     while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
       const double flux = 0.5 * (lo + hi);
       descend(flux, steps, true);
@@ -538,7 +494,16 @@ class Waves {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa(i);
     }
     if (!held_) return;
-    const HeldVertex held = step_.slip_heats ? held_vertex_ : held_vertex(rows_.T[0]);
+    if (!has_form_) {
+      const double left = std::abs(rows_.t[0]) - step_.coulomb;
+      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa(0));
+      fields_.strain_growth[0] = flow;
+      answer_.interface_slip = std::copysign(std::max(0.0, left - kappa(0) * flow) / gain(0), rows_.t[0]);
+      return;
+    }
+    const double yield = rows_.strength[0] * softening(*step_.soft, step_.pressure, rows_.T[0]).g;
+    const HeldVertex held =
+        flow_under_friction(std::abs(rows_.t[0]), step_.coulomb, yield, rows_.compliance[0], kappa(0), law_.exponent);
     fields_.strain_growth[0] = held.strain_growth;
     answer_.interface_slip = std::copysign(held.left / gain(0), rows_.t[0]);
   }
@@ -555,7 +520,6 @@ class Waves {
   int evaluations_;  // largest number of evaluations of the balance in a search
   int evaluations_left_;
   bool held_ = false;             // the friction limit mu P holds the stress at z = 0
-  HeldVertex held_vertex_{};      // where only slip heats: the vertex there under that limit, at the heat of its slip
   double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
   double flux_slope_ = 0.0;       // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;

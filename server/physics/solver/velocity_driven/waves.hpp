@@ -14,7 +14,7 @@ namespace shearbus::physics {
 //   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
 //   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3);   dep[i] >= 0, and dep[i] = 0 where |s[i]| < Y / sqrt(3)      DLP (42-48)
 //   |s[0]| <= mu P;   v[-1] is along s[0], and v[-1] = 0 where |s[0]| < mu P
-//   T = T_ad + q B,   q = share max(s[0] [V], 0), or with slip_heats q = share s[0] v[-1]                DLP (18, 35)
+//   T = T_ad + q B,   q = share max(s[0] [V], 0)                                         DLP (18, 35)
 // where share is WaveStep::heat_share. Summed over the layer and for rho -> 0 these equations are the balance of a
 // layer without inertia, with the same weights.
 //
@@ -33,7 +33,6 @@ struct WaveStep {
   double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
   double give_near = 1.0;  // how the bodies at z = 0 and at z = h give way; 1: their velocities are imposed
   double give_far = 1.0;
-  bool slip_heats = false;  // only the slip at z = 0 heats, else the whole jump
 };
 
 // The fields of one node, with a value per cell for the velocity and per vertex for the others.

@@ -110,7 +110,7 @@ class WaveLanes {
   Mask evaluate_interface(Mask live) {
     const Register trial = at(tile_.stress, 0) + gain_near_ * at(rows_.velocity, 0);
     const Register direction = with_sign_of(all(1.0), where(trial == 0.0, jump_, trial));
-    const Register per_stress = tile_.slip_heats ? all(0.0) : tile_.heat_share * larger(direction * jump_, all(0.0));
+    const Register per_stress = tile_.heat_share * larger(direction * jump_, all(0.0));
     const Register rise = per_stress * tile_.response[0];
     const Register t = magnitude(trial);
     const Mask elastic = carried(t, t, rise).stress >= t;
@@ -153,20 +153,11 @@ class WaveLanes {
     interface_ = where(elastic | molten | capped, interface_, a);
     flux_ = per_stress * size;
     flux_slope_ = direction * per_stress * size_slope;
-    Mask flows{};
-    if (tile_.slip_heats) {
-      // The heat of the slip of a held vertex. One that flows as well is left to the search in waves.cpp.
-      const Register per_left = tile_.heat_share * size / gain_near_;
-      flux_ = where(held, per_left * (t - size), all(0.0));
-      flux_slope_ = where(held, direction * per_left, all(0.0));
-      const Register strength = smaller(at(rows_.strength, 0), all(tile_.ceiling));
-      flows = held & (strength * softened(at(tile_.T_ad, 0) + flux_ * tile_.response[0]).g < size);
-    }
     held_ = held;
     put(with_sign_of(size, trial), rows_.stress, 0);
     put(size_slope * gain_near_, rows_.stiffness, 0);
     put(Register{}, rows_.softening, 0);
-    return without(lost | todo | flows);
+    return without(lost | todo);
   }
 
   // The returns to the yield stress of the other vertices, DLP (42-48).

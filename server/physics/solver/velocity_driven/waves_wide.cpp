@@ -42,7 +42,7 @@ constexpr int kReturnSteps = 60;         // iterations of the return of a vertex
 struct WaveTile {
   std::ptrdiff_t num_cells;
   int most_steps;
-  bool tries_limit, slip_heats;
+  bool tries_limit;
   const double *gain, *inertia, *response, *weight;
   double exponent, ceiling, hT, per_kappa, yield, beta, heat_share, velocity_per_stress;
   const double *T_melt, *bracket, *jump, *coulomb, *give_near, *give_far;
@@ -83,7 +83,6 @@ std::uint32_t advance_waves_wide(const WideWaveStep& step, std::uint32_t lanes, 
       .num_cells = grid.num_cells(),
       .most_steps = step.most_steps,
       .tries_limit = step.tries_limit,
-      .slip_heats = step.slip_heats,
       .gain = gain,
       .inertia = inertia,
       .response = step.response,
@@ -131,7 +130,6 @@ std::uint32_t advance_waves_wide(const WideWaveStep& step, std::uint32_t lanes, 
     const double T = step.T_ad[l] + answer.flux[l] * step.response[0];
     const double g =
         (step.bracket[l] - tile.hT * T) * exponential(-kMelting * T / (step.T_melt[l] - T));  // z = 0 is not molten
-    // Where slip heats, the kernel leaves lanes whose held vertex flows.
     const HeldVertex held = flow_under_friction(std::abs(trial_at_interface[l]), step.coulomb[l], rows.strength[l] * g,
                                                 rows.compliance[l], kappa / step.give_near[l], tile.exponent);
     const bool below = std::signbit(trial_at_interface[l]);

@@ -28,7 +28,6 @@ struct WideWaveStep {
   double* velocity;
   const double* guess = nullptr;  // velocities from which Newton's method starts; null: those before the step
   int most_steps = 6;             // Newton steps, after which the general search takes a lane
-  bool slip_heats = false;        // only the slip at z = 0 heats
   bool tries_limit = false;       // whether the limit is tried before the stress without it, which may be far above
 };
 
