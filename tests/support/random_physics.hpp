@@ -289,8 +289,6 @@ inline ModelOptions random_forced_inertia_options(Draw& draw, bool extreme) {
     options = random_options(draw, Strategy::kForceDriven, extreme);
     options.inertia = true;
     options.time_integrator = draw.chance(0.5) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
-    if (options.hard_grid && draw.chance(0.4))
-      options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
   } while (!refusals(options).empty());
   options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
   return options;

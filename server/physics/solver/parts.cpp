@@ -453,7 +453,7 @@ std::optional<Refusal> short_table(const ModelOptions& o) {
   return {};
 }
 
-constexpr std::array<Limit, 10> kLimits = {
+constexpr std::array<Limit, 11> kLimits = {
     short_table,
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.inertia || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};
@@ -461,6 +461,15 @@ constexpr std::array<Limit, 10> kLimits = {
                      "layer.inertia = true lets waves cross the layer, and a layer that is rigid moves with the soft "
                      "body, whose mass has its own already",
                      "Leave it out, or set interface.plastic_layer = true."};
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.inertia || o.strategy != Strategy::kForceDriven || !o.taylor_quinney_factor) return {};
+      return Refusal{
+          "interface.taylor_quinney_factor",
+          "interface.taylor_quinney_factor does not go with layer.inertia under force: bodies that give way may "
+          "shear a layer by any amount, and the heat in place of a vertex next to melting is then lost in the "
+          "last digits of its temperature",
+          "Leave out one of the two."};
     },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.taylor_quinney_factor || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};

@@ -19,17 +19,19 @@ inline std::vector<double> strain_before(const Rig& rig, int lane) {
   return ep;
 }
 
-// What the last digits of the stress at a face are as plastic strain, where a light body behind it gives way: the flow is
-// what the far stress less that of the face moves the body by, over the weight of the vertex.
+// What the last digits of the stress of a vertex are as plastic strain. The strain of waves is what shear and stress leave of
+// each other; at a face whose light body gives way it is what the far stress, less that of the face, moves the body by,
+// over the weight of the vertex.
 inline double strain_of_digits(const Rig& rig, int vertex, int lane, double carried, double dt) {
   const ModelOptions& options = rig.model.options();
   const Grid& grid = rig.model.grid();
-  if (!options.inertia || options.strategy != Strategy::kForceDriven) return 0.0;
-  if (vertex > 0 && vertex < grid.num_cells()) return 0.0;
+  if (!options.inertia) return 0.0;
+  const double digits = kDigits * carried / (kSqrt3 * options.soft.shear_modulus);
+  if (options.strategy != Strategy::kForceDriven || (vertex > 0 && vertex < grid.num_cells())) return digits;
   const double mass =
       vertex == 0 ? rig.inputs.mass_hard[lane] : rig.inputs.mass_soft[lane] - options.soft.density * grid.vertex.back();
   const double moved = kDigits * carried * dt / mass * dt;
-  return moved / (kSqrt3 * grid.weight[static_cast<std::size_t>(vertex)]);
+  return digits + moved / (kSqrt3 * grid.weight[static_cast<std::size_t>(vertex)]);
 }
 
 // Requires that the stress of a layer is at most its flow stress and equal to it where the layer flows, and that no
@@ -64,8 +66,10 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     };
     const double most = limit(ep + digits, T * (1 - kDigits) - grain,
                               of_stage * (dep + noise + digits + (a.parts() - 1) * (4e-16 * ep)));
-    // A molten vertex among waves may keep what is no stress.
-    const double nothing = options.inertia ? 1e-40 : 0.0;  // [Pa]
+    // A molten vertex among waves may keep what is no stress. That of a law with a rate is what its strain leaves of the
+    // shear, known to the last digits of that.
+    const double kept = rated ? kDigits * (kSqrt3 * options.soft.shear_modulus * dep) : 0.0;
+    const double nothing = options.inertia ? 1e-40 + kept : 0.0;  // [Pa]
     require(carried <= most * (1 + 1e-10) + nothing,
             "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i, carried, most, T, ep);
     if (most > nothing) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
@@ -78,7 +82,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     if (a.in_parts() || leaps || (options.inertia && of_two_stages(options, a))) continue;
     if (ep <= ep_old * (1 + 1e-12) + 1e-15 + digits || held_by_friction) continue;
     const double least = limit(ep - digits, T * (1 + kDigits) + grain, dep - noise - digits);
-    require(carried >= least * (1 - 1e-10),
+    require(carried + nothing >= least * (1 - 1e-10),
             "vertex {} flows under {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {} from {}", i, carried, least, T,
             ep, ep_old);
   }

@@ -13,7 +13,7 @@
 namespace shearbus::testing {
 
 // Requires that the heat of a step is the fraction X of its plastic work, and all work of the slip of the interface, which
-// is [v], or velocity-driven what the flow along s(0) leaves of [v].
+// is what the flow along s(0) leaves of [v].
 inline void require_heat_in_place(const Rig& rig, const Answered& a, int lane) {
   const TileLayout& layout = rig.model.layout();
   const auto stress = [&](int i) { return rig.committed[place(layout.shear_stress, i, lane)]; };
@@ -33,7 +33,6 @@ inline void require_heat_in_place(const Rig& rig, const Answered& a, int lane) {
   for (int c = 0; c < rig.model.grid().num_cells(); ++c)
     fastest = std::max(fastest, std::abs(rig.committed[place(layout.layer_velocity, c, lane)]));
   const double slip = std::abs(a.slip) * a.dt;
-  if (rig.model.options().strategy == Strategy::kForceDriven) along = 0.0;
   const double at_interface = std::abs(stress(0)) * std::max(0.0, slip - along);
   const double unknown = std::abs(stress(0)) * (grain + 1e-13 * (slip + along)) + kNoStress * (slip + all) +
                          2e-12 * largest * fastest * a.dt;
