@@ -33,7 +33,7 @@ files::HistoryReader read_text(const fs::path& file, const std::string& columns,
   const auto remove = [](const std::string* name) { ::unlink(name->c_str()); };  // its reader keeps it open
   const std::unique_ptr<std::string, decltype(remove)> removed(&made, remove);
   if (program::run_python({script("replay", "tables.py"), "read", points ? "--points" : "--steps", "--out", made,
-                           "--columns=" + columns, "--", file}))
+                           "--parent=" + std::to_string(::getpid()), "--columns=" + columns, "--", file}))
     return files::HistoryReader(made);
   if (program::interrupted()) throw std::runtime_error("interrupted; no result is written");
   throw Told();

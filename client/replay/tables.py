@@ -33,22 +33,24 @@ def write(table, path):
                       "Name a directory with room in the environment variable TMPDIR") from fault
 
 
-def end_with_parent(path):
+def end_with_parent(parent, path):
     """If the program that waits for this one is killed, the file that was to be its input is removed."""
-    def remove(number, frame):
+    def remove(*_):
         with contextlib.suppress(OSError):
             os.unlink(path)
         os._exit(1)
 
     signal.signal(signal.SIGTERM, remove)
     ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
+    if os.getppid() != parent:  # it was killed before
+        remove()
 
 
 def run(options):
     from csv_table import CsvTable
 
     if options.command == "read":
-        end_with_parent(options.out)
+        end_with_parent(options.parent, options.out)
         write(CsvTable(options.table, options.columns, options.points), options.out)
         return 0
     from compare_tables import compare
@@ -65,6 +67,7 @@ def main():
     read = commands.add_parser("read")
     read.add_argument("table")
     read.add_argument("--out", required=True)
+    read.add_argument("--parent", type=int, default=os.getppid())
     read.add_argument("--columns", default="")
     read.add_argument("--points", action="store_true")
     read.add_argument("--steps", action="store_true")
