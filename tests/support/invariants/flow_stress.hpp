@@ -69,7 +69,7 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     // A molten vertex among waves may keep what is no stress. That of a law with a rate is what its strain leaves of the
     // shear, known to the last digits of that.
     const double kept = rated ? kDigits * (kSqrt3 * options.soft.shear_modulus * dep) : 0.0;
-    const double nothing = options.inertia ? 1e-40 + kept : 0.0;  // [Pa]
+    const double nothing = options.inertia ? 1e-39 + kept : 0.0;  // [Pa]
     require(carried <= most * (1 + 1e-10) + nothing,
             "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i, carried, most, T, ep);
     if (most > nothing) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);

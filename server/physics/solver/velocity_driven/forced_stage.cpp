@@ -87,7 +87,7 @@ class SlidingWaves {
         contacts_(contacts),
         trial_(trial),
         found_(found),
-        share_(problem.options.taylor_quinney_factor ? 0.0 : problem.heat_partition) {
+        share_(problem.heat_partition) {
     std::copy_n(trial, problem.layout.doubles, start_);
     std::copy_n(guess != nullptr ? guess : trial + problem.layout.layer_velocity, velocities_, guess_);
   }
@@ -185,7 +185,8 @@ class SlidingWaves {
       Lane& own = lanes_[l];
       own.at_rest = own.left;
       own.several = own.closed();
-      if (!own.several || (!contacts_[l].stuck && own.a > 0.0)) open |= 1u << l;
+      const bool weakens = own.limit.falls_with_slip() || own.limit.vanishes_at_melting();
+      if (!own.several || (weakens && !contacts_[l].stuck && own.a > 0.0)) open |= 1u << l;
     }
     return open;
   }
@@ -197,7 +198,7 @@ class SlidingWaves {
     for (const int l : lanes_of(lanes)) {
       Lane& own = lanes_[l];
       const double hottest = own.T_ad + share_ * heat_.layer_response()[0] * (own.a * own.at_rest);
-      own.above = own.limit.is_constant_below(hottest, own.at_rest) ? own.at_rest : -1.0;
+      own.above = !own.several && own.limit.is_constant_below(hottest, own.at_rest) ? own.at_rest : -1.0;
       if (own.above < 0.0 && own.most < 0.0) unknown |= 1u << l;
     }
     free(unknown);

@@ -55,7 +55,8 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
                       .heat_share = heat_share(problem),
                       .coulomb = limit,
                       .give_near = ends.give_near[l],
-                      .give_far = ends.give_far[l]};
+                      .give_far = ends.give_far[l],
+                      .forced = problem.options.strategy == Strategy::kForceDriven};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
   gather(trial + layout.plastic_strain + l, n + 1, fields.strain);

@@ -183,7 +183,7 @@ class Waves {
         evaluations_left_ = evaluations_;
         search(kMostGuardedSteps);
       }
-      answer_.found = balanced();
+      answer_.found = (evaluations_left_ > 0 || step_.forced) && balanced();
     }
     finish();
     return answer_;
@@ -443,7 +443,7 @@ class Waves {
         part = 0.5 * (lo + hi);
         slope = slope_after(part, flux);
       }
-      if (!surely) continue;
+      if (!surely || !step_.forced) continue;  // between imposed velocities the bits stay as they were
       if (part < 1.0)
         secant = std::clamp(kMoreSecant * secant, kLeastSecant, 1.0);
       else

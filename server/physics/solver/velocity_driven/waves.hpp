@@ -33,6 +33,7 @@ struct WaveStep {
   double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
   double give_near = 1.0;  // how the bodies at z = 0 and at z = h give way; 1: their velocities are imposed
   double give_far = 1.0;
+  bool forced = false;  // what the host changes in a step, a layer of little mass may follow by any amount
 };
 
 // The fields of one node, with a value per cell for the velocity and per vertex for the others.
