@@ -177,8 +177,16 @@ def velocity_step(axis, replay):
     return "a layer that slides at 1, 10, 1 m/s"
 
 
+def plates(axis, replay):
+    scene, history = EXAMPLES / "plates_with_waves.toml", ("force_driven", "--velocity", 5, "--pressure", 0.5e9, "--dt", 1e-10, "--steps", 1000)
+    for run, label, colour in ((replay(scene, history), "layer with mass", WITH), (replay(scene, history, "layer.inertia=false"), "without", WITHOUT)):
+        axis.plot(1e3 * run["time"], 1e-6 * run["shear_stress"][:, 3], color=colour, lw=1.4, label=label)
+    axis.set(xlabel="time (ns)", ylabel=style.QUANTITIES["shear_stress"][0])
+    return "layer.inertia: two plates stop each other"
+
+
 PICTURES = {"options_layer": (inertia, rates, drive), "options_heat": (pressure, steady, film), "options_contact": (turning, brake, section_6),
-            "options_friction": (memory, velocity_step, section_4)}
+            "options_friction": (memory, velocity_step, section_4, plates)}
 
 
 def main():

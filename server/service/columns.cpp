@@ -97,6 +97,16 @@ constexpr ColumnCondition kHasTangent = {
     "derivative does not cover",
     "Leave it out, or compare two trial steps."};
 
+template <Field kOfStickForm>
+constexpr ColumnCondition kHasOwnMasses = {
+    kOfStickForm,
+    wire::Kind::kInput,
+    [](const physics::ModelOptions& options) { return !options.inertia; },
+    wire::Code::kUnsupported,
+    "is of the stick form, which tells one impedance of both bodies, and with layer.inertia the mass of the layer is "
+    "taken from that of the soft one",
+    "Send the far-field form: stresses and masses of both half zones."};
+
 constexpr std::array kConditions = {
     ColumnCondition{Field::kSoftPlasticStrainRate, wire::Kind::kInput,
                     [](const physics::ModelOptions& options) { return options.plastic_layer; },
@@ -125,6 +135,8 @@ constexpr std::array kConditions = {
                     [](const physics::ModelOptions& options) { return options.inertia; }, wire::Code::kUnsupported,
                     "is of layers with inertia: without layer.inertia the stress is the same at both faces",
                     "Leave it out; the mean stress of the step is in mean_shear_stress_pa."},
+    kHasOwnMasses<Field::kStickStress>,
+    kHasOwnMasses<Field::kImpedance>,
     kHasTangent<Field::kStressPerJump>,
     kHasTangent<Field::kStressPerPressure>,
     ColumnCondition{Field::kFilmThickness, wire::Kind::kOutput,

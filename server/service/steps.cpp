@@ -57,9 +57,10 @@ void report_layers(const shard::Shard& shard, const wire::Batch& batch, const sh
   upscale.warnings.push_back(fmt::format(
       "layer.thickness_m: the plastic layer of node {} is {:.4g} m thick, and what moves with its interface node "
       "{:.4g} m (mass_soft_kg_per_m2 over the density); {} of {} closed nodes differ so. The answer then depends on "
-      "the zones: set layer.thickness_m, or where zones differ the parameter of each node, to half the zone at the "
+      "the zones: set layer.thickness_m, or where zones differ the parameter of each node, to {} the zone at the "
       "wall",
-      found.node, found.layer, found.half_zone, found.other, found.closed));
+      found.node, found.layer, found.half_zone, found.other, found.closed,
+      shard.model().options().inertia ? "a little less than half" : "half"));
 }
 
 // Adds to the reply the largest difference between a jump of the host and the answered one, and a warning if the host's
@@ -225,6 +226,7 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   if (step.follows != 0) check_follows(step, member.conversation.last_hash());
   check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
   running->rows = check_step(step, request.batch, options, shard.nodes());
+  check_layer_masses(step.dt_s, request.batch, running->rows, shard);
   if (running->extends_trial) check_rows_of_part(request.batch, running->rows, *member.parts);
   const bool commits = step.commit_previous && !previous_committed_;
   if (commits && !member.trial_stands())

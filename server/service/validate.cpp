@@ -442,6 +442,39 @@ shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, co
   return rows;
 }
 
+void check_layer_masses(double dt, const wire::Batch& batch, const shard::Rows& rows, const shard::Shard& shard) {
+  const physics::ModelOptions& scene = shard.model().options();
+  if (!scene.inertia || scene.strategy != physics::Strategy::kForceDriven) return;
+  const auto soft = batch.f64(Field::kMassSoft), hard = batch.f64(Field::kMassHard),
+             pressure = batch.f64(Field::kPressure);
+  std::vector<std::uint64_t> nodes;
+  std::string first;
+  Field field = Field::kMassSoft;
+  for (std::size_t row = 0; row < soft.size(); ++row) {
+    if (!(pressure[row] > 0.0)) continue;
+    const physics::LeastMasses least = shard.model_of(slot_of(shard.nodes(), rows, row)).least_masses(dt);
+    if (soft[row] > least.soft && hard[row] > least.hard) continue;
+    nodes.push_back(node_of(shard.nodes(), rows, batch, row));
+    if (nodes.size() > 1) continue;
+    const bool of_soft = !(soft[row] > least.soft);
+    field = of_soft ? Field::kMassSoft : Field::kMassHard;
+    first =
+        fmt::format("{} of node {} is {}; expected above {} kg/m2, {}", wire::name(field), nodes.front(),
+                    of_soft ? soft[row] : hard[row], of_soft ? least.soft : least.hard,
+                    of_soft ? "the mass of the layer (density times layer.thickness_m), which with layer.inertia is "
+                              "taken from that of the half zone, and a little more that a step of dt_s can move"
+                            : "of which a step of dt_s can tell how the layer moves it");
+  }
+  if (nodes.empty()) return;
+  const std::size_t faults = nodes.size();
+  refuse(Code::kInvalidValue, wire::name(field), fmt::format("{} ({} of {} rows at fault)", first, faults, soft.size()),
+         field == Field::kMassSoft
+             ? "Nothing was changed; open the session with a layer.thickness_m that is less than half the zone, or "
+               "without layer.inertia."
+             : "Nothing was changed; send the mass of half the zone, and a step no longer than waves need to cross it.",
+         std::move(nodes));
+}
+
 shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable& nodes) {
   check_components(batch, 1);
   for (const wire::Column& column : batch.columns())

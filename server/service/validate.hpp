@@ -81,6 +81,9 @@ void check_times(const wire::Downscale& step, const physics::ModelOptions& optio
 shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
                        const shard::NodeTable& nodes);
 
+// Refuses closed contacts of force-driven layers with inertia whose half zones have too little mass for a step of dt.
+void check_layer_masses(double dt, const wire::Batch& batch, const shard::Rows& rows, const shard::Shard& shard);
+
 // The columns of the reply: the wanted columns, which belong to `step`, or all default columns of the strategy.
 std::span<const wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
                                           const shard::Shard& shard);

@@ -120,12 +120,14 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   const bool falls = has_friction(options) && properties_of(options.interface.friction_law).falls_with_slip;
   // Work that heats in place asks for the waves, and with them for the limit, at each amount of heat that is tried.
   const int amounts = options.inertia && options.taylor_quinney_factor ? 30 : 1;
+  // Under force a step asks for the waves at each slip that is tried, most of them far from its answer.
+  const bool forced_waves = options.inertia && options.strategy == Strategy::kForceDriven;
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves * (varies ? kLanes : 1),
           .limit_values = (options.plastic_layer ? 60 * 200
                            : falls               ? 400
                                                  : 60) *
                           kLanes * solves * amounts,
-          .newton_steps = 20000 * amounts,
+          .newton_steps = 20000 * (forced_waves ? 5 : 1) * amounts,
           .guarded_steps = kLanes};
 }
 
@@ -221,7 +223,7 @@ Course::Course(Rig& on, const Host& of, int scene_number)
   const ModelOptions& options = rig.model.options();
   for (int l = 0; l < kLanes; ++l) {
     rig.inputs.pressure[l] = host.pressure;
-    rig.inputs.mass_soft[l] = options.soft.density * host.half_zone_soft;
+    rig.inputs.mass_soft[l] = options.soft.density * host.half_zone_soft + mass_of_waves(options).soft;
     rig.inputs.mass_hard[l] = options.hard.density * host.half_zone_hard;
     rig.inputs.soft_shear_rate[l] = 1e5;
     rig.inputs.soft_plastic_strain_rate[l] = options.plastic_layer ? 1e5 : 0.0;

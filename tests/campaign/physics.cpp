@@ -112,6 +112,10 @@ std::vector<Physics> all_physics() {
   ModelOptions flowing_junctions = plastic_layer;
   flowing_junctions.junctions = junctions.junctions;
   flowing_junctions.junctions->metal.yield_strength = plastic_layer.interface.yield_strength;
+  ModelOptions forced_waves = plastic_layer;
+  forced_waves.inertia = true;
+  ModelOptions forced_waves_and_junctions = under_pressure(two_sided(flowing_junctions));
+  forced_waves_and_junctions.inertia = true;
   ModelOptions work_heats = two_sided(flowing_junctions);
   work_heats.taylor_quinney_factor = 0.9;
   ModelOptions weakening = force;
@@ -164,6 +168,8 @@ std::vector<Physics> all_physics() {
                               {"force-driven", force},
                               {"force, insulated", insulated},
                               {"force, plastic layer", plastic_layer},
+                              {"force, inertia", forced_waves},
+                              {"force, inertia, two-sided, junctions, T_melt(P)", forced_waves_and_junctions},
                               {"force, junctions", junctions},
                               {"force, weakening", weakening},
                               {"force, two-sided", two_sided(force)},

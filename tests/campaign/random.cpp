@@ -22,6 +22,7 @@ constexpr std::array kOfOnePair = {
     RandomKind{"velocity-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kVelocityDriven, e); }},
     RandomKind{"force-driven", [](Draw& d, bool e) { return random_options(d, Strategy::kForceDriven, e); }},
     RandomKind{"inertia", random_inertia_options},
+    RandomKind{"force-driven, inertia", random_forced_inertia_options},
     RandomKind{"inertia, plastic heating", random_inertia_heat_options},
     RandomKind{"melt film", random_melting_options},
     RandomKind{"velocity-driven, two components",

@@ -67,7 +67,8 @@ std::vector<BadScene> bad_scenes() {
       {"interface without yield strength", "interface.yield_strength_pa",
        with(force, [](Scene& s) { s.mutable_interface()->set_yield_strength_pa(0.0); })},
       {"force-driven without an interface law", "strategy", with(force, [](Scene& s) { s.clear_interface(); })},
-      {"inertia, force-driven", "layer.inertia", with(force, [](Scene& s) { s.mutable_layer()->set_inertia(true); })},
+      {"inertia of a rigid layer", "layer.inertia",
+       with(force, [](Scene& s) { s.mutable_layer()->set_inertia(true); })},
       {"inertia with a slip at z = 0", "layer.inertia",
        with(velocity,
             [](Scene& s) {

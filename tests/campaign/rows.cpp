@@ -285,8 +285,8 @@ void all_masses(Course& c) {
   constexpr Lanes kPlus = {1e-30, 1e30, 1e30, 1e-9, 1e9, 1e30, 1e15, 1e-3};
   for (int l = 0; l < kLanes; ++l) {
     const auto at = static_cast<std::size_t>(l);
-    c.rig.inputs.mass_soft[l] = kMinus[at];
-    c.rig.inputs.mass_hard[l] = kPlus[at];
+    c.rig.inputs.mass_soft[l] = kMinus[at] + mass_of_waves(c.rig.model.options()).soft;
+    c.rig.inputs.mass_hard[l] = kPlus[at] + mass_of_waves(c.rig.model.options()).hard;
     c.impose(l, c.step % 7 == 6 ? -50.0 : 100.0);
     c.push(l, c.step % 3 == 2 ? -3e8 : 3e8, 1e8);
     if (c.step > 50) c.go_on(l);

@@ -197,7 +197,7 @@ class Results(HydroTest):
         self.assertLessEqual(max(map(len, run.stdout.splitlines())), 100)
         told = " ".join(run.stdout.split())
         self.assertRegex(told, r"off tangential_components would take \+\d+ B per node")
-        self.assertRegex(told, r"off layer.inertia not in this scene: layer.inertia = true .* strategy = \"force_driven\"")
+        self.assertRegex(told, r"off layer.inertia not in this scene: layer.inertia = true .* a layer that is rigid moves with the soft body")
         self.assertRegex(told, r"a step of 41 nodes [\d.]+ µs if all slip")
         self.assertFalse(self.out.exists(), "--explain runs nothing")
 

@@ -59,6 +59,19 @@ class OptionScenes(unittest.TestCase):
         early = found["time"] < 5e-9
         self.assertAlmostEqual(np.median(found["shear_stress"][early]) / (soft * 20.0), 1.0, delta=0.01)
 
+    def test_waves_between_two_plates_climb_to_the_friction_that_stops_them(self):
+        found, without = self.result("plates_with_waves"), self.result("plates_with_waves-layer.inertia=false")
+        jump, friction = np.array([1.25, 2.5, 3.75, 5.0]), 0.2 * 0.5e9
+        early = found["time"] < 5e-9
+        np.testing.assert_allclose(np.median(found["shear_stress"][early], axis=0), np.sqrt(2703.0 * 27.6e9) * jump, rtol=0.01)
+        self.assertAlmostEqual(without["shear_stress"][0, 3] / friction, 1.0, delta=1e-9)
+        self.assertAlmostEqual(found["shear_stress"][:, 3].max() / friction, 1.0, delta=1e-9)
+        # both stop: the impulse of friction is the momentum that the plates exchange
+        mass = 1.0 / (1.0 / (2703.0 * 1e-3) + 1.0 / (7900.0 * 1e-3))
+        impulse = 1e-10 * np.cumsum(found["shear_stress"], axis=0)
+        np.testing.assert_allclose(found["velocity_jump_new"], jump - impulse / mass, rtol=0, atol=1e-9)
+        self.assertLess(np.abs(found["velocity_jump_new"][-100:, 3]).max(), 0.5)
+
     def test_the_jump_does_the_work_that_heats_and_what_the_waves_keep(self):
         found = self.result("paper_section_4")
         heat, work = found["friction_heat"][:, 0].sum(), (found["shear_stress"][:, 0] * 100.0 * 2e-10).sum()

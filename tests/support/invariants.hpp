@@ -55,7 +55,10 @@ inline void require_invariants(const Rig& rig, int lane, double dt, Figures& fig
     if (!options.inertia) require_slip_balance(rig, a, lane);
   } else {
     require_interface_law(options, a, figures);
-    if (options.plastic_layer) require_flowing_slip(rig, a, lane, figures);
+    if (options.inertia)
+      require_complementary_flow(rig, a, lane, 0.0, figures);
+    else if (options.plastic_layer)
+      require_flowing_slip(rig, a, lane, figures);
     if (options.melt_film) require_film(rig, a, lane, interface_limits(options, a, a.size()).lower, figures);
   }
   ++figures.node_steps;

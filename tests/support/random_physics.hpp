@@ -282,7 +282,19 @@ inline ModelOptions random_inertia_options(Draw& draw, bool extreme) {
   return options;
 }
 
-// The same with any contact law, with junctions or with both.
+// The same force-driven, and by any flow law; extreme steps of laws with a rate take long.
+inline ModelOptions random_forced_inertia_options(Draw& draw, bool extreme) {
+  ModelOptions options;
+  do {
+    options = random_options(draw, Strategy::kForceDriven, extreme);
+    options.inertia = true;
+    options.time_integrator = draw.chance(0.5) ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
+  } while (!refusals(options).empty() || (extreme && !properties_of(options.soft.flow_law).has_wave_return));
+  options.soft.density *= draw.log_uniform(extreme ? 1e-9 : 0.01, 10.0);
+  return options;
+}
+
+// The velocity-driven ones with any contact law, with junctions or with both.
 inline ModelOptions random_inertia_contact_options(Draw& draw, bool extreme) {
   ModelOptions options = random_inertia_options(draw, extreme);
   if (!options.friction_coefficient) options.friction_coefficient = draw.log_uniform(0.01, 1.0);
@@ -338,11 +350,12 @@ inline ModelOptions random_melting_options(Draw& draw, bool extreme) {
 }
 
 // The solver for which random_options() draws the options of a model.
-enum class Solver { kVelocityDriven, kForceDriven, kInertia, kInertiaHeat, kMeltFilm };
+enum class Solver { kVelocityDriven, kForceDriven, kInertia, kInertiaHeat, kMeltFilm, kForcedInertia };
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
   if (solver == Solver::kInertia)
     return draw.chance(0.5) ? random_inertia_contact_options(draw, extreme) : random_inertia_options(draw, extreme);
+  if (solver == Solver::kForcedInertia) return random_forced_inertia_options(draw, extreme);
   if (solver == Solver::kInertiaHeat) return random_inertia_heat_options(draw, extreme);
   if (solver == Solver::kMeltFilm) {
     ModelOptions options = random_melting_options(draw, extreme);
@@ -355,6 +368,7 @@ inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
 
 inline std::string name_of(Solver solver) {
   if (solver == Solver::kMeltFilm) return "MeltFilm";
+  if (solver == Solver::kForcedInertia) return "ForcedInertia";
   if (solver == Solver::kInertiaHeat) return "InertiaHeat";
   return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }
@@ -370,6 +384,17 @@ inline void start_hard_elsewhere(Draw& draw, Rig& rig) {
 
 inline double random_dt(Draw& draw, bool extreme) {
   return extreme ? draw.log_uniform(1e-12, 1e-5) : draw.log_uniform(1e-10, 1e-8);
+}
+
+// The mass of a layer with inertia, which a force-driven host's soft half zone has and a little more, and the little that
+// its hard half zone has  [kg/m2]; else 0.
+struct MassOfWaves {
+  double soft, hard;
+};
+inline MassOfWaves mass_of_waves(const ModelOptions& options) {
+  if (!options.inertia || options.strategy != Strategy::kForceDriven) return {0.0, 0.0};
+  const double layer = options.soft.density * options.grid.thickness, little = 1e-3 * layer + 1e-5;
+  return {layer + little, little};
 }
 
 // Draws the inputs of all lanes for one step. Pressure, velocity jump and masses mostly keep their last values; rates
@@ -391,6 +416,8 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
     if (draw.chance(0.3)) {
       in.mass_soft[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
       in.mass_hard[l] = draw.log_uniform(extreme ? 1e-30 : 1e-3, extreme ? 1e30 : 1.0);
+      in.mass_soft[l] += mass_of_waves(rig.model.options()).soft;
+      in.mass_hard[l] += mass_of_waves(rig.model.options()).hard;
     }
     if (rig.model.options().plastic_layer) {
       in.soft_plastic_strain_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);

@@ -99,10 +99,10 @@ void compare_widths(Draw& draw, int scenes, const NextScene& next_scene) {
 TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidth) {
   if (!machine_has_registers_of_four()) GTEST_SKIP() << "this machine has registers of two doubles only";
   Draw draw(97);
-  compare_widths(draw, 50, [&](int scene, bool extreme) {
-    const Solver kinds[] = {Solver::kVelocityDriven, Solver::kForceDriven, Solver::kInertia, Solver::kForceDriven,
-                            Solver::kInertiaHeat};
-    return random_options(draw, kinds[scene % 5], extreme);
+  compare_widths(draw, 60, [&](int scene, bool extreme) {
+    const Solver kinds[] = {Solver::kVelocityDriven, Solver::kForceDriven,   Solver::kInertia,
+                            Solver::kForceDriven,    Solver::kForcedInertia, Solver::kInertiaHeat};
+    return random_options(draw, kinds[scene % 6], extreme);
   });
 }
 

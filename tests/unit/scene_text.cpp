@@ -497,8 +497,9 @@ TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:5:1: interface.yield_strength_pa is missing"));
   EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:7:1: interface.plastic_layer"));
   // A scene with several faults: all are reported together, each with its line, in the order of the text.
-  const std::string several = refusal_of(force + "plastic_layer = true\n[layer]\ninertia = true\nheat = 'modes'\n");
-  EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.inertia = true does not go with strategy"));
+  const std::string several =
+      refusal_of(force + "plastic_layer = true\n[layer]\nsleep = true\nheat = 'modes'\ninertia = true\n");
+  EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.sleep = true does not go with layer.inertia"));
   EXPECT_THAT(several, HasSubstr("\nscene.toml:11:1: layer.heat = \"modes\" does not go with interface.plastic_layer"));
   EXPECT_LT(several.find(":10:1:"), several.find(":11:1:"));
 }

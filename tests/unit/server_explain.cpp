@@ -73,7 +73,7 @@ TEST(Explain, MemoryCountsTheSumsOfTheFrictionEnergy) {
 
 TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   const Explanation forced = explain(support::force_scene());
-  EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("does not go with strategy"));
+  EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("a layer that is rigid moves with the soft body"));
   EXPECT_THAT(forced.text(), HasSubstr("off layer.inertia"));
   const Explanation driven = explain(support::velocity_scene());
   EXPECT_TRUE(part(driven, "layer.inertia").excluded.empty());

@@ -261,7 +261,9 @@ TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
   EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 1000 cells, found 1001"));
   scene = support::force_scene();
   scene.mutable_layer()->set_inertia(true);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("would then count twice"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("whose mass has its own already"));
+  scene.mutable_interface()->set_plastic_layer(true);
+  EXPECT_TRUE(scene_model(scene).options.inertia);
 }
 
 TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {

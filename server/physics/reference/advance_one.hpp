@@ -18,8 +18,10 @@ struct NodeState {
   std::vector<double> plastic_strain;  // plastic strain at each layer vertex
   std::vector<double> heat_shape;      // share of the work that heats each layer vertex; empty: all work heats z = 0
   std::vector<double> stress_field;    // with inertia: stress at each layer vertex                        [Pa]
-  std::vector<double> layer_velocity;  // with inertia: velocity of each layer cell, relative to the hard body   [m/s]
-  double shear_stress = 0.0;           // [Pa]
+  // With inertia: velocity of each layer cell, relative to the hard body, force-driven and of the host's mass behind them
+  // [m/s].
+  std::vector<double> layer_velocity;
+  double shear_stress = 0.0;  // [Pa]
   Regime regime = Regime::kOpen;
   bool sticking = false;         // next to a layer that flows: the interface did not slip at the end of the last step
   double junction_strain = 0.0;  // plastic strain of the junctions, ep_a

@@ -225,7 +225,7 @@ NodeState initial_state(const ModelOptions& options) {
   }
   if (options.inertia) {
     state.stress_field.assign(grid.num_vertices(), 0.0);
-    state.layer_velocity.assign(grid.num_cells(), 0.0);
+    state.layer_velocity.assign(grid.num_cells() + (options.strategy == Strategy::kForceDriven ? 1 : 0), 0.0);
   }
   return state;
 }

@@ -75,7 +75,7 @@ NodeOutputs one_step(const ModelOptions& options, double dt, const NodeInputs& i
 // The force-driven step of an interface that may melt (MODEL.md, "Melt film").
 NodeOutputs melting_force_driven(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state);
 
-// The velocity-driven step of a layer with inertia, by backward Euler or by SDIRK2.
+// The step of a layer with inertia of either strategy, by backward Euler or by SDIRK2.
 NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state, bool sdirk2);
 
 // advance_uncontrolled(): one undivided step by the integrator of the options. advance_controlled(): a step divided

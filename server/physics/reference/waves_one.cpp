@@ -4,6 +4,7 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "server/physics/interface/friction_laws.hpp"
@@ -20,9 +21,23 @@ struct Layer {
   double dt;
   NodeInputs in;
   std::vector<double> stress_old, strain_old, velocity_old;
+  double drive = 0.0;  // force-driven: slip velocity due to the host's plastic shear  [m/s]
   double limit = std::numeric_limits<double>::infinity();  // the largest stress that the contact carries  [Pa]
 
   int cells() const { return grid.num_cells(); }
+  // What has a velocity: force-driven the hard body, the cells and the mass of the host behind them, in a frame in which
+  // the hard body rests before the step; else the cells alone, between velocities that are imposed.
+  bool forced() const { return options.strategy == Strategy::kForceDriven; }
+  int bodies() const { return cells() + (forced() ? 2 : 0); }
+  double mass(int body) const {
+    const int cell = forced() ? body - 1 : body;
+    if (cell < 0) return in.mass_hard;
+    return cell == cells() ? in.mass_soft - options.soft.density * grid.vertex.back()
+                           : options.soft.density * grid.width[cell];
+  }
+  // The bodies before and behind a vertex; -1 or bodies(): imposed.
+  int before(int vertex) const { return forced() ? vertex : vertex - 1; }
+  int behind(int vertex) const { return before(vertex) + 1; }
   double per_velocity(int vertex) const { return options.soft.shear_modulus * dt / grid.weight[vertex]; }
 };
 
@@ -57,7 +72,7 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
 }
 
 // An iterate of the balance of momentum of the layer; after the last iteration, the solution. It holds the velocity of
-// each cell and, for each vertex, the stress, the growth of the plastic strain in the step, and the derivative of the
+// each body and, for each vertex, the stress, the growth of the plastic strain in the step, and the derivative of the
 // stress with respect to the trial stress (`slope`).
 struct Solved {
   std::vector<double> velocity, stress, growth, slope;
@@ -67,9 +82,11 @@ struct Solved {
 // Computes from at.velocity the stress of every vertex, its plastic strain growth and `slope`, and the interface slip.
 void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   for (int i = 0; i <= layer.cells(); ++i) {
-    const double before = i == 0 ? 0.0 : at.velocity[i - 1];
-    const double behind = i == layer.cells() ? layer.in.velocity_jump : at.velocity[i];
-    const double t = layer.stress_old[i] + layer.per_velocity(i) * (behind - before);
+    const int near = layer.before(i), far = layer.behind(i);
+    const double before = near < 0 ? 0.0 : at.velocity[near];
+    const double behind = far == layer.bodies() ? layer.in.velocity_jump : at.velocity[far];
+    const double drive = i == layer.cells() ? layer.drive : 0.0;
+    const double t = layer.stress_old[i] + layer.per_velocity(i) * (behind - before + drive);
     Kept keeps = kept(layer, i, std::abs(t), T[i]);
     if (i == 0) at.interface_slip = 0.0;
     if (i == 0 && keeps.stress > layer.limit) {
@@ -92,12 +109,19 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
   }
 }
 
-// Residual of the balance of momentum in each cell c, rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36).
+// Residual of the balance of momentum of each body; of a cell c, rho width (v - v_old) / dt = s[c+1] - s[c], DLP (36).
 Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
-  Eigen::VectorXd r(layer.cells());
-  for (int c = 0; c < layer.cells(); ++c) {
-    r[c] = at.stress[c + 1] - at.stress[c] -
-           layer.options.soft.density * layer.grid.width[c] / layer.dt * (at.velocity[c] - layer.velocity_old[c]);
+  Eigen::VectorXd r(layer.bodies());
+  for (int b = 0; b < layer.bodies(); ++b) {
+    r[b] = -layer.mass(b) / layer.dt * (at.velocity[b] - layer.velocity_old[b]);
+  }
+  if (layer.forced()) {
+    r[0] -= layer.in.stress_hard;
+    r[layer.bodies() - 1] += layer.in.stress_soft;
+  }
+  for (int i = 0; i <= layer.cells(); ++i) {
+    if (layer.before(i) >= 0) r[layer.before(i)] += at.stress[i];
+    if (layer.behind(i) < layer.bodies()) r[layer.behind(i)] -= at.stress[i];
   }
   return r;
 }
@@ -105,16 +129,19 @@ Eigen::VectorXd residual(const Layer& layer, const Solved& at) {
 // At given temperatures the residual is -1/dt times the gradient of a convex energy. Newton's method minimises this
 // energy; each step is cut to the lowest energy along its direction.
 void balance(const Layer& layer, const std::vector<double>& T, Solved& at) {
-  const int n = layer.cells();
+  const int n = layer.bodies();
   look(layer, T, at);
   for (int iteration = 0; iteration < 1000; ++iteration) {
     std::vector<Eigen::Triplet<double>> entries;
-    for (int c = 0; c < n; ++c) {
-      const double before = at.slope[c] * layer.per_velocity(c);
-      const double behind = at.slope[c + 1] * layer.per_velocity(c + 1);
-      entries.emplace_back(c, c, layer.options.soft.density * layer.grid.width[c] / layer.dt + before + behind);
-      if (c > 0) entries.emplace_back(c, c - 1, -before);
-      if (c + 1 < n) entries.emplace_back(c, c + 1, -behind);
+    for (int b = 0; b < n; ++b) entries.emplace_back(b, b, layer.mass(b) / layer.dt);
+    for (int i = 0; i <= layer.cells(); ++i) {
+      const double k = at.slope[i] * layer.per_velocity(i);
+      const int near = layer.before(i), far = layer.behind(i);
+      if (near >= 0) entries.emplace_back(near, near, k);
+      if (far < n) entries.emplace_back(far, far, k);
+      if (near < 0 || far == n) continue;
+      entries.emplace_back(near, far, -k);
+      entries.emplace_back(far, near, -k);
     }
     Eigen::SparseMatrix<double> matrix(n, n);
     matrix.setFromTriplets(entries.begin(), entries.end());
@@ -147,8 +174,17 @@ struct Stage {
 // The largest stress that the contact carries, as its papers print it: friction, and the strength of junctions.
 double limit_of_contact(const ModelOptions& options, double dt, const NodeInputs& in, const NodeState& old, double T0,
                         double slip) {
+  const bool yields = options.strategy == Strategy::kForceDriven;  // an interface with a strength of its own, DLP (65)
+  if (yields && !states_of(options.interface.friction_law).empty()) {
+    // Slower than this share of what moves the bodies is rest, where a law with a state is asked for its friction.
+    const double moves = std::abs(in.velocity_jump) + kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate +
+                         dt * (std::abs(in.stress_soft) / in.mass_soft + std::abs(in.stress_hard) / in.mass_hard);
+    slip = std::max(slip, 1e-8 * moves);
+  }
   const double friction = friction_of(options, in.pressure, T0, slip, dt, old.friction_state);
-  if (!options.junctions) return friction;
+  if (!options.junctions && !yields) return friction;
+  if (!options.junctions)
+    return std::min(friction, options.interface.yield_strength / kSqrt3 * softening(options.soft, in.pressure, T0).g);
   const Material& m = options.junctions->metal;
   const double strain = old.junction_strain + dt * slip / (kSqrt3 * options.junctions->height);
   const double hardened = m.yield_strength * std::pow(1.0 + m.hardening_coefficient * strain, m.hardening_exponent);
@@ -156,10 +192,36 @@ double limit_of_contact(const ModelOptions& options, double dt, const NodeInputs
   return std::min(friction, strength * softening(options.soft, in.pressure, T0).g);
 }
 
+// Finds the zero of f in [0, hi], where f falls from a value that is not negative, by false position; every third step
+// bisects.
+double zero_of_falling(const std::function<double(double)>& f, double hi) {
+  double lo = 0.0, f_lo = f(0.0), f_hi = f(hi);
+  if (!(f_lo > 0.0)) return 0.0;
+  if (f_hi >= 0.0) return hi;
+  double kept = 0.0;
+  for (int k = 1; k < 400 && hi - lo > 1e-15 * hi; ++k) {
+    double at = k % 3 == 0 ? 0.5 * (lo + hi) : lo + (hi - lo) * (f_lo / (f_lo - f_hi));
+    if (!(at > lo && at < hi)) at = 0.5 * (lo + hi);
+    const double value = f(at);
+    if (value == 0.0) return at;
+    if (value > 0.0) {
+      if (kept > 0.0) f_hi *= 0.5;
+      lo = at, f_lo = value, kept = 1.0;
+    } else {
+      if (kept < 0.0) f_lo *= 0.5;
+      hi = at, f_hi = value, kept = -1.0;
+    }
+  }
+  return lo;
+}
+
 // Backward Euler over dt from `state`, whose temperatures without friction would end at heat.T_ad. Work that heats in
-// place is no heat here.
-Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat, NodeState& state) {
-  Layer layer{options, Grid(options.grid), dt, in, state.stress_field, state.plastic_strain, state.layer_velocity};
+// place is no heat here. `drive`: force-driven, slip velocity due to the host's plastic shear.
+Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat, NodeState& state,
+                    double drive) {
+  Layer layer{options, Grid(options.grid), dt, in, state.stress_field, state.plastic_strain, state.layer_velocity,
+              drive};
+  if (layer.forced()) layer.velocity_old.insert(layer.velocity_old.begin(), 0.0);
   const int n = layer.cells();
   Solved at{layer.velocity_old, state.stress_field, state.plastic_strain, state.plastic_strain};
   const double share = options.taylor_quinney_factor ? 0.0 : conducted_share(options);
@@ -178,6 +240,12 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
       options.junctions || (has_law && properties_of(options.interface.friction_law).depends_on_slip());
   // The heat flux at which the layer is in balance, under a limit that the temperature gives, or without one.
   const auto solve_without_slip = [&](bool limited) {
+    if (layer.forced()) {  // only slip heats
+      layer.limit = std::numeric_limits<double>::infinity();
+      stage.flux = 0.0;
+      solve_at(0.0);
+      return;
+    }
     const auto released = [&](double q) {
       layer.limit = limited ? limit(T0_of(q), 0.0) : std::numeric_limits<double>::infinity();
       return solve_at(q);
@@ -191,20 +259,40 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
     stage.flux = lo;
     released(stage.flux);
   };
-  solve_without_slip(!follows_slip);
-  if (follows_slip) {
+  const bool limit_is_known = !follows_slip && !layer.forced();
+  solve_without_slip(limit_is_known);
+  if (!limit_is_known) {
     // Under a given stress the heat is known, and the slip that waves and flow leave the interface falls with it.
     const double a_stick = std::abs(at.stress[0]);
     const double direction = std::signbit(at.stress[0]) ? -1.0 : 1.0;
     const double heats = share * std::max(0.0, direction * in.velocity_jump);
     const auto slip_under = [&](double a) {
       layer.limit = a;
+      if (layer.forced()) {
+        // The heat is that of the slip, which falls with it.
+        const double per_slip = share * a;
+        const auto released = [&](double q) {
+          solve_at(q);
+          return per_slip * std::max(0.0, direction * at.interface_slip);
+        };
+        stage.flux = zero_of_falling([&](double q) { return released(q) - q; }, released(0.0));
+        const double made = released(stage.flux), slip = std::max(0.0, direction * at.interface_slip);
+        if (made <= stage.flux * (1.0 + 1e-9)) return slip;
+        // At this temperature the ceiling of the vertex at z = 0 is the limit: it takes what heats no more.
+        const double own = stage.flux / per_slip;
+        at.interface_slip = std::copysign(own, direction);
+        at.growth[0] += (slip - own) * dt / (kSqrt3 * layer.grid.weight[0]);
+        return own;
+      }
       stage.flux = heats * a;
       solve_at(stage.flux);
       return std::max(0.0, direction * at.interface_slip);
     };
-    const auto spare = [&](double a) { return limit(T0_of(heats * a), slip_under(a)) - a; };
-    const bool can_stick = a_stick <= limit(T0_of(heats * a_stick), 0.0);
+    const auto spare = [&](double a) {
+      const double v = slip_under(a);
+      return limit(T0_of(stage.flux), v) - a;
+    };
+    const bool can_stick = a_stick <= limit(T0_of(layer.forced() ? 0.0 : heats * a_stick), 0.0);
     bool slips = false;
     if (a_stick > 0.0 && !(can_stick && state.sticking)) {
       const double most = slip_under(0.0);
@@ -216,12 +304,12 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
         if (i == kPoints ? !can_stick : spare(now) < 0.0) {
           const double a = bisect([&](double trial) { return -spare(trial); }, before, now);
           const double v = slip_under(a);
-          slips = v > 1e-8 * most;
+          slips = layer.forced() || v > 1e-8 * most;
           // Under its ceiling the layer flows by any amount: a contact that slip makes stronger slips until it carries as
           // much.
-          if (const double T0 = T0_of(heats * a); slips && limit(T0, v) > a * (1.0 + 1e-9)) {
+          if (const double T0 = T0_of(stage.flux); slips && limit(T0, v) > a * (1.0 + 1e-9)) {
             const double own = bisect([&](double slip) { return limit(T0, slip) - a; }, 0.0, v);
-            slips = own > 1e-8 * most;
+            slips = layer.forced() || own > 1e-8 * most;
             at.interface_slip = std::copysign(own, direction);
             at.growth[0] += (v - own) * dt / (kSqrt3 * layer.grid.weight[0]);
           }
@@ -242,13 +330,17 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
   heat_up(state, heat.T_ad, stage.flux, heat.B);
   state.stress_field = at.stress;
   state.layer_velocity = at.velocity;
+  if (layer.forced()) {
+    for (double& v : state.layer_velocity) v -= at.velocity[0];
+    state.layer_velocity.erase(state.layer_velocity.begin());
+  }
   return stage;
 }
 
 // The same with work that heats where it is done. The heat of a step goes where the step works next to the heat of the step
 // before, less and less as a vertex melts, by the amount that makes it the work of the step.
 Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat,
-                           NodeState& state) {
+                           NodeState& state, double drive) {
   const Grid grid(options.grid);
   const int n = grid.num_vertices();
   const double T_melt = at_pressure(options.soft, in.pressure).melting_temperature;
@@ -276,7 +368,7 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
     Heat warm = heat;
     for (int i = 0; i < n; ++i) warm.T_ad.rows[heat.T_ad.interface + i] += rise[i];
     after = state;
-    stage = advance_stage(options, dt, in, warm, after);
+    stage = advance_stage(options, dt, in, warm, after, drive);
     for (int i = 0; i < n; ++i) {
       const double flow = grid.weight[i] * (after.plastic_strain[i] - state.plastic_strain[i]);
       works[i] = *options.taylor_quinney_factor * kSqrt3 * std::abs(after.stress_field[i]) * flow / dt;
@@ -333,14 +425,18 @@ NodeOutputs open_contact(const ModelOptions& options, double dt, const NodeInput
     out.first_order = !in_range(options, in.pressure, old, second.T_ad);
     heat = out.first_order ? heat_of_step(options, dt, state, old) : second;
   }
+  double jump_new = in.velocity_jump;
+  if (options.strategy == Strategy::kForceDriven)
+    jump_new += dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
+  const double slip = 0.5 * (in.velocity_jump + jump_new);
   std::fill(state.stress_field.begin(), state.stress_field.end(), 0.0);
-  std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
+  std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), jump_new);
   heat_up(state, heat.T_ad, 0.0, heat.B);
   state.shear_stress = 0.0;
   state.sticking = false;
-  state.friction_state =
-      friction_state_after(options, in.pressure, std::abs(in.velocity_jump), dt, state.friction_state);
-  out.velocity_jump_new = out.sliding_velocity = in.velocity_jump;
+  state.friction_state = friction_state_after(options, in.pressure, std::abs(slip), dt, state.friction_state);
+  out.velocity_jump_new = jump_new;
+  out.sliding_velocity = slip;
   out.interface_temperature = state.temperature[0];
   out.regime = state.regime = Regime::kOpen;
   return out;
@@ -353,13 +449,31 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
   if (state.regime == Regime::kOpen) {
     std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), in.velocity_jump);
   }
+  const bool forced = options.strategy == Strategy::kForceDriven;
+  double drive = 0.0;
+  const double acceleration = in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard;
+  if (forced) {
+    // The host's jump is the mean velocity of the layer and the mass behind it.
+    const Grid grid(options.grid);
+    const int n = grid.num_cells();
+    double momentum = (in.mass_soft - options.soft.density * grid.vertex.back()) * state.layer_velocity[n];
+    for (int c = 0; c < n; ++c) momentum += options.soft.density * grid.width[c] * state.layer_velocity[c];
+    for (double& v : state.layer_velocity) v += in.velocity_jump - momentum / in.mass_soft;
+    const double free = in.velocity_jump + dt * acceleration, leads = free != 0.0 ? free : state.shear_stress;
+    if (leads != 0.0) drive = std::copysign(kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate, leads);
+  }
   const Profile old = profile_of(state);
   const NodeState start = state;
   NodeOutputs out;
   Stage step;
+  double mean = 0.0, mean_slip = 0.0;  // force-driven: of stress and slip at z = 0
+  const auto signed_slip = [&](const Stage& of) { return std::copysign(of.interface_slip, state.stress_field[0]); };
   if (sdirk2) {
     // Alexander's stages: backward Euler over gamma dt from x_old to x1, then from x_old + (1/gamma - 1) (x1 - x_old).
-    const Stage first = advance_stage(options, kGamma * dt, in, heat_of_step(options, kGamma * dt, state, old), state);
+    const Stage first =
+        advance_stage(options, kGamma * dt, in, heat_of_step(options, kGamma * dt, state, old), state, drive);
+    mean = (1.0 - kGamma) * state.stress_field[0];
+    mean_slip = (1.0 - kGamma) * signed_slip(first);
     const Heat heat = heat_of_second_stage(options, dt, first.flux, old, state);
     out.first_order = !in_range(options, in.pressure, old, heat.T_ad);
     const double r = 1.0 / kGamma - 1.0;
@@ -372,14 +486,22 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
     if (out.first_order) {
       state = start;
     } else {
-      step = advance_stage(options, kGamma * dt, in, heat, state);
+      step = advance_stage(options, kGamma * dt, in, heat, state, drive);
+      mean += kGamma * state.stress_field[0];
+      mean_slip += kGamma * signed_slip(step);
       step.flux = (1.0 - kGamma) * first.flux + kGamma * step.flux;
       for (int k = 0; k < 2; ++k) step.slip_along[k] += r * first.slip_along[k];
+      if (forced && mean * mean_slip < 0.0) {  // the slip turns within the step
+        out.first_order = true;
+        state = start;
+      }
     }
   }
   if (!sdirk2 || out.first_order) {
     const auto advance = options.taylor_quinney_factor ? advance_heated_stage : advance_stage;
-    step = advance(options, dt, in, heat_of_step(options, dt, state, old), state);
+    step = advance(options, dt, in, heat_of_step(options, dt, state, old), state, drive);
+    mean = state.stress_field[0];
+    mean_slip = signed_slip(step);
   }
 
   // The slip along s(0). Below 1 Pa, next to melting, rounding decides the sign of s(0): then it is the whole slip.
@@ -398,6 +520,12 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
   out.shear_stress = stress;
   out.velocity_jump_new = in.velocity_jump;
   out.sliding_velocity = slip;
+  const bool moves = forced ? step.slip_along[0] + step.slip_along[1] > 0.0 : slip != 0.0;
+  if (forced) {
+    out.shear_stress = mean;
+    out.sliding_velocity = mean_slip;
+    out.velocity_jump_new += dt * acceleration - mean * dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
+  }
   const double friction =
       friction_of(options, in.pressure, out.interface_temperature, step.interface_slip, dt, start.friction_state);
   const double carried = limit_of_contact(options, dt, in, start, out.interface_temperature, step.interface_slip);
@@ -406,7 +534,7 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
   state.friction_state = friction_state_after(options, in.pressure, step.interface_slip, dt, start.friction_state);
   state.sticking = step.interface_slip == 0.0;
   out.interface_slip = step.interface_slip;
-  out.regime = state.regime = slip == 0.0                 ? Regime::kStick
+  out.regime = state.regime = !moves                      ? Regime::kStick
                               : rubs                      ? Regime::kCoulomb
                               : hottest >= 0.99 * melting ? Regime::kMelting
                                                           : Regime::kTresca;

@@ -19,6 +19,7 @@
 #include "server/physics/solver/profile.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/text.hpp"
+#include "server/physics/solver/velocity_driven/forced_stage.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -89,6 +90,10 @@ const Grid& Model::grid() const {
 }
 const TileLayout& Model::layout() const {
   return impl_->layout;
+}
+
+LeastMasses Model::least_masses(double dt) const {
+  return physics::least_masses(*impl_, dt);
 }
 
 std::vector<std::string> Model::warnings() const {

@@ -34,6 +34,11 @@ struct ProfileRows {
   double* second_shear_stress = nullptr;  // second tangential component of s  [Pa]
 };
 
+// The masses per area that a force-driven host must give a step of layers with inertia  [kg/m2].
+struct LeastMasses {
+  double soft, hard;
+};
+
 class Model {
  public:
   // Throws RefusedOptions (parts.hpp) where options or laws exclude each other.
@@ -48,6 +53,9 @@ class Model {
   // Warnings about this combination of options, one sentence each; for example that the hard body is weaker than the
   // soft body. A text that begins with "note: " informs and needs no action.
   std::vector<std::string> warnings() const;
+
+  // Force-driven with inertia: a closed contact with a half zone of no more mass has no answer in a step of this length.
+  LeastMasses least_masses(double dt) const;
 
   // Interface temperature T0 of the node in one lane, which may be asleep (ModelOptions::sleep)  [K].
   double interface_temperature(const double* tile, int lane) const;

@@ -68,8 +68,8 @@ struct ModelOptions {
 
   int tangential_components = 1;  // components of slip and stress: 1 or 2; 2 not with INTERFACE_SLIP or inertia
 
-  // The layer has mass, so its stress varies with z, DLP (36). Only velocity-driven, with LAYER_SHEAR and at most
-  // kMaxInertiaCells cells.
+  // The layer has mass, so its stress varies with z, DLP (36). Only in a layer that flows, velocity-driven with
+  // LAYER_SHEAR, and with at most kMaxInertiaCells cells.
   bool inertia = false;
 
   // Nodes at rest sleep: their temperatures follow from eigenmodes of heat conduction, and no step is solved

@@ -146,7 +146,8 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.inertia; },
          .set = [](ModelOptions& o, bool on) { o.inertia = on; },
-         .goes_with = kEitherHardBody | Properties{kVelocityDriven, kCoulombLimit, kPlasticHeating},
+         .goes_with = kEitherStrategy | kEitherHardBody | Properties{kCoulombLimit, kPlasticHeating},
+         .needs = {kFlowingLayer},
          .equation = "DLP (36)",
          .adds = "the layer has mass: shear waves cross it",
          .when = "steps below the layer's transit time, 6 ns in 20 um of aluminium",
@@ -156,7 +157,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.plastic_layer; },
          .set = [](ModelOptions& o, bool on) { o.plastic_layer = on; },
-         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating},
+         .goes_with = kEitherHardBody | Properties{kForceDriven, kPlasticHeating, kInertia},
          .needs = {kForceDriven, kFlowingLayer},
          .equation = "DLP (48), (64)",
          .adds = "a force-driven layer flows and hardens in addition to the slip",
@@ -401,10 +402,6 @@ constexpr std::array kExclusions = {
         "the fixed share of the hard body is that of heat released at z = 0 into two half-spaces of constant k and "
         "c, in which it stays: give the table [hard_layer]"},
     Exclusion{{kInertia},
-              {kForceDriven},
-              "the masses that exchange momentum in force_driven (DLP 61) are those of whole zones, the layer's among "
-              "them, which would then count twice"},
-    Exclusion{{kInertia},
               {kTwoComponents},
               "waves turn the stress from depth to depth, and the metal of a layer of two components flows along one "
               "direction"},
@@ -456,8 +453,24 @@ std::optional<Refusal> short_table(const ModelOptions& o) {
   return {};
 }
 
-constexpr std::array<Limit, 9> kLimits = {
+constexpr std::array<Limit, 11> kLimits = {
     short_table,
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.inertia || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};
+      return Refusal{"layer.inertia",
+                     "layer.inertia = true lets waves cross the layer, and a layer that is rigid moves with the soft "
+                     "body, whose mass has its own already",
+                     "Leave it out, or set interface.plastic_layer = true."};
+    },
+    [](const ModelOptions& o) -> std::optional<Refusal> {
+      if (!o.inertia || o.strategy != Strategy::kForceDriven || !o.taylor_quinney_factor) return {};
+      return Refusal{
+          "interface.taylor_quinney_factor",
+          "interface.taylor_quinney_factor does not go with layer.inertia under force: bodies that give way may "
+          "shear a layer by any amount, and the heat in place of a vertex next to melting is then lost in the "
+          "last digits of its temperature",
+          "Leave out one of the two."};
+    },
     [](const ModelOptions& o) -> std::optional<Refusal> {
       if (!o.taylor_quinney_factor || o.strategy != Strategy::kForceDriven || o.plastic_layer) return {};
       return Refusal{"interface.taylor_quinney_factor",
@@ -681,7 +694,7 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
     }
   }
   for (const Part* part : on) {
-    if (part->property == kPlasticHeating) continue;  // kLimits says it with the reason
+    if (part->property == kPlasticHeating || part->property == kInertia) continue;  // kLimits says it with the reason
     for (const Part& needed : parts) {
       if (!part->needs.has(needed.property) || needed.is_on(options)) continue;
       found.push_back({std::string(key_of(*part, options)),
@@ -705,8 +718,9 @@ bool only_open_is_second_order(const ModelOptions& options) {
   const bool rate_flows = options.strategy == Strategy::kVelocityDriven && !options.inertia &&
                           properties_of(options.soft.flow_law).first_order_in_time;
   const auto& law = options.interface.friction_law;
-  return options.plastic_layer || options.junctions || options.melt_film || options.taylor_quinney_factor ||
-         rate_flows || (has_friction(options) && (properties_of(law).depends_on_slip() || !states_of(law).empty()));
+  return (options.plastic_layer && !options.inertia) || options.junctions || options.melt_film ||
+         options.taylor_quinney_factor || rate_flows ||
+         (has_friction(options) && (properties_of(law).depends_on_slip() || !states_of(law).empty()));
 }
 
 bool goes_with(Property property, const ModelOptions& options) {

@@ -23,10 +23,9 @@ namespace {
 AdvanceTile solver_of(const ModelOptions& options) {
   const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2;
   const bool second_order = sdirk2 && !only_open_is_second_order(options);
-  if (options.strategy == Strategy::kVelocityDriven) {
-    if (options.inertia) return second_order ? advance_with_inertia_sdirk2 : advance_with_inertia;
+  if (options.inertia) return second_order ? advance_with_inertia_sdirk2 : advance_with_inertia;
+  if (options.strategy == Strategy::kVelocityDriven)
     return second_order ? advance_velocity_driven_sdirk2 : advance_velocity_driven;
-  }
   if (options.melt_film) return advance_force_driven_melting;
   if (options.plastic_layer) return advance_force_driven_flowing;
   return second_order ? advance_force_driven_sdirk2 : advance_force_driven;

@@ -38,7 +38,8 @@ TileLayout::TileLayout(const ModelOptions& options, const HeatGrid& heat_grid, c
                               ? static_cast<std::size_t>(layer_vertices)
                               : 0),
       num_stress_vertices(options.inertia ? static_cast<std::size_t>(layer_vertices) : 1),
-      num_velocity_cells(num_stress_vertices - 1),
+      num_velocity_cells(num_stress_vertices - 1 +
+                         (options.inertia && options.strategy == Strategy::kForceDriven ? 1 : 0)),
       num_friction_states(friction_states(options).size()) {
   options_ = nullptr;
 }

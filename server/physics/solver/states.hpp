@@ -60,7 +60,8 @@ class TileLayout : public StateList {
   std::size_t num_vertices;
   std::size_t num_strain_vertices;  // number of vertices of a layer that can flow, else 0
   std::size_t num_stress_vertices;  // number of vertices with a stress: with inertia all of the layer, else only z = 0
-  std::size_t num_velocity_cells;   // number of cells of a layer with inertia, else 0
+  // Number of cells of a layer with inertia, force-driven and one for the host's mass behind it; else 0.
+  std::size_t num_velocity_cells;
 
   // The states hard_temperature, heat_modes and temperature follow each other without a gap. Together they are the
   // temperatures of HeatGrid or the values of HeatModes or, while a node sleeps, the amplitudes of HeatBasis.

@@ -17,11 +17,16 @@ namespace shearbus::testing {
 inline bool may_lack_an_answer(const Rig& rig, const Answered& a, int lane) {
   const ModelOptions& options = rig.model.options();
   if (!options.inertia) return false;
+  double fastest = std::abs(a.jump_old);
+  if (options.strategy == Strategy::kForceDriven) {
+    const LeastMasses least = rig.model.least_masses(a.dt);  // the service refuses these
+    if (!(rig.inputs.mass_soft[lane] > least.soft && rig.inputs.mass_hard[lane] > least.hard)) return true;
+    fastest += a.driven_size;
+  }
   const Material soft = at_pressure(options.soft, a.pressure);
   const auto& weight = rig.model.grid().weight;
   const double least = *std::min_element(weight.begin(), weight.end());
-  const double digit =
-      std::numeric_limits<double>::epsilon() * std::abs(a.jump_old) * soft.shear_modulus * a.dt / least;
+  const double digit = std::numeric_limits<double>::epsilon() * fastest * soft.shear_modulus * a.dt / least;
   const double T = rig.layer_temperatures(lane).front(), ep = rig.ep_of(rig.trial, 0, lane);
   return digit > 1e-3 * flow_stress(soft, ep, a.pressure, T, 0.0) / kSqrt3;
 }

@@ -1,6 +1,7 @@
 // Invariants of a layer: it flows only where its stress equals its flow stress, and its plastic strain never falls.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -16,6 +17,21 @@ inline std::vector<double> strain_before(const Rig& rig, int lane) {
   std::vector<double> ep(static_cast<std::size_t>(rig.model.grid().num_vertices()));
   for (std::size_t i = 0; i < ep.size(); ++i) ep[i] = rig.ep_of(rig.trial, static_cast<int>(i), lane);
   return ep;
+}
+
+// What the last digits of the stress of a vertex are as plastic strain. The strain of waves is what shear and stress leave of
+// each other; at a face whose light body gives way it is what the far stress, less that of the face, moves the body by,
+// over the weight of the vertex.
+inline double strain_of_digits(const Rig& rig, int vertex, int lane, double carried, double dt) {
+  const ModelOptions& options = rig.model.options();
+  const Grid& grid = rig.model.grid();
+  if (!options.inertia) return 0.0;
+  const double digits = kDigits * carried / (kSqrt3 * options.soft.shear_modulus);
+  if (options.strategy != Strategy::kForceDriven || (vertex > 0 && vertex < grid.num_cells())) return digits;
+  const double mass =
+      vertex == 0 ? rig.inputs.mass_hard[lane] : rig.inputs.mass_soft[lane] - options.soft.density * grid.vertex.back();
+  const double moved = kDigits * carried * dt / mass * dt;
+  return digits + moved / (kSqrt3 * grid.weight[static_cast<std::size_t>(vertex)]);
 }
 
 // Requires that the stress of a layer is at most its flow stress and equal to it where the layer flows, and that no
@@ -44,24 +60,29 @@ inline void require_complementary_flow(const Rig& rig, const Answered& a, int la
     const double slope = rated && ep > 0.0 ? hardening_slope(soft, ep, 0.0, a.dt, a.pressure, T) : 0.0;
     const double at_rest = hardened_strength(soft, ep, 0.0, a.pressure, T);
     const double noise = 4e-16 * ep + (slope > 0.0 ? kDigits * at_rest / slope : 0.0);
-    const auto limit = [&](double temperature, double increment) {
-      return flow_stress(soft, ep, a.pressure, temperature, increment / a.dt) / kSqrt3;
+    const double digits = strain_of_digits(rig, i, lane, carried, a.dt);
+    const auto limit = [&](double strain, double temperature, double increment) {
+      return flow_stress(soft, std::max(0.0, strain), a.pressure, temperature, increment / a.dt) / kSqrt3;
     };
-    const double most = limit(T * (1 - kDigits) - grain, of_stage * (dep + noise + (a.parts() - 1) * (4e-16 * ep)));
-    // A molten vertex among waves may keep what is no stress.
-    const double nothing = options.inertia ? 1e-40 : 0.0;  // [Pa]
+    const double most = limit(ep + digits, T * (1 - kDigits) - grain,
+                              of_stage * (dep + noise + digits + (a.parts() - 1) * (4e-16 * ep)));
+    // A molten vertex among waves may keep what is no stress. That of a law with a rate is what its strain leaves of the
+    // shear, known to the last digits of that.
+    const double kept = rated ? kDigits * (kSqrt3 * options.soft.shear_modulus * dep) : 0.0;
+    const double nothing = options.inertia ? 1e-39 + kept : 0.0;  // [Pa]
     require(carried <= most * (1 + 1e-10) + nothing,
             "vertex {} carries {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {}", i, carried, most, T, ep);
     if (most > nothing) figures.over_limit = std::max(figures.over_limit, carried / most - 1.0);
     // A vertex counts as flowing only if its plastic strain increment exceeds the rounding error of the strain.
-    const bool held_by_friction = options.inertia && i == 0 && a.regime == Regime::kCoulomb;
+    const bool forced = options.strategy == Strategy::kForceDriven;
+    const bool held_by_friction = options.inertia && i == 0 && (a.regime == Regime::kCoulomb || (forced && !a.sticks));
     // The vertex may have flowed in an earlier substep or stage only, at another stress.
     // Where the work of waves leaps, the layer is as cool as its work makes it, and no warmer under the stress.
     const bool leaps = options.inertia && options.taylor_quinney_factor && (a.outcome & kMultipleRoots) != 0;
     if (a.in_parts() || leaps || (options.inertia && of_two_stages(options, a))) continue;
-    if (ep <= ep_old * (1 + 1e-12) + 1e-15 || held_by_friction) continue;
-    const double least = limit(T * (1 + kDigits) + grain, dep - noise);
-    require(carried >= least * (1 - 1e-10),
+    if (ep <= ep_old * (1 + 1e-12) + 1e-15 + digits || held_by_friction) continue;
+    const double least = limit(ep - digits, T * (1 + kDigits) + grain, dep - noise - digits);
+    require(carried + nothing >= least * (1 - 1e-10),
             "vertex {} flows under {:.17g} Pa, its flow stress {:.17g}, T {:.17g}, ep {} from {}", i, carried, least, T,
             ep, ep_old);
   }

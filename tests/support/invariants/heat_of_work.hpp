@@ -29,7 +29,7 @@ inline void require_heat_of_work(const ModelOptions& options, double share, cons
     const double noise = unanswered * a.jump_length * a.dt + kProductOfDenormals;
     require(a.heat >= least * (1 - 1e-13) - noise && a.heat <= share * work * (1 + 1e-13) + noise,
             "heat {:.17g} of work {:.17g}, share {}", a.heat, work, share);
-  } else if (!a.in_parts()) {
+  } else if (!a.in_parts() && !(options.inertia && of_two_stages(options, a))) {
     const double work = a.stress * a.slip * a.dt;
     // Where plastic work heats, its share of what slip leaves of the mean jump.
     const double d = std::copysign(1.0, a.stress);

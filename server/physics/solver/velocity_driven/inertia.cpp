@@ -8,10 +8,12 @@
 #include <utility>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/velocity_driven/forced_stage.hpp"
 #include "server/physics/solver/velocity_driven/inertia_stage.hpp"
 #include "server/physics/solver/velocity_driven/waves_heat.hpp"
 
@@ -25,16 +27,26 @@ Found step_of(const Found& first, const Found& second) {
   return {.flux = mean(first.flux, second.flux),
           .slip_along = {slip(0), slip(1)},
           .interface_slip = second.interface_slip,
+          .mean_slip = mean(first.interface_slip, second.interface_slip),
           .interface_slips = second.interface_slips,
           .several = first.several || second.several,
           .stress = {mean(first.stress[0], second.stress[0]), mean(first.stress[1], second.stress[1])}};
 }
 
+bool is_forced(const Problem& problem) {
+  return problem.options.strategy == Strategy::kForceDriven;
+}
+
 // An open contact: the layer moves with the soft body without stress, until the contact closes.
-void open_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int l,
-               TileOutputs& outputs) {
+void open_lane(const Problem& problem, double dt, const TileInputs& inputs, const double* committed, double* trial,
+               int l, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
-  const double jump = inputs.velocity_jump[l];
+  double jump = inputs.velocity_jump[l], slip = jump;
+  if (is_forced(problem)) {
+    const LaneStep open = open_step(forcing_of(inputs, l), dt, jump);
+    jump = open.jump_new;
+    slip = open.slip;
+  }
   for (std::size_t i = 0; i < layout.num_stress_vertices; ++i) trial[layout.shear_stress + i * kLanes + l] = 0.0;
   for (std::size_t i = 0; i < layout.num_velocity_cells; ++i) trial[layout.layer_velocity + i * kLanes + l] = jump;
   for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
@@ -42,7 +54,8 @@ void open_lane(const Problem& problem, const TileInputs& inputs, const double* c
   }
   outputs.shear_stress[l] = 0.0;
   if (inputs.wants_mean_stress) outputs.mean_shear_stress[l] = outputs.mean_far_stress[l] = 0.0;
-  outputs.sliding_velocity[l] = jump;
+  outputs.sliding_velocity[l] = slip;
+  outputs.velocity_jump_new[l] = jump;
   outputs.friction_heat[l] = 0.0;
   outputs.regime[l] = Regime::kOpen;
   outputs.outcome[l] = 0;
@@ -64,6 +77,17 @@ void copy_start(const Problem& problem, const TileInputs& inputs, const double* 
     for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
       trial[layout.layer_velocity + i * kLanes + l] = inputs.velocity_jump[l];
   }
+  if (is_forced(problem)) follow_host(problem, inputs, trial);
+}
+
+// The same force-driven: the stress is the mean that the host's balance of momentum needs, DLP (61).
+void answer_forced(double dt, const TileInputs& inputs, const Found& found, int l, TileOutputs& outputs) {
+  const Forcing forcing = forcing_of(inputs, l);
+  outputs.shear_stress[l] = found.stress[0];
+  outputs.sliding_velocity[l] = found.mean_slip;
+  outputs.velocity_jump_new[l] =
+      inputs.velocity_jump[l] + dt * forcing.acceleration - found.stress[0] * (dt * forcing.mobility);
+  outputs.outcome[l] = 0;
 }
 
 // Writes the answer of a closed lane. [v] is the slip along s(0): what flows against s(0), because waves have turned the
@@ -77,16 +101,19 @@ void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, co
                       (carries && stress > 0.0 ? 0.0 : found.slip_along[1]) / dt;
   outputs.shear_stress[l] = !carries && slip * stress < 0.0 ? 0.0 : stress;
   outputs.sliding_velocity[l] = slip;
+  outputs.velocity_jump_new[l] = inputs.velocity_jump[l];
   outputs.friction_heat[l] = found.flux * dt;
   if (inputs.wants_mean_stress) {
     outputs.mean_shear_stress[l] = found.stress[0];
     outputs.mean_far_stress[l] = found.stress[1];
   }
-  outputs.regime[l] = slip == 0.0             ? Regime::kStick
+  const bool moves = is_forced(problem) ? found.slip_along[0] + found.slip_along[1] > 0.0 : slip != 0.0;
+  outputs.regime[l] = !moves                  ? Regime::kStick
                       : found.interface_slips ? Regime::kCoulomb
                       : hottest >= melts_at   ? Regime::kMelting
                                               : Regime::kTresca;
   outputs.outcome[l] = outside_domain(slip, inputs.velocity_jump[l]);
+  if (is_forced(problem)) answer_forced(dt, inputs, found, l, outputs);
   if (found.several) outputs.outcome[l] |= kMultipleRoots;
 }
 
@@ -99,19 +126,18 @@ void answer_lanes(const Problem& problem, double dt, const TileInputs& inputs, s
 }
 
 // Writes what an answer of any regime has, and the regime into the state.
-void close_lane(const Problem& problem, const TileInputs& inputs, double* trial, int l, TileOutputs& outputs) {
+void close_lane(const Problem& problem, double* trial, int l, TileOutputs& outputs) {
   outputs.interface_temperature[l] = trial[problem.layout.temperature + l];
-  outputs.velocity_jump_new[l] = inputs.velocity_jump[l];
   trial[problem.layout.regime + l] = static_cast<double>(outputs.regime[l]);
 }
 
 // The states of the contact after the step, and the regime of an interface that slips where its junctions yield.
-void close_contact(const Problem& problem, const TileInputs& inputs, const WaveContacts::Lane& contact,
-                   const Found& found, double* trial, int l, TileOutputs& outputs) {
+void close_contact(const Problem& problem, const WaveContacts::Lane& contact, const Found& found, double* trial, int l,
+                   TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const bool open = outputs.regime[l] == Regime::kOpen;
   const double T0 = trial[layout.temperature + l];
-  const double slip = std::abs(open ? inputs.velocity_jump[l] : found.interface_slip);
+  const double slip = std::abs(open ? outputs.sliding_velocity[l] : found.interface_slip);
   if (outputs.regime[l] == Regime::kCoulomb && !contact.limit.at(T0, slip).is_coulomb)
     outputs.regime[l] =
         T0 >= kMeltingShare * contact.limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
@@ -122,11 +148,11 @@ void close_contact(const Problem& problem, const TileInputs& inputs, const WaveC
   if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + l] = open || slip > 0.0 ? 0.0 : 1.0;
 }
 
-void close_lanes(const Problem& problem, const TileInputs& inputs, std::uint32_t lanes, const WaveContacts* contacts,
+void close_lanes(const Problem& problem, std::uint32_t lanes, const WaveContacts* contacts,
                  const Found (&found)[kLanes], double* trial, TileOutputs& outputs) {
   for (const int l : lanes_of(lanes)) {
-    if (contacts != nullptr) close_contact(problem, inputs, (*contacts)[l], found[l], trial, l, outputs);
-    close_lane(problem, inputs, trial, l, outputs);
+    if (contacts != nullptr) close_contact(problem, (*contacts)[l], found[l], trial, l, outputs);
+    close_lane(problem, trial, l, outputs);
   }
 }
 
@@ -140,13 +166,13 @@ std::optional<WaveContacts> contacts_of(const Problem& problem, const StepOperat
 
 // Answers the lanes whose contact is open, and copies the state of the others from which the step starts. Returns the
 // latter.
-std::uint32_t start_lanes(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial,
-                          TileOutputs& outputs) {
+std::uint32_t start_lanes(const Problem& problem, double dt, const TileInputs& inputs, const double* committed,
+                          double* trial, TileOutputs& outputs) {
   copy_start(problem, inputs, committed, trial);
   std::uint32_t closed = inputs.active;
   for (const int l : lanes_of(inputs.active)) {
     if (inputs.pressure[l] > 0.0) continue;
-    open_lane(problem, inputs, committed, trial, l, outputs);
+    open_lane(problem, dt, inputs, committed, trial, l, outputs);
     closed &= ~(1u << l);
   }
   return closed;
@@ -175,7 +201,7 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
                           const double* committed, double* trial, TileOutputs& outputs) {
   const std::size_t T = problem.layout.first_temperature();
   conduct(operators.heat(), problem.heat_grid.num_vertices(), committed + T, trial + T);
-  const std::uint32_t closed = start_lanes(problem, inputs, committed, trial, outputs);
+  const std::uint32_t closed = start_lanes(problem, operators.dt(), inputs, committed, trial, outputs);
   const std::optional<WaveContacts> contacts = contacts_of(problem, operators, inputs, committed);
   Found found[kLanes];
   const WaveContacts* contact = contacts ? &*contacts : nullptr;
@@ -183,7 +209,7 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
                                  ? solve_heated_stage(problem, operators, inputs, closed, contact, trial, found)
                                  : solve_stage(problem, operators.heat(), inputs, closed, contact, trial, found);
   answer_lanes(problem, operators.dt(), inputs, closed & ~lost, found, trial, outputs);
-  close_lanes(problem, inputs, inputs.active & ~lost, contact, found, trial, outputs);
+  close_lanes(problem, inputs.active & ~lost, contact, found, trial, outputs);
   for (const int l : lanes_of(lost)) keep_lane(problem, inputs, committed, trial, l, outputs);
 }
 
@@ -197,7 +223,7 @@ void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& op
 
   // 1. First stage of SDIRK2: backward Euler over gamma dt. `lost`: lanes for which this step has no answer.
   conduct(stage, n, T_old, T);
-  const std::uint32_t closed = start_lanes(problem, inputs, committed, trial, outputs);
+  const std::uint32_t closed = start_lanes(problem, operators.dt(), inputs, committed, trial, outputs);
   const std::optional<WaveContacts> contacts = contacts_of(problem, operators, inputs, committed);
   const WaveContacts* contact = contacts ? &*contacts : nullptr;
   std::uint32_t lost = solve_stage(problem, stage, inputs, closed, contact, trial, first);
@@ -208,9 +234,13 @@ void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& op
   lost |= sdirk2::lanes_out_of_range(problem, inputs, T_old, T);
   extrapolate_lanes(problem, inputs, closed & ~lost, committed, trial);
   lost |= solve_stage(problem, stage, inputs, closed & ~lost, contact, trial, second);
-  for (const int l : lanes_of(closed & ~lost)) second[l] = step_of(first[l], second[l]);
+  for (const int l : lanes_of(closed & ~lost)) {
+    second[l] = step_of(first[l], second[l]);
+    if (is_forced(problem) && second[l].stress[0] * second[l].mean_slip < 0.0) lost |= 1u << l;  // the slip turns
+  }
+  if (is_forced(problem)) lost |= sdirk2::lanes_out_of_range(problem, inputs, T_old, T);  // it heated one stage alone
   answer_lanes(problem, operators.dt(), inputs, closed & ~lost, second, trial, outputs);
-  close_lanes(problem, inputs, inputs.active & ~lost, contact, second, trial, outputs);
+  close_lanes(problem, inputs.active & ~lost, contact, second, trial, outputs);
 
   // 3. Lanes without an answer take a step of backward Euler instead.
   if (lost == 0) return;

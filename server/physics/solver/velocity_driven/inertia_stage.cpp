@@ -8,7 +8,9 @@
 #include "server/physics/interface/edge_zero.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/scratch.hpp"
+#include "server/physics/solver/velocity_driven/forced_stage.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
 #include "server/physics/solver/velocity_driven/waves_wide.hpp"
 #include "server/physics/solver/work.hpp"
@@ -20,10 +22,12 @@ namespace {
 constexpr int kStepsOfSearch = 25;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Share of the work of friction that a stage turns into heat at z = 0. Where plastic work heats in place, the
-// temperatures that a stage is given hold all its heat (waves_heat.hpp).
+// Share of the work of s(0) on the jump that waves turn into heat at z = 0. Where plastic work heats in place, and under
+// force, the temperatures that waves are given hold all their heat (waves_heat.hpp, forced_stage.hpp).
 double heat_share(const Problem& problem) {
-  return problem.options.taylor_quinney_factor ? 0.0 : problem.heat_partition;
+  const bool jump_heats =
+      !problem.options.taylor_quinney_factor && problem.options.strategy == Strategy::kVelocityDriven;
+  return jump_heats ? problem.heat_partition : 0.0;
 }
 
 void gather(const double* rows, int count, double* values) {
@@ -36,8 +40,8 @@ void scatter(const double* values, int count, double* rows) {
 
 // Backward Euler of one lane over the length of `heat`, from the state in `trial`, whose temperatures have been
 // conducted already. Returns false if no answer was found.
-bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, double limit,
-                 const double* guess, double* trial, int l, Found& found) {
+bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, const WaveEnds& ends,
+                 double limit, const double* guess, double* trial, int l, Found& found) {
   const TileLayout& layout = problem.layout;
   const Grid& grid = problem.grid;
   const int n = grid.num_cells();
@@ -47,9 +51,12 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
                       .response = heat.layer_response(),
                       .dt = heat.dt,
                       .pressure = inputs.pressure[l],
-                      .jump = inputs.velocity_jump[l],
+                      .jump = ends.jump[l],
                       .heat_share = heat_share(problem),
-                      .coulomb = limit};
+                      .coulomb = limit,
+                      .give_near = ends.give_near[l],
+                      .give_far = ends.give_far[l],
+                      .forced = problem.options.strategy == Strategy::kForceDriven};
   WaveFields fields;
   gather(trial + layout.temperature + l, n + 1, fields.T_ad);
   gather(trial + layout.plastic_strain + l, n + 1, fields.strain);
@@ -83,12 +90,21 @@ bool search_lane(const Problem& problem, const HeatOperator& heat, const TileInp
   return true;
 }
 
-// The same of several lanes: by Newton's method in all of them at once, and by search_lane() where that has not found an
-// answer. `limit`: the largest stress that the contact of each lane carries. `guess`: rows of velocities from which to
-// start; null: those before the step. Returns the lanes that have no answer.
+// Velocity-driven.
+WaveEnds imposed_ends(const TileInputs& inputs) {
+  WaveEnds ends;
+  std::copy_n(inputs.velocity_jump, kLanes, ends.jump);
+  std::fill_n(ends.give_near, kLanes, 1.0);
+  std::fill_n(ends.give_far, kLanes, 1.0);
+  return ends;
+}
+
+}  // namespace
+
+// By Newton's method in all lanes at once, and by search_lane() where that has not found an answer.
 std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                          std::uint32_t lanes, const double (&limit)[kLanes], const double* guess, double* trial,
-                          Found (&found)[kLanes]) {
+                          const WaveEnds& ends, std::uint32_t lanes, const double (&limit)[kLanes], const double* guess,
+                          double* trial, Found (&found)[kLanes]) {
   if (lanes == 0) return 0;
   const TileLayout& layout = problem.layout;
   const int n = problem.grid.num_cells();
@@ -96,7 +112,7 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
   if (!properties_of(any.flow_law).has_wave_return) {
     std::uint32_t unsolved = 0;
     for (const int l : lanes_of(lanes))
-      if (!search_lane(problem, heat, inputs, limit[l], guess, trial, l, found[l])) unsolved |= 1u << l;
+      if (!search_lane(problem, heat, inputs, ends, limit[l], guess, trial, l, found[l])) unsolved |= 1u << l;
     return unsolved;
   }
   WideWaveStep step{.soft = &any,
@@ -108,6 +124,8 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
                     .bracket = {},
                     .jump = {},
                     .coulomb = {},
+                    .give_near = {},
+                    .give_far = {},
                     .T_ad = trial + layout.temperature,
                     .strain = trial + layout.plastic_strain,
                     .stress = trial + layout.shear_stress,
@@ -115,12 +133,14 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
                     .guess = guess,
                     .most_steps = guess != nullptr ? kStepsOfSearch : WideWaveStep{}.most_steps,
                     .tries_limit = guess != nullptr};
+  std::copy_n(ends.give_near, kLanes, step.give_near);
+  std::copy_n(ends.give_far, kLanes, step.give_far);
   for (const int l : lanes_of(lanes)) {
     const Material soft = at_pressure(any, inputs.pressure[l]);
     step.T_melt[l] = soft.melting_temperature;
     step.bracket[l] = 1.0 + soft.pressure_coefficient * inputs.pressure[l] +
                       soft.temperature_coefficient * SteinbergCochranGuinan::kReference;
-    step.jump[l] = inputs.velocity_jump[l];
+    step.jump[l] = ends.jump[l];
     step.coulomb[l] = limit[l];
   }
   WideWaveAnswer answer;
@@ -128,7 +148,7 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
   std::uint32_t lost = 0;
   for (const int l : lanes_of(lanes)) {
     if (!contains(solved, l)) {
-      if (!search_lane(problem, heat, inputs, limit[l], guess, trial, l, found[l])) lost |= 1u << l;
+      if (!search_lane(problem, heat, inputs, ends, limit[l], guess, trial, l, found[l])) lost |= 1u << l;
       continue;
     }
     if (inputs.effort != nullptr) inputs.effort->newton_steps += static_cast<int>(answer.iterations[l]);
@@ -144,6 +164,8 @@ std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, cons
   }
   return lost;
 }
+
+namespace {
 
 // ---- Contact laws ----
 //
@@ -163,8 +185,8 @@ double direction_of(double stress) {
 // stress, since only a stress along the jump heats. The limit of a stress against the jump is the larger one, so that
 // the direction found with the smaller is that of the answer.
 std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                                      std::uint32_t lanes, const WaveContacts& contacts, const double* guess,
-                                      double* trial, Found (&found)[kLanes]) {
+                                      const WaveEnds& ends, std::uint32_t lanes, const WaveContacts& contacts,
+                                      const double* guess, double* trial, Found (&found)[kLanes]) {
   const TileLayout& layout = problem.layout;
   double* start = scratch_tile(Scratch::kWaves, layout.doubles);
   std::copy_n(trial, layout.doubles, start);
@@ -175,7 +197,7 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
     limit[l] = rise > 0.0 ? slip_stress(contacts[l].limit, heating, kInfinity, 0.0)
                           : contacts[l].limit.at(heating.T_ad).stress;
   }
-  std::uint32_t lost = solve_waves(problem, heat, inputs, lanes, limit, guess, trial, found);
+  std::uint32_t lost = solve_waves(problem, heat, inputs, ends, lanes, limit, guess, trial, found);
   std::uint32_t against = 0;
   for (const int l : lanes_of(lanes & ~lost)) {
     if (!found[l].interface_slips || direction_of(trial[layout.shear_stress + l]) * inputs.velocity_jump[l] >= 0.0)
@@ -184,7 +206,7 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
     copy_lane(start, trial, layout.doubles, l);
     against |= 1u << l;
   }
-  lost |= solve_waves(problem, heat, inputs, against, limit, guess, trial, found);
+  lost |= solve_waves(problem, heat, inputs, ends, against, limit, guess, trial, found);
   return lost;
 }
 
@@ -192,9 +214,15 @@ std::uint32_t solve_under_temperature(const Problem& problem, const HeatOperator
 // sticks sticks while it can; one that slips takes the answer with the most slip.
 class ContactSearch {
  public:
-  ContactSearch(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
+  ContactSearch(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs, const WaveEnds& ends,
                 const WaveContacts& contacts, const double* guess, double* trial, Found (&found)[kLanes])
-      : problem_(problem), heat_(heat), inputs_(inputs), contacts_(contacts), trial_(trial), found_(found) {
+      : problem_(problem),
+        heat_(heat),
+        inputs_(inputs),
+        ends_(ends),
+        contacts_(contacts),
+        trial_(trial),
+        found_(found) {
     std::copy_n(trial, problem.layout.doubles, start_);
     std::copy_n(guess != nullptr ? guess : trial + problem.layout.layer_velocity, velocities_, guess_);
     std::fill_n(limit_, kLanes, kInfinity);
@@ -234,7 +262,7 @@ class ContactSearch {
   // Solves the waves under limit_, from the state before the step, starting from the velocities under the last stress.
   void solve_under_limit(std::uint32_t lanes) {
     for (const int l : lanes_of(lanes)) copy_lane(start_, trial_, problem_.layout.doubles, l);
-    lost_ |= solve_waves(problem_, heat_, inputs_, lanes & ~lost_, limit_, guess_, trial_, found_);
+    lost_ |= solve_waves(problem_, heat_, inputs_, ends_, lanes & ~lost_, limit_, guess_, trial_, found_);
     for (const int l : lanes_of(lanes & ~lost_))
       copy_lane(trial_ + problem_.layout.layer_velocity, guess_, velocities_, l);
   }
@@ -335,6 +363,7 @@ class ContactSearch {
   const Problem& problem_;
   const HeatOperator& heat_;
   const TileInputs& inputs_;
+  const WaveEnds& ends_;
   const WaveContacts& contacts_;
   double* trial_;
   Found (&found_)[kLanes];
@@ -351,6 +380,7 @@ class ContactSearch {
 
 bool WaveContacts::needed(const Problem& problem) {
   const ModelOptions& o = problem.options;
+  if (o.strategy == Strategy::kForceDriven) return true;
   const FrictionLaw law = problem.interface.friction_law;
   return limit_follows_slip(problem) || (has_friction(o) && properties_of(law).depends_on_temperature);
 }
@@ -363,6 +393,15 @@ WaveContacts::WaveContacts(const Problem& problem, const TileInputs& inputs, con
     own.state = contact_before(problem, committed, l);
     own.limit = contact_limit(problem, soft_at_(l), inputs.pressure[l], dt, own.state, inputs.effort);
     own.stuck = sticking != TileLayout::kAbsent && committed[sticking + static_cast<std::size_t>(l)] != 0.0;
+    if (problem.options.strategy != Strategy::kForceDriven) continue;
+    const TrialSlip slip(forcing_of(problem, inputs, l), dt, inputs.velocity_jump[l],
+                         stress_before(problem.layout, inputs, committed, l));
+    own.drive = slip.direction * slip.drive;
+    // A law with a state may carry nothing at rest: slower than this is rest.
+    if (problem.layout.num_friction_states > 0)
+      own.limit.least_slip = kAtRest * (std::abs(inputs.velocity_jump[l]) + slip.drive +
+                                        dt * (std::abs(inputs.stress_soft[l]) / inputs.mass_soft[l] +
+                                              std::abs(inputs.stress_hard[l]) / inputs.mass_hard[l]));
   }
 }
 
@@ -370,15 +409,18 @@ std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, cons
                           std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes],
                           const double* guess) {
   if (lanes == 0) return 0;
+  if (problem.options.strategy == Strategy::kForceDriven)
+    return solve_forced_stage(problem, heat, inputs, lanes, *contacts, trial, found, guess);
+  const WaveEnds ends = imposed_ends(inputs);
   if (contacts == nullptr) {
     double limit[kLanes];
     for (const int l : lanes_of(lanes))
       limit[l] = interface_strength(problem.interface, problem.options.soft, inputs.pressure[l], nullptr).coulomb;
-    return solve_waves(problem, heat, inputs, lanes, limit, guess, trial, found);
+    return solve_waves(problem, heat, inputs, ends, lanes, limit, guess, trial, found);
   }
   return limit_follows_slip(problem)
-             ? ContactSearch(problem, heat, inputs, *contacts, guess, trial, found).solve(lanes)
-             : solve_under_temperature(problem, heat, inputs, lanes, *contacts, guess, trial, found);
+             ? ContactSearch(problem, heat, inputs, ends, *contacts, guess, trial, found).solve(lanes)
+             : solve_under_temperature(problem, heat, inputs, ends, lanes, *contacts, guess, trial, found);
 }
 
 }  // namespace shearbus::physics

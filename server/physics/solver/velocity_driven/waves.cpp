@@ -29,6 +29,9 @@ constexpr double kUndershoot = 0.5;
 // A step must lower the energy by at least half this fraction of (length of the step) * (slope of the energy at its
 // start).
 constexpr double kLeastDescent = 0.25;
+// Share of secants in the slopes of a step of the line search: the least, and its factors after a step that was cut and
+// after one that was not.
+constexpr double kLeastSecant = 1e-4, kMoreSecant = 10.0, kLessSecant = 0.3;
 constexpr int kLocalSteps = 60;          // largest number of iterations of a return to the yield stress; 3 are usual
 constexpr int kLocalNewtonSteps = 12;    // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
@@ -153,6 +156,8 @@ class Waves {
                  step.soft->temperature_coefficient * SteinbergCochranGuinan::kReference,
              step.soft->temperature_coefficient, step.soft->melting_temperature},
         by_law_(*step.soft, step.pressure, step.dt),
+        by_law_near_(*step.soft, step.pressure, step.dt, step.give_near),
+        by_law_far_(*step.soft, step.pressure, step.dt, step.give_far),
         has_form_(properties_of(step.soft->flow_law).has_wave_return),
         evaluations_(evaluations),
         evaluations_left_(evaluations) {
@@ -162,7 +167,7 @@ class Waves {
       const bool inside = i <= num_cells_;
       const double hardened = 1.0 + (inside ? soft.hardening_coefficient * fields.strain[i] : 0.0);
       rows_.strength[i] = soft.yield_strength * power(hardened, soft.hardening_exponent) / kSqrt3;
-      rows_.compliance[i] = soft.hardening_coefficient / (kappa_ * hardened);
+      rows_.compliance[i] = soft.hardening_coefficient / (kappa_ * hardened) * give(i);
       rows_.t[i] = 0.0;
       rows_.T[i] = SteinbergCochranGuinan::kReference;
       stress_old_[i] = inside ? fields.stress[i] : 0.0;
@@ -178,17 +183,19 @@ class Waves {
         evaluations_left_ = evaluations_;
         search(kMostGuardedSteps);
       }
-      answer_.found = evaluations_left_ > 0 && balanced();
+      answer_.found = (evaluations_left_ > 0 || step_.forced) && balanced();
     }
     finish();
     return answer_;
   }
 
  private:
+  double give(int i) const { return i == 0 ? step_.give_near : i == num_cells_ ? step_.give_far : 1.0; }
   double gain(int i) const {  // trial stress per velocity difference  [Pa s/m]
-    return step_.soft->shear_modulus * step_.dt / step_.grid->weight[static_cast<std::size_t>(i)];
+    return step_.soft->shear_modulus * step_.dt / step_.grid->weight[static_cast<std::size_t>(i)] / give(i);
   }
-  double inertia(int c) const {  // stress difference per change of velocity  [Pa s/m]
+  double kappa(int i) const { return kappa_ / give(i); }  // trial stress per plastic strain  [Pa]
+  double inertia(int c) const {                           // stress difference per change of velocity  [Pa s/m]
     return step_.soft->density * step_.grid->width[static_cast<std::size_t>(c)] / step_.dt;
   }
   double velocity_behind(int c) const { return c < num_cells_ ? fields_.velocity[c] : step_.jump; }
@@ -225,7 +232,8 @@ class Waves {
 
   void return_by_law() {
     for (int i = 0; i <= num_cells_; ++i) {
-      const ReturnedStress found = by_law_.at(fields_.strain[i], std::abs(rows_.t[i]), rows_.T[i], 0.0);
+      const LawReturn& by_law = i == 0 ? by_law_near_ : i == num_cells_ ? by_law_far_ : by_law_;
+      const ReturnedStress found = by_law.at(fields_.strain[i], std::abs(rows_.t[i]), rows_.T[i], 0.0);
       fields_.stress[i] = std::copysign(found.stress, rows_.t[i]);
       rows_.slope[i] = found.slope;
       rows_.softening[i] = std::copysign(1.0, rows_.t[i]) * found.softening;
@@ -280,7 +288,7 @@ class Waves {
       return a > step_.coulomb ? InterfaceReturn{step_.coulomb, 0.0, true} : InterfaceReturn{a, slope, false};
     };
     if (!has_form_) {
-      const ReturnedStress found = by_law_.at(fields_.strain[0], t, fields_.T_ad[0], rise);
+      const ReturnedStress found = by_law_near_.at(fields_.strain[0], t, fields_.T_ad[0], rise);
       return held_or(found.stress, found.slope);
     }
     if (carried(t).stress >= t) return held_or(t, 1.0);
@@ -393,15 +401,27 @@ class Waves {
     return slope;
   }
 
+  // Moves the slopes towards those of lines through 0. With the latter a step is the minimum of an energy that is nowhere
+  // below that of the layer, so that it descends in full. Newton's own steps hardly move layers that flow under one stress
+  // and weigh little, since whole parts of them are free to move.
+  void mix_secants(double share) {
+    for (int i = 0; i <= num_cells_; ++i) {
+      const double line = rows_.t[i] != 0.0 ? std::abs(fields_.stress[i] / rows_.t[i]) : 1.0;
+      rows_.slope[i] += share * (line - rows_.slope[i]);
+    }
+  }
+
   // Newton's method with a line search; returns whether it converged. The slope of the energy increases along Newton's
   // direction, so bisection finds where it is small. With `surely` a step beyond the minimum of the energy is accepted
   // only if two slopes, at its middle and at its end, prove that the energy falls.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
+    double secant = 0.0;  // share of secants in the slopes of the next step
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
+      if (secant > 0.0) mix_secants(secant);
       newton_direction();
       if (!std::isfinite(largest_step())) return false;
-      const bool last = small_step();
+      const bool last = secant == 0.0 && small_step();
       std::copy_n(fields_.velocity, num_cells_, start_);
       double slope_0 = 0.0;
       for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
@@ -423,6 +443,11 @@ class Waves {
         part = 0.5 * (lo + hi);
         slope = slope_after(part, flux);
       }
+      if (!surely || !step_.forced) continue;  // between imposed velocities the bits stay as they were
+      if (part < 1.0)
+        secant = std::clamp(kMoreSecant * secant, kLeastSecant, 1.0);
+      else
+        secant = secant > kLeastSecant ? kLessSecant * secant : 0.0;
     }
     return false;
   }
@@ -466,19 +491,19 @@ class Waves {
   // Computes plastic strain and interface slip from the difference between trial stress and stress.
   void finish() {
     for (int i = 0; i <= num_cells_; ++i) {
-      fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa_;
+      fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa(i);
     }
     if (!held_) return;
     if (!has_form_) {
       const double left = std::abs(rows_.t[0]) - step_.coulomb;
-      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa_);
+      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa(0));
       fields_.strain_growth[0] = flow;
-      answer_.interface_slip = std::copysign(std::max(0.0, left - kappa_ * flow) / gain(0), rows_.t[0]);
+      answer_.interface_slip = std::copysign(std::max(0.0, left - kappa(0) * flow) / gain(0), rows_.t[0]);
       return;
     }
     const double yield = rows_.strength[0] * softening(*step_.soft, step_.pressure, rows_.T[0]).g;
     const HeldVertex held =
-        flow_under_friction(std::abs(rows_.t[0]), step_.coulomb, yield, rows_.compliance[0], kappa_, law_.exponent);
+        flow_under_friction(std::abs(rows_.t[0]), step_.coulomb, yield, rows_.compliance[0], kappa(0), law_.exponent);
     fields_.strain_growth[0] = held.strain_growth;
     answer_.interface_slip = std::copysign(held.left / gain(0), rows_.t[0]);
   }
@@ -488,8 +513,9 @@ class Waves {
   int num_cells_;
   double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
   ReturnLaw law_;
-  LawReturn by_law_;  // the return of a law that ReturnLaw does not describe
-  bool has_form_;     // the law has the form of ReturnLaw
+  // The return of a law that ReturnLaw does not describe, and that of the vertices at z = 0 and z = h.
+  LawReturn by_law_, by_law_near_, by_law_far_;
+  bool has_form_;  // the law has the form of ReturnLaw
   WaveAnswer answer_;
   int evaluations_;  // largest number of evaluations of the balance in a search
   int evaluations_left_;

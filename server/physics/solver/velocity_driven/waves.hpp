@@ -14,9 +14,13 @@ namespace shearbus::physics {
 //   rho width[c] (v[c] - v_old[c]) = dt (s[c+1] - s[c])                                                  DLP (36)
 //   |s[i]| <= Y(ep[i], P, T[i]) / sqrt(3);   dep[i] >= 0, and dep[i] = 0 where |s[i]| < Y / sqrt(3)      DLP (42-48)
 //   |s[0]| <= mu P;   v[-1] is along s[0], and v[-1] = 0 where |s[0]| < mu P
-//   T = T_ad + q B,   q = share max(s[0] [V], 0)                                                         DLP (18, 35)
+//   T = T_ad + q B,   q = share max(s[0] [V], 0)                                         DLP (18, 35)
 // where share is WaveStep::heat_share. Summed over the layer and for rho -> 0 these equations are the balance of a
 // layer without inertia, with the same weights.
+//
+// A body behind either face that gives way, m dv/dt = its own force less the stress of the face, changes the trial stress
+// of this face's vertex from t to t - (give - 1) s, give = 1 + G0 dt^2/(weight m). So the vertex returns a trial stress
+// t/give with the stiffness G0/give: its equation is the one above with weight give in place of weight.
 
 struct WaveStep {
   const Material* soft;    // material of the soft body, with its properties at the pressure of the node
@@ -27,6 +31,9 @@ struct WaveStep {
   double jump;             // imposed velocity jump [V]                    [m/s]
   double heat_share;       // share of the friction heat that enters the heat equation: Problem::heat_partition
   double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
+  double give_near = 1.0;  // how the bodies at z = 0 and at z = h give way; 1: their velocities are imposed
+  double give_far = 1.0;
+  bool forced = false;  // what the host changes in a step, a layer of little mass may follow by any amount
 };
 
 // The fields of one node, with a value per cell for the velocity and per vertex for the others.

@@ -16,7 +16,11 @@ class WaveLanes {
         lane_(lane),
         T_melt_(load(tile.T_melt + lane)),
         bracket_(load(tile.bracket + lane)),
-        jump_(load(tile.jump + lane)) {}
+        jump_(load(tile.jump + lane)),
+        give_near_(load(tile.give_near + lane)),
+        give_far_(load(tile.give_far + lane)),
+        gain_near_(tile.gain[0] / give_near_),
+        gain_far_(tile.gain[tile.num_cells] / give_far_) {}
 
   std::uint32_t solve(std::uint32_t wanted) {
     start();
@@ -54,12 +58,16 @@ class WaveLanes {
     store(value, rows + i * kLanes + lane_);
   }
 
+  [[gnu::always_inline]] Register give(std::ptrdiff_t i) const {
+    return i == 0 ? give_near_ : i == tile_.num_cells ? give_far_ : all(1.0);
+  }
+
   void start() {
     const double n = tile_.exponent;
     for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
       const Register hardened = 1.0 + tile_.beta * at(tile_.strain, i);
       put(tile_.yield * Exponential(n * log_of(hardened)).value(), rows_.strength, i);
-      put((tile_.beta * tile_.per_kappa) / hardened, rows_.compliance, i);
+      put((tile_.beta * tile_.per_kappa) / hardened * give(i), rows_.compliance, i);
       put(all(kUnknown), rows_.x, i);
       if (i < tile_.num_cells) put(at(tile_.guess, i), rows_.velocity, i);
     }
@@ -100,7 +108,7 @@ class WaveLanes {
   // The return to the yield stress at z = 0 with the heat of the stress itself, as in waves.cpp. Returns the lanes that
   // have it; for the others it is left to the search there.
   Mask evaluate_interface(Mask live) {
-    const Register trial = at(tile_.stress, 0) + tile_.gain[0] * at(rows_.velocity, 0);
+    const Register trial = at(tile_.stress, 0) + gain_near_ * at(rows_.velocity, 0);
     const Register direction = with_sign_of(all(1.0), where(trial == 0.0, jump_, trial));
     const Register per_stress = tile_.heat_share * larger(direction * jump_, all(0.0));
     const Register rise = per_stress * tile_.response[0];
@@ -147,7 +155,7 @@ class WaveLanes {
     flux_slope_ = direction * per_stress * size_slope;
     held_ = held;
     put(with_sign_of(size, trial), rows_.stress, 0);
-    put(size_slope * tile_.gain[0], rows_.stiffness, 0);
+    put(size_slope * gain_near_, rows_.stiffness, 0);
     put(Register{}, rows_.softening, 0);
     return without(lost | todo);
   }
@@ -157,8 +165,9 @@ class WaveLanes {
     const double n = tile_.exponent, half_bend = 0.5 * (n - 1.0);
     Register before = at(rows_.velocity, 0);
     for (std::ptrdiff_t i = 1; i <= tile_.num_cells; ++i) {
-      const Register v = i < tile_.num_cells ? at(rows_.velocity, i) : jump_;
-      const Register trial = at(tile_.stress, i) + tile_.gain[i] * (v - before);
+      const bool inside = i < tile_.num_cells;
+      const Register v = inside ? at(rows_.velocity, i) : jump_, gain = inside ? all(tile_.gain[i]) : gain_far_;
+      const Register trial = at(tile_.stress, i) + gain * (v - before);
       before = v;
       const Softened soft = softened(at(tile_.T_ad, i) + flux_ * tile_.response[i]);
       const Register t = magnitude(trial);
@@ -166,7 +175,7 @@ class WaveLanes {
       const Mask yields = t > smaller(yield, limit);
       if (lanes_where(yields) == 0) {
         put(trial, rows_.stress, i);
-        put(all(tile_.gain[i]), rows_.stiffness, i);
+        put(gain, rows_.stiffness, i);
         put(Register{}, rows_.softening, i);
         continue;
       }
@@ -195,7 +204,7 @@ class WaveLanes {
       const Register hardening = where(capped, all(0.0), n * s * compliance), q = 1.0 + x;
       const Register inverse = 1.0 / (q + hardening);
       put(where(yields, with_sign_of(s, trial), trial), rows_.stress, i);
-      put(where(yields, hardening * inverse, all(1.0)) * tile_.gain[i], rows_.stiffness, i);
+      put(where(yields, hardening * inverse, all(1.0)) * gain, rows_.stiffness, i);
       const Register softening = where(yields, s * soft.log_slope * (q * inverse) * tile_.response[i], all(0.0));
       put(with_sign_of(magnitude(softening), -trial), rows_.softening, i);
     }
@@ -207,7 +216,7 @@ class WaveLanes {
   // Newton's step of the velocities, by the elimination of waves.cpp.
   Size newton_direction() {
     Register stiffness{}, excess{}, heat{}, pushed{};
-    const Register heat_gain = flux_slope_ * tile_.gain[0];
+    const Register heat_gain = flux_slope_ * gain_near_;
     Size size{Register{}, magnitude(jump_), Register{}, Register{}};
     Register stress_behind{};
     for (std::ptrdiff_t i = tile_.num_cells; i >= 0; --i) {
@@ -264,10 +273,11 @@ class WaveLanes {
     for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
       const bool inside = i < tile_.num_cells;
       const Register v = inside ? at(rows_.velocity, i) : jump_;
-      const Register trial = at(tile_.stress, i) + tile_.gain[i] * (v - before), s = at(rows_.stress, i);
+      const Register gain = i == 0 ? gain_near_ : inside ? all(tile_.gain[i]) : gain_far_;
+      const Register trial = at(tile_.stress, i) + gain * (v - before), s = at(rows_.stress, i);
       before = v;
       if (i == 0) put(solved, trial, rows_.trial_at_interface, 0);
-      Register growth = larger(magnitude(trial) - magnitude(s), all(0.0)) * tile_.per_kappa;
+      Register growth = larger(magnitude(trial) - magnitude(s), all(0.0)) * tile_.per_kappa * give(i);
       if (i == 0) growth = where(held_, all(0.0), growth);
       const Register slip = (kSqrt3 * tile_.weight[i]) * growth;
       const Mask below = ((Bits)s >> 63) != 0;
@@ -287,7 +297,8 @@ class WaveLanes {
   const WaveTile& tile_;
   WaveRows& rows_;
   int lane_;
-  Register T_melt_, bracket_, jump_;
+  Register T_melt_, bracket_, jump_, give_near_, give_far_;
+  Register gain_near_, gain_far_;  // trial stress per velocity at z = 0 and z = h
   Register interface_, flux_,
       flux_slope_;  // stress at z = 0 from which its next return starts; q; dq by the trial stress
   Mask held_;       // the friction limit holds the stress at z = 0

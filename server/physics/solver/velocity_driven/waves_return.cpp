@@ -13,8 +13,8 @@ constexpr double kSteepest = 1e30;          // largest hardening relative to sqr
 
 }  // namespace
 
-LawReturn::LawReturn(const Material& soft, double pressure, double dt)
-    : soft_(soft), pressure_(pressure), dt_(dt), kappa_(kSqrt3 * soft.shear_modulus) {}
+LawReturn::LawReturn(const Material& soft, double pressure, double dt, double give)
+    : soft_(soft), pressure_(pressure), dt_(dt), kappa_(kSqrt3 * soft.shear_modulus / give) {}
 
 double LawReturn::strength(double ep, double dep, double T) const {
   return flow_stress(soft_, ep + dep, pressure_, T, dep / dt_) / kSqrt3;

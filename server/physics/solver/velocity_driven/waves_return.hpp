@@ -14,8 +14,9 @@ struct ReturnedStress {
 
 class LawReturn {
  public:
-  // `dt`: length of the step, which gives the strain of a step its rate.
-  LawReturn(const Material& soft, double pressure, double dt);
+  // `dt`: length of the step, which gives the strain of a step its rate. `give`: factor by which the vertex is less stiff
+  // (waves.hpp).
+  LawReturn(const Material& soft, double pressure, double dt, double give = 1.0);
 
   // Solves s + sqrt(3) G0 dep = trial, s = Y(ep + dep, dep/dt, P, T)/sqrt(3), T = T_ad + rise s, with dep = 0 where s
   // would be above the trial stress. Y rises with dep, and T falls with it, so that there is one root.

@@ -45,7 +45,7 @@ struct WaveTile {
   bool tries_limit;
   const double *gain, *inertia, *response, *weight;
   double exponent, ceiling, hT, per_kappa, yield, beta, heat_share, velocity_per_stress;
-  const double *T_melt, *bracket, *jump, *coulomb;
+  const double *T_melt, *bracket, *jump, *coulomb, *give_near, *give_far;
   const double *T_ad, *guess;
   double *strain, *stress, *velocity;
 };
@@ -99,6 +99,8 @@ std::uint32_t advance_waves_wide(const WideWaveStep& step, std::uint32_t lanes, 
       .bracket = step.bracket,
       .jump = step.jump,
       .coulomb = step.coulomb,
+      .give_near = step.give_near,
+      .give_far = step.give_far,
       .T_ad = step.T_ad,
       .guess = step.guess != nullptr ? step.guess : step.velocity,
       .strain = step.strain,
@@ -129,11 +131,11 @@ std::uint32_t advance_waves_wide(const WideWaveStep& step, std::uint32_t lanes, 
     const double g =
         (step.bracket[l] - tile.hT * T) * exponential(-kMelting * T / (step.T_melt[l] - T));  // z = 0 is not molten
     const HeldVertex held = flow_under_friction(std::abs(trial_at_interface[l]), step.coulomb[l], rows.strength[l] * g,
-                                                rows.compliance[l], kappa, tile.exponent);
+                                                rows.compliance[l], kappa / step.give_near[l], tile.exponent);
     const bool below = std::signbit(trial_at_interface[l]);
     step.strain[l] += held.strain_growth;
     answer.slip_along[below][l] += kSqrt3 * grid.weight[0] * held.strain_growth;
-    answer.interface_slip[l] = held.left / gain[0];
+    answer.interface_slip[l] = held.left / (gain[0] / step.give_near[l]);
   }
   return solved;
 }

@@ -12,13 +12,14 @@ namespace shearbus::physics {
 struct WideWaveStep {
   const Material* soft;  // material of the soft body, where it does not depend on pressure
   const Grid* grid;
-  const double* response;              // response B of each vertex  [K m2/W]
-  double dt;                           // length of the step  [s]
-  double heat_share;                   // share of the friction heat that enters the heat equation
-  alignas(64) double T_melt[kLanes];   // melting temperature at the pressure of each lane  [K]
-  alignas(64) double bracket[kLanes];  // bracket of the softening g at T = 0 K
-  alignas(64) double jump[kLanes];     // imposed velocity jump [V]  [m/s]
-  alignas(64) double coulomb[kLanes];  // friction limit mu P  [Pa]
+  const double* response;                                  // response B of each vertex  [K m2/W]
+  double dt;                                               // length of the step  [s]
+  double heat_share;                                       // share of the friction heat that enters the heat equation
+  alignas(64) double T_melt[kLanes];                       // melting temperature at the pressure of each lane  [K]
+  alignas(64) double bracket[kLanes];                      // bracket of the softening g at T = 0 K
+  alignas(64) double jump[kLanes];                         // imposed velocity jump [V]  [m/s]
+  alignas(64) double coulomb[kLanes];                      // friction limit mu P  [Pa]
+  alignas(64) double give_near[kLanes], give_far[kLanes];  // how the bodies give way, WaveStep
   // Rows [vertex or cell][lane]: temperatures without friction; the state before the step, and after it in the lanes
   // that are solved.
   const double* T_ad;

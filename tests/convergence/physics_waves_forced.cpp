@@ -1,0 +1,181 @@
+// Layers with inertia between the masses of a force-driven host: exact solutions of an elastic layer between two bodies
+// that give way, order in time, and the limit of a layer without mass.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "server/physics/solver/parts.hpp"
+#include "tests/support/waves.hpp"
+
+namespace shearbus::testing {
+namespace {
+
+constexpr double kPressure = 5e8;     // compression of the contact  [Pa]
+constexpr double kPush = 6e8;         // the largest far stress  [Pa]
+constexpr double kMassBehind = 0.05;  // of the soft half zone behind the layer, whose own is 0.056  [kg/m2]
+constexpr double kMassHard = 0.03;    // [kg/m2]
+
+// An elastic layer at one temperature on a contact that carries as much as `limit`  [Pa].
+ModelOptions elastic_layer(double limit) {
+  ModelOptions options = with_inertia(paper_options(Strategy::kForceDriven));
+  options.plastic_layer = true;
+  options.soft.temperature_coefficient = options.soft.pressure_coefficient = 0.0;
+  options.soft.melting_temperature = 1e12;
+  options.soft.yield_strength = 1e11;
+  options.soft.yield_strength_max = std::numeric_limits<double>::infinity();
+  options.interface = {.friction_coefficient = limit / kPressure, .yield_strength = 1e12};
+  return options;
+}
+
+double push_at(double t) {
+  return kPush * std::pow(std::sin(M_PI * t / 40e-9), 4);
+}
+
+// Exact solution until the wave that both faces have returned comes to z = 0, after three crossings: the mass behind the
+// layer moves by M V' = push - Z V, its wave arrives after a crossing and meets the hard body, of which
+// m V_h' = s, s = Z (2 V - v - V_h) with the slip v that leaves s at its limit.
+struct Exact {
+  double stress, slip;
+};
+Exact exact_at(const ModelOptions& options, double limit, double t) {
+  const double Z = impedance(options.soft), cross = options.grid.thickness / shear_speed(options.soft);
+  struct State {
+    double V = 0.0, hard = 0.0;
+  } y;
+  const auto stress = [&](const State& at) { return std::min(limit, Z * (2.0 * at.V - at.hard)); };
+  const auto rate = [&](double tau, const State& at) {
+    return State{(push_at(tau) - Z * at.V) / kMassBehind, stress(at) / kMassHard};
+  };
+  const auto moved = [](const State& at, double dt, const State& by) {
+    return State{at.V + dt * by.V, at.hard + dt * by.hard};
+  };
+  constexpr int kSteps = 2000;
+  const double dt = std::max(0.0, t - cross) / kSteps;
+  for (int n = 0; n < kSteps; ++n) {
+    const double tau = n * dt;
+    const State k1 = rate(tau, y), k2 = rate(tau + 0.5 * dt, moved(y, 0.5 * dt, k1)),
+                k3 = rate(tau + 0.5 * dt, moved(y, 0.5 * dt, k2)), k4 = rate(tau + dt, moved(y, dt, k3));
+    y = moved(y, dt / 6.0, {k1.V + 2.0 * k2.V + 2.0 * k3.V + k4.V, k1.hard + 2.0 * k2.hard + 2.0 * k3.hard + k4.hard});
+  }
+  const double s = stress(y);
+  return {s, 2.0 * y.V - s / Z - y.hard};
+}
+
+// Sets the far stresses of a step and the jump that the last one has left.
+void go_on(Rig& rig, double push, bool first) {
+  for (int l = 0; l < kLanes; ++l) {
+    rig.inputs.stress_soft[l] = push;
+    rig.inputs.stress_hard[l] = 0.0;
+    rig.inputs.mass_soft[l] = kMassBehind + rig.model.options().soft.density * rig.model.options().grid.thickness;
+    rig.inputs.mass_hard[l] = kMassHard;
+    if (!first) rig.inputs.velocity_jump[l] = rig.outputs.velocity_jump_new[l];
+  }
+}
+
+struct Errors {
+  double stress, slip;  // root mean square, relative to the largest exact values
+};
+Errors errors_of(const ModelOptions& options, double limit, int steps) {
+  const double cross = options.grid.thickness / shear_speed(options.soft), end = 2.9 * cross, dt = end / steps;
+  Rig rig(options, 1);
+  rig.set_all(0.0, kPressure);
+  double stress = 0.0, slip = 0.0, most_stress = 0.0, most_slip = 1e-3;
+  for (int n = 0; n < steps; ++n) {
+    go_on(rig, push_at((n + 0.5) * dt), n == 0);
+    rig.step(dt);
+    const Exact exact = exact_at(options, limit, (n + 1) * dt);
+    // Of two stages [v] is the mean of the step.
+    const bool mean = options.time_integrator == TimeIntegrator::kSdirk2;
+    const double slides = mean ? exact_at(options, limit, (n + 0.5) * dt).slip : exact.slip;
+    stress += std::pow(stress_at(rig, 0) - exact.stress, 2);
+    slip += std::pow(rig.outputs.sliding_velocity[0] - slides, 2);
+    most_stress = std::max(most_stress, exact.stress);
+    most_slip = std::max(most_slip, exact.slip);
+  }
+  return {std::sqrt(stress / steps) / most_stress, std::sqrt(slip / steps) / most_slip};
+}
+
+TEST(PhysicsWavesForced, AnElasticLayerBetweenTwoMassesFollowsTheExactSolution) {
+  constexpr double kStrong = 1e12, kWeak = 3e7;
+  std::printf("elastic layer between two masses, 18 ns: limit, integrator, steps, error of s(0), of [v], order\n");
+  for (const double limit : {kStrong, kWeak})
+    for (const TimeIntegrator integrator : {TimeIntegrator::kBackwardEuler, TimeIntegrator::kSdirk2}) {
+      const bool second = integrator == TimeIntegrator::kSdirk2, slips = limit == kWeak;
+      double coarsest = 0.0;
+      for (const int refined : {1, 2, 4, 8}) {
+        ModelOptions options = elastic_layer(limit);
+        options.time_integrator = integrator;
+        options.grid.cells = 40 * refined;
+        ASSERT_TRUE(refusals(options).empty());
+        const Errors error = errors_of(options, limit, 45 * refined);
+        const double shown = slips ? error.slip : error.stress;
+        const double order = refined > 1 ? std::log2(coarsest / shown) / std::log2(refined) : NAN;
+        std::printf("  %8.1g Pa  %s  %4d  %9.2e  %9.2e  %5.2f\n", limit, second ? "sdirk2" : "Euler ", 45 * refined,
+                    error.stress, error.slip, order);
+        if (refined == 1) coarsest = shown;
+        if (refined < 8) continue;
+        EXPECT_GT(order, !second ? 0.9 : slips ? 1.4 : 1.9) << limit;  // where slip starts the step is of first order
+        EXPECT_LT(shown, second ? 2e-3 : 2e-2) << limit;
+      }
+    }
+}
+
+// Without mass and elasticity the layer is that of the force-driven step without inertia, which takes the mean slip of a
+// step where the waves take that of its end: the difference falls with dt.
+TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {
+  struct Case {
+    const char* name;
+    double interface_strength;  // [Pa]
+  };
+  for (const Case& of : {Case{"slips", 150e6}, Case{"flows and slips", 260e6}, Case{"flows", 2e9}}) {
+    double before = 0.0;
+    for (const int refined : {1, 2, 4}) {
+      ModelOptions options = two_sided(graded(paper_options(Strategy::kForceDriven)));
+      options.plastic_layer = true;
+      options.soft.hardening_coefficient = 125.0;
+      options.soft.shear_modulus *= 1e5;
+      options.soft.density *= 1e-7;
+      options.interface = {.friction_coefficient = 1.0, .yield_strength = of.interface_strength};
+      Rig rigid(options, 1), waves(with_inertia(options), 1);
+      rigid.set_all(100.0, 11.2e9);
+      waves.set_all(100.0, 11.2e9);
+      const int steps = 100 * refined;
+      const double dt = 100e-9 / steps;
+      double worst_jump = 0.0, worst_T0 = 0.0;
+      bool slipped = false, flowed = false;
+      for (int n = 0; n < steps; ++n) {
+        for (Rig* rig : {&rigid, &waves}) {
+          for (int l = 0; l < kLanes; ++l) {
+            rig->inputs.stress_soft[l] = 1e8;
+            rig->inputs.mass_soft[l] = 0.5;
+            rig->inputs.mass_hard[l] = 2.0;
+            if (n > 0) rig->inputs.velocity_jump[l] = rig->outputs.velocity_jump_new[l];
+          }
+          rig->step(dt);
+        }
+        worst_jump = std::max(
+            worst_jump, std::abs(rigid.outputs.velocity_jump_new[0] - waves.outputs.velocity_jump_new[0]) / 100.0);
+        worst_T0 =
+            std::max(worst_T0,
+                     std::abs(rigid.outputs.interface_temperature[0] - waves.outputs.interface_temperature[0]) / 900.0);
+        slipped = slipped || waves.outputs.sliding_velocity[0] > 1.0;
+        flowed = flowed || waves.plastic_slip(0) > 1e-9;
+      }
+      const double worst = std::max(worst_jump, worst_T0);
+      std::printf("  %-16s %4d steps: [V] %.2e, T0 %.2e apart; slipped %d, flowed %d\n", of.name, steps, worst_jump,
+                  worst_T0, slipped, flowed);
+      EXPECT_EQ(flowed, of.interface_strength > 200e6);
+      if (refined > 1) {
+        EXPECT_LT(worst, 0.7 * before) << of.name;
+      }
+      before = worst;
+    }
+    EXPECT_LT(before, 5e-3) << of.name;
+  }
+}
+
+}  // namespace
+}  // namespace shearbus::testing
