@@ -40,7 +40,7 @@ struct InterfaceInputs {
   // State of the soft zone at the interface, if the host computes it; empty if the law has to compute it.
   std::vector<double> zone_temperature;  // [K]
   std::vector<double> zone_plastic_strain;
-  // rate of plastic shear of the soft zone along the interface, not negative  [1/s]
+  // rate of plastic shear of the soft zone along the interface, with the sign of the shear stress there  [1/s]
   std::vector<double> soft_plastic_strain_rate;
 };
 

@@ -66,7 +66,7 @@ void ShearBulk::strain_soft(ShearBody& body, double dt, std::span<const double> 
         stress[i] = step.deviator.xy;
         plastic_strain_[at] += step.plastic_strain_increment;
         soft_temperature_[at] += std::abs(step.deviator.xy * shear) / capacity;
-        if (j == 0) plastic_rate_[i] = step.plastic_strain_increment / dt;
+        if (j == 0) plastic_rate_[i] = std::copysign(step.plastic_strain_increment / dt, step.deviator.xy);
       }
     }
   }

@@ -28,7 +28,7 @@ class ShearBulk {
   // State of the soft zone at the interface, per column.
   std::span<const double> temperature() const { return {soft_temperature_.data(), columns_}; }
   std::span<const double> plastic_strain() const { return {plastic_strain_.data(), columns_}; }
-  std::span<const double> plastic_rate() const { return plastic_rate_; }  // of the last step  [1/s]
+  std::span<const double> plastic_rate() const { return plastic_rate_; }  // of the last step, signed  [1/s]
   double hottest(std::size_t column) const;                               // hottest soft zone  [K]
 
   // Energy of the soft body after strain_soft(), as energy() of an elastic body, and plastic work since the start; their

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <ctime>
+#include <numbers>
+#include <optional>
 #include <sstream>
 #include <thread>
 
@@ -80,12 +83,45 @@ bool contains(const std::vector<std::uint32_t>& columns, std::uint32_t column) {
   return std::ranges::find(columns, column) != columns.end();
 }
 
+// The plastic shear of the soft zones as a step sends it. The service takes its rate Ep_dot as a magnitude along the trial
+// direction, which is that of the jump after the step without friction. Where the zone shears against that direction, the
+// slip that its shear leaves to the interface, sqrt(3) h Ep_dot (DLP 64), is added to the jump instead: the law is the
+// same, and its direction is then that of both together.
+struct PlasticShear {
+  PlasticShear(const InterfaceInputs& in, std::span<const double> thickness)
+      : jump(in.velocity_jump), rate(in.soft_plastic_strain_rate) {
+    for (std::size_t i = 0; i < rate.size(); ++i) {
+      const bool against = rate[i] * free_jump(in, i).jump < 0.0;
+      if (against) jump[i] += std::numbers::sqrt3 * thickness[i] * rate[i];
+      rate[i] = against ? 0.0 : std::abs(rate[i]);
+    }
+  }
+  std::vector<double> jump;  // velocity jump to send  [m/s]
+  std::vector<double> rate;  // plastic strain rate to send, not negative  [1/s]
+};
+
 }  // namespace
 
 struct SubgridLaw::Impl {
-  Impl(const SubgridServer& where, Session opened)
+  // Calls what asks the service in the middle of the run. A request that the server has no room to keep ends the run, so
+  // that the remedy is another than for a host that asks again.
+  template <typename Ask>
+  auto asking_in_run(const Ask& ask) {
+    try {
+      return asking(ask);
+    } catch (const wire::Error& fault) {
+      wire::Status status = fault.status();
+      if (status.code != wire::Code::kNoSpace) throw;
+      status.remedy = "This run has ended. Make room in the server's state directory; then ";
+      status.remedy += kept ? "shearbus-hydro --restart goes on from the newest dump." : "start the run again.";
+      throw wire::Error(status);
+    }
+  }
+
+  Impl(const SubgridServer& where, Session opened, std::span<const double> layers)
       : session(std::move(opened)),
         node_ids(session.node_ids()),
+        thickness(layers.begin(), layers.end()),
         takes_plastic_strain_rate(
             contains(session.columns(SHEARBUS_OPTIONAL_INPUT), SHEARBUS_SOFT_PLASTIC_STRAIN_RATE)),
         outcome(node_ids.size()),
@@ -107,12 +143,14 @@ struct SubgridLaw::Impl {
 
   Session session;
   Ids node_ids;
+  std::vector<double> thickness;  // of each node's plastic layer; empty: none  [m]
   bool takes_plastic_strain_rate;
   std::vector<std::pair<wire::Field, std::vector<double>>> ledger;  // the columns of the answer's energy ledger
   std::vector<std::uint8_t> outcome;
   std::vector<std::string> warnings;
   bool outlives_process;
   LawTime time;
+  std::optional<PlasticShear> shear;       // of the step that was last sent, if the layers are plastic
   const InterfaceInputs* asked = nullptr;  // inputs of the step that was last sent
   InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
@@ -130,6 +168,7 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
                        std::span<const double> layer_thickness) {
   const auto opened = std::make_shared<bool>(false);
   Options options = session_options(server, opened);
+  if (!layer_thickness.empty()) options.check_closure = SHEARBUS_CHECK_OFF;
   options.scene_text = scene.text;
   options.scene_name = scene.file;
   Nodes nodes{.ids = {node_ids.begin(), node_ids.end()},
@@ -138,17 +177,18 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
               .parameters = {}};
   if (!layer_thickness.empty())
     nodes.parameters = {{"layer.thickness_m", {layer_thickness.begin(), layer_thickness.end()}}};
-  impl_ = asking([&] { return std::make_unique<Impl>(server, Session::open_nodes(options, nodes)); });
+  impl_ = asking([&] { return std::make_unique<Impl>(server, Session::open_nodes(options, nodes), layer_thickness); });
   *opened = true;
 }
 
 // Restores the layers from a mark (a named copy of their states in the server), then sets the same mark again. The
 // server keeps only the newest two marks: set again, this one is the newest, and the next mark does not replace it.
-SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
+SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server, std::span<const double> layer_thickness) {
   const Kept point = parse_kept(kept);
   const auto opened = std::make_shared<bool>(false);
   asking([&] {
-    impl_ = std::make_unique<Impl>(server, Session::resume(session_options(server, opened), point.ticket));
+    impl_ =
+        std::make_unique<Impl>(server, Session::resume(session_options(server, opened), point.ticket), layer_thickness);
     *opened = true;
     impl_->kept = true;
     impl_->session.rollback_to(point.mark);
@@ -166,25 +206,26 @@ void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
   const Stopwatch stopwatch(impl_->time);
   Step step(impl_->node_ids.size());
   step.dt(in.dt).time(in.time).number(in.step).commit_previous(impl_->trial_stands);
-  step.in(SHEARBUS_VELOCITY_JUMP, in.velocity_jump).in(SHEARBUS_PRESSURE, in.pressure);
+  const bool plastic = impl_->takes_plastic_strain_rate && !in.soft_plastic_strain_rate.empty();
+  if (plastic) impl_->shear.emplace(in, impl_->thickness);
+  step.in(SHEARBUS_VELOCITY_JUMP, plastic ? impl_->shear->jump : in.velocity_jump).in(SHEARBUS_PRESSURE, in.pressure);
   step.in(SHEARBUS_STRESS_SOFT, in.stress_soft).in(SHEARBUS_STRESS_HARD, in.stress_hard);
   step.in(SHEARBUS_MASS_SOFT, in.mass_soft).in(SHEARBUS_MASS_HARD, in.mass_hard);
-  if (impl_->takes_plastic_strain_rate && !in.soft_plastic_strain_rate.empty())
-    step.in(SHEARBUS_SOFT_PLASTIC_STRAIN_RATE, in.soft_plastic_strain_rate);
+  if (plastic) step.in(SHEARBUS_SOFT_PLASTIC_STRAIN_RATE, impl_->shear->rate);
   step.out(SHEARBUS_SHEAR_STRESS, answer.shear_stress).out(SHEARBUS_VELOCITY_JUMP_NEW, answer.velocity_jump_new);
   step.out(SHEARBUS_SLIDING_VELOCITY, answer.sliding_velocity);
   step.out(SHEARBUS_INTERFACE_TEMPERATURE, answer.interface_temperature);
   step.out(SHEARBUS_FRICTION_HEAT, answer.friction_heat);
   step.out(SHEARBUS_REGIME, answer.regime).out(SHEARBUS_OUTCOME, impl_->outcome);
   for (auto& [term, values] : impl_->ledger) step.out(static_cast<std::uint32_t>(term), values);
-  asking([&] { impl_->session.start(step, SHEARBUS_TRIAL); });
+  impl_->asking_in_run([&] { impl_->session.start(step, SHEARBUS_TRIAL); });
   impl_->asked = &in;
   impl_->answer = &answer;
 }
 
 void SubgridLaw::finish() {
   const Stopwatch stopwatch(impl_->time);
-  const shearbus_result result = asking([&] { return impl_->session.finish(); });
+  const shearbus_result result = impl_->asking_in_run([&] { return impl_->session.finish(); });
   impl_->trial_stands = true;
   const std::chrono::nanoseconds solver(result.solver_ns);
   impl_->time.solver += solver;
@@ -205,6 +246,10 @@ void SubgridLaw::finish() {
          .node_ids = {node}});
   }
   InterfaceAnswer& answer = *impl_->answer;
+  if (impl_->shear) {
+    for (std::size_t i = 0; i < answer.velocity_jump_new.size(); ++i)
+      answer.velocity_jump_new[i] += impl_->asked->velocity_jump[i] - impl_->shear->jump[i];
+  }
   answer.energy = {};
   for (const auto& [term, values] : impl_->ledger) answer.energy.add(term, values);
   answer.flagged = result.flagged_nodes;
@@ -229,7 +274,7 @@ wire::Batch SubgridLaw::profiles(std::span<const std::uint64_t> node_ids, std::s
   return rows_of(found, impl_->session.info().tangential_components);
 }
 std::string SubgridLaw::keep(const std::string& name) {
-  return asking([&] {
+  return impl_->asking_in_run([&] {
     impl_->commit();
     impl_->session.mark(name);
     impl_->kept = true;

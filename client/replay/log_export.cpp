@@ -15,6 +15,7 @@
 #include "client/replay/log.hpp"
 #include "client/replay/node_properties.hpp"
 #include "client/replay/result_file.hpp"
+#include "client/replay/table.hpp"
 #include "proto/files/recording.hpp"
 #include "proto/files/whole_file.hpp"
 #include "proto/wire/columns.hpp"
@@ -29,10 +30,6 @@ struct Row {
 };
 
 using Place = ColumnPlace;
-
-bool is_mass(const Place& place) {
-  return place.first == Field::kMassSoft || place.first == Field::kMassHard;
-}
 
 // What the first reading of a log finds: the rows of the table, its columns and nodes.
 struct Plan {
@@ -162,7 +159,7 @@ class Planner {
     keep_common(plan_.inputs, log.request().batch, first);
     keep_common(plan_.outputs, log.reply().batch, first);
     for (const Place& place : plan_.inputs) {
-      if (!is_mass(place)) continue;
+      if (!is_per_node(place.first)) continue;
       std::vector<double> masses(plan_.nodes.size());
       values_of(log.request().batch, place, ids, masses);
       if (first)
@@ -225,7 +222,7 @@ std::size_t export_log(const ExportOptions& options) {
   std::vector<Place> columns;
   const bool csv = is_text_result(options.like());
   for (const Place& place : plan.inputs)
-    if (csv || !is_mass(place) || plan.masses_change) columns.push_back(place);
+    if (csv || !is_per_node(place.first) || plan.masses_change) columns.push_back(place);
   const std::size_t inputs = columns.size();
   columns.insert(columns.end(), plan.outputs.begin(), plan.outputs.end());
   ResultFile table(options.out, options.like(), columns, plan.nodes, plan.properties,

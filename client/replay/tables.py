@@ -13,7 +13,7 @@ import sys
 
 sys.dont_write_bytecode = True
 sys.path.insert(1, str(pathlib.Path(__file__).resolve().parents[1] / "report"))
-from terminal import Parser, complain, end_by_signals, real_number  # noqa: E402
+from terminal import Parser, complain, end_by_signals, real_number, whole_number  # noqa: E402
 
 PROGRAM = "shearbus-replay"
 
@@ -67,7 +67,7 @@ def main():
     read = commands.add_parser("read")
     read.add_argument("table")
     read.add_argument("--out", required=True)
-    read.add_argument("--parent", type=int, default=os.getppid())
+    read.add_argument("--parent", type=whole_number, default=os.getppid())
     read.add_argument("--columns", default="")
     read.add_argument("--points", action="store_true")
     read.add_argument("--steps", action="store_true")

@@ -9,6 +9,7 @@ contact. Runs with free slip or stick appear only in the first picture, unless t
 """
 import pathlib
 import sys
+from terminal import Parser, complain, printable
 
 import numpy as np
 import style
@@ -16,7 +17,6 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
-from terminal import Parser, complain, printable
 from runs import Fault, read, style_text
 
 NODES = "interface node: its {} at the start (mm)"
@@ -69,7 +69,7 @@ def sides(runs):
 
 def mirrored(axis, runs, time=None, name="temperature", scale=1.0, limits=None):
     """Draws one zone quantity, the first run left of the axis and the second right of it. limits: of style.limits(), of
-    this picture if none are given. Returns what a colour bar needs, and the arrows."""
+    this picture if none are given. Returns what a colour bar needs, the arrows, the time, and the highest value."""
     frames = [(run, run.frame(time), side) for run, side in sides(runs)]
     span, extend = limits or style.limits("temperature", *(frame[name] * scale for _, frame, _ in frames), percentile=99.7)
     for run, frame, side in frames:
@@ -83,7 +83,7 @@ def mirrored(axis, runs, time=None, name="temperature", scale=1.0, limits=None):
     axis.xaxis.set_major_formatter(lambda x, _: f"{abs(x):g}")
     for run, _, side in frames if len(runs) > 1 else ():
         axis.text(0.25 if side < 0 else 0.75, 1.01, run.label.replace(" (", "\n("), transform=axis.transAxes, ha="center", va="bottom", fontsize=9)
-    return drawn, extend, frames[0][1]["time"]
+    return drawn, extend, frames[0][1]["time"], max(frame[name].max() * scale for _, frame, _ in frames)
 
 
 def draw_flank(axis, runs):
@@ -99,8 +99,8 @@ def draw_flank(axis, runs):
 def shape_and_flank(runs):
     runs = runs[:2]
     figure, (shape, flank) = style.figure(1, 2, (11, 5.0), legend=True, width_ratios=(1.25, 1))
-    drawn, extend, time = mirrored(shape, runs)
-    figure.colorbar(drawn, ax=shape, label=f"temperature of the zones at {time:.1f} µs (K)", extend=extend, shrink=0.85)
+    drawn, extend, time, highest = mirrored(shape, runs)
+    figure.colorbar(drawn, ax=shape, label=f"temperature of the zones at {time:.1f} µs (K), up to {highest:.0f}", extend=extend, shrink=0.85)
     draw_flank(flank, runs)
     flank.set_title("the flank, on a scale of its own", fontsize=10)
     style.legend_below(figure, [Line2D([], [], color=run.colour, lw=1.8, label=run.label + WHERE.get(run.law, "")) for run in runs] +
@@ -146,12 +146,17 @@ def difference(run, other, name):
 
 
 def map_scale(runs, name):
-    """Returns the label, the limits and the arrows of the colour scale that the maps of these runs share; of regimes
-    the label alone."""
+    """Returns the label, the limits and the arrows of the colour scale that the maps of these runs share, which shows
+    every value; of regimes the label alone."""
     if name == "regime":
         return "friction regime", {}, "neither"
     label, _, kind = style.QUANTITIES[name]
-    return label, *style.limits(kind, *(shown(run, name) for run in runs))
+    return label, *style.limits(kind, *(shown(run, name) for run in runs), percentile=100)
+
+
+def isolines(*maps):
+    """Returns those LEVELS that cross one of these maps of the interface temperature."""
+    return [level for level in LEVELS if any(values.min() < level < values.max() for values in maps)]
 
 
 def draw_map(axis, run, name, span):
@@ -166,7 +171,7 @@ def draw_map(axis, run, name, span):
         values, colours = shown(run, name), {"cmap": style.COLOUR_MAPS[style.QUANTITIES[name][2]], **span}
     image = axis.pcolormesh(run.time, nodes, values.T, shading="nearest", rasterized=True, **colours)
     if name != "regime":
-        levels = [level for level in LEVELS if values.min() < level < values.max()] if name == "interface_temperature" else []
+        levels = isolines(values) if name == "interface_temperature" else []
         lines = axis.contour(run.time, nodes, values.T, levels=levels, colors=ISOLINES, linewidths=0.9) if levels else None
         molten = melting_outline(axis, run)
     axis.plot(front(run), nodes, **FRONT)
@@ -176,7 +181,7 @@ def draw_map(axis, run, name, span):
 def draw_difference(axis, runs, name):
     """Draws the map of the first run less that of the second. Returns what a colour bar needs, and its arrows."""
     values = difference(*runs, name)
-    span, extend = style.limits("signed", values)
+    span, extend = style.limits("signed", values, percentile=100)
     axis.set_facecolor(style.OPEN)
     return axis.pcolormesh(runs[0].time, runs[0].place * 1e3, values.T, shading="nearest", rasterized=True, cmap=style.COLOUR_MAPS["signed"], **span), extend
 

@@ -8,6 +8,7 @@ side by side.
 import pathlib
 import sys
 import warnings
+from terminal import Parser, complain, printable
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -15,7 +16,6 @@ import style
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from terminal import Parser, complain, printable
 from runs import Fault, read, style_text
 
 MOST_LINES = 8   # lines in one panel; with more columns, some lines and the band of all columns

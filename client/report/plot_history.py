@@ -8,12 +8,12 @@ history of inputs alone completes those that have its steps.
 import pathlib
 import sys
 import textwrap
+from terminal import Parser, complain, read_toml, whole_number
 
 import h5py
 import numpy as np
 import style
 from matplotlib.lines import Line2D
-from terminal import Parser, complain, read_toml, whole_number
 from runs import check_texts, tell_apart, text_of
 
 MOST_ROWS = 4000  # more would be finer than the pixels of the picture

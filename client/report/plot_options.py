@@ -11,11 +11,11 @@ import re
 import subprocess
 import sys
 import tempfile
+from terminal import Parser, complain
 
 import h5py
 import numpy as np
 import style
-from terminal import Parser, complain
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 EXAMPLES, PROBLEMS = ROOT / "client/examples", ROOT / "hydro_stub/problems"
@@ -173,7 +173,7 @@ def velocity_step(axis, replay):
     lines(axis, replay(scene, history), "shear_stress", 1e-6, "rate_and_state, ageing", WITH)
     lines(axis, replay(scene, history, "interface.state_evolution=slip"), "shear_stress", 1e-6, "slip law", style.RUNS[2], "--")
     lines(axis, replay(scene, history, "interface.evolution_effect=0"), "shear_stress", 1e-6, "no state", WITHOUT, ":")
-    axis.set(xlabel="time (µs)", ylabel=style.QUANTITIES["shear_stress"][0], ylim=(40, 60))
+    axis.set(xlabel="time (µs)", ylabel=style.QUANTITIES["shear_stress"][0], ylim=(30, 60))  # room for the legend
     return "a layer that slides at 1, 10, 1 m/s"
 
 

@@ -10,6 +10,7 @@ the slip distance as recorded, conducted into two half-spaces (exact for heat th
 this differs at z = 0 from the recorded interface temperature by more than 3 %."""
 import pathlib
 import sys
+from terminal import Parser, complain, printable, real_number
 
 import numpy as np
 import plot_cone
@@ -17,7 +18,6 @@ import style
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from plot_history import regime_band
-from terminal import Parser, complain, printable, real_number
 from runs import Fault, read, style_text
 from scipy.special import erfc
 

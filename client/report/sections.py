@@ -202,8 +202,8 @@ def film(runs):
     span = style.limits("temperature", *(run.frame(time)["temperature"] for run in runs for time in times), percentile=99.7)
     for i, time in enumerate(times):
         figure, axis = panel((4.6, 3.4))
-        drawn, extend, at = plot_cone.mirrored(axis, runs, time, limits=span)
-        colour_bar(figure, axis, drawn, f"temperature at {at:.3g} µs (K)", extend, shrink=0.75)
+        drawn, extend, at, highest = plot_cone.mirrored(axis, runs, time, limits=span)
+        colour_bar(figure, axis, drawn, f"temperature at {at:.3g} µs (K)\nup to {highest:.0f}", extend, shrink=0.75)
         panels.append(svg(figure, f"film-{i}", f"temperature of the zones at {at:.3g} µs"))
     return panels
 
@@ -213,8 +213,8 @@ def cone_fields(runs):
     interfaces = plot_cone.main_runs([run for run in runs if run.table and run.place is not None])
     found, shown = [], interfaces[:2] or runs[:1]
     figure, axis = panel((4.6, 3.6))
-    drawn, extend, time = plot_cone.mirrored(axis, shown)
-    colour_bar(figure, axis, drawn, f"temperature of the zones at {time:.3g} µs (K)", extend)
+    drawn, extend, time, highest = plot_cone.mirrored(axis, shown)
+    colour_bar(figure, axis, drawn, f"temperature of the zones at {time:.3g} µs (K)\nup to {highest:.0f}", extend)
     panels = [svg(figure, "final", "temperature of the zones at the end")]
     if interfaces:
         figure, axis = panel((4.6, 3.6))
@@ -231,7 +231,9 @@ def cone_fields(runs):
         unit = style.QUANTITIES[name][0].split("(")[1].rstrip(")") if name != "regime" else ""
         largest = lambda run: hottest(run) if name == "interface_temperature" else float(np.nanmax(np.abs(run.drawn(name))))
         highest = ", ".join(f"{run.label} {number(largest(run), 4)} {unit}" for run in interfaces) if name != "regime" else ""
-        text = {"regime": ". ".join(shares), "interface_temperature": f"Highest: {highest}. Thin lines: 350, 500, 750, 1000 and 1250 K",
+        levels = plot_cone.isolines(*(plot_cone.shown(run, name) for run in interfaces)) if name == "interface_temperature" else []
+        thin = f". Thin lines: {', '.join(map(str, levels))} K" if levels else ""
+        text = {"regime": ". ".join(shares), "interface_temperature": f"Highest: {highest}{thin}",
                 "sliding_velocity": f"Highest: {highest}. Grey: the contact is open, nothing slides",
                 "shear_stress": f"Largest: {highest}. Its sign is that of the slip",
                 "pressure": f"Highest: {highest}. It limits Coulomb friction, and raises the melting temperature"}.get(name, "")

@@ -48,6 +48,18 @@ def end_by_signals():
         signal.signal(number, signal.SIG_DFL)
 
 
+def tell_interrupt(kind, fault, trace):
+    """In place of sys.excepthook: an interrupt ends a program by one line, after what it had opened is closed. Python then
+    exits by the signal."""
+    if issubclass(kind, KeyboardInterrupt):
+        print(f"{printable(os.path.basename(sys.argv[0]))}: interrupted", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, fault, trace)
+
+
+sys.excepthook = tell_interrupt  # of every program that reads its command line here
+
+
 def open_regular(path, most=MOST_BYTES):
     """Opens a regular file of at most so many bytes. Raises OSError or ValueError; a pipe is not waited for."""
     file = open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb")

@@ -105,22 +105,22 @@ int shearbus_accept(shearbus_session* session, const uint8_t transfer[SHEARBUS_T
 size_t shearbus_offers(const shearbus_session* session, size_t capacity,
                        uint8_t (*transfers)[SHEARBUS_TRANSFER_BYTES]) {
   if (session == nullptr || !session->session) return 0;
-  const std::vector<TransferId>& offers = session->session->offers();
+  const std::vector<TransferId>& offers = session->session->offers;
   for (std::size_t i = 0; transfers != nullptr && i < std::min(capacity, offers.size()); ++i)
     std::ranges::copy(offers[i], transfers[i]);
   return offers.size();
 }
 
 size_t shearbus_node_count(const shearbus_session* session) {
-  return session == nullptr || !session->session ? 0 : session->session->node_ids().size();
+  return session == nullptr || !session->session ? 0 : session->session->node_ids.size();
 }
 
 const uint64_t* shearbus_node_ids(const shearbus_session* session) {
-  return shearbus_node_count(session) == 0 ? nullptr : session->session->node_ids().data();
+  return shearbus_node_count(session) == 0 ? nullptr : session->session->node_ids.data();
 }
 
 const char* shearbus_effective_scene(const shearbus_session* session) {
-  return session == nullptr || !session->session ? "" : session->session->effective_scene().c_str();
+  return session == nullptr || !session->session ? "" : session->session->opened.effective_scene.c_str();
 }
 
 const char* shearbus_warnings(const shearbus_session* session) {
@@ -131,12 +131,12 @@ int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shear
   return guarded(session, status, [&] {
     const Session& open = session_of(session);
     known(info, "shearbus_info");
-    give({.strategy = static_cast<int>(open.opened().strategy),
-          .tangential_components = open.opened().tangential_components,
-          .bytes_per_node = open.bytes_per_node(),
-          .last_sequence = open.last_sequence(),
+    give({.strategy = static_cast<int>(open.opened.strategy),
+          .tangential_components = open.opened.tangential_components,
+          .bytes_per_node = open.opened.bytes_per_node,
+          .last_sequence = open.last_sequence,
           .outlives_server = session->client->welcome().durability != "none",
-          .state_version = open.state_version(),
+          .state_version = open.state_version,
           .max_rows_per_message = session->client->welcome().limits.max_rows_per_message,
           .max_marks = session->client->welcome().limits.max_marks},
          info);
@@ -145,7 +145,7 @@ int shearbus_inspect(const shearbus_session* session, shearbus_info* info, shear
 
 size_t shearbus_columns(const shearbus_session* session, int use, size_t capacity, uint32_t* fields) {
   if (session == nullptr || !session->session) return 0;
-  const wire::SessionOpened& opened = session->session->opened();
+  const wire::SessionOpened& opened = session->session->opened;
   const std::vector<Field>* const lists[] = {&opened.required_columns, &opened.optional_columns, &opened.reply_columns,
                                              &opened.columns_on_request};
   if (use < 0 || use >= static_cast<int>(std::size(lists))) return 0;

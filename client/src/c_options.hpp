@@ -6,8 +6,8 @@
 #include <string_view>
 
 #include "client/include/shearbus/shearbus.h"
-#include "client/src/client.hpp"
 #include "client/src/embedded_server.hpp"
+#include "client/src/options.hpp"
 
 namespace shearbus {
 

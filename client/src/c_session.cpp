@@ -42,9 +42,9 @@ Session::Ticket ticket_of(std::string_view text) {
 SessionTexts texts_of(const Client& client, const Session& session) {
   const wire::Welcome& welcome = client.welcome();
   SessionTexts texts;
-  texts[SHEARBUS_SCENE_NAME] = session.opened().scene_name;
-  texts[SHEARBUS_PAIR_NAMES] = lines(session.opened().pairs);
-  texts[SHEARBUS_PARAMETER_KEYS] = lines(session.opened().parameters);
+  texts[SHEARBUS_SCENE_NAME] = session.opened.scene_name;
+  texts[SHEARBUS_PAIR_NAMES] = lines(session.opened.pairs);
+  texts[SHEARBUS_PARAMETER_KEYS] = lines(session.opened.parameters);
   texts[SHEARBUS_SERVER_VERSION] = welcome.server_version;
   texts[SHEARBUS_CAPABILITIES] = lines(welcome.capabilities);
   texts[SHEARBUS_DURABILITY] = welcome.durability;
@@ -54,11 +54,11 @@ SessionTexts texts_of(const Client& client, const Session& session) {
 
 ResumedNames names_of(const Session& session) {
   ResumedNames names;
-  const ResumedNodes& resumed = session.resumed_nodes();
+  const ResumedNodes& resumed = session.resumed;
   if (resumed.pair.empty()) return names;
   names.pairs.push_back("");
-  for (const std::string& pair : session.opened().pairs) names.pairs.push_back(pair.c_str());
-  for (const std::string& key : session.opened().parameters) names.parameters.push_back(key.c_str());
+  for (const std::string& pair : session.opened.pairs) names.pairs.push_back(pair.c_str());
+  for (const std::string& key : session.opened.parameters) names.parameters.push_back(key.c_str());
   for (const std::vector<double>& values : resumed.parameters) names.values.push_back(values.data());
   return names;
 }
@@ -124,7 +124,7 @@ void shearbus_session::opened(Session&& now, bool resuming) {
   try {
     SessionTexts told = texts_of(*client, now);
     ResumedNames names = names_of(now);
-    std::string all = lines(now.warnings());
+    std::string all = lines(now.opened.warnings);
     session.emplace(std::move(now));
     texts = std::move(told);
     resumed = std::move(names);
@@ -142,13 +142,13 @@ void shearbus_session::opened(Session&& now, bool resuming) {
 
 void shearbus_session::tell_opening() const {
   if (!log.wanted()) {
-    for (const std::string& warning : session->warnings())
+    for (const std::string& warning : session->opened.warnings)
       if (!warning.starts_with(wire::kNote)) write_line({}, "warning: " + warning);
     return;
   }
-  log(fmt::format("session of {} nodes, scene \"{}\", server {}", session->node_ids().size(),
-                  session->opened().scene_name, where));
-  for (const std::string& warning : session->warnings()) log(wire::labelled(warning));
+  log(fmt::format("session of {} nodes, scene \"{}\", server {}", session->node_ids.size(), session->opened.scene_name,
+                  where));
+  for (const std::string& warning : session->opened.warnings) log(wire::labelled(warning));
 }
 
 namespace shearbus {
@@ -157,7 +157,7 @@ namespace shearbus {
 void settle_doubt(shearbus_session& handle) {
   if (!handle.fallback || !handle.fallback->doubt()) return;
   const StepInDoubt& doubt = *handle.fallback->doubt();
-  handle.session->want(doubt.wanted);
+  handle.session->wanted = doubt.wanted;
   handle.session->advance(doubt.batch, doubt.options);
   handle.fallback->settled();
 }
@@ -304,7 +304,7 @@ int shearbus_ticket(const shearbus_session* session, char ticket[SHEARBUS_TICKET
 
 int shearbus_resumed_nodes(const shearbus_session* session, shearbus_nodes* nodes, shearbus_status* status) {
   return guarded(session, status, [&] {
-    const ResumedNodes& resumed = session_of(session).resumed_nodes();
+    const ResumedNodes& resumed = session_of(session).resumed;
     known(nodes, "shearbus_nodes");
     const ResumedNames& names = session->resumed;
     give({.n = resumed.node_ids.size(),

@@ -37,7 +37,7 @@ const char* hint_of(const Session& session, Field field) {
     return " The scene needs friction_energy = true.";
   constexpr std::array kForceDriven = {Field::kStressSoft, Field::kStressHard,  Field::kMassSoft,
                                        Field::kMassHard,   Field::kStickStress, Field::kImpedance};
-  return session.opened().strategy == wire::Strategy::kVelocityDriven && contains(kForceDriven, field)
+  return session.opened.strategy == wire::Strategy::kVelocityDriven && contains(kForceDriven, field)
              ? " The scene has strategy = \"velocity_driven\"; stresses, masses and impedances belong to "
                "\"force_driven\"."
              : "";
@@ -69,7 +69,7 @@ void check_column(const Session& session, std::uint32_t number, std::uint32_t co
   if (!contains(first, field) && !contains(second, field))
     refuse_column(Code::kUnsupported, fmt::format(" is no {} of this session", kind),
                   fmt::format("Its {}s are: {}.{}", kind, names_of_columns(first, second), hint_of(session, field)));
-  const std::uint32_t components = wire::is_tangential(field) ? session.opened().tangential_components : 1;
+  const std::uint32_t components = wire::is_tangential(field) ? session.opened.tangential_components : 1;
   if (component >= components)
     refuse_column(Code::kShape,
                   fmt::format(": the scene gives this column {} component{}", components, components == 1 ? "" : "s"),
@@ -80,7 +80,7 @@ void check_column(const Session& session, std::uint32_t number, std::uint32_t co
 
 // The fields of the inputs, each once. Refuses an input field of which a component is missing or given twice.
 std::vector<Field> fields_of(const Session& session, std::span<const shearbus_input> inputs, bool with_node_ids) {
-  const wire::SessionOpened& opened = session.opened();
+  const wire::SessionOpened& opened = session.opened;
   std::vector<Field> others = opened.optional_columns;
   if (opened.strategy == wire::Strategy::kForceDriven)
     others.insert(others.end(), wire::kStickColumns.begin(), wire::kStickColumns.end());
@@ -116,7 +116,7 @@ bool watches_closure(const shearbus_session& handle) {
   // `steps` counts answered steps, so a call that is repeated for want of an answer asks for the same columns. The
   // bound is one step longer than that of the check.
   constexpr std::uint64_t kStepsWatched = ClosureCheck::kStepsWatched + 1;
-  return handle.check != CheckClosure::kOff && handle.session->opened().strategy == wire::Strategy::kForceDriven &&
+  return handle.check != CheckClosure::kOff && handle.session->opened.strategy == wire::Strategy::kForceDriven &&
          (handle.check == CheckClosure::kError || handle.steps < kStepsWatched);
 }
 
@@ -128,8 +128,8 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
            fmt::format("mode is {}, expected SHEARBUS_ADVANCE (0) or SHEARBUS_TRIAL (1)", request.mode),
            "Set the mode of the step.", "mode");
   const bool some = request.node_ids != nullptr;
-  if (!some && request.n != session.node_ids().size())
-    refuse(Code::kShape, fmt::format("n is {}, and the session has {} nodes", request.n, session.node_ids().size()),
+  if (!some && request.n != session.node_ids.size())
+    refuse(Code::kShape, fmt::format("n is {}, and the session has {} nodes", request.n, session.node_ids.size()),
            "Give one row per node, or name the node of each row in node_ids.", "n");
   const auto inputs = values_of(request.inputs, request.n_inputs, "inputs");
   const auto outputs = values_of(request.outputs, request.n_outputs, "outputs");
@@ -137,11 +137,11 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
   std::vector<Field> wanted;
   for (const shearbus_output& output : outputs) {
     check_column(session, output.field, output.component, output.values, output.stride_bytes, "output",
-                 session.opened().reply_columns, session.opened().columns_on_request);
+                 session.opened.reply_columns, session.opened.columns_on_request);
     if (!contains(wanted, static_cast<Field>(output.field))) wanted.push_back(static_cast<Field>(output.field));
   }
   if (fields != handle.batch_fields || request.n != handle.batch_rows) {
-    handle.batch = Batch::of(fields, request.n, session.opened().tangential_components);
+    handle.batch = Batch::of(fields, request.n, session.opened.tangential_components);
     handle.batch.lend();
     handle.batch_fields = std::move(fields);
     handle.batch_rows = request.n;
@@ -164,7 +164,7 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
   if (!wanted.empty() && watches_closure(handle))
     for (const Field field : {Field::kVelocityJumpNew, Field::kShearStress, Field::kOutcome})
       if (!contains(wanted, field)) wanted.push_back(field);
-  session.want(wanted);
+  session.wanted = wanted;
   handle.wanted = std::move(wanted);
   return {.dt_s = request.dt_s,
           .time_s = request.time_s,

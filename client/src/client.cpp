@@ -105,11 +105,11 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
     opening.resume_token = random_bytes();
   }
 
-  auto impl = std::make_unique<Session::Impl>();
-  impl->connection = connection_;
-  impl->id = opening.session_id;
-  impl->resume_token = opening.resume_token;
-  impl->node_ids.assign(node_ids.begin(), node_ids.end());
+  SessionState session;
+  session.connection = connection_;
+  session.id = opening.session_id;
+  session.resume_token = opening.resume_token;
+  session.node_ids.assign(node_ids.begin(), node_ids.end());
 
   Received received;
   try {
@@ -124,10 +124,10 @@ Session Client::open(std::string scene, std::string scene_file, std::span<const 
     connection_->opening_in_doubt = std::move(request);
     throw;
   }
-  impl->epoch = received.reply.epoch;
-  impl->opened = std::move(body_of<wire::SessionOpened>(received));
-  impl->start_checks(true);
-  return Session(std::move(impl));
+  session.epoch = received.reply.epoch;
+  session.opened = std::move(body_of<wire::SessionOpened>(received));
+  session.start_checks(true);
+  return Session(std::move(session));
 }
 
 Session Client::resume(const Session::Ticket& ticket, const ExpectedNodes& expected) {
@@ -141,19 +141,19 @@ Session Client::resume(const Session::Ticket& ticket, const ExpectedNodes& expec
   }
   ClaimInDoubt claim;
   Received received = claim_session(*connection_, ticket.session_id, ticket.resume_token, claim);
-  auto impl = std::make_unique<Session::Impl>();
-  impl->connection = connection_;
-  impl->id = ticket.session_id;
-  impl->resume_token = ticket.resume_token;
-  impl->epoch = received.reply.epoch;
+  SessionState session;
+  session.connection = connection_;
+  session.id = ticket.session_id;
+  session.resume_token = ticket.resume_token;
+  session.epoch = received.reply.epoch;
   check_resumed_nodes(received, expected);
-  impl->opened = std::move(body_of<wire::SessionResumed>(received).session);
-  impl->resumed = resumed_nodes(received.reply.batch, impl->opened);
+  session.opened = std::move(body_of<wire::SessionResumed>(received).session);
+  session.resumed = resumed_nodes(received.reply.batch, session.opened);
   if (std::string warning = nodes_left_out(received, expected); !warning.empty())
-    impl->opened.warnings.push_back(std::move(warning));
-  impl->adopt_position(received);
-  impl->start_checks(false);
-  return Session(std::move(impl));
+    session.opened.warnings.push_back(std::move(warning));
+  session.adopt_position(received);
+  session.start_checks(false);
+  return Session(std::move(session));
 }
 
 template <typename Answer, typename Question>

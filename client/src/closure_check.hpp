@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "client/src/client.hpp"
 #include "client/src/diagnosis.hpp"
+#include "client/src/options.hpp"
 
 namespace shearbus {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "client/src/client.hpp"
+#include "client/src/options.hpp"
 #include "proto/files/key_file.hpp"
 #include "proto/files/session_recorder.hpp"
 #include "proto/wire/codec.hpp"

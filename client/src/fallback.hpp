@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/include/shearbus/shearbus.h"
-#include "client/src/client.hpp"
+#include "client/src/options.hpp"
 
 namespace shearbus {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "client/src/client.hpp"
+#include "client/src/options.hpp"
 
 namespace shearbus {
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <string>
 
-#include "client/src/client.hpp"
 #include "client/src/connection.hpp"
+#include "client/src/options.hpp"
 
 namespace shearbus {
 

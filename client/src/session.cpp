@@ -64,7 +64,7 @@ Received claim_session(Connection& connection, const wire::SessionId& id, const 
   }
 }
 
-wire::Request Session::Impl::next_request() const {
+wire::Request SessionState::next_request() const {
   wire::Request request;
   request.session_id = id;
   request.epoch = in_doubt ? in_doubt->epoch : epoch;
@@ -75,21 +75,21 @@ wire::Request Session::Impl::next_request() const {
 
 // A request that repeats one of unknown outcome has its id. With another payload it is another request, which the server
 // could not tell by a header without a sum.
-void Session::Impl::give_id(wire::Request& request) {
+void SessionState::give_id(wire::Request& request) {
   const bool other =
       in_doubt && request.request_id == in_doubt->request_id && wire::xxh3(request.batch.bytes()) != in_doubt->payload;
   if (request.request_id == 0 || other) request.request_id = connection->next_request_id();
 }
 
-void Session::Impl::keep_in_doubt(const wire::Request& request) noexcept {
+void SessionState::keep_in_doubt(const wire::Request& request) noexcept {
   in_doubt = InDoubt{request.request_id, request.epoch, wire::xxh3(request.batch.bytes())};
 }
 
-Received Session::Impl::send(wire::Request& request, const std::function<void(Received&)>& accept) {
+Received SessionState::send(wire::Request& request, const std::function<void(Received&)>& accept) {
   return exchange(std::move(request), accept);  // leaves the request as it was sent
 }
 
-void Session::Impl::adopt_position(Received& where) {
+void SessionState::adopt_position(Received& where) {
   auto& position = body_of<wire::SessionResumed>(where);
   last_sequence = position.last_sequence;
   state_version = position.state_version;
@@ -101,12 +101,12 @@ void Session::Impl::adopt_position(Received& where) {
 
 // Asks the server for the session's last sequence number, nodes and offers. Called after another request has run under
 // the sequence number of the present one.
-void Session::Impl::resynchronise() {
+void SessionState::resynchronise() {
   Received where = ask(*connection, {.session_id = id, .body = wire::ResumeSession{.resume_token = resume_token}});
   adopt_position(where);
 }
 
-void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
+void SessionState::remove_nodes(std::span<const std::uint64_t> nodes) {
   std::vector<std::uint64_t> gone(nodes.begin(), nodes.end());
   std::ranges::sort(gone);
   std::erase_if(node_ids, [&](std::uint64_t node) { return std::ranges::binary_search(gone, node); });
@@ -118,7 +118,7 @@ void Session::Impl::remove_nodes(std::span<const std::uint64_t> nodes) {
 // deadline begins anew: the restarted server is at work. A request that is SUPERSEDED after a claim of unknown outcome
 // may have met a late copy of this client's own claim. A part that was sent ahead may have overtaken the part before it,
 // which has been answered by now.
-Received Session::Impl::call(wire::Request& request) {
+Received SessionState::call(wire::Request& request) {
   auto started = connection->now();
   const auto* step = std::get_if<wire::Downscale>(&request.body);
   bool may_have_overtaken = step != nullptr && step->follows != 0;
@@ -146,7 +146,7 @@ Received Session::Impl::call(wire::Request& request) {
   }
 }
 
-void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
+void SessionState::follow_restart(wire::Request& request, const Error& fault) {
   const bool superseded = fault.status().code == Code::kSuperseded;
   const auto claim = [&] {
     if (!superseded) return claim_session(*connection, id, resume_token, claim_in_doubt);
@@ -181,7 +181,7 @@ void Session::Impl::follow_restart(wire::Request& request, const Error& fault) {
   epoch = request.epoch = where.reply.epoch;
 }
 
-void Session::Impl::start_checks(bool from_the_start) {
+void SessionState::start_checks(bool from_the_start) {
   const ClientOptions& options = connection->options();
   if (options.check_closure == CheckClosure::kOff) return;
   closure.emplace(options.check_closure, options.log);
@@ -189,7 +189,7 @@ void Session::Impl::start_checks(bool from_the_start) {
 }
 
 // The step has run, so a check that has no memory is left out.
-void Session::Impl::check_answered(const Batch& request, const wire::Reply& reply, wire::Mode mode) noexcept try {
+void SessionState::check_answered(const Batch& request, const wire::Reply& reply, wire::Mode mode) noexcept try {
   if (!closure) return;
   closure->answered(request, reply.batch, std::get<wire::Upscale>(reply.body), step_options, mode);
   if (!inputs) return;
@@ -199,14 +199,14 @@ void Session::Impl::check_answered(const Batch& request, const wire::Reply& repl
 } catch (const std::exception&) {
 }
 
-void Session::Impl::end_checks() noexcept try {
+void SessionState::end_checks() noexcept try {
   if (closure) closure->ended();
   if (!inputs) return;
   for (const std::string& warning : inputs->end()) write_line(connection->options().log, "warning: " + warning);
 } catch (const std::exception&) {
 }
 
-wire::Request Session::Impl::step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+wire::Request SessionState::step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) {
   if (closure) closure->compare(columns, node_ids, options);
   step_options = options;
   wire::Request request = next_request();
@@ -223,7 +223,7 @@ wire::Request Session::Impl::step_request(const Batch& columns, const StepOption
   return request;
 }
 
-const StepResult& Session::Impl::exchange_step(wire::Request request) {
+const StepResult& SessionState::exchange_step(wire::Request request) {
   // exchange() leaves the request as it was sent. NOLINTBEGIN(bugprone-use-after-move)
   Received received = exchange(std::move(request), [](Received& reply) { body_of<wire::Upscale>(reply); });
   previous_committed = false;
@@ -236,21 +236,12 @@ const StepResult& Session::Impl::exchange_step(wire::Request request) {
   return result;
 }
 
-const StepResult& Session::Impl::step(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+const StepResult& SessionState::step(const Batch& columns, const StepOptions& options, wire::Mode mode) {
   if (needs_parts(columns)) return step_in_parts(columns, options, mode, std::nullopt);
   return exchange_step(step_request(columns, options, mode));
 }
 
-Batch Session::Impl::columns(std::span<const Field> optional_columns, Form form, bool with_node_ids,
-                             std::size_t count) const {
-  std::vector<Field> fields;
-  if (with_node_ids) fields.push_back(Field::kNodeId);
-  for (const Field field : wire::columns_in(form, opened.required_columns)) fields.push_back(field);
-  for (const Field field : optional_columns) fields.push_back(field);
-  return Batch::of(fields, count, opened.tangential_components);
-}
-
-void Session::Impl::start(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+void SessionState::start(const Batch& columns, const StepOptions& options, wire::Mode mode) {
   started_in_parts.reset();
   wire::Request started = step_request(columns, options, mode);
   if (needs_parts(columns)) {
@@ -265,7 +256,7 @@ void Session::Impl::start(const Batch& columns, const StepOptions& options, wire
 }
 
 // Sends a request, whose reply exchange() then waits for.
-void Session::Impl::post(wire::Request& request) {
+void SessionState::post(wire::Request& request) {
   give_id(request);
   try {
     connection->post(request);
@@ -277,7 +268,7 @@ void Session::Impl::post(wire::Request& request) {
   }
 }
 
-Received Session::Impl::read_profiles(Batch nodes) {
+Received SessionState::read_profiles(Batch nodes) {
   wire::Request request{.request_id = connection->next_request_id(),
                         .session_id = id,
                         .sequence = last_sequence + 1,  // only for follow_restart(): the server ignores it

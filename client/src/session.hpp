@@ -14,10 +14,10 @@
 #include <variant>
 #include <vector>
 
-#include "client/src/client.hpp"
 #include "client/src/closure_check.hpp"
 #include "client/src/connection.hpp"
 #include "client/src/input_check.hpp"
+#include "client/src/options.hpp"
 
 namespace shearbus {
 
@@ -60,15 +60,16 @@ wire::Batch named_nodes(std::span<const std::uint64_t> node_ids);
 wire::Batch new_nodes(std::span<const std::uint64_t> node_ids, const NodeOptions& options,
                       std::span<const std::string> keys);
 
-struct Session::Impl {
+// What a client has of a session, and how its requests are sent.
+struct SessionState {
   std::shared_ptr<Connection> connection;
   wire::SessionId id{};
   wire::ResumeToken resume_token{};
   std::uint64_t epoch = 0;
-  std::vector<std::uint64_t> node_ids;
-  wire::SessionOpened opened;
-  std::vector<Field> wanted;
-  std::uint64_t last_sequence = 0;
+  std::vector<std::uint64_t> node_ids;  // in the order of the rows
+  wire::SessionOpened opened;           // the reply to the opening: scene, strategy, columns of a step, warnings, ...
+  std::vector<Field> wanted;        // columns of the replies to later steps; empty: all default columns of the session
+  std::uint64_t last_sequence = 0;  // of the last answered request; 0 is the opening
   std::uint64_t state_version = 0;  // as the last answer told it
   ResumedNodes resumed;
   struct InDoubt {  // a request with unknown outcome, which a repeated call must send with the same bytes
@@ -78,7 +79,7 @@ struct Session::Impl {
   };
   std::optional<InDoubt> in_doubt;
   ClaimInDoubt claim_in_doubt;
-  std::vector<TransferId> offers;
+  std::vector<TransferId> offers;       // of a resumed session, which no session had accepted when it was resumed
   TransferId offered{};                 // id of the last offer, used again if its outcome is unknown
   std::optional<wire::Request> posted;  // request of start_trial(), whose reply finish_trial() will receive
   bool closed = false;
@@ -160,7 +161,6 @@ struct Session::Impl {
   const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode);
   void start(const Batch& columns, const StepOptions& options, wire::Mode mode);
   void post(wire::Request& request);
-  Batch columns(std::span<const Field> optional_columns, Form form, bool with_node_ids, std::size_t count) const;
 
   // Sends a request and waits for the reply, across restarts of the server.
   Received call(wire::Request& request);
@@ -173,7 +173,7 @@ struct Session::Impl {
 };
 
 template <typename Accept>
-Received Session::Impl::exchange(wire::Request&& request, const Accept& accept) {
+Received SessionState::exchange(wire::Request&& request, const Accept& accept) {
   give_id(request);
   try {
     Received received = call(request);
@@ -196,6 +196,76 @@ Received Session::Impl::exchange(wire::Request&& request, const Accept& accept) 
     throw;
   }
 }
+
+class Session : public SessionState {
+ public:
+  explicit Session(SessionState&& state) : SessionState(std::move(state)) {}
+  Session(Session&& other) noexcept : SessionState(std::move(other)) { other.closed = true; }
+  Session& operator=(Session&& other) noexcept {
+    std::swap<SessionState>(*this, other);  // the destructor of `other` closes the session that was here
+    return *this;
+  }
+  ~Session();  // closes a session that is still open, without waiting for the reply
+
+  // The required columns of a step of all nodes, with rows in the order of node_ids, zeroed, and the given optional
+  // columns. A force-driven request has one of two forms: stresses and masses of both half zones (kFarField), or stick
+  // stress and impedance (kStick).
+  Batch request(std::span<const Field> optional_columns = {}, Form form = Form::kFarField) const;
+  // Like request(), for a step of some nodes, with rows in the order of `node_ids`.
+  Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {},
+                    Form form = Form::kFarField) const;
+
+  // Steps and commits the new states.
+  const StepResult& advance(const Batch& request, const StepOptions& options) {
+    return step(request, options, wire::Mode::kAdvance);
+  }
+  // steps like advance(), but the new states are only a trial until commit() keeps or rollback() drops them
+  const StepResult& trial(const Batch& request, const StepOptions& options) {
+    return step(request, options, wire::Mode::kTrial);
+  }
+  // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
+  // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
+  // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with
+  // the same values is the same request.
+  // start_advance() is the same for advance(); finish_trial() then returns the committed result.
+  void start_trial(const Batch& request, const StepOptions& options) { start(request, options, wire::Mode::kTrial); }
+  void start_advance(const Batch& request, const StepOptions& options) {
+    start(request, options, wire::Mode::kAdvance);
+  }
+  const StepResult& finish_trial();
+  void forget_answers();  // the host went on without the server: the next step is not compared with an answer
+  std::uint64_t commit();
+  std::uint64_t rollback();
+  // Stores the committed states on the server under a name, such as that of the host's restart dump; the server keeps
+  // the newest welcome().limits.max_marks marks. rollback_to() restores the nodes of a mark with their states and drops
+  // a trial.
+  wire::Marked mark(const std::string& name);
+  std::uint64_t rollback_to(const std::string& mark);
+  // The calls from register_nodes() to accept_nodes() change the set of nodes and are refused while the session has a
+  // trial. New nodes are added after the present nodes, which keep their order.
+  void register_nodes(std::span<const std::uint64_t> node_ids,
+                      std::span<const double> initial_temperature_k = {});  // one per node; empty: scene's value
+  void register_nodes(std::span<const std::uint64_t> node_ids, const NodeOptions& options);
+  void retire_nodes(std::span<const std::uint64_t> node_ids);  // removes the nodes with their states
+  // Moves nodes with their states to another session of the domain: that session passes the returned id to
+  // accept_nodes(). Between the two calls the server keeps the nodes. The offering session may accept its own offer.
+  TransferId offer_nodes(std::span<const std::uint64_t> node_ids);
+  std::vector<std::uint64_t> accept_nodes(const TransferId& transfer);
+  // Reads the profiles of some nodes from their committed states. `pressure_pa`: P at which the flow stress is
+  // evaluated, one value per node; empty: 0. Throws Error: kUnsupported for a scene that keeps no profile, kLimit for
+  // more rows than a message holds (welcome().limits.max_rows_per_message).
+  Profiles profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa = {});
+  wire::SessionClosed close();
+
+  // Lets another process continue this session after this process has ended. The ticket is a secret: its holder owns
+  // the session.
+  struct Ticket {
+    wire::SessionId session_id{};
+    wire::ResumeToken resume_token{};
+  };
+  Ticket ticket() const { return {.session_id = id, .resume_token = resume_token}; }
+  void leave() { closed = true; }  // leaves the session open on the server, to be resumed
+};
 
 // Returns zeroed columns of `rows` values: those of another batch, by field and component.
 Batch columns_of(const Batch& batch, std::size_t rows);

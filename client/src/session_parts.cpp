@@ -23,13 +23,13 @@ void add_rows(wire::Upscale& sum, const wire::Upscale& some) {
 }
 
 // Columns of unequal length are sent undivided: the server refuses them with a reason.
-bool Session::Impl::needs_parts(const Batch& columns) const {
+bool SessionState::needs_parts(const Batch& columns) const {
   const auto& all = columns.columns();
   return !all.empty() && all.front().count > connection->max_rows() &&
          std::ranges::all_of(all, [&](const wire::Column& column) { return column.count == all.front().count; });
 }
 
-Batch Session::Impl::part_rows(const Batch& columns, std::uint32_t part) const {
+Batch SessionState::part_rows(const Batch& columns, std::uint32_t part) const {
   const std::size_t rows = columns.columns().front().count;
   const std::size_t first = (part - 1) * connection->max_rows();
   const std::size_t count = std::min(connection->max_rows(), rows - first);
@@ -46,12 +46,12 @@ Batch Session::Impl::part_rows(const Batch& columns, std::uint32_t part) const {
   return batch;
 }
 
-std::uint32_t Session::Impl::parts_of(std::size_t rows) const {
+std::uint32_t SessionState::parts_of(std::size_t rows) const {
   return static_cast<std::uint32_t>((rows + connection->max_rows() - 1) / connection->max_rows());
 }
 
-wire::Request Session::Impl::part_request(Batch rows, const wire::Downscale& step, std::uint32_t part,
-                                          std::uint32_t parts) const {
+wire::Request SessionState::part_request(Batch rows, const wire::Downscale& step, std::uint32_t part,
+                                         std::uint32_t parts) const {
   wire::Request request = next_request();
   wire::Downscale& body = request.body.emplace<wire::Downscale>(step);
   body.part = part;
@@ -62,7 +62,7 @@ wire::Request Session::Impl::part_request(Batch rows, const wire::Downscale& ste
 }
 
 // The part behind `before`, to be sent before that one is answered.
-wire::Request Session::Impl::part_behind(const wire::Request& before, Batch rows) {
+wire::Request SessionState::part_behind(const wire::Request& before, Batch rows) {
   const auto& step = std::get<wire::Downscale>(before.body);
   wire::Request request = part_request(std::move(rows), step, step.part + 1, step.parts);
   StepInParts::Sent& sent = in_parts->behind;
@@ -80,7 +80,7 @@ wire::Request Session::Impl::part_behind(const wire::Request& before, Batch rows
 }
 
 // Copies the answers of a part to their rows of the whole reply.
-void Session::Impl::copy_part(const Received& part, std::size_t first_row) noexcept {
+void SessionState::copy_part(const Received& part, std::size_t first_row) noexcept {
   Batch& whole = in_parts->reply.batch;
   const Batch& rows = part.reply.batch;
   each_column(rows, whole,
@@ -88,7 +88,7 @@ void Session::Impl::copy_part(const Received& part, std::size_t first_row) noexc
 }
 
 // Adds what the answer of a part says of all its rows.
-void Session::Impl::add_part(const Received& part) {
+void SessionState::add_part(const Received& part) {
   const auto& answer = std::get<wire::Upscale>(part.reply.body);
   auto& sum = std::get<wire::Upscale>(in_parts->reply.body);
   add_rows(sum, answer);
@@ -105,8 +105,8 @@ void Session::Impl::add_part(const Received& part) {
 // in time, a repetition of the call goes on with that part, and sends what was sent before with the same bytes. If a
 // part is refused, the parts before it are dropped; the part behind it was refused, too, because it follows that part.
 // `first`: part 1, if it was posted.
-const StepResult& Session::Impl::step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
-                                               std::optional<wire::Request> first) {
+const StepResult& SessionState::step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
+                                              std::optional<wire::Request> first) {
   const auto step = std::get<wire::Downscale>(first ? first->body : step_request(columns, options, mode).body);
   const std::size_t rows = columns.columns().front().count;
   wire::Downscale whole = step;

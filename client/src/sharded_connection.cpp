@@ -208,12 +208,12 @@ Received ShardedConnection::open(const wire::Request& request) {
     undo_opening();
     throw Error(fault);
   }
-  std::vector<std::unique_ptr<Session::Impl>> sessions;
+  std::vector<std::unique_ptr<SessionState>> sessions;
   Received joined;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
     const auto& asked = std::get<wire::OpenSession>(opening.requests[k].body);
     auto& opened = body_of<wire::SessionOpened>(*opening.opened[k]);
-    auto& session = *sessions.emplace_back(std::make_unique<Session::Impl>());
+    auto& session = *sessions.emplace_back(std::make_unique<SessionState>());
     session.connection = links_[k];
     session.id = asked.session_id;
     session.resume_token = asked.resume_token;
@@ -257,11 +257,11 @@ void ShardedConnection::undo_opening() noexcept {
 
 Received ShardedConnection::resume(const wire::Request& request) {
   const auto& asked = std::get<wire::ResumeSession>(request.body);
-  std::vector<std::unique_ptr<Session::Impl>> sessions;
+  std::vector<std::unique_ptr<SessionState>> sessions;
   std::vector<wire::SessionResumed> positions;
   std::vector<Received> replies;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    auto& session = *sessions.emplace_back(std::make_unique<Session::Impl>());
+    auto& session = *sessions.emplace_back(std::make_unique<SessionState>());
     session.connection = links_[k];
     session.id = session_of_shard(request.session_id, k, links_.size());
     session.resume_token = asked.resume_token;

@@ -68,7 +68,7 @@ void ShardedSession::settle() {
 }
 
 // Takes over the nodes that a shard has after a request.
-void ShardedSession::adopt(Session::Impl& session, const wire::Request& request, Received& received) const {
+void ShardedSession::adopt(SessionState& session, const wire::Request& request, Received& received) const {
   const auto append = [&](std::span<const std::uint64_t> ids) {
     session.node_ids.insert(session.node_ids.end(), ids.begin(), ids.end());
   };

@@ -97,7 +97,7 @@ Batch rows_of(const Batch& batch, std::span<const std::uint32_t> rows) {
   return some;
 }
 
-ShardedSession::ShardedSession(ShardLinks& links, std::vector<std::unique_ptr<Session::Impl>> shards,
+ShardedSession::ShardedSession(ShardLinks& links, std::vector<std::unique_ptr<SessionState>> shards,
                                std::vector<std::uint64_t> node_ids)
     : links_(links), shards_(shards.size()) {
   for (std::size_t k = 0; k < shards.size(); ++k) {

@@ -63,7 +63,7 @@ class ShardedSession {
  public:
   // `shards`: the sessions opened or resumed, in the order of the shards, with their nodes. `node_ids`: the order of the
   // rows; empty: ascending in the ids if each shard has its nodes in ascending order.
-  ShardedSession(ShardLinks& links, std::vector<std::unique_ptr<Session::Impl>> shards,
+  ShardedSession(ShardLinks& links, std::vector<std::unique_ptr<SessionState>> shards,
                  std::vector<std::uint64_t> node_ids);
 
   Received call(const wire::Request& request);
@@ -83,7 +83,7 @@ class ShardedSession {
  private:
   using Ids = std::vector<std::uint64_t>;
   struct Shard {
-    std::unique_ptr<Session::Impl> session;
+    std::unique_ptr<SessionState> session;
     std::vector<std::uint32_t> rows;  // row of each of its nodes, in the order of the shard's session
     // Of the operation under way:
     std::vector<std::uint32_t> named_rows;  // the shard's rows of a step that names its nodes
@@ -125,7 +125,7 @@ class ShardedSession {
   void ask_all(const Body& body);
   void post_all();
   void settle();
-  void adopt(Session::Impl& session, const wire::Request& request, Received& received) const;
+  void adopt(SessionState& session, const wire::Request& request, Received& received) const;
   bool go_on();
   void go_back();
   Received join();

@@ -18,12 +18,13 @@ constexpr double kLeastCovered = 0.05;
 constexpr double kLeastPressure = 1e4;  // smallest pressure of a closed node  [Pa]
 
 // Returns the share of a zone's plastic strain rate that is shear along a surface with tangent t. By the flow rule it
-// is sqrt(3) |s_tn| / sigma_eq, with the component s_tn of the stress deviator; the normal n is t turned by 90 degrees.
+// is sqrt(3) s_tn / sigma_eq, with the component s_tn of the stress deviator; the normal n is t turned by 90 degrees.
+// It is positive if the zone pulls the surface along t.
 double shear_share(const State& state, int zone, Vec2 t) {
   const double xx = state.deviator_xx[zone], yy = state.deviator_yy[zone], xy = state.deviator_xy[zone];
   const double tn = t.x * t.y * (yy - xx) + (t.x * t.x - t.y * t.y) * xy;              // shear component s_tn
   const double squares = 0.5 * (xx * xx + yy * yy + (xx + yy) * (xx + yy)) + xy * xy;  // invariant J2
-  return squares > 0.0 ? std::abs(tn) / std::sqrt(squares) : 0.0;
+  return squares > 0.0 ? tn / std::sqrt(squares) : 0.0;
 }
 
 void add(std::vector<RowWeight>& row_of_matrix, int row, double weight) {
@@ -229,17 +230,20 @@ void Contact::deposit_heat(const std::vector<Vec2>& velocity_mean, double dt, co
         i < weights_.rubbing() ? answer_.shear_stress[i] * weights_.area(i) * jump(i, velocity_mean) * dt : 0.0;
     heat_[kClosing] += closing;
     heat_[kFriction] += friction;
+    // Where the layer flows less than the soft zone that it is half of (DLP 64), the nodes move against the stress. The
+    // zone has counted the work of this flow as its own, and returns it.
+    const double soft_share = friction < 0.0 ? 1.0 : options_.soft_share;
     double soft = 0.5 * closing, hard = soft;
     if (options_.heat_depth && i < weights_.rubbing()) {
       if (friction != 0.0 || friction_time_[i] > 0.0) friction_time_[i] += dt;
       const auto spread = [&](const ZoneShare& z, double heat) {
         options_.heat_depth->give(z.zone, z.share * heat, friction_time_[i], mass, energy);
       };
-      for (const ZoneShare& z : weights_.soft_zones(i)) spread(z, options_.soft_share * friction);
-      for (const ZoneShare& z : weights_.hard_zones(i)) spread(z, (1.0 - options_.soft_share) * friction);
+      for (const ZoneShare& z : weights_.soft_zones(i)) spread(z, soft_share * friction);
+      for (const ZoneShare& z : weights_.hard_zones(i)) spread(z, (1.0 - soft_share) * friction);
     } else {
-      soft += options_.soft_share * friction;
-      hard += (1.0 - options_.soft_share) * friction;
+      soft += soft_share * friction;
+      hard += (1.0 - soft_share) * friction;
     }
     for (const ZoneShare& z : weights_.soft_zones(i)) energy[z.zone] += z.share * soft / mass[z.zone];
     for (const ZoneShare& z : weights_.hard_zones(i)) energy[z.zone] += z.share * hard / mass[z.zone];

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "hydro_stub/lagrange/independent.hpp"
 #include "server/physics/material/elementary.hpp"
@@ -47,6 +48,29 @@ inline double isentrope_energy(const Table& table, double compression) {
          table.step * t * u * (u * slope - t * slope_next) + (at - inside) * table.step * end_slope;
 }
 
+struct Metal {
+  double density;
+  double energy;
+};
+
+// The metal between the voids of a torn zone: density rho_m and energy e_m at which the pressure without limit would be
+// -tension_limit, with e_m = e - tension_limit (1/rho - 1/rho_m), because the zone grew from there under that tension. A
+// zone above the tension limit is its own metal. Without branches: loops over zones vectorise.
+inline Metal metal_between_voids(const MieGrueneisen& m, double density, double energy) {
+  const double stiffness = m.sound_speed * m.sound_speed;
+  const double thermal = m.gamma0 * m.density;
+  const bool tears = m.tension_limit < std::numeric_limits<double>::infinity();
+  const double limit = tears ? m.tension_limit : 0.0;
+  // stiffness rho_m^2 + linear rho_m + thermal limit = 0
+  const double linear = thermal * (energy - limit / density) - stiffness * m.density + limit;
+  const double square = linear * linear - 4.0 * stiffness * thermal * limit;
+  const double found = (std::sqrt(square > 0.0 ? square : 0.0) - linear) / (2.0 * stiffness);
+  const double pressure = stiffness * (density - m.density) + thermal * energy;
+  const bool torn = tears & (density < m.density) & (pressure < -limit);
+  const double metal = torn ? found : density;
+  return {metal, torn ? energy - limit * (1.0 / density - 1.0 / metal) : energy};
+}
+
 SHEARBUS_WIDE void find_temperatures_of_metal(const MieGrueneisen& given, const Table& of, int count,
                                               const double* density, const double* energy,
                                               double* __restrict temperature) {
@@ -54,9 +78,10 @@ SHEARBUS_WIDE void find_temperatures_of_metal(const MieGrueneisen& given, const 
   const Table table = of;
   SHEARBUS_INDEPENDENT
   for (int i = 0; i < count; ++i) {
-    const double compression = 1.0 - m.density / density[i];
+    const Metal metal = metal_between_voids(m, density[i], energy[i]);
+    const double compression = 1.0 - m.density / metal.density;
     const double on_isentrope = m.reference_temperature * physics::exponential(m.gamma0 * compression);
-    temperature[i] = on_isentrope + (energy[i] - isentrope_energy(table, compression)) / m.specific_heat;
+    temperature[i] = on_isentrope + (metal.energy - isentrope_energy(table, compression)) / m.specific_heat;
   }
 }
 

@@ -78,7 +78,8 @@ class Eos {
 
   // Computes the temperatures of `count` zones  [K]. For a gas T = e / c_v with the specific heat c_v. For a metal T = T_s(rho) + (e -
   // e_s(rho)) / c_v, where T_s(rho) = T_ref exp(gamma0 (1 - rho0/rho)) and e_s(rho) are temperature and energy on the
-  // isentrope through the reference state (density rho0, temperature T_ref).
+  // isentrope through the reference state (density rho0, temperature T_ref). In a zone at the tension limit rho and e are
+  // those of the metal between the voids: a zone that stretches there under constant tension cools no further.
   void find_temperatures(int count, const double* density, const double* energy, double* temperature) const;
   double temperature(double density, double energy) const;
 

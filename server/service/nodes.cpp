@@ -20,7 +20,6 @@
 namespace shearbus::service {
 
 using wire::Code;
-using wire::Error;
 using wire::Field;
 
 namespace {
@@ -113,15 +112,10 @@ void Service::check_owners(const Domain& domain, const Member* self, std::uint64
   };
   const auto refuse_owned = [&](std::vector<std::uint64_t> owned, const std::string& holder,
                                 const std::string& remedy) {
-    const std::size_t count = owned.size();
-    if (owned.size() > wire::kMaxNodesNamed) owned.resize(wire::kMaxNodesNamed);
-    const std::string text = fmt::format("node {} of domain \"{}\" belongs to {} ({} of {} nodes at fault)",
-                                         owned.front(), printable(std::string(domain.name)), holder, count, ids.size());
-    throw Error({.code = Code::kNodeOwned,
-                 .text = text,
-                 .remedy = remedy,
-                 .field = wire::name(Field::kNodeId),
-                 .node_ids = std::move(owned)});
+    refuse(Code::kNodeOwned, wire::name(Field::kNodeId),
+           fmt::format("node {} of domain \"{}\" belongs to {} ({} of {} nodes at fault)", owned.front(),
+                       printable(std::string(domain.name)), holder, owned.size(), ids.size()),
+           remedy, owned);
   };
   std::vector<std::pair<wire::SessionId, const Member*>> sessions;  // of the domain
   std::vector<const store::TransferImage*> offers;
@@ -265,12 +259,10 @@ void Service::accept_nodes(Member& member, const wire::AcceptNodes& accept, cons
            "It was accepted or withdrawn, or not made yet: the giver's offer must be answered first.");
   const store::TransferImage& transfer = *found->second;
   if (transfer.layers != layers_of(member.scene))
-    throw Error(
-        {.code = Code::kOtherScene,
-         .text = fmt::format("the nodes were offered by session {}, whose scene differs from this session's",
-                             short_name(transfer.giver)),
-         .remedy =
-             "Accept them in a session of the same scene; `effective_scene` of both openings tells what differs."});
+    refuse(Code::kOtherScene, "",
+           fmt::format("the nodes were offered by session {}, whose scene differs from this session's",
+                       short_name(transfer.giver)),
+           "Accept them in a session of the same scene; `effective_scene` of both openings tells what differs.");
   if (shard::checks_closure(transfer.states) != shard.check_closure())
     refuse(Code::kOtherScene, "",
            fmt::format("session {}, which offered the nodes, {} closure, and this session does {}",

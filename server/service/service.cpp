@@ -211,20 +211,16 @@ Service::ReplyPtr Service::repeat(ReplyPtr kept) {
 Service::Member& Service::open_member(const wire::SessionId& id) const {
   const auto found = members_.find(id);
   if (found == members_.end())
-    throw Error({.code = Code::kUnknownSession,
-                 .text = fmt::format("no session has this id{}",
-                                     store_ == nullptr ? ": this server keeps none after its end (it has no state "
-                                                         "directory)"
-                                                       : " in the state directory of this server"),
-                 .remedy =
-                     "Give the server, or its state directory, with which the run was begun. A new session has cold "
-                     "layers: with it the run begins anew."});
+    refuse(Code::kUnknownSession, "",
+           fmt::format("no session has this id{}",
+                       store_ == nullptr ? ": this server keeps none after its end (it has no state directory)"
+                                         : " in the state directory of this server"),
+           "Give the server, or its state directory, with which the run was begun. A new session has cold layers: with "
+           "it the run begins anew.");
   if (!found->second->shard)
-    throw Error({.code = Code::kUnknownSession,
-                 .text = "the session was closed, and a closed session has no layers",
-                 .remedy =
-                     "A new session has cold layers: with it the run begins anew. A run that may go on later leaves "
-                     "its session open in place of closing it."});
+    refuse(Code::kUnknownSession, "", "the session was closed, and a closed session has no layers",
+           "A new session has cold layers: with it the run begins anew. A run that may go on later leaves its session "
+           "open in place of closing it.");
   return *found->second;
 }
 

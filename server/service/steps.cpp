@@ -228,9 +228,8 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   if (running->extends_trial) check_rows_of_part(request.batch, running->rows, *member.parts);
   const bool commits = step.commit_previous && !previous_committed_;
   if (commits && !member.trial_stands())
-    throw Error({.code = Code::kNothingToCommit,
-                 .text = "commit_previous is set, and no trial is standing",
-                 .remedy = "Set it only after a trial that was neither committed nor rolled back."});
+    refuse(Code::kNothingToCommit, "", "commit_previous is set, and no trial is standing",
+           "Set it only after a trial that was neither committed nor rolled back.");
   running->operators = shard.operators(step.dt_s);
   const shard::Rows& rows = running->rows;
   const std::size_t num_rows = rows.all ? shard.nodes().size() : rows.slots.size();

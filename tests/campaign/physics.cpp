@@ -182,6 +182,7 @@ std::vector<Physics> all_physics() {
                               {"force, two-sided, tolerance", to_a_tolerance(two_sided(force))},
                               {"force, sleep", sleeping(force)},
                               {"force, two-sided, sleep", sleeping(two_sided(force))},
+                              {"force, plastic layer, tolerance", to_a_tolerance(plastic_layer)},
                               {"force, plastic layer, sleep", sleeping(plastic_layer)},
                               {"force, plastic layer, weakening", flowing_weakening},
                               {"force, plastic layer, junctions, work heats", work_heats},

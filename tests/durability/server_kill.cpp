@@ -14,6 +14,7 @@
 #include <random>
 #include <thread>
 
+#include "client/src/client.hpp"
 #include "client/src/sharded_connection.hpp"
 #include "server/embedded.hpp"
 #include "shearbus_places.hpp"
@@ -94,9 +95,9 @@ class Host {
     StepOptions options{.dt_s = 1e-9, .step = steps_};
     const auto choice = random_() % 10;
     if (choice >= 8) change_nodes(choice == 8);
-    const Batch columns = support::step_columns(strategy_, session_.node_ids(), number);
+    const Batch columns = support::step_columns(strategy_, session_.node_ids, number);
     if (choice >= 8) {
-      const Batch of_partner = support::step_columns(strategy_, partner_.node_ids(), number);
+      const Batch of_partner = support::step_columns(strategy_, partner_.node_ids, number);
       same(partner_.advance(of_partner, options), partner_twin_.advance(of_partner, options), number);
     }
     if (choice == 0) {
@@ -121,12 +122,12 @@ class Host {
     EXPECT_EQ(partner_.close().node_steps, partner_twin_.close().node_steps);
   }
   std::uint64_t moved() const { return moved_; }
-  std::uint64_t requests() const { return session_.last_sequence() + partner_.last_sequence(); }
+  std::uint64_t requests() const { return session_.last_sequence + partner_.last_sequence; }
   std::uint64_t compared() const { return compared_; }
 
  private:
   void move(Session& from, Session& to, Session& from_twin, Session& to_twin, std::size_t count) {
-    std::vector<std::uint64_t> ids = from.node_ids();
+    std::vector<std::uint64_t> ids = from.node_ids;
     ids.resize(std::min(ids.size(), count));
     if (ids.empty()) return;
     std::ranges::sort(ids);  // several servers hand nodes over in the order of their ids
@@ -137,21 +138,21 @@ class Host {
   void change_nodes(bool moves) {
     ASSERT_EQ(session_.rollback(), twin_.rollback());  // discards an uncommitted trial, if there is one
     if (moves) {
-      if (partner_.node_ids().size() < 20 && session_.node_ids().size() > 7)
+      if (partner_.node_ids.size() < 20 && session_.node_ids.size() > 7)
         move(session_, partner_, twin_, partner_twin_, 1 + random_() % 5);
       else
         move(partner_, session_, partner_twin_, twin_, 20);
-    } else if (session_.node_ids().size() > 2) {
+    } else if (session_.node_ids.size() > 2) {
       const std::vector<std::uint64_t> fresh = {next_id_, next_id_ + 1};
       next_id_ += 2;
-      const std::vector<std::uint64_t> old(session_.node_ids().begin(), session_.node_ids().begin() + 2);
+      const std::vector<std::uint64_t> old(session_.node_ids.begin(), session_.node_ids.begin() + 2);
       session_.register_nodes(fresh);
       twin_.register_nodes(fresh);
       session_.retire_nodes(old);
       twin_.retire_nodes(old);
     }
-    ASSERT_EQ(session_.node_ids(), twin_.node_ids());
-    ASSERT_EQ(partner_.node_ids(), partner_twin_.node_ids());
+    ASSERT_EQ(session_.node_ids, twin_.node_ids);
+    ASSERT_EQ(partner_.node_ids, partner_twin_.node_ids);
   }
   void same(const StepResult& answer, const StepResult& expected, int number) {
     ASSERT_EQ(answer.upscale().state_version, expected.upscale().state_version) << "step " << number;
@@ -286,8 +287,8 @@ TEST(Kill, ASuccessorWithTheTicketGoesOnWhereTheDeadClientWas) {
   server.start();
   Client client({.endpoint = server.endpoint()});
   Session session = client.resume(ticket);
-  EXPECT_EQ(session.node_ids(), nodes);
-  EXPECT_EQ(session.last_sequence(), 3u);
+  EXPECT_EQ(session.node_ids, nodes);
+  EXPECT_EQ(session.last_sequence, 3u);
   EXPECT_GE(session.advance(columns(3), {.dt_s = 1e-9}).interface_temperature_k()[2], 0.0);
   EXPECT_GT(last, 0.0);
   ticket.resume_token[0] ^= 1;

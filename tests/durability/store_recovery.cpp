@@ -232,17 +232,6 @@ TEST(Store, AReadThatFailsIsToldAlthoughAnEmptySegmentFollows) {
   EXPECT_GE(failed, 3);
 }
 
-TEST(Store, NothingIsAnsweredAfterAFailedSync) {
-  MemoryStorage disk;
-  Server server(disk);
-  server.run(1);
-  disk.plan({.at_call = 1, .code = EIO, .of = Call::kSync});
-  EXPECT_THROW(server.run(2), StorageError);
-  disk.heal();
-  EXPECT_TRUE(server.store.failed());
-  EXPECT_THROW(server.run(3), StorageError);
-}
-
 TEST(Store, ACheckpointThatFailsLeavesTheOnesBefore) {
   for (const Call call :
        {Call::kCreate, Call::kAppend, Call::kSync, Call::kRename, Call::kSyncDirectory, Call::kRead}) {

@@ -215,7 +215,7 @@ TEST_F(Keys, AStolenTicketIsOfNoUseWithAnotherKey) {
   const Session::Ticket ticket = session.ticket();
   session.leave();
   Client olga(client_options(tcp, operator_));
-  EXPECT_EQ(olga.resume(ticket).last_sequence(), 2u);
+  EXPECT_EQ(olga.resume(ticket).last_sequence, 2u);
 }
 
 TEST_F(Keys, OneUserCannotTakeWhatOthersNeed) {

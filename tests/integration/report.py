@@ -13,9 +13,11 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 import h5py
@@ -252,6 +254,37 @@ class Report(unittest.TestCase):
             self.assertLessEqual(leader[:, 0].max(), left)
         style.plt.close(figure)
         self.assertNotEqual(plot_cone.ISOLINES, plot_cone.FRONT["color"])
+
+    def test_the_scale_of_a_map_shows_every_value_and_lines_stand_at_theirs(self):
+        import plot_cone
+        import runs
+        import style
+
+        found = [runs.Run(cone) for cone in self.cones]
+        for name in plot_cone.MAPS[1:]:
+            _, span, extend = plot_cone.map_scale(found, name)
+            values = [plot_cone.shown(run, name) for run in found]
+            self.assertEqual(extend, "neither", name)
+            self.assertEqual(max(abs(span["vmin"]) if span["vmin"] < 0 else 0.0, span["vmax"]), max(max(abs(v.min()), v.max()) for v in values), name)
+        figure = plot_cone.space_time(found, "interface_temperature")
+        hottest = max(run["interface_temperature"].max() for run in found)
+        levels = [level for level in plot_cone.LEVELS if level < hottest]
+        self.assertGreater(len(levels), 1)
+        drawn = {at for line in figure.axes[-1].collections for path in getattr(line, "get_segments", list)() for at in path[:, 1]}
+        self.assertEqual({round(at) for at in drawn if min(abs(at - level) for level in levels) < 1.0}, set(levels))
+        style.plt.close(figure)
+        self.assertIn(f"Thin lines: {', '.join(map(str, levels))} K.", self.reports["cone"].read_text())
+
+    def test_an_interrupt_gets_one_line(self):
+        for command in ([OPTIONS.report, *self.cones, "-o", self.path / "no.html"], [sys.executable, OPTIONS.source / "client/report/plot_cone.py", *self.cones, "--out", self.path / "no"]):
+            # A test in the background inherits that interrupts are ignored.
+            with subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler)) as program:
+                time.sleep(1.0)  # it is at work
+                program.send_signal(signal.SIGINT)
+                said = program.communicate(timeout=60)[1]
+            self.assertEqual((program.returncode, said.count("\n")), (-signal.SIGINT, 1), said)
+            self.assertTrue(said.endswith(": interrupted\n"), said)
+        self.assertEqual(list(self.path.glob("no.html*")), [])
 
     def test_a_section_without_content_is_left_out(self):
         for name, left_out in (("cone", []), ("column", ["paper"]), ("replay", ["paper", "ledger"])):

@@ -206,7 +206,7 @@ TEST(Abuse, AFrozenClientGoesOnWhereItWasAndHoldsNobodyUp) {
         step(session, done);
         std::this_thread::sleep_for(50ms);
       }
-      if (session.last_sequence() != kSteps) ::_exit(2);
+      if (session.last_sequence != kSteps) ::_exit(2);
     } catch (const std::exception&) {
       ::_exit(1);
     }

@@ -55,7 +55,8 @@ TEST(LargeSteps, TakeTheMemoryThatTheFormulaPromises) {
   Session session = client.open(support::text_of(support::force_scene(20)), "scene", nodes);
   const Batch columns = support::step_columns(Strategy::kForceDriven, nodes, 0);
   for (int step = 0; step < 3; ++step) session.advance(columns, {.dt_s = 1e-9});
-  EXPECT_NEAR((resident(server.process().id()) - empty) / promised(nodes.size(), session.bytes_per_node()), 1.0, 0.05);
+  EXPECT_NEAR((resident(server.process().id()) - empty) / promised(nodes.size(), session.opened.bytes_per_node), 1.0,
+              0.05);
 }
 #endif
 

@@ -121,16 +121,16 @@ TEST(ClientSession, RequestsHaveTheColumnsOfTheScene) {
   Client client = server.client();
   const auto ids = support::node_ids(3);
   Session session = client.open(support::text_of(support::force_scene()), "scene", ids);
-  EXPECT_EQ(session.node_ids(), ids);
-  EXPECT_GT(session.bytes_per_node(), 0u);
+  EXPECT_EQ(session.node_ids, ids);
+  EXPECT_GT(session.opened.bytes_per_node, 0u);
   // the server warns that an insulated layer of 20 um is valid for a limited time
-  EXPECT_FALSE(session.warnings().empty());
+  EXPECT_FALSE(session.opened.warnings.empty());
   const Batch all = session.request();
   EXPECT_EQ(all.columns().size(), 6u);
   EXPECT_EQ(all.f64(Field::kMassHard).size(), 3u);
   const Batch one = session.request_for(std::vector<std::uint64_t>{102});
   EXPECT_EQ(one.u64(Field::kNodeId)[0], 102u);
-  session.want({Field::kShearStress});
+  session.wanted = {Field::kShearStress};
   const auto& result = session.advance(support::step_columns(Strategy::kForceDriven, ids, 0), {.dt_s = 1e-9});
   EXPECT_EQ(result.shear_stress_pa().size(), 3u);
   EXPECT_TRUE(result.interface_temperature_k().empty());

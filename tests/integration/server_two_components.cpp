@@ -53,9 +53,9 @@ TEST_P(TwoComponents, AScalarProblemTurnedInThePlaneHasItsAnswerTurned) {
   const auto ids = support::node_ids(kNodes);
   Session line = client.open(support::text_of(support::scene_of(GetParam())), "scene", ids);
   Session plane = client.open(support::text_of(plane_scene(GetParam())), "scene", ids);
-  EXPECT_EQ(plane.opened().tangential_components, 2U);
+  EXPECT_EQ(plane.opened.tangential_components, 2U);
   // With two components a node has a second stress component, in its committed and in its trial state.
-  EXPECT_EQ(plane.bytes_per_node(), line.bytes_per_node() + 2 * sizeof(double));
+  EXPECT_EQ(plane.opened.bytes_per_node, line.opened.bytes_per_node + 2 * sizeof(double));
   const double angle = 0.7;
   for (int step = 0; step < kSteps; ++step) {
     const Batch scalar = support::step_columns(GetParam(), ids, step);

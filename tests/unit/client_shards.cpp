@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "client/src/client.hpp"
 #include "client/src/sharded_connection.hpp"
 #include "client/src/shards.hpp"
 #include "tests/support/durable_server.hpp"
@@ -198,7 +199,7 @@ TEST(Shards, ATicketIsOfAllServersInTheirOrder) {
   }
   Client client = servers.client({0, 1});
   Session session = client.resume(ticket);
-  EXPECT_EQ(session.node_ids(), kNodes);
+  EXPECT_EQ(session.node_ids, kNodes);
   EXPECT_EQ(session.advance(support::step_columns(Strategy::kVelocityDriven, kNodes, 0), {.dt_s = 1e-9})
                 .batch()
                 .u8(Field::kOutcome)
@@ -315,7 +316,7 @@ TEST(Shards, AtDifferentStepsAreRolledBackToACommonMark) {
   Session of_shard =
       alone.resume({.session_id = session_of_shard(ticket.session_id, 1, 2), .resume_token = ticket.resume_token});
   for (int step = 0; step < 2; ++step)
-    of_shard.advance(support::step_columns(Strategy::kVelocityDriven, of_shard.node_ids(), step), {.dt_s = 1e-9});
+    of_shard.advance(support::step_columns(Strategy::kVelocityDriven, of_shard.node_ids, step), {.dt_s = 1e-9});
   of_shard.mark("its own");
   of_shard.leave();
 

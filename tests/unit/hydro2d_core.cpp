@@ -342,6 +342,41 @@ TEST(Hydro2dEos, TemperatureStaysOnTheIsentrope) {
   EXPECT_NEAR(eos.temperature(1.0 / volume, energy), 300.0 * std::exp(m.gamma0 * (1.0 - m.density * volume)), 0.01);
 }
 
+// Adiabatic stretching far beyond the tension limit tears the metal: what is left of it keeps the density, and so the
+// temperature, at which it tore. Recompressed it is as before. Heat in the torn zone heats.
+TEST(Hydro2dEos, TornMetalKeepsItsTemperature) {
+  MieGrueneisen m = aluminium_6061();
+  m.tension_limit = 1.2e9;
+  const Eos eos(m);
+  constexpr double kFurthest =
+      1.5;  // volume relative to 1/rho0; a zone of the cone at rest has 1, and tears below 1.02
+  constexpr int kSteps = 100000;
+  const double step = (kFurthest - 1.0) / m.density / kSteps;
+  for (const double start : {0.0, 2e4, 2e5}) {
+    double energy = start, volume = 1.0 / m.density, torn = 0.0;
+    const double temperature = eos.temperature(m.density, start);
+    const auto stretch = [&](double by) {  // de = -P dV by the midpoint rule
+      const double half = energy - 0.5 * by * eos.at(1.0 / volume, energy).pressure;
+      energy -= by * eos.at(1.0 / (volume + 0.5 * by), half).pressure;
+      volume += by;
+    };
+    for (int i = 0; i < kSteps; ++i) {
+      stretch(step);
+      const double now = eos.temperature(1.0 / volume, energy);
+      if (eos.at(1.0 / volume, energy).pressure > -m.tension_limit) {
+        ASSERT_NEAR(now / (temperature * std::exp(m.gamma0 * (1.0 - m.density * volume))), 1.0, 1e-5);
+        torn = now;
+      } else {
+        ASSERT_NEAR(now / torn, 1.0, 1e-4) << start << " " << volume * m.density;
+      }
+    }
+    EXPECT_LT(torn, temperature);
+    EXPECT_GT(eos.temperature(1.0 / volume, energy + 1e4), torn + 1e4 / (1.1 * m.specific_heat));
+    for (int i = 0; i < kSteps; ++i) stretch(-step);
+    EXPECT_NEAR(eos.temperature(m.density, energy), temperature, 1e-2);
+  }
+}
+
 // A distorted mesh with strength and random velocities that cause shocks: total energy and momentum do not change,
 // except by the work and the impulse of the load.
 TEST(Hydro2dCycle, EnergyAndMomentumCloseToRounding) {

@@ -172,15 +172,6 @@ TEST_P(ShardOf, BitsDoNotDependOnBatchesOrTheirOrder) {
   EXPECT_TRUE(same_bits(whole.states(), split.states()));
 }
 
-TEST(Shard, OperatorsOfAStepLengthAreMadeOnce) {
-  Fixture fixture(Strategy::kForceDriven, 3);
-  const auto first = fixture.shard.operators(1e-9);
-  for (int k = 1; k < static_cast<int>(Shard::kOperatorsKept); ++k) fixture.shard.operators(1e-9 + k * 1e-10);
-  EXPECT_EQ(fixture.shard.operators(1e-9), first);
-  for (int k = 0; k < static_cast<int>(Shard::kOperatorsKept); ++k) fixture.shard.operators(2e-9 + k * 1e-10);
-  EXPECT_NE(fixture.shard.operators(1e-9), first) << "those used last are kept";
-}
-
 TEST_P(ShardOf, NodesThatAreNotAskedKeepTheirBits) {
   Fixture f(GetParam(), 24);
   f.advance(0);

@@ -106,8 +106,8 @@ def draw(curves, out):
         plates.plot(1e6 * of["copper_plates"][0], of["copper_plates"][1], label=metal)
         order = np.argsort(of["copper_bar"][0])
         bar.plot(1e3 * of["copper_bar"][1][order], 1e3 * of["copper_bar"][0][order], label=metal)
-    plates.set(xlabel="time after the impact, µs", ylabel="velocity of the free surface, m/s", xlim=(0.8, 1.6), title="copper on copper, 308 m/s")
-    bar.set(xlabel="radius, mm", ylabel="height above the wall, mm", ylim=(0.0, 28.0), title="bar of copper, 214 m/s, at rest")
+    plates.set(xlabel="time after the impact (µs)", ylabel="velocity of the free surface (m/s)", xlim=(0.8, 1.6), title="copper on copper, 308 m/s")
+    bar.set(xlabel="radius (mm)", ylabel="height above the wall (mm)", ylim=(0.0, 28.0), title="bar of copper, 214 m/s, at rest")
     for axes in (plates, bar):
         axes.legend()
     style.save(figure, out, "hydro_stub/problems/validation; data: Thomas 2016, Allen 1997, digitised in lanl/impala", colours=64)

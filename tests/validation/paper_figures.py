@@ -28,6 +28,7 @@ sys.path.insert(0, str(ROOT / "client/report"))
 import style  # noqa: E402
 from matplotlib.collections import PolyCollection  # noqa: E402
 from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: E402
+from matplotlib.lines import Line2D  # noqa: E402
 from matplotlib.patches import Patch  # noqa: E402
 from terminal import Parser  # noqa: E402
 
@@ -314,7 +315,7 @@ def shape(programs, number, law):
     agrees, differs = [], []
     law5, subgrid = programs.cone("cone_al_steel", "coulomb_tresca"), programs.cone("cone_al_steel", "subgrid")
     run, other = (law5, subgrid) if law == "coulomb_tresca" else (subgrid, law5)
-    made, axes = figure(1, 2, (10.0, 4.8), width_ratios=(1.25, 1))
+    made, axes = figure(1, 2, (10.0, 4.8), legend=True, width_ratios=(1.25, 1))
     time, corners, temperature = run.end()
     top = np.percentile(np.concatenate([temperature, other.end()[2]]), 99.7)
     zones = PolyCollection(corners, array=temperature, cmap=TEMPERATURE, edgecolor="face", linewidth=0.1, clim=(300.0, top), rasterized=True)
@@ -322,18 +323,17 @@ def shape(programs, number, law):
     axes[0, 0].autoscale_view()
     axes[0, 0].set_aspect("equal")
     axes[0, 0].set(xlabel="r (mm)", ylabel="z (mm)", title=f"{run.label}, {time:.1f} µs")
-    made.colorbar(zones, ax=axes[0, 0], label="temperature of the zones (K)", extend="max", shrink=0.85)
+    made.colorbar(zones, ax=axes[0, 0], label=f"temperature of the zones (K), up to {temperature.max():.0f}", extend="max", shrink=0.85)
     hottest = max(law5.T0.max(), subgrid.T0.max())
     for one in (law5, subgrid):
-        what = ", zones at the flank" if one.law == "coulomb_tresca" else ", T0"
         strong = one is run
-        axes[0, 1].plot(one.place, one.T0.max(axis=0), color=one.colour, lw=2.0 if strong else 0.9, alpha=1.0 if strong else 0.6,
-                        label=f"{one.label}{what}, highest")
-        axes[0, 1].plot(one.place, one.T0[-1], "--", color=one.colour, lw=1.3 if strong else 0.8, alpha=1.0 if strong else 0.6, label=f"at {one.time[-1]:.1f} µs")
+        axes[0, 1].plot(one.place, one.T0.max(axis=0), color=one.colour, lw=2.0 if strong else 0.9, alpha=1.0 if strong else 0.6)
+        axes[0, 1].plot(one.place, one.T0[-1], "--", color=one.colour, lw=1.3 if strong else 0.8, alpha=1.0 if strong else 0.6)
     axes[0, 1].set(xlabel="interface node: its z at the start (mm)", ylabel="temperature of the flank (K)", ylim=(280.0, 1.05 * hottest),
                    title="the flank, on a scale of its own")
     axes[0, 1].grid()
-    axes[0, 1].legend()
+    style.legend_below(made, [Line2D([], [], color=one.colour, lw=2.0, label=one.label + (", zones at the flank" if one is law5 else ", T0")) for one in (law5, subgrid)] +
+                       [Line2D([], [], color=FAINT, lw=1.8, label="highest"), Line2D([], [], color=FAINT, ls="--", label=f"at {run.time[-1]:.1f} µs")])
     made.suptitle(f"Fig. {number}: shape and temperature with {'law (5)' if law == 'coulomb_tresca' else 'the subgrid model'}")
     zones_reach, layer_reaches = (programs.on_two("cone_al_steel", one.law, lambda run: run.T0.max(), "{:.0f} K") for one in (law5, subgrid))
     if law == "coulomb_tresca":
@@ -423,13 +423,13 @@ def pair(programs, number, title, label, values):
     """Figs 21 and 22: a signed quantity of both laws side by side, zero white, cut at the last contact."""
     runs = [programs.cone("cone_al_steel", law) for law in ("coulomb_tresca", "subgrid")]
     made, axes = figure(1, 2, (10.0, 4.4), sharey=True)
-    largest = max(np.percentile(np.abs(run.closed(values(run)).compressed()), 99.5) for run in runs)
+    largest = max(np.abs(run.closed(values(run))).max() for run in runs)
     for axis, run in zip(axes[0], runs):
         image = space_time(axis, run, run.closed(values(run)), cmap=SIGNED, vmin=-largest, vmax=largest)
         axis.set_title(run.label)
         axis.set_xlim(0.0, 1.05 * max(one.last_contact for one in runs))
     axes[0, 0].set_ylabel("interface node: its z at the start (mm)")
-    made.colorbar(image, ax=axes[0].tolist(), label=label, extend="both")
+    made.colorbar(image, ax=axes[0].tolist(), label=label)
     made.suptitle(f"Fig. {number}: {title}")
     return made, runs
 
@@ -497,7 +497,7 @@ def main():
         if options.coarse:
             differs.append("Made with --coarse: wide zones, few points.")
         listed.append({"figure": number, "title": TITLES[number], "file": name, "scene": scene, "agrees": agrees, "differs": differs})
-        print(f"{name}: {TITLES[number]}")
+        print(f"{name}: {TITLES[number]}", flush=True)
         for word, sentences in (("agrees", agrees), ("differs", differs)):
             for sentence in sentences:
                 print(f"  {word}: {sentence}")

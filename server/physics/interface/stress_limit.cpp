@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "server/physics/interface/bisection.hpp"
 #include "server/physics/interface/edge_zero.hpp"
 
 namespace shearbus::physics {
@@ -93,10 +94,6 @@ bool StressLimit::falls_with_slip() const {
   return varying != nullptr && properties_of(varying->friction_law).falls_with_slip;
 }
 
-bool StressLimit::depends_on_slip() const {
-  return junctions.options != nullptr || (varying != nullptr && properties_of(varying->friction_law).depends_on_slip());
-}
-
 StressLimit StressLimit::at_slip(double slip) const {
   StressLimit other = *this;
   if (junctions.options != nullptr) {
@@ -182,12 +179,7 @@ double below_melting(const StressLimit& limit, const FrictionHeating& heating, d
            heating.temperature(stress) >= T_melt;
   };
   if (heating.T_ad >= T_melt || !melts(a)) return a;
-  double solid = 0.0;
-  for (;;) {
-    const double mid = 0.5 * (solid + a);
-    if (mid <= solid || mid >= a) return solid;
-    (melts(mid) ? a : solid) = mid;
-  }
+  return bisected(0.0, a, melts).lo;
 }
 
 bool slip_is_unique(const StressLimit& limit, const FrictionHeating& heating, double a_max) {

@@ -59,6 +59,15 @@ struct StressLimit {
     return {offset + yield, hardened.strength * soften.slope, false, hardened.slope * soften.g};
   }
 
+  // Whether the limit, if it is constant friction and one yield strength, is sure to be above a stress. Costs less than
+  // at().
+  bool surely_carries(double stress, double temperature) const {
+    constexpr double kBeyond = 1.0 + 1e-9;  // far above the rounding of at()
+    return varying == nullptr && junctions.options == nullptr && offset == 0.0 && coulomb >= stress &&
+           !soft->varies_with_compression() &&
+           tresca * least_softening(*soft, pressure, temperature) >= kBeyond * stress;
+  }
+
   // The friction branch of the limit alone, without `offset`.
   Value friction(double temperature, Slip slip = 0.0) const {
     if (varying == nullptr) return {coulomb, 0.0, true};
@@ -69,7 +78,10 @@ struct StressLimit {
 
   // The limit at one slip velocity, as a limit that does not depend on slip any more.
   StressLimit at_slip(double slip) const;
-  bool depends_on_slip() const;
+  bool depends_on_slip() const {
+    return junctions.options != nullptr ||
+           (varying != nullptr && properties_of(varying->friction_law).depends_on_slip());
+  }
   bool falls_with_slip() const;  // whether the limit may fall with slip, so that a step may have several answers
   // The limit in a stage of a second-order step: both branches (friction and yield) times `factor`, plus `shift`. Not
   // for junctions.

@@ -50,6 +50,12 @@ class SteinbergCochranGuinan {
             only(solid, -melting * (m.temperature_coefficient + bracket * melting_rate))};
   }
 
+  // A lower bound of g without an exponential, by exp(-x) >= 1 - x, for T > 0.
+  static Register least_softening(const Material& m, Register pressure, Register T) {
+    const Register to_melting = m.melting_temperature - T;
+    return only(to_melting > 0.0, bracket_of(m, pressure, T) * (1.0 - kMeltingFactor * T / to_melting));
+  }
+
   // With x = T_melt - T and c = 0.001 T_melt the steep part of dg/dT goes as exp(-c/x)/x^2, largest at x = c/2.
   static Register steepest_softening(const Material& m, Register pressure, Register coldest, Register hottest) {
     const double c = kMeltingFactor * m.melting_temperature;

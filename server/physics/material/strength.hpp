@@ -26,6 +26,18 @@ inline Softening softening(const Material& m, double pressure, double temperatur
   return FlowLaws::with(m.flow_law, [&](auto law) { return decltype(law)::type::softening(m, pressure, temperature); });
 }
 
+// A lower bound of the softening g(P, T) that costs less than g, if the law has one; else 0, or less. `m` is the material
+// at the pressure.
+inline double least_softening(const Material& m, double pressure, double temperature) {
+  return FlowLaws::with(m.flow_law, [&](auto law) {
+    using Law = typename decltype(law)::type;
+    if constexpr (requires { Law::least_softening(m, pressure, temperature); })
+      return Law::least_softening(m, pressure, temperature);
+    else
+      return 0.0;
+  });
+}
+
 // Whether the softening g(P, T) is above 0; `m` is the material at the pressure.
 inline bool carries_stress(const Material& m, double pressure, double temperature) {
   return FlowLaws::with(m.flow_law, [&](auto law) {

@@ -292,30 +292,23 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
     surplus(1.0);
     if (works.sum() > 0.0) power = works;
     const auto closed = [&] { return std::abs(works.sum() - warms.sum()) <= 1e-13 * warms.sum(); };
-    double lo = 0.0, at_lo = before, hi = 1.0, at_hi = 0.0;
+    // Where much heat is missing, the vertices that work now are heated, too: this decides where the heat goes.
+    double enough = 1.0;
     for (int round = 0; round < 60; ++round) {
-      at_hi = surplus(hi);
-      if (at_hi <= 0.0) break;
-      if (round < 6 && at_hi <= 0.5 * warms.sum()) {
-        lo = hi;
-        at_lo = at_hi;
-        hi *= 1.0 + std::pow(2.0, round + 1) * at_hi / warms.sum();
+      const double missing = surplus(enough);
+      if (missing <= 0.0) break;
+      if (round < 6 && missing <= 0.5 * warms.sum()) {
+        enough *= 1.0 + std::pow(2.0, round + 1) * missing / warms.sum();
       } else {
         power = power.cwiseMax(works);
-        lo = 0.0;
-        at_lo = before;
-        hi *= 4.0;
+        enough *= 4.0;
       }
     }
-    // The false position, each third time the middle.
-    for (int k = 1; !closed() && lo < std::nextafter(hi, 0.0) && k < 200; ++k) {
-      const double share = k % 3 == 0 ? 0.5 : at_lo / (at_lo - at_hi);
-      const double mid = std::clamp(lo + share * (hi - lo), std::nextafter(lo, hi), std::nextafter(hi, lo));
-      const double at_mid = surplus(mid);
-      (at_mid > 0.0 ? lo : hi) = mid;
-      (at_mid > 0.0 ? at_lo : at_hi) = at_mid;
-    }
-    if (!closed()) surplus(hi);
+    // The amount lies between none and enough.
+    double little = 0.0;
+    for (double mid = 0.5 * enough; !closed() && mid > little && mid < enough; mid = 0.5 * (little + enough))
+      (surplus(mid) > 0.0 ? little : enough) = mid;
+    if (!closed()) surplus(enough);
   }
   stage.flux = works.sum();
   for (int i = 0; stage.flux > 0.0 && i < n; ++i) after.heat_shape[i] = works[i] / stage.flux;

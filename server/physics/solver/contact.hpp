@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "server/physics/interface/bisection.hpp"
 #include "server/physics/interface/edge_zero.hpp"
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -56,10 +57,8 @@ inline double slip_under_ceiling(const StressLimit& limit, const EdgeZero& searc
   constexpr double kNextToCeiling = 1e-12;  // a slip under a stress as close as this to the ceiling is cut off by it
   const SlipPoint& below = search.below();
   if (!(below.v > rest && below.a >= end.a * (1.0 - kNextToCeiling))) return 0.0;
-  double lo = 0.0, hi = below.v;
-  for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi))
-    (limit.at(end.T, mid).stress < end.a ? lo : hi) = mid;
-  return hi > rest ? hi : 0.0;
+  const double v = bisected(0.0, below.v, [&](double slip) { return !(limit.at(end.T, slip).stress < end.a); }).hi;
+  return v > rest ? v : 0.0;
 }
 
 // Goes on from the states before a step to those after it. `slip`: slip velocity of the interface. An open contact leaves

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "server/physics/solver/states.hpp"
 #include "server/physics/solver/tile.hpp"
 
 namespace shearbus::physics {
@@ -23,5 +24,24 @@ struct RestingStep {
   LaneStep step;
   std::uint8_t outcome = 0;
 };
+
+struct LaneResult {
+  LaneStep step{};
+  double heat = 0.0;  // friction heat of the step                                                   [J/m2]
+  double flux = 0.0;  // heat flux still to be added to the temperatures; 0 if substeps have added it  [W/m2]
+  std::uint8_t outcome = 0;
+};
+
+// Writes the answer of a lane, except the states and outputs that follow from the temperatures.
+inline void write_answer(const LaneResult& result, const TileLayout& layout, int lane, double* trial,
+                         TileOutputs& outputs) {
+  outputs.shear_stress[lane] = trial[layout.shear_stress + lane] = result.step.stress;
+  outputs.sliding_velocity[lane] = result.step.slip;
+  outputs.velocity_jump_new[lane] = result.step.jump_new;
+  outputs.friction_heat[lane] = result.heat;
+  outputs.regime[lane] = result.step.regime;
+  outputs.outcome[lane] = result.outcome;
+  trial[layout.regime + lane] = static_cast<double>(result.step.regime);
+}
 
 }  // namespace shearbus::physics

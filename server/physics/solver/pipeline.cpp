@@ -173,6 +173,16 @@ void advance_tile(const Problem& problem, const StepOperators& operators, const 
   answer_mean_stress(problem, inputs, outputs);
 }
 
+void advance_aside(AdvanceTile solve, const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                   std::uint32_t lanes, const double* committed, double* trial, TileOutputs& outputs) {
+  if (lanes == 0) return;
+  TileInputs theirs = inputs;
+  theirs.active = lanes;
+  double* aside = scratch_tile(Scratch::kStages, problem.layout.doubles);
+  solve(problem, operators, theirs, committed, aside, outputs);
+  for (const int l : lanes_of(lanes)) copy_lane(aside, trial, problem.layout.doubles, l);
+}
+
 void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
                TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;

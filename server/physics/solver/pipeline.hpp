@@ -21,6 +21,10 @@ using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInp
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                   const double* committed, double* trial, TileOutputs& outputs);
 
+// Takes the step of some lanes in memory of its own, since `solve` writes whole rows of a tile.
+void advance_aside(AdvanceTile solve, const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                   std::uint32_t lanes, const double* committed, double* trial, TileOutputs& outputs);
+
 // Fills in a lane without an answer: the outcome kFailed and the old state.
 void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
                TileOutputs& outputs);

@@ -23,7 +23,7 @@ Host::Host(World& world, Tally& tally, Ledger& ledger, support::ServiceHarness& 
       })),
       reference_(reference_client_.open(support::text_of(support::scene_of(strategy_)), "scene", first_nodes(),
                                         {.domain = "run"})) {
-  ledger_.add(reference_.node_ids());
+  ledger_.add(reference_.node_ids);
   connection_->set_max_rows(rows_);
   reference_connection_->set_max_rows(rows_);
 }
@@ -187,7 +187,7 @@ void Host::die_and_be_succeeded() {
   ++tally_.successors;
   const Batch columns = support::step_columns(strategy_, nodes(), steps_++);
   const auto offered = world_.chance(2) ? some_nodes() : std::vector<std::uint64_t>();
-  const std::uint64_t before = session_.last_sequence();
+  const std::uint64_t before = session_.last_sequence;
   connection_->set_max_rows(wire::kMaxRowsPerMessage);  // so that its last step is one request
   connection_->dies_next = true;
   try {
@@ -203,15 +203,15 @@ void Host::die_and_be_succeeded() {
   client_ = insist([&] { return Client(std::shared_ptr<Connection>(connection_)); });
   connection_->set_max_rows(rows_);
   session_ = insist([&] { return client_.resume(ticket); });
-  ASSERT_LE(session_.last_sequence(), before + 1);
-  ASSERT_GE(session_.last_sequence(), before);
+  ASSERT_LE(session_.last_sequence, before + 1);
+  ASSERT_GE(session_.last_sequence, before);
   reference_connection_->set_max_rows(wire::kMaxRowsPerMessage);
-  if (session_.last_sequence() == before + 1) {
+  if (session_.last_sequence == before + 1) {
     if (offered.empty())
       reference_.advance(columns, {.dt_s = 1e-9});
     else
       ledger_.offers.push_back({.giver = number_,
-                                .transfer = session_.offers().back(),
+                                .transfer = session_.offers.back(),
                                 .of_reference = reference_.offer_nodes(offered),
                                 .nodes = offered});
   }
@@ -219,8 +219,8 @@ void Host::die_and_be_succeeded() {
   std::vector<TransferId> waiting;
   for (const Ledger::Offer& offer : ledger_.offers)
     if (offer.giver == number_ && offer.waits) waiting.push_back(offer.transfer);
-  ASSERT_EQ(session_.offers(), waiting);
-  ASSERT_EQ(session_.node_ids(), reference_.node_ids());
+  ASSERT_EQ(session_.offers, waiting);
+  ASSERT_EQ(session_.node_ids, reference_.node_ids);
 }
 
 }  // namespace shearbus::simulation

@@ -47,7 +47,7 @@ class Host {
        Strategy strategy, std::size_t rows);
 
   void act();
-  const std::vector<std::uint64_t>& nodes() const { return session_.node_ids(); }
+  const std::vector<std::uint64_t>& nodes() const { return session_.node_ids; }
   std::uint64_t nodes_of_server();
   void close();
 
@@ -67,7 +67,7 @@ class Host {
   Code both(const Call& call, const Expected& expected) {
     const Code code = support::code_of([&] { insist(call); });
     EXPECT_EQ(code, support::code_of(expected));
-    EXPECT_EQ(session_.node_ids(), reference_.node_ids());
+    EXPECT_EQ(session_.node_ids, reference_.node_ids);
     if (code != Code::kOk) ++tally_.refused;
     return code;
   }

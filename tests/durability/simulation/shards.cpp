@@ -116,7 +116,7 @@ class ShardedHost {
   }
 
   std::vector<std::uint64_t> some_nodes() {
-    std::vector<std::uint64_t> picked = session_.node_ids();
+    std::vector<std::uint64_t> picked = session_.node_ids;
     std::shuffle(picked.begin(), picked.end(), run_.random);
     picked.resize(std::min<std::size_t>(picked.size(), 1 + run_.random() % 6));
     std::ranges::sort(picked);  // accepted nodes come in the order of their ids
@@ -124,7 +124,7 @@ class ShardedHost {
   }
 
   Batch columns(const Session& session, int number, const std::vector<std::uint64_t>& named) const {
-    return support::step_columns(strategy_, named.empty() ? session.node_ids() : named, number, !named.empty());
+    return support::step_columns(strategy_, named.empty() ? session.node_ids : named, number, !named.empty());
   }
   const StepResult& made(Session& session, wire::Mode mode, bool commit_previous, int number,
                          const std::vector<std::uint64_t>& named) const {
@@ -144,9 +144,9 @@ class ShardedHost {
     ASSERT_EQ(answer.upscale().nodes, expected.upscale().nodes);
     ASSERT_EQ(answer.upscale().flagged_nodes, expected.upscale().flagged_nodes);
     std::map<std::uint64_t, std::size_t> row_of;  // a successor has the rows in another order
-    const auto& ids = named.empty() ? reference_.node_ids() : named;
+    const auto& ids = named.empty() ? reference_.node_ids : named;
     for (std::size_t row = 0; row < ids.size(); ++row) row_of[ids[row]] = row;
-    const auto& mine = named.empty() ? session_.node_ids() : named;
+    const auto& mine = named.empty() ? session_.node_ids : named;
     for (const auto& column : expected.batch().columns()) {
       if (column.element != wire::Element::kFloat64) continue;
       const auto a = answer.batch().f64(column.field), b = expected.batch().f64(column.field);
@@ -189,7 +189,7 @@ class ShardedHost {
     return wanted;
   }
   void same_nodes() const {
-    std::vector<std::uint64_t> a = session_.node_ids(), b = reference_.node_ids();
+    std::vector<std::uint64_t> a = session_.node_ids, b = reference_.node_ids;
     if (succeeded_) {
       std::ranges::sort(a);
       std::ranges::sort(b);
@@ -202,7 +202,7 @@ class ShardedHost {
     ++tally_.node_changes;
     std::vector<std::uint64_t> ids;
     for (unsigned i = 0; i <= run_.random() % 5; ++i) ids.push_back(run_.next_id++);
-    if (run_.chance(4) && !other.session_.node_ids().empty()) ids.push_back(other.session_.node_ids().front());
+    if (run_.chance(4) && !other.session_.node_ids.empty()) ids.push_back(other.session_.node_ids.front());
     both([&] { return session_.register_nodes(ids), 0; }, [&] { reference_.register_nodes(ids); });
   }
   void retire_some() {
@@ -246,10 +246,10 @@ class ShardedHost {
 
   // A value at fault in one row: the shard of that node refuses the step, and the others must not have made it.
   void ask_nonsense() {
-    if (session_.node_ids().empty()) return;
+    if (session_.node_ids.empty()) return;
     drop_trial();
     Batch batch = columns(session_, steps_, {});
-    batch.f64(Field::kPressure)[run_.random() % session_.node_ids().size()] = std::numeric_limits<double>::infinity();
+    batch.f64(Field::kPressure)[run_.random() % session_.node_ids.size()] = std::numeric_limits<double>::infinity();
     const bool advances = run_.chance(2);
     try {
       insist(
@@ -327,7 +327,7 @@ class ShardedHost {
         reference_.commit();
     }
     ASSERT_EQ(reference_.rollback(), after);
-    std::vector<std::uint64_t> present = session_.node_ids(), named;
+    std::vector<std::uint64_t> present = session_.node_ids, named;
     std::ranges::sort(present);
     const auto is_present = [&](std::uint64_t id) { return std::ranges::binary_search(present, id); };
     if (kind == 3) {

@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/src/client.hpp"
 #include "client/src/connection.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"

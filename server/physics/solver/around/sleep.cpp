@@ -94,19 +94,12 @@ void write_sleeping_lane(const Problem& problem, const TileInputs& inputs, const
                          TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const LaneStep& step = resting.step;
-  trial[layout.shear_stress + lane] = step.stress;
-  trial[layout.regime + lane] = static_cast<double>(step.regime);
+  write_answer({step, 0.0, 0.0, static_cast<std::uint8_t>(kAsleep | resting.outcome)}, layout, lane, trial, outputs);
   if (layout.stress_rate != TileLayout::kAbsent) trial[layout.stress_rate + lane] = 0.0;
   if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + lane] = step.sticks ? 1.0 : 0.0;
   trial[layout.resting + lane] = committed[layout.resting + lane] + 1.0;
   trial[layout.resting + kLanes + lane] = num_live;
-  outputs.shear_stress[lane] = step.stress;
-  outputs.sliding_velocity[lane] = step.slip;
   outputs.interface_temperature[lane] = T0;
-  outputs.velocity_jump_new[lane] = step.jump_new;
-  outputs.friction_heat[lane] = 0.0;
-  outputs.regime[lane] = step.regime;
-  outputs.outcome[lane] = kAsleep | resting.outcome;
   if (problem.options.melt_film) outputs.film_thickness[lane] = 0.0;
   if (inputs.wants_mean_stress) {  // the stress of a layer at rest changes linearly in time
     const double before = stress_before(layout, inputs, committed, lane);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "server/physics/interface/friction.hpp"
 #include "server/physics/material/strength.hpp"
@@ -259,6 +260,19 @@ bool SubstepErrors::flows_on(const Substep& substep, const SubstepAnswer& piece,
          on(halves[0]) && on(halves[1]);
 }
 
+// Upper bound of the friction in a substep; infinity where the friction follows a state  [Pa].
+double SubstepErrors::most_friction(const Substep& substep, const SubstepAnswer (&halves)[2]) const {
+  const auto& [one, two] = halves;
+  if (problem_.layout.num_friction_states > 0) return std::numeric_limits<double>::infinity();
+  const double pressure = inputs_.pressure[substep.lane];
+  const Material soft = at_pressure(problem_.options.soft, pressure);
+  const double fastest = std::max({std::abs(substep.velocity_jump), std::abs(one.jump_new), std::abs(two.jump_new),
+                                   std::abs(one.slip), std::abs(two.slip)});
+  return interface_strength(problem_.interface, soft, pressure, nullptr)
+      .friction(std::min({substep.T0_before, one.T0, two.T0}), {fastest, 0.0})
+      .stress;
+}
+
 double SubstepErrors::impulse_left(const Substep& substep, const SubstepAnswer& piece,
                                    const SubstepAnswer (&halves)[2]) const {
   if (problem_.options.time_integrator != TimeIntegrator::kBackwardEuler) return 0.0;
@@ -267,9 +281,12 @@ double SubstepErrors::impulse_left(const Substep& substep, const SubstepAnswer& 
            answer.jump_new * substep.velocity_jump > 0.0 && answer.outcome == 0;
   };
   if (!slips_on(piece) || !slips_on(halves[0]) || !slips_on(halves[1])) return 0.0;
-  const double left = substep.yield_before != 0.0
-                          ? (substep.yield_before + halves[0].stress - 2.0 * halves[1].stress) / 6.0
-                          : 0.5 * (halves[0].stress + halves[1].stress) - piece.stress;
+  const double mean = 0.5 * (halves[0].stress + halves[1].stress);
+  double left = substep.yield_before != 0.0 ? (substep.yield_before + halves[0].stress - 2.0 * halves[1].stress) / 6.0
+                                            : mean - piece.stress;
+  // Where slip takes over from flow within the substep, the stresses do not lie on one path.
+  if (const double most = most_friction(substep, halves); std::abs(mean + left) > most)
+    left = std::copysign(most, mean) - mean;
   return jump_after(substep, halves[1].jump_new, left) * substep.velocity_jump > 0.0 ? left : 0.0;
 }
 

@@ -65,8 +65,8 @@ class SubstepErrors {
 
   // What is left of the mean stress of two halves of a force-driven substep of backward Euler, whose errors have one sign
   // in every substep and add up: their distance from one piece, as long as the interface goes on slipping in one
-  // direction; that from Simpson's rule of a layer that flows_on(); else 0  [Pa]. jump_after(): the jump after the
-  // substep with that mean stress.
+  // direction; that from Simpson's rule of a layer that flows_on(); else 0. The mean stress with it is at most
+  // the friction  [Pa]. jump_after(): the jump after the substep with that mean stress.
   double impulse_left(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
   double jump_after(const Substep& substep, double jump_new, double impulse) const;
 
@@ -77,6 +77,7 @@ class SubstepErrors {
     double mean = 0.0;  // of the mean stress of the host's step  [Pa]
   };
   double largest(const Substep& substep, double stress, const Errors& errors) const;
+  double most_friction(const Substep& substep, const SubstepAnswer (&halves)[2]) const;
   bool goes_on(const Substep& substep, const SubstepAnswer& piece, const SubstepAnswer (&halves)[2]) const;
   double heating(const Substep& substep) const;
   double takeover(const Substep& substep, const SubstepAnswer (&halves)[2]) const;

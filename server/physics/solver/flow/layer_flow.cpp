@@ -12,16 +12,6 @@
 
 namespace shearbus::physics {
 
-NearbyFlow::Slip NearbyFlow::at(double stress, double flux) const {
-  const double w = base_flux > 0.0 ? flux / base_flux - 1.0 : 0.0;
-  const double hot = moment[0] + w * (moment[1] + w * (moment[2] + w * moment[3]));
-  const double hotter = moment[1] + w * (2.0 * moment[2] + w * (3.0 * moment[3]));
-  const double v = stress == base ? 0.0 : logarithm(stress / base);
-  const double y = v == 0.0 ? 1.0 : exponential(v * (exponent + curvature * v));
-  return {y * hot + constant, (exponent + 2.0 * curvature * v) * y * hot / stress,
-          base_flux > 0.0 ? y * hotter / base_flux : 0.0};
-}
-
 void find_first_vertices(const LaneMaterials& soft_at, std::uint32_t lanes, const double* pressure, const double* T,
                          const double* strain, FirstVertices& found) {
   if (soft_at.uniform() && !is_one_lane(lanes)) {
@@ -29,15 +19,6 @@ void find_first_vertices(const LaneMaterials& soft_at, std::uint32_t lanes, cons
   } else {
     for (const int l : lanes_of(lanes)) one::find_first_vertices(soft_at(l), l, l + 1, pressure, T, strain, found);
   }
-}
-
-bool is_balanced(double a, double left, double compliance, double slip, const FlowAccuracy& accuracy) {
-  constexpr double kClosed = 1e-11;   // largest accepted residual, relative to what the flow must be
-  constexpr double kRounded = 2e-15;  // rounding error of `hot`
-  const double flow = compliance * slip;
-  double open = kClosed * left + kRounded * (compliance * accuracy.hot);
-  if (flow <= 2.0 * left) open += accuracy.digits * (compliance * accuracy.slope + a);
-  return std::abs(flow - left) <= open;
 }
 
 LayerFlow::LayerFlow(const FlowProblem& layers, double* rows)
@@ -55,12 +36,6 @@ LayerFlow::LayerFlow(const FlowProblem& layers, double* rows)
     forget(l);
     load(l, *problem.soft, 0.0, 0.0, 0.0);
   }
-}
-
-void LayerFlow::load(int lane, const Material& at_pressure, double pressure, double a, double heat_per_stress) {
-  pressed[lane] = 1.0 + at_pressure.pressure_coefficient * pressure;
-  T_melt[lane] = at_pressure.melting_temperature;
-  load(lane, a, heat_per_stress);
 }
 
 void LayerFlow::forget(int lane) {
@@ -81,29 +56,17 @@ void LayerFlow::sum(std::uint32_t lanes, double* strain_new) {
   searched.summed = true;
 }
 
-NearbyFlow LayerFlow::nearby(int l) {
-  if (is_explicit) {
-    const ExpandedLoads& at = expanded;
-    NearbyFlow flow{.base = at.base[l],
-                    .base_flux = at.base_heating[l] * at.base[l],
-                    .exponent = exponent,
-                    .moment = {at.moment[0][l], at.moment[1][l], at.moment[2][l], at.moment[3][l]},
-                    .accuracy = accuracy(l)};
-    const double w = at.w[l];
-    const double* m = flow.moment;
-    flow.constant = slip[l] - at.y[l] * (m[0] + w * (m[1] + w * (m[2] + w * m[3])));
-    return flow;
-  }
+NearbyFlow LayerFlow::nearby_searched(int l) {
   constexpr double kNear = 0.1, kMostCurvature = 1e4;  // of ln(a) between the two sums; of the curvature
   const double a = stress[l];
   double& last = searched.stress[l];
   double& last_log_slip = searched.log_slip[l];
   if (!(slip[l] > 0.0) || !(a > 0.0)) {
     last = 0.0;
-    return {.accuracy = accuracy(l)};
+    return {};
   }
   // A power of the stress with a curvature through the last two sums.
-  NearbyFlow flow{.base = a, .exponent = slope[l] / slip[l], .moment = {slip[l]}, .accuracy = accuracy(l)};
+  NearbyFlow flow{.base = a, .exponent = slope[l] / slip[l], .moment = {slip[l]}};
   const double log_slip = logarithm(slip[l]);
   if (last > 0.0 && last != a) {
     const double v = logarithm(last / a);

@@ -2,10 +2,12 @@
 // "Velocity-driven root".
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/material/elementary.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/tile.hpp"
@@ -47,18 +49,32 @@ struct NearbyFlow {
   double curvature = 0.0;
   double moment[kTerms] = {};  // [m]
   double constant = 0.0;       // [m]
-  FlowAccuracy accuracy = {};
 
   struct Slip {
     double value, by_stress, by_flux;  // integral(dep)  [m], and its derivatives  [m/Pa], [m3/W]
   };
-  Slip at(double stress, double flux) const;
+  Slip at(double stress, double flux) const {
+    const double w = base_flux > 0.0 ? flux / base_flux - 1.0 : 0.0;
+    const double hot = moment[0] + w * (moment[1] + w * (moment[2] + w * moment[3]));
+    const double hotter = moment[1] + w * (2.0 * moment[2] + w * (3.0 * moment[3]));
+    const double v = stress == base ? 0.0 : logarithm(stress / base);
+    const double y = v == 0.0 ? 1.0 : exponential(v * (exponent + curvature * v));
+    return {y * hot + constant, (exponent + 2.0 * curvature * v) * y * hot / stress,
+            base_flux > 0.0 ? y * hotter / base_flux : 0.0};
+  }
 };
 
 // Whether a stress `a` under which the flow was summed meets its balance: the compliance times the plastic slip is
 // `left`. The last digits of the flow count only if the flow is at most twice what it
 // must be: far above the root, in a vertex that a few more digits would melt, any residual would pass.
-bool is_balanced(double a, double left, double compliance, double slip, const FlowAccuracy& accuracy);
+inline bool is_balanced(double a, double left, double compliance, double slip, const FlowAccuracy& accuracy) {
+  constexpr double kClosed = 1e-11;   // largest accepted residual, relative to what the flow must be
+  constexpr double kRounded = 2e-15;  // rounding error of `hot`
+  const double flow = compliance * slip;
+  double open = kClosed * left + kRounded * (compliance * accuracy.hot);
+  if (flow <= 2.0 * left) open += accuracy.digits * (compliance * accuracy.slope + a);
+  return std::abs(flow - left) <= open;
+}
 
 // Bounds of what lies farther out in the layer, for blocks of vertices. Where even the hottest of the vertices from a
 // block on would not yield with the least strain of them, none does, and an expansion ends.
@@ -120,7 +136,11 @@ class LayerFlow {
 
   // Loads a lane with the stress magnitude a, which heats by the flux `heat_per_stress` a. `at_pressure`: the material
   // at the pressure P.
-  void load(int lane, const Material& at_pressure, double pressure, double a, double heat_per_stress);
+  void load(int lane, const Material& at_pressure, double pressure, double a, double heat_per_stress) {
+    pressed[lane] = 1.0 + at_pressure.pressure_coefficient * pressure;
+    T_melt[lane] = at_pressure.melting_temperature;
+    load(lane, a, heat_per_stress);
+  }
   void load(int lane, double a, double heat_per_stress) { stress[lane] = a, heating[lane] = heat_per_stress; }
   // Forgets what the sums of a lane have shown, whose spread_response has changed.
   void forget(int lane);
@@ -135,7 +155,7 @@ class LayerFlow {
     return {slip[lane], slope[lane], kSearchedDigits};
   }
   // What the last sums tell of the flow of a lane under loads nearby.
-  NearbyFlow nearby(int lane);
+  NearbyFlow nearby(int lane) { return is_explicit ? nearby_explicit(lane) : nearby_searched(lane); }
   // The stress of each lane of `lanes` at which the balance a + compliance slip = a_trial is met by the flow nearby, with
   // the flux per stress of the load; -1 where that is not known well enough to tell.
   void find_roots(std::uint32_t lanes, double compliance, const double (&a_trial)[kLanes], double (&root)[kLanes]);
@@ -156,6 +176,20 @@ class LayerFlow {
   std::uint32_t bounds_known = 0;  // lanes whose expanded.bounds are known, one bit per lane
   ExpandedLoads expanded;
   SearchedLoads searched;
+
+ private:
+  NearbyFlow nearby_explicit(int l) const {
+    const ExpandedLoads& at = expanded;
+    NearbyFlow flow{.base = at.base[l],
+                    .base_flux = at.base_heating[l] * at.base[l],
+                    .exponent = exponent,
+                    .moment = {at.moment[0][l], at.moment[1][l], at.moment[2][l], at.moment[3][l]}};
+    const double w = at.w[l];
+    const double* m = flow.moment;
+    flow.constant = slip[l] - at.y[l] * (m[0] + w * (m[1] + w * (m[2] + w * m[3])));
+    return flow;
+  }
+  NearbyFlow nearby_searched(int lane);
 };
 
 }  // namespace shearbus::physics

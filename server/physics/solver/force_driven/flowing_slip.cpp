@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "server/physics/interface/bisection.hpp"
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/problem.hpp"
 
@@ -32,31 +33,27 @@ bool softens_alike(const StressLimit& limit) {
 }
 
 FlowingSlip::FlowingSlip(const FlowingStart& start)
-    : start_(start),
-      trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress),
-      travel_(start.forcing, trial_, start.dt) {
+    : start_(start), trial_(start.forcing, start.dt, start.before.jump_new, start.before.stress) {
   const double T_ad = start.layer.T(0, 0.0);
   const double B0 = start.layer.response(0);
   const double rise = start.heat_partition * B0;
   slipping_ = trial_.slipping(T_ad, rise);
   // If the interface sticks at the end of the step, the flow of the layer takes all of [V]new + drive there. The mean
   // slip velocity of the interface over the step is then [v] = ([V]old - [V]new)/2.
-  // Under a tolerance the flow takes the mean jump, and an interface that sticks does not slip.
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
-  if (start.turns_within) stopping_ = {T_ad, rise, 0.0, 0.0};
+  // Under a tolerance the flow takes the mean jump, and an interface that sticks does not slip.
+  if (start.turns_within) {
+    travel_ = Travel(start.forcing, trial_, start.dt);
+    stopping_ = {T_ad, rise, 0.0, 0.0};
+  }
   compliance_ = kSqrt3 / (start.dt * trial_.per_stress);
 
   // 1. The answer found for a layer that cannot flow is an answer of the step if the real layer does not flow under
   //    the stress of this answer. An interface that was stuck begins to slip only if it cannot stick while the layer
-  //    flows.
+  //    flows. At stress 0 the interface is molten and cannot stick.
   surely_flows_ = flows_beside_any_rigid_answer();
-  if (surely_flows_) {
-    begin_stick();
-    return;
-  }
-  //    At stress 0 the interface is molten and cannot stick.
-  const bool rigid_comes_first = rigid().sticks || !start.before.sticks || rigid_.stress == 0.0;
-  if (rigid_comes_first && !rigid_layer_flows()) {
+  const auto rigid_comes_first = [&] { return rigid().sticks || !start.before.sticks || rigid_.stress == 0.0; };
+  if (!surely_flows_ && rigid_comes_first() && !rigid_layer_flows()) {
     ask_rigid(Phase::kRigid);
   } else {
     begin_stick();
@@ -75,28 +72,6 @@ const LaneStep& FlowingSlip::rigid() {
     rigid_is_known_ = true;
   }
   return rigid_;
-}
-
-// ---- The jump over the step. Under a tolerance, and else: its mean; what an interface that sticks leaves to the flow of the
-// layer, as a stress; the stress from which on it surely sticks.
-
-double FlowingSlip::mean_jump(double a) const {
-  return start_.turns_within ? travel_.under(a).mean : slipping_.c - slipping_.b * a;
-}
-double FlowingSlip::mean_jump_slope(double a) const {
-  return start_.turns_within ? travel_.under(a).by_stress : -slipping_.b;
-}
-double FlowingSlip::left_to_flow(double a) const {
-  return start_.turns_within ? travel_.under(a).mean / trial_.per_stress : trial_.stress_stick - a;
-}
-double FlowingSlip::left_to_flow_slope(double a) const {
-  return start_.turns_within ? travel_.under(a).by_stress / trial_.per_stress : -1.0;
-}
-double FlowingSlip::stick_balance(double a, double slip) const {
-  return start_.turns_within ? compliance_ * slip - left_to_flow(a) : a + compliance_ * slip - trial_.stress_stick;
-}
-double FlowingSlip::stress_at_rest() const {
-  return start_.turns_within ? travel_.rest_stress() : trial_.stress_stick;
 }
 
 void FlowingSlip::ask(Phase phase, const LayerLoad& load) {
@@ -141,10 +116,6 @@ LayerLoad FlowingSlip::slip_load(double v) const {
   return slip_load(not_molten(a, [&](double stress) { return slip_load(stress, v); }), v);
 }
 
-bool FlowingSlip::melts(const LayerLoad& load) const {
-  return T(hottest(load), load) >= start_.limit.soft->melting_temperature;
-}
-
 // The slip of light bodies under large forces is a difference of numbers up to 1e16 times larger, so one ulp of the
 // stress may melt the layer. The stress is then reduced until the layer stays below melting.
 template <class LoadUnder>
@@ -159,13 +130,8 @@ double FlowingSlip::not_molten(double a, const LoadUnder& load_under) const {
 // it: under light bodies the work is a difference of numbers up to 1e16 times larger.
 LayerLoad FlowingSlip::solid(LayerLoad load) const {
   if (!(load.work > 0.0) || !melts(load)) return load;
-  double lo = 0.0, hi = load.work;
-  for (;;) {
-    load.work = 0.5 * (lo + hi);
-    if (load.work <= lo || load.work >= hi) break;
-    (melts(load) ? hi : lo) = load.work;
-  }
-  load.work = lo;
+  const LayerLoad all = load;
+  load.work = bisected(0.0, load.work, [&](double work) { return melts({all.stress, all.flux, work}); }).lo;
   return load;
 }
 
@@ -209,13 +175,6 @@ bool FlowingSlip::rigid_layer_flows() {
 }
 
 // ---- The flow nearby
-
-bool FlowingSlip::ends_stuck(double slip, const FlowAccuracy& accuracy) {
-  if ((phase_ != Phase::kStickGuess && phase_ != Phase::kStick) || !(load_.stress > 0.0)) return false;
-  if (!is_balanced(load_.stress, left_to_flow(load_.stress), compliance_, slip, accuracy)) return false;
-  end_stick(load_.stress);
-  return true;
-}
 
 // The stress that meets the stuck balance with the flow nearby, by Halley's method; -1 where that is not known.
 double FlowingSlip::nearby_stick(const NearbyFlow& nearby) const {
@@ -347,13 +306,8 @@ void FlowingSlip::update(double slip, const NearbyFlow& nearby) {
 // The stress at which a vertex reaches its ceiling as the stress of an interface that sticks rises; `high` if none does.
 double FlowingSlip::ceiling_of_stick(double high) const {
   if (heats_by_work()) {
-    double lo = 0.0, hi = high;
     if (layer_at(stick_load(high)) >= high) return high;
-    for (;;) {
-      const double mid = 0.5 * (lo + hi);
-      if (mid <= lo || mid >= hi) return lo;
-      (layer_at(stick_load(mid)) < mid ? hi : lo) = mid;
-    }
+    return bisected(0.0, high, [&](double a) { return layer_at(stick_load(a)) < a; }).lo;
   }
   const StressLimit layer{std::numeric_limits<double>::infinity(), start_.ceiling, start_.limit.pressure,
                           start_.limit.soft};
@@ -389,10 +343,13 @@ void FlowingSlip::begin_stick() {
   // An explicit flow is solved from a good guess without the third bound, unless melting is near or the guess is too low.
   first_vertex_bounds_ = g_hottest > 0.0 && start_.hardens;
   const double last = trial_.direction * start_.before.stress, next = last + start_.rise;
-  const double guess = inside(next) ? next : last;
-  if (!inside(guess) || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, start_.layer.T(0, 0.0)))
+  const bool extrapolates = inside(next);
+  const double guess = extrapolates ? next : last;
+  bool starts_inside = extrapolates || inside(last);
+  if (!starts_inside || !has_explicit_flow(soft.flow_law) || !is_far_from_melting(soft, start_.layer.T(0, 0.0))) {
     bound_stick_by_first_vertex();
-  const bool starts_inside = inside(guess);
+    starts_inside = inside(guess);
+  }
   ask_stick(starts_inside ? Phase::kStickGuess : Phase::kStickEnd, starts_inside ? guess : high_);
 }
 
@@ -430,7 +387,7 @@ void FlowingSlip::guess_stick(double slip, const NearbyFlow& nearby) {
 }
 
 void FlowingSlip::end_stick(double a) {
-  LayerLoad load = stick_load(a);
+  LayerLoad load = a == load_.stress ? load_ : stick_load(a);
   if (melts(load)) {
     a = not_molten(a, [&](double stress) { return stick_load(stress); });
     load = stick_load(a);
@@ -445,12 +402,14 @@ void FlowingSlip::end_stick(double a) {
     const bool below_yield = at_ceiling_ && start_.ceiling <= limit.tresca && hottest(load) == 0;
     return below_yield ? limit.friction(T0).stress : limit.at(T0).stress;
   };
-  const double carried =
-      start_.limit.depends_on_slip() ? carried_by(start_.limit.at_slip(stopping_.slip(a))) : carried_by(start_.limit);
+  const auto carries = [&] {
+    if (!start_.limit.depends_on_slip()) return start_.limit.surely_carries(a, T0) || carried_by(start_.limit) >= a;
+    return carried_by(start_.limit.at_slip(stopping_.slip(a))) >= a;
+  };
   // An interface that would stick next to a rigid layer sticks next to one that takes a part of the slip, unless its
   // limit follows the slip or the work of the layer heats it.
   const auto surely = [&] { return !heats_by_work() && !start_.limit.depends_on_slip() && rigid().sticks; };
-  if (carried >= a || surely()) {
+  if (carries() || surely()) {
     kind_ = Kind::kStick;
     if (start_.before.sticks && !rigid_layer_flows() && !rigid().sticks) return ask_rigid(Phase::kOtherAnswer);
     return ask(Phase::kDone, load.work > 0.0 ? solid(load) : load);
@@ -483,12 +442,7 @@ void FlowingSlip::begin_slip() {
 // stress than the interface at `high_`.
 void FlowingSlip::bound_slip_by_layer() {
   high_is_ceiling_ = true;
-  double lo = low_;
-  for (;;) {
-    const double mid = 0.5 * (lo + high_);
-    if (mid <= lo || mid >= high_) return;
-    (layer_holds(mid) ? high_ : lo) = mid;
-  }
+  high_ = bisected(low_, high_, [&](double v) { return layer_holds(v); }).hi;
 }
 
 double FlowingSlip::slip_balance(double slip) const {
@@ -518,35 +472,29 @@ void FlowingSlip::end_slip(double v) {
 }
 
 FlowingSlip::Answer FlowingSlip::answer(double slip) {
-  Answer answer = moving_answer(slip);
+  Answer answer{};
+  if (kind_ == Kind::kRigid) {
+    answer.step = rigid();
+  } else {
+    const double d = trial_.direction, a = load_.stress;
+    answer.work = load_.work;
+    answer.hottest = hottest(load_);
+    if (kind_ == Kind::kStick) {
+      if (at_ceiling_) answer.surplus = std::max(0.0, left_to_flow(a) / compliance_ - slip);
+      const bool flows = slip > 0.0 || answer.surplus > 0.0;
+      const bool melting = T(answer.hottest, load_) >= kMeltingShare * start_.limit.soft->melting_temperature;
+      const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
+      answer.step = {d * a, d * stopping_.slip(a), trial_.jump_new(a), load_.flux, regime, true, true, several_};
+    } else {
+      // A layer at its stress ceiling flows by the slip that the balance DLP (64) leaves over.
+      if (at_ceiling_) answer.surplus = std::max(0.0, (mean_jump(a) - slip_) * start_.dt / kSqrt3 - slip);
+      const Regime regime = slip_regime(start_.limit, T(0, load_), slip_);
+      answer.step = {d * a, d * slip_, trial_.jump_new(a), load_.flux, regime, false, rigid().unique, rigid_.several};
+    }
+  }
   answer.rubs = std::abs(answer.step.slip);
   if (start_.turns_within) answer.step = travel_.answer(answer.step);
   return answer;
-}
-
-// The answer; of a jump that may turn within the step with the stress and the slip while it moves.
-FlowingSlip::Answer FlowingSlip::moving_answer(double slip) {
-  if (kind_ == Kind::kRigid) return {rigid(), 0.0, 0.0, 0};
-  const double d = trial_.direction, a = load_.stress;
-  const int at = hottest(load_);
-  if (kind_ == Kind::kStick) {
-    const double surplus = at_ceiling_ ? std::max(0.0, left_to_flow(a) / compliance_ - slip) : 0.0;
-    const bool flows = slip > 0.0 || surplus > 0.0;
-    const bool melting = T(at, load_) >= kMeltingShare * start_.limit.soft->melting_temperature;
-    const Regime regime = !flows ? Regime::kStick : melting ? Regime::kMelting : Regime::kTresca;
-    return {{d * a, d * stopping_.slip(a), trial_.jump_new(a), load_.flux, regime, true, true, several_},
-            load_.work,
-            surplus,
-            at};
-  }
-  // A layer at its stress ceiling flows by the slip that the balance DLP (64) leaves over.
-  const double left = mean_jump(a) - slip_;
-  const double surplus = at_ceiling_ ? std::max(0.0, left * start_.dt / kSqrt3 - slip) : 0.0;
-  const Regime regime = slip_regime(start_.limit, T(0, load_), slip_);
-  return {{d * a, d * slip_, trial_.jump_new(a), load_.flux, regime, false, rigid().unique, rigid_.several},
-          load_.work,
-          surplus,
-          at};
 }
 
 }  // namespace shearbus::physics

@@ -27,7 +27,7 @@ struct FlowingStart {
   double heat_partition;
   double dt;
   Forcing forcing;
-  LaneStep before;  // the state before the step; only stress, jump_new and sticks are read
+  const LaneStep& before;  // the state before the step; only stress, jump_new and sticks are read
   double rise;  // of the stress, along itself, with which the search for that of the step starts, if it can be  [Pa]
   bool turns_within;  // under a tolerance: the jump may turn within the step, and slip and flow share its mean (Travel)
 };
@@ -57,14 +57,19 @@ class FlowingSlip {
   void update(double slip, const NearbyFlow& nearby = {});
   // To be asked before update(): the same where the flow meets the balance of an interface that sticks, else returns
   // false.
-  bool ends_stuck(double slip, const FlowAccuracy& accuracy);
+  bool ends_stuck(double slip, const FlowAccuracy& accuracy) {
+    if ((phase_ != Phase::kStickGuess && phase_ != Phase::kStick) || !(load_.stress > 0.0)) return false;
+    if (!is_balanced(load_.stress, left_to_flow(load_.stress), compliance_, slip, accuracy)) return false;
+    end_stick(load_.stress);
+    return true;
+  }
 
   struct Answer {
     LaneStep step;
-    double work;        // plastic work that heats the layer  [W/m2]
-    double surplus;     // plastic slip beyond that of DLP (48), at the hottest vertex of a layer at its ceiling  [m]
-    int hottest;        // index of the hottest vertex
-    double rubs = 0.0;  // mean speed at which the interface slips, to and fro  [m/s]
+    double work;     // plastic work that heats the layer  [W/m2]
+    double surplus;  // plastic slip beyond that of DLP (48), at the hottest vertex of a layer at its ceiling  [m]
+    int hottest;     // index of the hottest vertex
+    double rubs;     // mean speed at which the interface slips, to and fro  [m/s]
   };
   Answer answer(double slip);  // `slip`: plastic slip across the layer, integral(dep), under the load found  [m]
 
@@ -78,7 +83,7 @@ class FlowingSlip {
   void ask_slip(Phase phase, double v);
   void begin_stick();
   void bound_stick_by_first_vertex();
-  void guess_stick(double slip, const NearbyFlow& nearby);
+  inline void guess_stick(double slip, const NearbyFlow& nearby);
   void end_stick(double a);
   void begin_slip();
   void stick_below(double high);
@@ -86,11 +91,11 @@ class FlowingSlip {
   const LaneStep& rigid();
   bool rigid_holds(double slip);
   bool rigid_layer_flows();
-  bool flows_beside_any_rigid_answer() const;
+  inline bool flows_beside_any_rigid_answer() const;
   bool heats_by_work() const { return start_.layer.B_work != nullptr; }
   double T(int vertex, const LayerLoad& load) const { return start_.layer.T(vertex, load.flux, load.work); }
   int hottest(const LayerLoad& load) const { return start_.layer.hottest(load.flux, load.work); }
-  bool melts(const LayerLoad& load) const;
+  bool melts(const LayerLoad& load) const { return T(hottest(load), load) >= start_.limit.soft->melting_temperature; }
   double layer_at(const LayerLoad& load) const;
   double ceiling_of_stick(double high) const;
   LayerLoad stick_load(double a) const;
@@ -101,14 +106,23 @@ class FlowingSlip {
   LayerLoad solid(LayerLoad load) const;
   bool layer_holds(double v) const;
   void bound_slip_by_layer();
+  // The jump over the step: its mean; what an interface that sticks leaves to the flow of the layer, as a stress; the
+  // stress from which on it surely sticks.
+  double mean_jump(double a) const {
+    return start_.turns_within ? travel_.under(a).mean : slipping_.c - slipping_.b * a;
+  }
+  double mean_jump_slope(double a) const { return start_.turns_within ? travel_.under(a).by_stress : -slipping_.b; }
+  double left_to_flow(double a) const {
+    return start_.turns_within ? travel_.under(a).mean / trial_.per_stress : trial_.stress_stick - a;
+  }
+  double left_to_flow_slope(double a) const {
+    return start_.turns_within ? travel_.under(a).by_stress / trial_.per_stress : -1.0;
+  }
   double stick_balance(double slip) const { return stick_balance(load_.stress, slip); }
-  double stick_balance(double a, double slip) const;
-  double stress_at_rest() const;
-  double left_to_flow(double a) const;
-  double left_to_flow_slope(double a) const;
-  double mean_jump(double a) const;
-  double mean_jump_slope(double a) const;
-  Answer moving_answer(double slip);
+  double stick_balance(double a, double slip) const {
+    return start_.turns_within ? compliance_ * slip - left_to_flow(a) : a + compliance_ * slip - trial_.stress_stick;
+  }
+  double stress_at_rest() const { return start_.turns_within ? travel_.rest_stress() : trial_.stress_stick; }
   double nearby_stick(const NearbyFlow& nearby) const;
   double nearby_slip(const NearbyFlow& nearby) const;
   double slip_balance(double slip) const;

@@ -12,6 +12,7 @@
 #include "server/physics/solver/force_driven/flowing_slip.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
+#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
@@ -163,15 +164,16 @@ struct FlowingLane {
   }
 
   // What follows from the answer of a step of length dt: the surplus of plastic slip, the shape of its heat, the
-  // contact. `strain_old`: plastic strain before the step. T0: interface temperature after it.
-  void finish(FlowingSlip::Answer& answer, const double* strain_old, double dt, double T0) {
-    strain[answer.hottest * kLanes + lane] +=
-        answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
+  // contact. `strain_old`: plastic strain before the step.
+  void finish(FlowingSlip::Answer& answer, const double* strain_old, double dt, const Heated& layer) {
+    if (answer.surplus > 0.0)
+      strain[answer.hottest * kLanes + lane] +=
+          answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
     if (work_heat != nullptr) {
       heat_of_work += answer.work * heated_share(problem.grid, shape + lane) * dt;
       reshape_heat(problem, strain_old + lane, strain + lane, 0.0, shape + lane);
     }
-    slip_contact(answer.step, answer.rubs, dt, T0);
+    slip_contact(answer.step, answer.rubs, dt, layer.T(0, answer.step.flux, answer.work));
   }
   void slip_contact(LaneStep& step, double slip, double dt, double T0) {
     if (!problem.options.junctions && problem.layout.num_friction_states == 0) return;
@@ -205,7 +207,7 @@ struct FlowingLane {
     }
     while (!step.done()) step.update(0.0);
     FlowingSlip::Answer answer = step.answer(search.slip[lane]);
-    finish(answer, strain_old, heat.dt, start_of_step.layer.T(0, answer.step.flux, answer.work));
+    finish(answer, strain_old, heat.dt, start_of_step.layer);
     if (work_heat != nullptr) add_spread_lane(heat, work_heat->spread(), lane, answer.work, B_work, T_all);
     return answer.step;
   }
@@ -316,15 +318,15 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
   for (const int l : lanes_of(inputs.active)) {
     FlowingLane& lane = slots[l].search.lane;
-    LaneStep whole;
-    if (contains(closed, l)) {
-      FlowingSlip::Answer answer = searches.lanes[l]->answer(searches.slip[l]);
+    const bool is_closed = contains(closed, l);
+    FlowingSlip::Answer answer =
+        is_closed ? searches.lanes[l]->answer(searches.slip[l])
+                  : FlowingSlip::Answer{open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new)};
+    LaneStep& whole = answer.step;
+    if (is_closed) {
       power[l] = answer.work;
-      const Heated layer{T + l, heat.layer_response(), 1, 1, work != nullptr ? work->response() + l : nullptr};
-      lane.finish(answer, strain, heat.dt, layer.T(0, answer.step.flux, answer.work));
-      whole = answer.step;
+      lane.finish(answer, strain, heat.dt, slots[l].search.start.layer);
     } else {
-      whole = open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new);
       lane.slip_contact(whole, whole.slip, heat.dt, T[l]);
     }
     LaneResult result = step_or_divide(
@@ -358,20 +360,23 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   for (const int l : lanes_of(inputs.active)) outputs.interface_temperature[l] = T[l];
 }
 
+void advance_first_order(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                         const double* committed, double* trial, TileOutputs& outputs) {
+  const std::size_t first = problem.layout.first_temperature();
+  conduct(operators.heat(), problem.heat_rows, committed + first, trial + first);
+  advance(problem, operators, operators.heat(), 0, inputs, committed, trial, outputs);
+}
+
 }  // namespace
 
 void advance_force_driven_flowing(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                                   const double* committed, double* trial, TileOutputs& outputs) {
-  const int n = problem.heat_rows;
-  const std::size_t first = problem.layout.first_temperature();
-  const double* T_old = committed + first;
-  double* T = trial + first;
-  if (operators.even() == nullptr) {
-    conduct(operators.heat(), n, T_old, T);
-    return advance(problem, operators, operators.heat(), 0, inputs, committed, trial, outputs);
-  }
+  if (operators.even() == nullptr) return advance_first_order(problem, operators, inputs, committed, trial, outputs);
   // Under a tolerance heat is conducted to second order, except where that would leave the range of the temperatures.
   const HeatOperator& even = *operators.even();
+  const int n = problem.heat_rows;
+  const double* T_old = committed + problem.layout.first_temperature();
+  double* T = trial + problem.layout.first_temperature();
   conduct(even, n, T_old, T);
   extrapolate_rows(n, sdirk2::kExtrapolation, T_old, T);
   conduct(even, n, T, T);
@@ -379,12 +384,7 @@ void advance_force_driven_flowing(const Problem& problem, const StepOperators& o
   const Conducted lanes = lanes_conducted(n, problem.heat_grid.interface, T_old, T);
   part.active = inputs.active & ~lanes.out;
   if (part.active != 0) advance(problem, operators, even, lanes.inside, part, committed, trial, outputs);
-  part.active = inputs.active & lanes.out;
-  if (part.active == 0) return;
-  double* fallback = scratch_tile(Scratch::kStages, problem.layout.doubles);
-  conduct(operators.heat(), n, T_old, fallback + first);
-  advance(problem, operators, operators.heat(), 0, part, committed, fallback, outputs);
-  for (const int l : lanes_of(part.active)) copy_lane(fallback, trial, problem.layout.doubles, l);
+  advance_aside(advance_first_order, problem, operators, inputs, inputs.active & lanes.out, committed, trial, outputs);
 }
 
 }  // namespace shearbus::physics

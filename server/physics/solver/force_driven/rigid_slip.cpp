@@ -9,17 +9,6 @@
 
 namespace shearbus::physics {
 
-TrialSlip::TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before)
-    : jump_free(jump_before + dt * forcing.acceleration), per_stress(dt * forcing.mobility) {
-  // The direction is that of the jump after a step without friction. If this jump is 0, the host's plastic shear acts
-  // along the old stress, or not at all if the old stress is 0 too.
-  const double leads = jump_free != 0.0 ? jump_free : stress_before;
-  direction = leads < 0.0 ? -1.0 : 1.0;
-  drive = leads != 0.0 ? forcing.plastic_drive : 0.0;
-  jump_old = direction * jump_before;
-  stress_stick = (std::abs(jump_free) + drive) / per_stress;
-}
-
 Regime slip_regime(const StressLimit& limit, double T0, double slip) {
   if (limit.at(T0, slip).is_coulomb) return Regime::kCoulomb;
   return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;

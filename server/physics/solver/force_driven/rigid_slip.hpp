@@ -2,6 +2,8 @@
 // (65).
 #pragma once
 
+#include <cmath>
+
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/lane_step.hpp"
 #include "server/physics/solver/tile.hpp"
@@ -23,7 +25,16 @@ inline Forcing forcing_of(const TileInputs& inputs, int lane) {
 // The velocity jump after a step, DLP (61): its value without friction, less a part in proportion to the stress of the
 // interface. The trial direction is that of the jump without friction; stresses are magnitudes along it.
 struct TrialSlip {
-  TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before);
+  TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before)
+      : jump_free(jump_before + dt * forcing.acceleration), per_stress(dt * forcing.mobility) {
+    // The direction is that of the jump after a step without friction. If this jump is 0, the host's plastic shear acts
+    // along the old stress, or not at all if the old stress is 0 too.
+    const double leads = jump_free != 0.0 ? jump_free : stress_before;
+    direction = leads < 0.0 ? -1.0 : 1.0;
+    drive = leads != 0.0 ? forcing.plastic_drive : 0.0;
+    jump_old = direction * jump_before;
+    stress_stick = (std::abs(jump_free) + drive) / per_stress;
+  }
 
   // The jump [V]new after the step under the stress magnitude a, signed  [m/s].
   double jump_new(double a) const { return jump_free - direction * a * per_stress; }

@@ -9,8 +9,8 @@
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
 #include "server/physics/solver/force_driven/step.hpp"
 #include "server/physics/solver/force_driven/wide_slip.hpp"
+#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/work.hpp"
@@ -163,17 +163,12 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   add_flux(second, n, answer.flux, T);
 
   // 3. Backward Euler for the active lanes to which SDIRK2 does not apply.
-  if (const std::uint32_t fallen_back = inputs.active & ~solved.solved; fallen_back != 0) {
-    TileInputs theirs = inputs;
-    theirs.active = fallen_back;
-    double* fallback = scratch_tile(Scratch::kStages, layout.doubles);
-    advance_force_driven(problem, operators, theirs, committed, fallback, outputs);
-    for (const int l : lanes_of(fallen_back)) {
-      copy_lane(fallback, trial, layout.doubles, l);
-      // Marks the step as one of first order. A node that sticks at the end of the step is not marked, because the
-      // order in time of its step does not matter.
-      if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
-    }
+  const std::uint32_t fallen_back = inputs.active & ~solved.solved;
+  advance_aside(advance_force_driven, problem, operators, inputs, fallen_back, committed, trial, outputs);
+  for (const int l : lanes_of(fallen_back)) {
+    // Marks the step as one of first order. A node that sticks at the end of the step is not marked, because the
+    // order in time of its step does not matter.
+    if (outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
   }
 
   // 4. Write the answers of the solved lanes.

@@ -14,32 +14,13 @@
 
 namespace shearbus::physics {
 
-struct LaneResult {
-  LaneStep step{};
-  double heat = 0.0;  // friction heat of the step                                                   [J/m2]
-  double flux = 0.0;  // heat flux still to be added to the temperatures; 0 if substeps have added it  [W/m2]
-  std::uint8_t outcome = 0;
-};
-
-// Writes the answer of a lane, except the states and outputs that follow from the temperatures.
-inline void write_answer(const LaneResult& result, const TileLayout& layout, int lane, double* trial,
-                         TileOutputs& outputs) {
-  outputs.shear_stress[lane] = trial[layout.shear_stress + lane] = result.step.stress;
-  outputs.sliding_velocity[lane] = result.step.slip;
-  outputs.velocity_jump_new[lane] = result.step.jump_new;
-  outputs.friction_heat[lane] = result.heat;
-  outputs.regime[lane] = result.step.regime;
-  outputs.outcome[lane] = result.outcome;
-  trial[layout.regime + lane] = static_cast<double>(result.step.regime);
-}
-
 // One lane at the start of a step.
 struct LaneStart {
   int lane;
-  LaneStep before;      // state before the step; of it only stress, jump_new, regime and sticks are used
-  int num_rows;         // number of rows of temperatures or modes, [row][lane]
-  const double* T_old;  // temperatures or modes before the step
-  double* T;            // temperatures or modes after conduction over the whole step, or after the substeps
+  const LaneStep& before;  // state before the step; of it only stress, jump_new, regime and sticks are used
+  int num_rows;            // number of rows of temperatures or modes, [row][lane]
+  const double* T_old;     // temperatures or modes before the step
+  double* T;               // temperatures or modes after conduction over the whole step, or after the substeps
 };
 
 // Makes equal substeps from the old temperatures. `substep(from)` makes the substep that follows the LaneStep `from`,

@@ -21,7 +21,7 @@ Travel::Path Travel::under(double stress) const {
   const double d = along < 0.0 ? -1.0 : 1.0, speed = d * before_, slows = per_stress_ * stress - d * push_;
   if (speed >= slows) {
     const double mean = speed - 0.5 * slows;
-    return {mean, -0.5 * per_stress_, d * mean, d * (speed - slows)};
+    return {mean, -0.5 * per_stress_, d * mean, d * (speed - slows), false};
   }
   const double stop = speed / slows, rest = 1.0 - stop, stops_sooner = stop * per_stress_ / slows;
   const double until_stop = 0.5 * speed * stop;
@@ -29,7 +29,7 @@ Travel::Path Travel::under(double stress) const {
   const double after = 0.5 * turns * (rest * rest);
   double by_stress = -0.5 * speed * stops_sooner;
   if (turns > 0.0) by_stress += rest * (turns * stops_sooner - 0.5 * per_stress_ * rest);
-  return {until_stop + after, by_stress, d * (until_stop - after), -d * (turns * rest)};
+  return {until_stop + after, by_stress, d * (until_stop - after), -d * (turns * rest), speed > 0.0};
 }
 
 double Travel::rest_stress() const {
@@ -64,7 +64,7 @@ LaneStep Travel::answer(LaneStep moving) const {
   if (path.mean > 0.0) moving.slip *= path.net / path.mean;
   moving.jump_new = direction_ * (path.end - drive_);
   // The difference has the rounding of the velocities, which may be that of many times the stress.
-  if (path.end == 0.0 || path.net != path.mean)
+  if (path.end == 0.0 || path.stops)
     moving.stress = direction_ * std::clamp((before_ + push_ - path.end) / per_stress_, -stress, stress);
   if (path.end == 0.0) {
     moving.sticks = true;

@@ -9,6 +9,7 @@ namespace shearbus::physics {
 // may stop, and then rests unless the far stresses are larger.
 class Travel {
  public:
+  Travel() = default;  // of a step that is not asked for it
   Travel(const Forcing& forcing, const TrialSlip& trial, double dt);
 
   struct Path {
@@ -16,6 +17,7 @@ class Travel {
     double by_stress;  // its derivative by the stress, never above 0  [m/(s Pa)]
     double net;        // mean velocity along the trial direction  [m/s]
     double end;        // velocity after the step along the trial direction  [m/s]
+    bool stops;        // what moved before the step stops within it
   };
   Path under(double stress) const;
 

@@ -182,14 +182,9 @@ void advance_force_driven_melting(const Problem& problem, const StepOperators& o
       step.jump_new = answer.sticks || answer.stress >= slip.stick ? 0.0 : trial_slip.jump_new(answer.stress);
       step.regime = regime_of(slip, answer, T0_new, thickness);
     }
-    outputs.shear_stress[lane] = trial[layout.shear_stress + lane] = step.stress;
-    outputs.sliding_velocity[lane] = step.slip;
-    outputs.velocity_jump_new[lane] = step.jump_new;
-    outputs.friction_heat[lane] = answer.flux * dt;
+    write_answer({step, answer.flux * dt, flux[lane], answer.several ? kMultipleRoots : std::uint8_t{0}}, layout, lane,
+                 trial, outputs);
     outputs.film_thickness[lane] = thickness;
-    outputs.regime[lane] = step.regime;
-    outputs.outcome[lane] = answer.several ? kMultipleRoots : 0;
-    trial[layout.regime + lane] = static_cast<double>(step.regime);
   }
 
   // 4. The friction heat of the lanes that stay solid: T = T_ad + q B.

@@ -1,7 +1,7 @@
 #include "server/physics/solver/velocity_driven/stages.hpp"
 
+#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/balance.hpp"
@@ -34,15 +34,8 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
   solve_balance(problem, operators, {&stage, operators.dt(), early_flux}, theirs, committed, trial, outputs);
 
   // 3. Lanes (nodes) whose extrapolated temperatures are out of range take a step of backward Euler instead.
-  if (fallen_back == 0) return;
-  const std::size_t doubles = problem.layout.doubles;
-  double* fallback = scratch_tile(Scratch::kStages, doubles);
-  theirs.active = fallen_back;
-  advance_velocity_driven(problem, operators, theirs, committed, fallback, outputs);
-  for (const int l : lanes_of(fallen_back)) {
-    copy_lane(fallback, trial, doubles, l);
-    outputs.outcome[l] |= kFirstOrder;
-  }
+  advance_aside(advance_velocity_driven, problem, operators, inputs, fallen_back, committed, trial, outputs);
+  for (const int l : lanes_of(fallen_back)) outputs.outcome[l] |= kFirstOrder;
 }
 
 }  // namespace shearbus::physics
