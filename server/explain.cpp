@@ -14,6 +14,8 @@
 #include <span>
 #include <utility>
 
+#include "proto/program/program.hpp"
+#include "proto/program/progress.hpp"
 #include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
 #include "server/physics/material/material.hpp"
@@ -281,6 +283,18 @@ Explanation explain(std::string_view scene, const std::string& file) {
   const service::SceneModel made = service::scene_model(scene, file);
   const physics::ModelOptions& options = made.options;
   const Beside here_beside{.friction_energy = made.friction_energy};
+  program::complain(fmt::format(
+      "{}: measuring what each part of the model takes on this machine, about half a minute of processor time", file));
+  const std::size_t num_parts = physics::parts().size();
+  program::Progress progress("measuring", true);
+  const auto measured = [&](std::size_t parts) {
+    progress.show([&](double elapsed_s) {
+      return program::Extent{.fraction = static_cast<double>(parts) / static_cast<double>(num_parts),
+                             .text = fmt::format("{}/{} parts", parts, num_parts),
+                             .left_s = elapsed_s * static_cast<double>(num_parts - parts) /
+                                       static_cast<double>(std::max<std::size_t>(parts, 1))};
+    });
+  };
   Explanation explanation{.scene = made.name,
                           .cost = cost_of(options, here_beside),
                           .parts = {},
@@ -292,7 +306,9 @@ Explanation explain(std::string_view scene, const std::string& file) {
   Bench here_bench(options);
 
   // 1. Find the memory and time of each part: switch this part alone on if it is off, or off if it is on.
-  for (const physics::Part& part : physics::parts()) {
+  for (std::size_t n = 0; n < num_parts; ++n) {
+    const physics::Part& part = physics::parts()[n];
+    measured(n);
     if (part.set == nullptr) continue;
     ScenePart found{.name = unique_key(part), .on = part.is_on(options), .meaning = std::string(part.adds)};
     const physics::ModelOptions other = physics::switched(options, part, !found.on);
@@ -340,6 +356,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
   const bool sums_all = service::has_ledger(all);
   if (sums_all) explanation.together.emplace_back(kFrictionEnergy);
   explanation.everything = cost_of(all, {.ledger = true, .friction_energy = sums_all});
+  progress.clear();
   return explanation;
 }
 
@@ -389,6 +406,10 @@ std::vector<std::pair<std::string, std::string>> OmittedCost::lines() const {
   if (share_asleep)
     lines.emplace_back("asleep", fmt::format("{:.1f} % of node-steps, not solved", 100.0 * *share_asleep));
   return lines;
+}
+
+void check_scene(std::string_view scene, const std::string& file) {
+  static_cast<void>(service::scene_model(scene, file));
 }
 
 OmittedCost omitted_cost(const std::string& effective_scene, const wire::SessionClosed& totals) {

@@ -54,8 +54,12 @@ struct Explanation {
   std::string text(std::size_t nodes = 0) const;  // `nodes` above 0: adds the cost of a step of this number of nodes
 };
 
-// Measures the time of every part on this machine, in at most 0.2 s each. Throws wire::Error for an invalid scene.
+// Measures the time of every part on this machine, which takes about half a minute; says so on standard error, with a
+// progress line on a terminal. Throws wire::Error for an invalid scene.
 Explanation explain(std::string_view scene, const std::string& file);
+
+// Throws wire::Error for a scene that no session can have.
+void check_scene(std::string_view scene, const std::string& file);
 
 // Optional physics that a run left out, and the memory that it would have needed. Nothing is measured.
 struct OmittedCost {

@@ -38,6 +38,7 @@
 namespace {
 
 namespace ctl = shearbus::ctl;
+namespace fs = std::filesystem;
 
 constexpr int kExitFault = 1;
 constexpr int kExitTrouble = 2;  // of compare, as of diff
@@ -123,9 +124,14 @@ void check(const Options& options) {
     shearbus::program::complain(fmt::format("{}: {}", file, shearbus::wire::labelled(warning)));
   shearbus::program::complain(fmt::format("{}: valid{}; {} bytes of state per node", file,
                                           left_out ? " without its table [hydro]" : "", checked.bytes_per_node));
-  if (left_out)
-    shearbus::program::complain(fmt::format(
-        "{}: not checked: [hydro], which shearbus-hydro alone reads: shearbus-hydro {} --check", file, file));
+  if (left_out) {
+    // The reference hydrocode is built, but not installed, with this program.
+    const fs::path hydro = fs::read_symlink("/proc/self/exe").replace_filename("shearbus-hydro");
+    shearbus::program::complain(
+        fmt::format("{0}: not checked: [hydro], which the reference hydrocode alone reads: {1} {0} --check{2}", file,
+                    fs::exists(hydro) ? shearbus::program::shown(hydro) : "build/bin/shearbus-hydro",
+                    fs::exists(hydro) ? "" : ", in the sources of shearbus"));
+  }
 }
 
 // Writes a key pair; the public file is a line for a server's --authorized-keys.

@@ -2,17 +2,19 @@
 """A host of shearbus in Python: two elastic half-spaces slide on each other at ten interface nodes, with another
 pressure at each.
 
-    host.py [ENDPOINT]        without an endpoint it starts a server of its own
-
 Behind each node a column of zones carries shear waves: velocities live at zone faces and at half steps, stresses in
 zones and at full steps; dt is the time that a shear wave takes across a zone, for which this scheme is exact. So is the
 answer: [V] = V0 - mu P (1/Z_soft + 1/Z_hard), 92.184 m/s at 500 MPa, from the first step on."""
+import argparse
 import pathlib
 import sys
 
 import numpy
 
-import shearbus
+try:
+    import shearbus
+except ImportError as fault:
+    sys.exit(f"host.py: the Python client cannot be loaded: {fault}; install it, or name its directory in PYTHONPATH (client/python)")
 
 NODES, STEPS, DT = 10, 100, 1e-9
 INITIAL_JUMP, FRICTION = 100.0, 0.1  # m/s, the scene's friction coefficient
@@ -61,7 +63,12 @@ def run(endpoint=None):
 
 
 if __name__ == "__main__":
-    jump, exact, closure = run(*sys.argv[1:2])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("endpoint", nargs="?", help="of a server; without one it starts a server of its own")
+    try:
+        jump, exact, closure = run(parser.parse_args().endpoint)
+    except shearbus.Error as fault:
+        sys.exit(f"host.py: {fault}")
     for node in range(NODES):
         print(f"node {node + 1:2}  P {PRESSURE[node] / 1e6:5.0f} MPa  [V] {jump[node]:.6f} m/s  "
               f"exact {exact[node]:.6f}")

@@ -13,6 +13,7 @@
 
 What the datasets mean is in client/replay/README.md. Everything is SI."""
 import argparse
+import os
 import re
 
 import h5py
@@ -129,8 +130,12 @@ def main():
     parser.add_argument("--velocity", type=number(-1e5, 1e5), default=100.0, help="velocity jump, m/s (default 100)")
     parser.add_argument("--pressure", type=number(-1e12, 1e12), default=11.2e9, help="Pa (default 11.2e9); ramp and pressures have their own")
     args = parser.parse_args()
-    with h5py.File(args.out, "w") as file:
-        kinds[args.kind](file, args)
+    try:
+        with h5py.File(args.out, "w") as file:
+            kinds[args.kind](file, args)
+    except OSError as fault:
+        why = os.strerror(fault.errno) if fault.errno else fault
+        parser.exit(1, f"make_history.py: {args.out} cannot be written: {why}; name a file where there is room and you may write\n")
 
 
 if __name__ == "__main__":

@@ -1,16 +1,18 @@
 #!/usr/bin/python3
 """What if: the interface temperature of a contact under a range of friction coefficients and jumps.
 
-    sweep.py [ENDPOINT]        without an endpoint the servers run in this process
-
 One session per friction coefficient, one node per jump; the bodies are free plates of 1 mm, which friction brakes. Prints the
 highest interface temperature (K) in 1 us."""
+import argparse
 import pathlib
 import sys
 
 import numpy
 
-import shearbus
+try:
+    import shearbus
+except ImportError as fault:
+    sys.exit(f"sweep.py: the Python client cannot be loaded: {fault}; install it, or name its directory in PYTHONPATH (client/python)")
 
 FRICTION = (0.05, 0.1, 0.2)
 JUMPS = numpy.array([10.0, 50.0, 100.0])  # m/s
@@ -33,7 +35,12 @@ def highest_temperature(friction, endpoint):
 
 
 if __name__ == "__main__":
-    place = sys.argv[1] if len(sys.argv) > 1 else None
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("endpoint", nargs="?", help="of a server; without one the servers run in this process")
+    place = parser.parse_args().endpoint
     print("mu  " + "".join(f"{jump:8.0f} m/s" for jump in JUMPS))
-    for mu in FRICTION:
-        print(f"{mu:4.2f}" + "".join(f"{temperature:10.2f} K" for temperature in highest_temperature(mu, place)))
+    try:
+        for mu in FRICTION:
+            print(f"{mu:4.2f}" + "".join(f"{temperature:10.2f} K" for temperature in highest_temperature(mu, place)))
+    except shearbus.Error as fault:
+        sys.exit(f"sweep.py: {fault}")

@@ -32,6 +32,7 @@
 #include "proto/wire/codec.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
+#include "server/explain.hpp"
 #include "server/in_process.hpp"
 
 namespace shearbus::replay {
@@ -90,8 +91,10 @@ class InProcessPeer final : public Peer {
  public:
   explicit InProcessPeer(const fs::path& record) {
     if (!record.empty())
-      recorder_.emplace(files::RecorderOptions{
-          .place = record, .recorder = files::Recorder::kClient, .sessions = {}, .log = [](const std::string& line, bool) { complain(line); }});
+      recorder_.emplace(files::RecorderOptions{.place = record,
+                                               .recorder = files::Recorder::kClient,
+                                               .sessions = {},
+                                               .log = [](const std::string& line, bool) { complain(line); }});
   }
 
   const wire::Reply& ask(wire::Request& request) override {
@@ -133,7 +136,10 @@ std::vector<fs::path> logs_below(const std::vector<fs::path>& places) {
       if (entry.is_regular_file() && files::is_event_log(entry.path())) logs.push_back(entry.path());
   }
   std::ranges::sort(logs);
-  if (logs.empty()) throw Error({.code = Code::kInvalidValue, .text = "there is no event log in the directory"});
+  if (logs.empty())
+    throw Error({.code = Code::kInvalidValue,
+                 .text = fmt::format("{}: expected event logs in the directory, found none", places.front().string()),
+                 .remedy = "Name a history, an event log, or the directory that --record of a server names."});
   return logs;
 }
 
@@ -290,7 +296,8 @@ class LogReplay {
   std::string scene_of(std::string text, const std::string& file) {
     if (!branched_) return text;
     if (!options_.scene.empty()) text = scene::load_text(options_.scene);
-    changed_scene_ = scene::ChangedScene(text, options_.scene.empty() ? file : options_.scene.string(), options_.set);
+    changed_scene_ = scene::ChangedScene(text, options_.scene.empty() ? file : options_.scene.string(), options_.set,
+                                         options_.swept);
     return changed_scene_.text();
   }
 
@@ -408,6 +415,26 @@ class LogReplay {
 bool holds_event_logs(const fs::path& path) {
   std::error_code ignored;
   return fs::is_directory(path, ignored) || files::is_event_log(path);
+}
+
+void check_sweep(const LogReplayOptions& options, std::span<const std::string> changes) {
+  if (!options.server.endpoint.empty()) return;
+  for (const fs::path& file : logs_below(options.logs)) {
+    const Log log(file);
+    const bool other = !options.scene.empty();
+    const std::string text = other ? scene::load_text(options.scene) : log.head().scene;
+    const std::string name = other ? options.scene.string() : log.name();
+    for (const std::string& change : changes) {
+      std::vector<std::string> set = options.set;
+      set.push_back(change);
+      const scene::ChangedScene changed(text, name, set, true);
+      try {
+        server::check_scene(changed.text(), name);
+      } catch (const Error& fault) {
+        throw Error(changed.placed(fault.status()));
+      }
+    }
+  }
 }
 
 bool replay_logs(const LogReplayOptions& options) {

@@ -168,6 +168,9 @@ void check(const CLI::App& app, Command& command) {
   const bool has_history = !command.inputs.empty() || !run.scene.empty() || !run.out.empty();
   if (std::ranges::count_if(command.plot.files, files::is_event_log) > 1)
     throw CLI::ValidationError("FILES", "expected one event log; of several make tables first: shearbus-replay export");
+  if (app.got_subcommand("plot") && command.plot.out.extension() != ".png")
+    throw CLI::ValidationError("--out",
+                               "expected a picture's name that ends in .png, found " + command.plot.out.string());
   if (!app.get_subcommands().empty()) {
     if (has_history) throw CLI::ExcludesError(app.get_subcommands().front()->get_name(), "options of a replay");
     return;
@@ -194,21 +197,46 @@ void check(const CLI::App& app, Command& command) {
   if (run.out.empty() && !run.check) throw CLI::RequiredError("--out");
 }
 
-// Replays the inputs once. Returns the exit code.
-int replay_once(const Command& command, const replay::Options& run) {
-  if (!replay::holds_event_logs(command.inputs.front())) {
-    replay::run(run);
-    return 0;
-  }
+// The options of a replay of event logs, from those of one of a history.
+replay::LogReplayOptions of_logs(const Command& command, const replay::Options& run) {
   replay::LogReplayOptions logs = command.logs;
   logs.logs = command.inputs;
   logs.scene = run.scene;
   logs.set = run.set;
+  logs.swept = run.swept;
   logs.server = run.server;
   logs.out = run.out;
   logs.rtol = command.rtol;
   logs.version = run.version;
-  return replay::replay_logs(logs) ? 0 : kRunError;
+  return logs;
+}
+
+// Replays the inputs once. Returns the exit code.
+int replay_once(const Command& command, const replay::Options& run) {
+  if (replay::holds_event_logs(command.inputs.front()))
+    return replay::replay_logs(of_logs(command, run)) ? 0 : kRunError;
+  replay::run(run);
+  return 0;
+}
+
+// Replays the inputs once for each value of --sweep, if the scene may have all of them. Returns the exit code.
+int replay_sweep(const Command& command) {
+  const auto changes = changes_of(command.sweep);
+  std::vector<std::string> values;
+  for (const auto& [change, word] : changes) values.push_back(change);
+  if (replay::holds_event_logs(command.inputs.front()))
+    replay::check_sweep(of_logs(command, command.run), values);
+  else
+    replay::check_sweep(command.run, values);
+  for (const auto& [change, word] : changes) {
+    replay::Options one = command.run;
+    one.set.push_back(change);
+    one.swept = true;
+    one.out.replace_filename(command.run.out.stem().string() + "-" + word + command.run.out.extension().string());
+    fmt::print("{}\n", change);
+    if (const int code = replay_once(command, one); code != 0) return code;
+  }
+  return 0;
 }
 
 int run(const CLI::App& app, Command& command) {
@@ -235,15 +263,7 @@ int run(const CLI::App& app, Command& command) {
                            : command.steps ? replay::Rows::kSteps
                                            : replay::Rows::kUnspecified;
   command.run.history = command.inputs.front();
-  if (command.sweep.empty()) return replay_once(command, command.run);
-  for (const auto& [change, word] : changes_of(command.sweep)) {
-    replay::Options one = command.run;
-    one.set.push_back(change);
-    one.out.replace_filename(command.run.out.stem().string() + "-" + word + command.run.out.extension().string());
-    fmt::print("{}\n", change);
-    if (const int code = replay_once(command, one); code != 0) return code;
-  }
-  return 0;
+  return command.sweep.empty() ? replay_once(command, command.run) : replay_sweep(command);
 }
 
 }  // namespace

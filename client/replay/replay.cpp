@@ -226,11 +226,23 @@ void explain(const fs::path& scene) {
   fmt::print("{}", server::explain(scene::load_text(scene), program::shown(scene)).text());
 }
 
+void check_sweep(const Options& options, std::span<const std::string> changes) {
+  const std::string text = scene::load_text(options.scene);
+  Table history(options.history, options.table);
+  const NodeProperties properties = NodeProperties::of(history);
+  for (const std::string& change : changes) {
+    std::vector<std::string> set = options.set;
+    set.push_back(change);
+    open(options, {text, options.scene.string(), set, true}, history, properties).close();
+  }
+}
+
 void run(const Options& options) {
   const auto start = Clock::now();
   program::stop_at_next_step();
   if (!options.check) check_out(options);
-  const scene::ChangedScene changed(scene::load_text(options.scene), options.scene.string(), options.set);
+  const scene::ChangedScene changed(scene::load_text(options.scene), options.scene.string(), options.set,
+                                    options.swept);
   const std::string& scene = changed.text();
   Table history(options.history, options.table);
   const NodeProperties properties = NodeProperties::of(history);

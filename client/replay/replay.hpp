@@ -17,6 +17,7 @@ struct Options {
   std::filesystem::path out;
   TableOptions table;            // how to read and resample the history
   std::vector<std::string> set;  // "table.key=value": changes of the scene
+  bool swept = false;            // the last of them is a value of --sweep
   files::ServerAddress server;   // without an endpoint: a server inside this process
   bool check = false;            // only check: read the history and open a session, but replay nothing
   bool closed_loop = false;      // force-driven: send back each answered jump, even if the history has /velocity_jump
@@ -31,6 +32,10 @@ struct Options {
 
 // Prints how much time and memory each part of the scene costs per node, without replaying a history.
 void explain(const std::filesystem::path& scene);
+
+// Opens and closes a session with each of these changes of the scene by --sweep. Throws shearbus::Error for the first
+// that is refused.
+void check_sweep(const Options& options, std::span<const std::string> changes);
 
 // Replays the history and prints the summary. Throws shearbus::Error, in which case it leaves no result file.
 void run(const Options& options);

@@ -55,7 +55,11 @@ int report_caught(shearbus_status* to) noexcept {
     throw;
   } catch (const Error& fault) {
     const Status& found = fault.status();
-    return report(to, static_cast<int>(found.code), found.text, found.remedy, found.field, found.node_ids);
+    const bool of_text = found.remedy.empty() && found.code == Code::kInvalidScene;  // a list of places says it itself
+    return report(
+        to, static_cast<int>(found.code), found.text,
+        of_text ? "Correct the scene there; shearbus-ctl check SCENE tells whether it is valid." : found.remedy,
+        found.field, found.node_ids);
   } catch (const std::bad_alloc&) {
     return report(to, SHEARBUS_NO_MEMORY, "the host's process has no memory left",
                   "Free memory and make the same call again: if it has run, it is not run a second time.");

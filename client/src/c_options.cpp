@@ -115,10 +115,13 @@ void LineLog::operator()(const std::string& line) const {
   if (file_ == "stderr") {
     fmt::print(stderr, "shearbus: {}\n", line);
   } else if (!file_.empty()) {
+    const std::string text = fmt::format("shearbus: {}\n", line);
     std::FILE* file = std::fopen(file_.c_str(), "ae");
-    if (file == nullptr) return;
-    fmt::print(file, "shearbus: {}\n", line);
-    static_cast<void>(std::fclose(file));
+    const bool written = file != nullptr && std::fwrite(text.data(), 1, text.size(), file) == text.size();
+    const bool kept = file != nullptr && std::fclose(file) == 0;
+    if (!written || !kept)  // a line is never lost without a word
+      fmt::print(stderr, "{}shearbus: SHEARBUS_LOG: {} could not be written, and lacks this line\n", text,
+                 wire::printable(file_, kLongestName));
   }
 }
 

@@ -53,7 +53,7 @@ std::string ClosureCheck::text_of(const Difference& found) const {
             ? "Are stresses in Pa and the impedance in Pa s/m, is stick_stress the total one (a fault's initial "
               "stress is part of it, and is subtracted from the answer)"
             : "Are stresses in Pa and masses in kg/m2");
-  return fmt::format("{}One change explains it: {}.", found.text, fmt::join(found.mistakes, "; or: "));
+  return fmt::format("{}One change could explain it: {}.", found.text, fmt::join(found.mistakes, "; or: "));
 }
 
 void ClosureCheck::warn_once(const Difference& found) {

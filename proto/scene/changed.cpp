@@ -37,12 +37,16 @@ void visit_keys_of(const std::string& text, const Visit& visit) {
 
 }  // namespace
 
-ChangedScene::ChangedScene(const std::string& text, std::string file, std::span<const std::string> changes)
-    : text_(text), file_(std::move(file)), changes_(changes.begin(), changes.end()) {
+ChangedScene::ChangedScene(const std::string& text, std::string file, std::span<const std::string> changes, bool swept)
+    : text_(text), file_(std::move(file)), changes_(changes.begin(), changes.end()), swept_(swept) {
   if (changes_.empty()) return;
-  for (const std::string& change : changes_) text_ = with_value(text_, "--set", change);
+  for (const std::string& change : changes_) text_ = with_value(text_, option_of(change), change);
   visit_keys_of(text, [&](const std::string& path, const Place& place) { places_.emplace(path, place); });
   visit_keys_of(text_, [&](const std::string& path, const Place& place) { paths_.emplace(place.line, path); });
+}
+
+const char* ChangedScene::option_of(const std::string& change) const {
+  return swept_ && &change == &changes_.back() ? "--sweep" : "--set";
 }
 
 std::string ChangedScene::placed(const std::string& line) const {
@@ -59,7 +63,7 @@ std::string ChangedScene::placed(const std::string& line) const {
   if (path == paths_.end()) return file_ + rest;
   for (const std::string& change : changes_)
     if (change.substr(0, change.find('=')) == path->second)
-      return fmt::format("--set {}{}", wire::printable(change, wire::kMaxTextBytes), rest);
+      return fmt::format("{} {}{}", option_of(change), wire::printable(change, wire::kMaxTextBytes), rest);
   const auto place = places_.find(path->second);
   return place == places_.end() ? file_ + rest
                                 : fmt::format("{}:{}:{}{}", file_, place->second.line, place->second.column, rest);

@@ -15,20 +15,23 @@ namespace shearbus::scene {
 class ChangedScene {
  public:
   ChangedScene() = default;
-  // `file`: the name under which the text is read. `changes`: "table.key=value" of each --set. Throws as with_value().
-  ChangedScene(const std::string& text, std::string file, std::span<const std::string> changes);
+  // `file`: the name under which the text is read. `changes`: "table.key=value" of each --set; of the last one, if
+  // `swept`, of --sweep. Throws as with_value().
+  ChangedScene(const std::string& text, std::string file, std::span<const std::string> changes, bool swept = false);
 
   const std::string& text() const { return text_; }
 
-  // Returns the status with each place "FILE:line:column" of the changed text replaced: by "--set KEY=VALUE" where that
-  // set the key, else by the key's place in the text before the changes.
+  // Returns the status with each place "FILE:line:column" of the changed text replaced: by "--set KEY=VALUE" (--sweep)
+  // where that set the key, else by the key's place in the text before the changes.
   wire::Status placed(wire::Status status) const;
 
  private:
   std::string placed(const std::string& line) const;
+  const char* option_of(const std::string& change) const;
 
   std::string text_, file_;
   std::vector<std::string> changes_;
+  bool swept_ = false;
   std::map<std::string, Place> places_;         // of each key in the text before the changes
   std::map<std::uint32_t, std::string> paths_;  // the key of each line of the changed text
 };

@@ -501,7 +501,7 @@ wire::Status Document::placed(wire::Status status) const {
   return status;
 }
 
-Document read(std::string_view text, const std::string& file, Message& root, CrossRules cross_rules) {
+Document read(std::string_view text, const std::string& file, Message& root, const CrossRules& cross_rules) {
   Document document{.file = printable(file, kLongestFileName), .places = {}};
   const toml::table table = parse_toml(text, document.file);
   std::vector<Fault> faults;

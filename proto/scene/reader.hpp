@@ -37,13 +37,14 @@ struct Document {
 };
 
 // A function that checks the rules between several keys. `root` has its defaults filled in.
-using CrossRules = void (*)(const google::protobuf::Message& root, Findings& findings);
+using CrossRules = std::function<void(const google::protobuf::Message& root, Findings& findings)>;
 
 // Reads a text into an empty message, checks it and fills in its defaults. Throws wire::Error{kInvalidScene}. Of a text
 // that is not TOML the error names the first syntax error. Otherwise the error lists all faults: unknown keys (with the
 // nearest known key), wrong types, missing and out-of-range values, and violated rules between keys. For example
 //   paper.toml:12:1: layer.cels is not a key of [layer]; did you mean "cells"?
-Document read(std::string_view text, const std::string& file, google::protobuf::Message& root, CrossRules cross_rules);
+Document read(std::string_view text, const std::string& file, google::protobuf::Message& root,
+              const CrossRules& cross_rules);
 
 // Returns the text of a scene's file. Throws wire::Error{kInvalidScene} if the file cannot be read or is larger than
 // kMaxSceneBytes.

@@ -276,9 +276,10 @@ std::vector<Fault> faults_of(v1::Scene& scene) {
   return findings.faults();
 }
 
-Document read(std::string_view text, const std::string& file, v1::Scene& scene) {
-  return read(text, file, scene, [](const Message& root, Findings& findings) {
+Document read(std::string_view text, const std::string& file, v1::Scene& scene, MoreRules more) {
+  return read(text, file, scene, [more](const Message& root, Findings& findings) {
     check_scene(static_cast<const v1::Scene&>(root), findings);
+    if (more != nullptr) more(static_cast<const v1::Scene&>(root), findings);
   });
 }
 

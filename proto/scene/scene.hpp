@@ -25,8 +25,10 @@ struct SceneFile {
 SceneFile parse(std::string text, const std::string& file);
 SceneFile load(const std::filesystem::path& path);
 
-// Reads a scene into an empty message of the caller; otherwise it does the same as parse().
-Document read(std::string_view text, const std::string& file, v1::Scene& scene);
+// Reads a scene into an empty message of the caller; otherwise it does the same as parse(). The faults that `more` finds
+// are listed with the others.
+using MoreRules = void (*)(const v1::Scene& scene, Findings& findings);
+Document read(std::string_view text, const std::string& file, v1::Scene& scene, MoreRules more = nullptr);
 
 // Checks the rules between keys that the schema cannot express. The defaults of `scene` must be filled in. A rule is
 // skipped if a value that it needs is at fault. Which options exclude each other is not checked here but in the physics

@@ -37,6 +37,18 @@ bool may_be_parameter(std::string_view key) {
   return allowed && scene::find_number(key) != nullptr;
 }
 
+// Asks whether the nearest key that may be a parameter was meant; empty: none is near.
+std::string help_with(std::string_view parameter) {
+  std::vector<std::string> keys;
+  for (const google::protobuf::FieldDescriptor* table : scene::keys_of(*v1::Scene::descriptor()))
+    if (table->message_type() != nullptr)
+      for (const google::protobuf::FieldDescriptor* key : scene::keys_of(*table->message_type()))
+        if (std::string path = fmt::format("{}.{}", table->name(), key->name()); may_be_parameter(path))
+          keys.push_back(std::move(path));
+  const std::string_view near = wire::nearest(parameter, std::vector<std::string_view>(keys.begin(), keys.end()));
+  return near.empty() ? "" : fmt::format("; did you mean \"{}\"?", near);
+}
+
 bool is_pair_column(const shard::StateColumn& column) {
   return column.name == kPairColumn || column.name.starts_with(kParameterColumn);
 }
@@ -63,8 +75,9 @@ SessionPairs::SessionPairs(const SceneModel& scene, std::vector<std::string> par
     if (!may_be_parameter(parameters_[i]))
       refuse(Code::kUnsupported, "open_session.parameters",
              fmt::format("{} cannot be a parameter of nodes; expected a number of [soft], [hard], [interface], "
-                         "[junctions] or [velocity_driven], or {}",
-                         wire::printable(parameters_[i], wire::kMaxNameBytes), fmt::join(kKeys, " or ")),
+                         "[junctions] or [velocity_driven], or {}{}",
+                         wire::printable(parameters_[i], wire::kMaxNameBytes), fmt::join(kKeys, " or "),
+                         help_with(parameters_[i])),
              "Name the keys as \"interface.friction_coefficient\". Temperatures of the start are the column "
              "initial_temperature_k; other keys are the same for all nodes of a session.");
     if (std::ranges::count(parameters_, parameters_[i]) > 1)

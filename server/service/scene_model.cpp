@@ -409,9 +409,30 @@ bool has_ledger(const physics::ModelOptions& options) {
   return !options.inertia && !leaves(options.grid) && !(options.hard_grid && leaves(*options.hard_grid));
 }
 
+// Adds materials that the catalog lacks to the other faults of a scene. One that is the only fault is left to convert(),
+// which has a remedy.
+static void add_unknown_materials(const v1::Scene& scene, scene::Findings& findings) {
+  std::vector<scene::Fault> unknown;
+  const auto look = [&](const v1::Body& body, const std::string& table) {
+    const std::string path = table + ".material";
+    if (body.material().empty() || !findings.sound(path)) return;
+    const physics::MaterialResult made = physics::make_material(body.material(), {});
+    if (made.fault_field == "material")
+      unknown.push_back({path, fmt::format("{}: {}", path, wire::printable(made.fault, wire::kMaxTextBytes)), {}});
+  };
+  look(scene.soft(), "soft");
+  look(scene.hard(), "hard");
+  for (const v1::Pair& pair : scene.pair()) {
+    look(pair.soft(), "pair." + pair.name() + ".soft");
+    look(pair.hard(), "pair." + pair.name() + ".hard");
+  }
+  if (findings.faults().empty() && unknown.size() < 2) return;
+  for (scene::Fault& fault : unknown) findings.add(std::move(fault.path), std::move(fault.text));
+}
+
 SceneModel scene_model(std::string_view text, const std::string& file) {
   return wire::with_message<v1::Scene>([&](v1::Scene& message) {
-    const scene::Document document = scene::read(text, file, message);
+    const scene::Document document = scene::read(text, file, message, add_unknown_materials);
     try {
       return convert(message);
     } catch (const Refused& refused) {

@@ -148,6 +148,16 @@ class Options(Programs):
         self.assertNotIn("bad_alloc", run.stderr)
 
 
+    @unittest.skipIf(os.geteuid() != 0, "another user is made by root alone")
+    def test_a_directory_of_another_user_is_refused_with_the_cause(self):
+        self.path.chmod(0o755)
+        (self.path / "kept").mkdir(mode=0o755)
+        run = self.ran("hydro", PROBLEMS / "two_half_spaces.toml", "--out", self.path / "kept", "--no-plot", user=65534)
+        self.assertEqual(run.returncode, 1, run.stderr)
+        self.assertIn(f"{self.path}/kept/.lock: cannot be written: Permission denied", run.stderr)
+        self.assertIn("Write into a directory of your own.", run.stderr)
+
+
 class ServerProcess(Programs):
     def serve(self, *arguments, wrap=(), **options):
         bus = self.path / "bus"

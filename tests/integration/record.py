@@ -294,6 +294,14 @@ class Clients(RecordTest):
         log.parent.mkdir()
         self.assertNotIn("cannot be opened", self.fortran_host(f"{self.records}/"))
 
+    def test_a_line_that_the_log_cannot_take_is_not_lost(self):
+        self.serve()
+        os.environ["SHEARBUS_LOG"] = "/dev/full"
+        self.addCleanup(os.environ.pop, "SHEARBUS_LOG", None)
+        said = self.fortran_host(str(self.path / "none" / "file"))
+        self.assertIn("is not recorded any further", said)
+        self.assertIn("SHEARBUS_LOG: /dev/full could not be written, and lacks this line", said)
+
 
 if __name__ == "__main__":
     support.main()

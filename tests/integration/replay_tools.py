@@ -206,6 +206,12 @@ class WhatIf(Tool):
             run = self.replay("--set", change, scene=scene)
             self.assertEqual(run.returncode, 1)
             self.assertIn(word, run.stderr)
+        # All values of a sweep are checked before the first is replayed.
+        for key, values, wrong, word in (("interface.friction_coefficient", "0.3,x", "x", "expected a number"),
+                                         ("interface.friction", "0.3,0.4", "0.3", "did you mean")):
+            said = self.tool(self.history, "--scene", scene, "--out", self.path / "late.h5", "--sweep", f"{key}={values}", code=1)
+            self.assertRegex(said, f"--sweep {key}={wrong}: .*{word}")
+            self.assertEqual(list(self.path.glob("late*")), [])
 
     def test_compare_with_a_tolerance_tells_the_largest_difference_of_each_column_and_where(self):
         self.write(**velocity_history(steps=40))
@@ -332,6 +338,9 @@ class Logs(Tool):
         self.assertRegex(text, r"step 0 \(request 1, ends at 1e-09 s\): answer, \w+ of node 4 is ")
         self.assertIn("exists", self.tool(self.log, "--out", other, code=1))
         self.tool(self.log, "--sweep", "interface.friction_coefficient=0.02,0.3", "--out", self.out)
+        self.assertIn("--sweep interface.friction_coefficient=x: ",
+                      self.tool(self.log, "--sweep", "interface.friction_coefficient=0.4,x", "--out", self.out, code=1))
+        self.assertFalse((self.path / "result-0.4.h5").exists())
         self.tool("export", other, "--out", self.history)
         self.assertIn("equal: 15 steps", self.tool("compare", self.history, self.path / "result-0.02.h5"))
         self.assertEqual(sorted(p.name for p in self.path.glob("*partial*")), [])
@@ -384,6 +393,11 @@ class Logs(Tool):
         self.tool("plot", self.out, self.history, "--out", picture)
         self.check_picture(picture)
         self.assertIn("has no node 5", self.tool("plot", self.out, "--out", picture, "--node", 5, code=1))
+        self.assertIn("expected a picture's name that ends in .png", self.tool("plot", self.out, "--out", self.path / "p.docx", code=2))
+        self.assertFalse((self.path / "p.docx").exists())
+        (self.path / "empty").mkdir()
+        said = self.tool(self.path / "empty", code=1)
+        self.assertIn(f"{self.path}/empty: expected event logs in the directory, found none", said)
 
     def check_picture(self, picture):
         data = picture.read_bytes()

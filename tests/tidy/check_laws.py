@@ -31,6 +31,12 @@ def rows(root, kind):
     return re.findall(r"^\| \d+ \| `([^`]+)`", section, re.M)
 
 
+def registered_row(root, path):
+    """The row of the page's table that names a list, and the files of the laws there are."""
+    return next((line for line in (root / "server/ARCHITECTURE.md").read_text().splitlines()
+                 if line.startswith("|") and f"`{path.removeprefix('server/')}` | `" in line), "")
+
+
 def mentions(path, names):
     files = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
     return any(name in p.read_text(errors="replace") for p in files for name in names)
@@ -46,6 +52,8 @@ def list_faults(root, kind, path, schema):
         word, enumerator = word_of(law), "CONSTANT" if law == "ConstantFriction" else word_of(law).upper()
         file = "coulomb" if law == "ConstantFriction" else word
         names = (law, word, f"{kind.upper()}_LAW_{enumerator}", *(["friction_coefficient"] if law == "ConstantFriction" else []))
+        if f"`{file}.hpp`" not in registered_row(root, path):
+            yield f"server/ARCHITECTURE.md: the laws there are lack {file}.hpp"
         for row in places:
             target = root / row.replace("<law>", file)
             if not target.exists():
@@ -91,7 +99,9 @@ def self_test():
             "server/physics/material/sound_law.hpp": "class SoundLaw { kConstants = {&Material::a}; };\n",
             "server/physics/material/bare_law.hpp": "class BareLaw { kConstants = {&Material::b, &Material::c}; };\n",
             "twin.cpp": "SoundLaw\n", "tests/sound_law.cpp": "sound_law\n",
-            "server/ARCHITECTURE.md": "### Adding a flow law\n\n| | file |\n|---|---|\n| 1 | `server/physics/material/<law>.hpp` |\n"
+            "server/ARCHITECTURE.md": f"| flow | `{LIST.removeprefix('server/')}` | `sound_law.hpp` |\n"
+                                      f"| friction | `{FRICTION_LIST.removeprefix('server/')}` | `sound_law.hpp` |\n"
+                                      "### Adding a flow law\n\n| | file |\n|---|---|\n| 1 | `server/physics/material/<law>.hpp` |\n"
                                       f"| 2 | `{LIST}` |\n| 3 | `{SCHEMA}` |\n| 4 | `twin.cpp` |\n| 5 | `tests` |\n| 6 | `<law>.txt` |\n"
                                       f"### Adding a friction law\n\n| 1 | `{FRICTION_LIST}` |\n| 2 | `{SCHEMA}` |\n| 3 | `twin.cpp` |\n"
                                       "| 4 | `tests` |\n| 5 | `<law>.txt` |\n",
@@ -100,7 +110,8 @@ def self_test():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text)
         found = list(faults(root))
-        expected = [f"{SCHEMA}: does not mention BareLaw", "twin.cpp: does not mention BareLaw", "tests: does not mention BareLaw",
+        expected = [*(f"server/ARCHITECTURE.md: the laws there are lack {bare}.hpp" for bare in ("bare_law", "bare_rubbing")),
+                    f"{SCHEMA}: does not mention BareLaw", "twin.cpp: does not mention BareLaw", "tests: does not mention BareLaw",
                     "<law>.txt: BareLaw has no such file", f"{SCHEMA}: BareLaw is not number 2 of the enum FlowLaw",
                     f"{SCHEMA}: b_pa is not used_with flow_law=bare_law", f"{CONSTANTS}: no row for the constant c of BareLaw",
                     f"{SCHEMA}: does not mention BareRubbing", "twin.cpp: does not mention BareRubbing", "tests: does not mention BareRubbing",

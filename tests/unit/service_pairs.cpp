@@ -411,6 +411,8 @@ TEST(ServicePairs, FaultyPairsAndParametersOfNodesAreRefused) {
          "soft.yield_strength_pa of node 8 is not a finite number");
   expect(open({""}, {"layer.cells"}, two(0, 1.0)), Code::kUnsupported, "open_session.parameters",
          "layer.cells cannot be a parameter");
+  expect(open({""}, {"interface.friction_coeficient"}, two(0, 1.0)), Code::kUnsupported, "open_session.parameters",
+         "did you mean \"interface.friction_coefficient\"?");
   expect(open({""}, {"layer.initial_temperature_k"}, two(0, 1.0)), Code::kUnsupported, "open_session.parameters",
          "cannot be a parameter");
   expect(open({""}, {kYield, kYield}, two(0, 25e6)), Code::kInvalidValue, "open_session.parameters", "given twice");

@@ -429,6 +429,31 @@ const std::vector<std::pair<std::string, double>> kJohnsonCookCopper = {
     {"reference_temperature_k", 298.0},
 };
 
+TEST(SceneOptions, UnknownMaterialsAreListedWithTheOtherFaults) {
+  v1::Scene scene = support::velocity_scene();
+  scene.mutable_soft()->set_material("aluminum_dlp");
+  scene.mutable_hard()->set_material("bogus");
+  const auto refused = [](const std::string& text) -> wire::Status {
+    try {
+      scene_model(text, "scene");
+    } catch (const wire::Error& fault) {
+      return fault.status();
+    }
+    return {};
+  };
+  const std::string text = support::text_of(scene);
+  const wire::Status two = refused(text);
+  EXPECT_THAT(two.text, HasSubstr("soft.material: \"aluminum_dlp\" is not in the catalog"));
+  EXPECT_THAT(two.text, HasSubstr("did you mean \"aluminium_dlp\"?"));
+  EXPECT_THAT(two.text, HasSubstr("hard.material: \"bogus\" is not in the catalog"));
+  EXPECT_EQ(std::ranges::count(two.text, '\n'), 1);
+  EXPECT_THAT(two.text.substr(two.text.find('\n')), ::testing::Not(HasSubstr("did you mean"))) << "nothing is like bogus";
+  const wire::Status three = refused(text + "\n[junctions]\nbogus = 1\n");
+  EXPECT_THAT(three.text, HasSubstr("junctions.bogus is not a key"));
+  EXPECT_THAT(three.text, HasSubstr("soft.material: "));
+  EXPECT_THAT(three.text, HasSubstr("hard.material: "));
+}
+
 TEST(SceneOptions, AFlowLawComesWithItsOwnConstantsAndComesBack) {
   v1::Scene scene = support::velocity_scene();
   scene.mutable_soft()->set_flow_law(v1::FLOW_LAW_JOHNSON_COOK);

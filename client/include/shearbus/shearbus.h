@@ -283,7 +283,7 @@ typedef int (*shearbus_interrupted_fn)(void* user);
 
 /* A force-driven host that applies the answered stress has, except for rounding, the velocity jump that its last
  * step answered. By default the library compares the two in the first 100 steps and warns once of a difference, with
- * the mistake of the host that explains it. */
+ * the mistake of the host that could explain it. */
 enum {
   SHEARBUS_CHECK_WARN = 0,
   SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface; also no

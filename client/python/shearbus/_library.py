@@ -27,6 +27,17 @@ APPENDED = 2**31 - 1  # a place behind all lines of a list
 
 log = logging.getLogger("shearbus")
 
+
+class _Unconfigured(logging.Handler):
+    """Prints lines of the library as it does itself, where the host has configured no logging."""
+
+    def emit(self, record):
+        if not logging.getLogger().handlers and log.handlers == [self]:
+            print(f"shearbus: {record.getMessage()}", file=sys.stderr)
+
+
+log.addHandler(_Unconfigured(logging.WARNING))
+
 Size, Double, Text, Address = ctypes.c_size_t, ctypes.c_double, ctypes.c_char_p, ctypes.c_void_p
 Number, Word, Whole = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_int
 Log = ctypes.CFUNCTYPE(None, Address, Text)

@@ -81,14 +81,6 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
-template <class Range>
-std::string_view nearest_name(std::string_view name, const Range& range) {
-  return std::min_element(
-             range.begin(), range.end(),
-             [&](const auto& a, const auto& b) { return edit_distance(name, a.name) < edit_distance(name, b.name); })
-      ->name;
-}
-
 MaterialResult failed(std::string_view field, std::string fault) {
   return {{}, std::string(field), std::move(fault)};
 }
@@ -98,6 +90,16 @@ std::string quoted(std::string_view text) {
   result.insert(result.begin(), '"');
   result.push_back('"');
   return result;
+}
+
+// Asks whether the nearest name was meant; empty if a third of the letters differ, and none can have been.
+template <class Range>
+std::string did_you_mean(std::string_view name, const Range& range) {
+  const std::string_view near = std::min_element(range.begin(), range.end(), [&](const auto& a, const auto& b) {
+                                  return edit_distance(name, a.name) < edit_distance(name, b.name);
+                                })->name;
+  const std::size_t most = std::max<std::size_t>(1, std::max(name.size(), near.size()) / 3);
+  return edit_distance(name, near) > most ? "" : "; did you mean " + quoted(near) + "?";
 }
 
 std::string all_names() {
@@ -127,8 +129,8 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     const auto entries = catalog();
     const auto entry = std::find_if(entries.begin(), entries.end(), [&](const auto& e) { return e.name == name; });
     if (entry == entries.end()) {
-      return failed("material", quoted(name) + " is not in the catalog (" + all_names() + "); did you mean " +
-                                    quoted(nearest_name(name, entries)) + "?");
+      return failed("material",
+                    quoted(name) + " is not in the catalog (" + all_names() + ")" + did_you_mean(name, entries));
     }
     material = entry->material;
   }
@@ -143,8 +145,7 @@ MaterialResult make_material(std::string_view name, std::span<const std::pair<st
     const auto field =
         std::find_if(kFields.begin(), kFields.end(), [&key = key](const auto& f) { return f.name == key; });
     if (field == kFields.end()) {
-      return failed(key, quoted(key) + " is not a constant of a material; did you mean " +
-                             quoted(nearest_name(key, kFields)) + "?");
+      return failed(key, quoted(key) + " is not a constant of a material" + did_you_mean(key, kFields));
     }
     if (!belongs(field->value, material.flow_law)) {
       return failed(key, quoted(key) +
