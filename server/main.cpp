@@ -161,11 +161,11 @@ sessions were open.)";
 
 // Throws CLI::ParseError for options that no server can have, whatever is on the disk.
 void check_command_line(const ServerOptions& options) try {
+  shearbus::server::Access::check(options);
   for (const std::string& text : options.endpoints) {
     const auto endpoint = shearbus::transport::Endpoint::parse(text);
     if (options.curve_secret.empty() && !options.insecure_plaintext) endpoint.refuse_unprotected();
   }
-  shearbus::server::Access::check(options);
   for (const std::string& law : options.own_laws) static_cast<void>(shearbus::server::own_law_of(law));
 } catch (const std::exception& fault) {
   throw CLI::ValidationError(fault.what());
