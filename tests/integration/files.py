@@ -66,8 +66,13 @@ class Outputs(Files):
 
     def test_a_picture_replaces_only_a_picture(self):
         self.result(scene=self.scene)
-        self.assert_kept(self.out, "replay", "plot", self.out, "--out", self.out, texts=["itself"])
-        self.assert_kept(self.scene, "replay", "plot", self.out, "--out", self.scene, texts=["a picture (PNG)"])
+        self.assert_kept(self.out, "replay", "plot", self.out, "--out", self.out, texts=["ends in .png"], code=2)
+        named = self.path / "result.png"
+        named.hardlink_to(self.out)
+        self.assert_kept(self.out, "replay", "plot", self.out, "--out", named, texts=["itself"])
+        text = self.path / "notes.png"
+        text.write_bytes(self.scene.read_bytes())
+        self.assert_kept(text, "replay", "plot", self.out, "--out", text, texts=["a picture (PNG)"])
         picture = self.path / "p.png"
         for _ in range(2):
             self.assertEqual(self.ran("replay", "plot", self.out, "--out", picture).returncode, 0)
