@@ -10,6 +10,7 @@ contact. Runs with free slip or stick appear only in the first picture, unless t
 import pathlib
 import sys
 from terminal import Parser, complain, printable
+import begin  # noqa: F401
 
 import numpy as np
 import style

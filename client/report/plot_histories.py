@@ -9,6 +9,7 @@ import pathlib
 import sys
 import warnings
 from terminal import Parser, complain, printable
+import begin  # noqa: F401
 
 import matplotlib.pyplot as plt
 import numpy as np

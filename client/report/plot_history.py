@@ -9,6 +9,7 @@ import pathlib
 import sys
 import textwrap
 from terminal import Parser, complain, read_toml, whole_number
+import begin  # noqa: F401
 
 import h5py
 import numpy as np

@@ -11,6 +11,7 @@ this differs at z = 0 from the recorded interface temperature by more than 3 %."
 import pathlib
 import sys
 from terminal import Parser, complain, printable, real_number
+import begin  # noqa: F401
 
 import numpy as np
 import plot_cone

@@ -4,7 +4,6 @@ import io
 import pathlib
 import sys
 
-import terminal  # noqa: F401  first: an interrupt while the libraries load needs no traceback
 import matplotlib
 import output
 

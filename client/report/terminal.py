@@ -85,11 +85,6 @@ def tell_fault(kind, fault, trace):
         sys.__excepthook__(kind, fault, trace)
 
 
-# Of every program that reads its command line here, which ends the second.
-sys.excepthook = tell_fault
-exchange_handlers(signal.default_int_handler, end_at_once)
-
-
 def open_regular(path, most=MOST_BYTES):
     """Opens a regular file of at most so many bytes. Raises OSError or ValueError; a pipe is not waited for."""
     file = open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb")
@@ -169,6 +164,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options):
         super().__init__(**{"formatter_class": Help, "allow_abbrev": False, **options})
+        sys.excepthook = tell_fault
 
     def parse_args(self, *arguments, **options):
         exchange_handlers(end_at_once, signal.default_int_handler)
