@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from terminal import Parser, complain
+import begin  # noqa: F401
 
 import h5py
 import numpy as np
@@ -178,7 +179,7 @@ def velocity_step(axis, replay):
 
 
 def plates(axis, replay):
-    scene, history = EXAMPLES / "plates_with_waves.toml", ("force_driven", "--velocity", 5, "--pressure", 0.5e9, "--dt", 1e-10, "--steps", 1000)
+    scene, history = EXAMPLES / "plates_with_waves.toml", ("force_driven", "--velocity", 5, "--pressure", 0.5e9, "--dt", 1e-10, "--steps", 1100)
     for run, label, colour in ((replay(scene, history), "layer with mass", WITH), (replay(scene, history, "layer.inertia=false"), "without", WITHOUT)):
         axis.plot(1e3 * run["time"], 1e-6 * run["shear_stress"][:, 3], color=colour, lw=1.4, label=label)
     axis.set(xlabel="time (ns)", ylabel=style.QUANTITIES["shear_stress"][0])
