@@ -45,7 +45,10 @@ TEST(Shards, ADirectoryStandsForItsEndpointFiles) {
   const std::string directory = (scratch.path() / "endpoints").string();
   std::filesystem::create_directory(directory);
   EXPECT_NE(fault_of([&] { endpoints_in("file://" + directory); }).text.find("no endpoint files"), std::string::npos);
-  for (const char* name : {"1", "0", "2.partial"}) std::ofstream(directory + "/" + name) << "x";
+  std::ofstream(directory + "/log") << "x";  // of another kind
+  for (const char* name : {"1", "0", "2.partial"})
+    std::ofstream(directory + "/" + name)
+        << "version = \"1\"\nhost = \"h\"\nserver_key = \"\"\nendpoint = \"tcp://127.0.0.1:1\"\nepoch = \"1\"\n";
   EXPECT_EQ(endpoints_in("file://" + directory),
             (std::vector<std::string>{"file://" + directory + "/0", "file://" + directory + "/1"}));
   EXPECT_EQ(fault_of([&] { endpoints_in("file://" + directory + ",file://" + directory + "/0"); }).code,
