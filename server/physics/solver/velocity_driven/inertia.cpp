@@ -107,7 +107,8 @@ void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, co
     outputs.mean_shear_stress[l] = found.stress[0];
     outputs.mean_far_stress[l] = found.stress[1];
   }
-  const bool moves = is_forced(problem) ? found.slip_along[0] + found.slip_along[1] > 0.0 : slip != 0.0;
+  const bool moves =
+      is_forced(problem) ? found.slip_along[0] + found.slip_along[1] > 0.0 || found.mean_slip != 0.0 : slip != 0.0;
   outputs.regime[l] = !moves                  ? Regime::kStick
                       : found.interface_slips ? Regime::kCoulomb
                       : hottest >= melts_at   ? Regime::kMelting
