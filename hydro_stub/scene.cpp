@@ -113,9 +113,9 @@ bool has_problem2d(const guest::Hydro& hydro) {
   return std::ranges::any_of(std::span(kProblems).subspan(1), [&](const Problem& p) { return has_problem(hydro, p); });
 }
 
-SceneFile parse_scene(std::string text, std::string file) {
+SceneFile parse_scene(std::string text, const std::string& file) {
   SceneFile parsed{.scene = {}, .text = std::move(text), .document = {}};
-  parsed.document = scene::read(parsed.text, std::move(file), parsed.scene, check_hydro_scene);
+  parsed.document = scene::read(parsed.text, file, parsed.scene, check_hydro_scene);
   return parsed;
 }
 

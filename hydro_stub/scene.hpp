@@ -21,7 +21,7 @@ struct SceneFile {
 };
 
 // Read a scene from its text or its file. Throw wire::Error{kInvalidScene} that lists every fault of the scene.
-SceneFile parse_scene(std::string text, std::string file);
+SceneFile parse_scene(std::string text, const std::string& file);
 SceneFile load_scene(const std::filesystem::path& path);
 
 // Whether the problem of a scene is one in two dimensions.

@@ -200,7 +200,7 @@ Received SessionState::exchange(wire::Request&& request, const Accept& accept) {
 class Session : public SessionState {
  public:
   explicit Session(SessionState&& state) : SessionState(std::move(state)) {}
-  Session(Session&& other) noexcept : SessionState(std::move(other)) { other.closed = true; }
+  Session(Session&& other) noexcept : SessionState(static_cast<SessionState&&>(other)) { other.closed = true; }
   Session& operator=(Session&& other) noexcept {
     std::swap<SessionState>(*this, other);  // the destructor of `other` closes the session that was here
     return *this;

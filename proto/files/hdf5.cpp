@@ -16,7 +16,7 @@ std::string name_of(hid_t values) {
     name_into(name.data(), name.size() + 1);
     return name;
   };
-  const std::string path = text([&](char* out, std::size_t size) { return H5Iget_name(values, out, size); });
+  std::string path = text([&](char* out, std::size_t size) { return H5Iget_name(values, out, size); });
   if (!is_attribute(values)) return path;
   return "attribute " + text([&](char* out, std::size_t size) { return H5Aget_name(values, size, out); }) + " of " +
          path;

@@ -44,8 +44,9 @@ class HistoryWriter {
   // `meta` is written to /meta, together with format, version, created and units_system: a text of one line as an
   // attribute, a longer text (the scene) as a scalar dataset. Rows are buffered until they fill 64 KiB per
   // dataset, or one by one if a row is longer; a dataset of rows exists in the file from then on.
-  HistoryWriter(std::filesystem::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
-                const std::map<std::string, std::string>& meta, double start_time_s = 0.0);
+  HistoryWriter(const std::filesystem::path& file, std::span<const std::uint64_t> node_ids,
+                std::vector<Quantity> quantities, const std::map<std::string, std::string>& meta,
+                double start_time_s = 0.0);
   HistoryWriter(HistoryWriter&&) noexcept;
   HistoryWriter& operator=(HistoryWriter&&) noexcept;
   ~HistoryWriter();       // removes the partial file unless the writer was closed

@@ -123,7 +123,7 @@ struct HistoryWriter::Impl {
   Dataset create_dataset(const Quantity& quantity, hid_t type, const Shape& size, const Shape& chunk, bool grows) const;
   void write_meta(const std::map<std::string, std::string>& meta) const;
   void write_array(const Quantity& quantity, hid_t type, const void* values, const Shape& shape) const;
-  void append(hid_t dataset, hid_t type, const void* values, Shape rows) const;
+  void append(hid_t dataset, hid_t type, const void* values, const Shape& rows) const;
   void add_series(Quantity quantity);
   void create_series(std::size_t rows_a_chunk);
   Series& in_open_row(std::size_t quantity, std::size_t count, bool bytes);
@@ -180,7 +180,7 @@ void HistoryWriter::Impl::create_series(std::size_t rows_a_chunk) {
     one.dataset = create_dataset(one.quantity, one.type, {0, nodes}, {rows_a_chunk, chunk_width}, true);
 }
 
-void HistoryWriter::Impl::append(hid_t dataset, hid_t type, const void* values, Shape rows) const {
+void HistoryWriter::Impl::append(hid_t dataset, hid_t type, const void* values, const Shape& rows) const {
   Shape size = rows;
   size.front() += rows_written;
   checked(H5Dset_extent(dataset, size.data()), "grow a dataset");
@@ -239,8 +239,9 @@ Quantity quantity_of_column(wire::Field field, std::uint32_t component, const st
           .is_outcome = field == wire::Field::kOutcome};
 }
 
-HistoryWriter::HistoryWriter(fs::path file, std::span<const std::uint64_t> node_ids, std::vector<Quantity> quantities,
-                             const std::map<std::string, std::string>& meta, double start_time_s) {
+HistoryWriter::HistoryWriter(const fs::path& file, std::span<const std::uint64_t> node_ids,
+                             std::vector<Quantity> quantities, const std::map<std::string, std::string>& meta,
+                             double start_time_s) {
   if (node_ids.empty()) refuse(file, "a history of no nodes", "Name at least one node.");
   impl_ = std::make_unique<Impl>(file);
   Impl& self = *impl_;

@@ -447,7 +447,8 @@ TEST(SceneOptions, UnknownMaterialsAreListedWithTheOtherFaults) {
   EXPECT_THAT(two.text, HasSubstr("did you mean \"aluminium_dlp\"?"));
   EXPECT_THAT(two.text, HasSubstr("hard.material: \"bogus\" is not in the catalog"));
   EXPECT_EQ(std::ranges::count(two.text, '\n'), 1);
-  EXPECT_THAT(two.text.substr(two.text.find('\n')), ::testing::Not(HasSubstr("did you mean"))) << "nothing is like bogus";
+  EXPECT_THAT(two.text.substr(two.text.find('\n')), ::testing::Not(HasSubstr("did you mean")))
+      << "nothing is like bogus";
   const wire::Status three = refused(text + "\n[junctions]\nbogus = 1\n");
   EXPECT_THAT(three.text, HasSubstr("junctions.bogus is not a key"));
   EXPECT_THAT(three.text, HasSubstr("soft.material: "));
@@ -586,12 +587,13 @@ TEST(UsualValues, AMetalWithAnotherStrengthThanTheCatalogsHasNoCaution) {
     return scene_model(support::text_of(scene) + "[soft]\nmaterial = \"titanium_6al_4v\"\n" + soft, "soft").warnings;
   };
   EXPECT_THAT(warnings_with("specific_heat_j_per_kg_k = 600.0\n"), SizeIs(1));
+  const char* const johnson_cook =
+      "flow_law = \"johnson_cook\"\nyield_strength_pa = 1330e6\nhardening_modulus_pa = 1e9\n"
+      "hardening_exponent = 0.3\nrate_coefficient = 0.01\nreference_strain_rate_per_s = 1.0\n"
+      "thermal_softening_exponent = 1.0\nreference_temperature_k = 298.0";
   for (const char* key : {"temperature_coefficient_per_k = 9e-4", "yield_strength_pa = 9e8",
                           "yield_strength_max_pa = 2e9", "hardening_coefficient = 10.0", "hardening_exponent = 0.2",
-                          "pressure_coefficient_per_pa = 1e-11", "melting_temperature_k = 1900.0",
-                          "flow_law = \"johnson_cook\"\nyield_strength_pa = 1330e6\nhardening_modulus_pa = 1e9\n"
-                          "hardening_exponent = 0.3\nrate_coefficient = 0.01\nreference_strain_rate_per_s = 1.0\n"
-                          "thermal_softening_exponent = 1.0\nreference_temperature_k = 298.0"})
+                          "pressure_coefficient_per_pa = 1e-11", "melting_temperature_k = 1900.0", johnson_cook})
     EXPECT_THAT(warnings_with(key), IsEmpty()) << key;
 }
 

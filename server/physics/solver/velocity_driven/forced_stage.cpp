@@ -165,7 +165,7 @@ class SlidingWaves {
   double fastest(int l) const {
     double most = std::abs(ends_.jump[l]);
     for (int c = 0; c < problem_.grid.num_cells(); ++c)
-      most = std::max(most, std::abs(trial_[row(problem_.layout.layer_velocity, l) + c * kLanes]));
+      most = std::max(most, std::abs(trial_[row(problem_.layout.layer_velocity, l) + std::ptrdiff_t{c} * kLanes]));
     return most + lanes_[l].left;
   }
 
