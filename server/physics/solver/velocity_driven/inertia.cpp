@@ -244,14 +244,8 @@ void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& op
   close_lanes(problem, inputs.active & ~lost, contact, second, trial, outputs);
 
   // 3. Lanes without an answer take a step of backward Euler instead.
-  if (lost == 0) return;
-  const std::size_t doubles = problem.layout.doubles;
-  double* fallback = scratch_tile(Scratch::kStages, doubles);
-  TileInputs theirs = inputs;
-  theirs.active = lost;
-  advance_with_inertia(problem, operators, theirs, committed, fallback, outputs);
+  advance_aside(advance_with_inertia, problem, operators, inputs, lost, committed, trial, outputs);
   for (const int l : lanes_of(lost)) {
-    copy_lane(fallback, trial, doubles, l);
     if ((outputs.outcome[l] & kFailed) == 0) outputs.outcome[l] |= kFirstOrder;
   }
 }
