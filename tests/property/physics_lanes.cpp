@@ -114,6 +114,7 @@ TEST_P(PhysicsLanes, MirroredInputsGiveMirroredBits) {
         mirror.inputs.soft_shear_rate[l] *= -1;
         mirror.inputs.stress_soft[l] *= -1;
         mirror.inputs.stress_hard[l] *= -1;
+        mirror.inputs.soft_plastic_strain_rate[l] *= -1;
       }
       const double dt = random_dt(draw, extreme);
       rig.step(dt);

@@ -47,6 +47,7 @@ void convert(const Rig& far_field, double dt, Rig& stick) {
   stick.inputs = {};
   stick.inputs.active = in.active;
   std::copy_n(in.soft_plastic_strain_rate, kLanes, stick.inputs.soft_plastic_strain_rate);
+  std::copy_n(in.second_soft_plastic_strain_rate, kLanes, stick.inputs.second_soft_plastic_strain_rate);
   for (const shard::InputColumn& column : columns.inputs) std::ranges::copy(column.values, stick.inputs.*column.member);
 }
 

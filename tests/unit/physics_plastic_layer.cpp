@@ -374,7 +374,7 @@ TEST(PhysicsPlasticLayer, MeltingUnderPressureIsThatOfTheMaterialThere) {
 }
 
 // The host passes the plastic strain rate Ep_dot of its soft zone, which adds sqrt(3) h Ep_dot to the slip velocity
-// [v], DLP (64). At a sticking interface [v] = 0, so that [V]new = -sqrt(3) h Ep_dot.
+// [v], DLP (64). At a sticking interface [v] = 0, so that [V]new = -sqrt(3) h Ep_dot, and stays so.
 TEST(PhysicsPlasticLayer, TheHostsPlasticShearEntersTheSlip) {
   ModelOptions options = plastic_options();
   options.soft.yield_strength = 1e12;  // so strong that the layer does not flow
@@ -394,7 +394,43 @@ TEST(PhysicsPlasticLayer, TheHostsPlasticShearEntersTheSlip) {
   rig.inputs.stress_soft[0] = 1e6;
   rig.step(1e-9);
   EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
-  EXPECT_DOUBLE_EQ(rig.outputs.velocity_jump_new[0], -drive);
+  EXPECT_EQ(rig.outputs.velocity_jump_new[0], -drive);
+  for (int n = 0; n < 3; ++n) {
+    rig.set_all(rig.outputs.velocity_jump_new[0], 11.2e9);
+    rig.step(1e-9);
+    EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
+    EXPECT_EQ(rig.outputs.velocity_jump_new[0], -drive);
+    EXPECT_NEAR(rig.outputs.shear_stress[0], 1e6 / (1.0 + rig.inputs.mass_soft[0] / rig.inputs.mass_hard[0]), 1.0)
+        << "what pulls it, in one direction";
+  }
+}
+
+// A zone that shears against the jump and faster than it drags the interface along with its shear.
+TEST(PhysicsPlasticLayer, AShearAgainstTheJumpGivesTheStressItsDirection) {
+  const ModelOptions options = plastic_options();
+  const double per_rate = kSqrt3 * options.grid.thickness, rate = 25.0 / per_rate;
+  Rig rig(options);
+  set_masses(rig);
+  // lanes: jump and shear, the shear alone, the jump alone, the mirror images of these; jump and shear that are none
+  const double jump[kLanes] = {-5.0, 0.0, 20.0, 5.0, 0.0, -20.0, -per_rate * rate, 0.0};
+  const double shear[kLanes] = {rate, 20.0 / per_rate, 0.0, -rate, -20.0 / per_rate, 0.0, rate, 0.0};
+  rig.set_all(0.0, 11.2e9);
+  std::copy_n(jump, kLanes, rig.inputs.velocity_jump);
+  std::copy_n(shear, kLanes, rig.inputs.soft_plastic_strain_rate);
+  rig.step(1e-9);
+  const TileOutputs& out = rig.outputs;
+  EXPECT_GT(out.shear_stress[0], 1e7);
+  EXPECT_GT(out.sliding_velocity[0], 1.0);
+  for (const int l : {0, 1, 2}) {
+    EXPECT_NEAR(out.shear_stress[l] / out.shear_stress[2], 1.0, 1e-12);
+    EXPECT_NEAR(out.sliding_velocity[l], out.sliding_velocity[2], 1e-10);
+    EXPECT_NEAR(out.velocity_jump_new[l] + per_rate * shear[l], out.velocity_jump_new[2], 1e-12);
+    EXPECT_EQ(out.shear_stress[l + 3], -out.shear_stress[l]);
+    EXPECT_EQ(out.velocity_jump_new[l + 3], -out.velocity_jump_new[l]);
+  }
+  EXPECT_EQ(out.shear_stress[6], 0.0);
+  EXPECT_EQ(out.velocity_jump_new[6], jump[6]);
+  EXPECT_EQ(out.interface_temperature[6], out.interface_temperature[7]);
 }
 
 }  // namespace

@@ -91,7 +91,7 @@ class History {
       in.velocity_jump[l] = jump_[l] + (at_interface ? 0.0 : shear_[l] * kThickness);
       if (forced_ && !kicked_[l]) in.velocity_jump[l] = last.velocity_jump_new[l];
       in.soft_shear_rate[l] = shear_[l];
-      in.soft_plastic_strain_rate[l] = std::max(0.0, shear_[l]);
+      in.soft_plastic_strain_rate[l] = shear_[l];
       kicked_[l] = false;
     }
   }

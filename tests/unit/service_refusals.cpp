@@ -213,11 +213,37 @@ TEST(Refusals, PlasticStrainRateIsTakenByAPlasticLayer) {
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene, kNodes));
   auto batch = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
-  std::ranges::fill(batch.f64(Field::kSoftPlasticStrainRate), 1e5);
+  std::ranges::fill(batch.f64(Field::kSoftPlasticStrainRate), -1e5);
   EXPECT_TRUE(harness.ask(ServiceHarness::step(1, std::move(batch))).reply.status.ok());
   auto bad = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
-  bad.f64(Field::kSoftPlasticStrainRate)[4] = -1.0;  // invalid: the rate is a magnitude, the stress gives the direction
+  bad.f64(Field::kSoftPlasticStrainRate)[4] = -2e15;
   EXPECT_EQ(harness.ask(ServiceHarness::step(2, std::move(bad))).reply.status.field, "soft_plastic_strain_rate_per_s");
+}
+
+TEST(Refusals, PlasticStrainRateOfTwoComponentsHasBoth) {
+  auto scene = support::force_scene();
+  scene.mutable_interface()->set_plastic_layer(true);
+  scene.set_tangential_components(2);
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene, kNodes));
+  std::vector<Field> fields(wire::columns_of(Strategy::kForceDriven).required.begin(),
+                            wire::columns_of(Strategy::kForceDriven).required.end());
+  fields.push_back(Field::kSoftPlasticStrainRate);
+  const wire::Batch scalar = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
+  wire::Batch whole = wire::Batch::of(fields, kNodes.size(), 2);
+  for (const wire::Column& column : whole.columns())
+    std::ranges::copy(scalar.f64(column.field), whole.f64(column.field, column.component).begin());
+  for (const std::uint32_t dropped : {0U, 1U}) {
+    auto columns = whole.columns();
+    std::erase_if(columns, [&](const wire::Column& column) {
+      return column.field == Field::kSoftPlasticStrainRate && column.component == dropped;
+    });
+    const wire::Status refusal =
+        harness.ask(ServiceHarness::step(1, wire::Batch::over(columns, whole.bytes()))).reply.status;
+    EXPECT_EQ(refusal.code, Code::kShape);
+    EXPECT_EQ(refusal.field, "soft_plastic_strain_rate_per_s");
+  }
+  EXPECT_TRUE(harness.ask(ServiceHarness::step(1, std::move(whole))).reply.status.ok());
 }
 
 TEST(Refusals, PlasticStrainRateReachesTheLayer) {

@@ -169,7 +169,9 @@ enum {
   SHEARBUS_MASS_SOFT = 14, /* mass per area of the soft half zone that moves with the interface  [kg/m2] */
   SHEARBUS_MASS_HARD = 15, /* mass per area of the hard half zone that moves with the interface  [kg/m2] */
   SHEARBUS_SOFT_SHEAR_RATE = 16, /* shear rate of the soft zone  [1/s] */
-  SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17, /* equivalent plastic strain rate of the soft zone, not negative  [1/s] */
+  /* equivalent rate Ep_dot of the soft zone's plastic shear along the interface, with the sign of its shear stress
+   * [1/s]; tangential */
+  SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17,
   SHEARBUS_STICK_STRESS = 18, /* stick form: traction that would make the new jump zero  [Pa]; tangential */
   /* stick form: Z = 1 / (dt (1/m_soft + 1/m_hard)), stress per reduction of the jump  [Pa s/m] */
   SHEARBUS_IMPEDANCE = 19,

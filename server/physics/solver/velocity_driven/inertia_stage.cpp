@@ -394,12 +394,10 @@ WaveContacts::WaveContacts(const Problem& problem, const TileInputs& inputs, con
     own.limit = contact_limit(problem, soft_at_(l), inputs.pressure[l], dt, own.state, inputs.effort);
     own.stuck = sticking != TileLayout::kAbsent && committed[sticking + static_cast<std::size_t>(l)] != 0.0;
     if (problem.options.strategy != Strategy::kForceDriven) continue;
-    const TrialSlip slip(forcing_of(problem, inputs, l), dt, inputs.velocity_jump[l],
-                         stress_before(problem.layout, inputs, committed, l));
-    own.drive = slip.direction * slip.drive;
+    own.drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_strain_rate[l];
     // A law with a state may carry nothing at rest: slower than this is rest.
     if (problem.layout.num_friction_states > 0)
-      own.limit.least_slip = kAtRest * (std::abs(inputs.velocity_jump[l]) + slip.drive +
+      own.limit.least_slip = kAtRest * (std::abs(inputs.velocity_jump[l]) + std::abs(own.drive) +
                                         dt * (std::abs(inputs.stress_soft[l]) / inputs.mass_soft[l] +
                                               std::abs(inputs.stress_hard[l]) / inputs.mass_hard[l]));
   }
