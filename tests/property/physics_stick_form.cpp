@@ -86,6 +86,8 @@ TEST_P(PhysicsStickForm, HasTheAnswerOfTheFarFieldForm) {
         const double speed = std::hypot(in.velocity_jump[l], in.second_velocity_jump[l]) +
                              dt * (std::hypot(in.stress_soft[l], in.second_stress_soft[l]) / in.mass_soft[l] +
                                    std::hypot(in.stress_hard[l], in.second_stress_hard[l]) / in.mass_hard[l]) +
+                             kSqrt3 * options.grid.thickness *
+                                 std::hypot(in.soft_plastic_strain_rate[l], in.second_soft_plastic_strain_rate[l]) +
                              1e-6;
         const double stress = std::hypot(want.shear_stress[l], want.second_shear_stress[l]);
         const double T0 = want.interface_temperature[l];
