@@ -164,9 +164,13 @@ void advance_tile(const Problem& problem, const StepOperators& operators, const 
         .run(std::numeric_limits<double>::infinity());
     return;
   }
-  const InterfaceFrame frame(problem, operators, inputs, committed);
-  advance_once(problem, operators, frame.inputs(), committed, trial, outputs);
-  frame.leave(trial, outputs);
+  if (InterfaceFrame::differs(problem.options)) {
+    const InterfaceFrame frame(problem, operators, inputs, committed);
+    advance_once(problem, operators, frame.inputs(), committed, trial, outputs);
+    frame.leave(trial, outputs);
+  } else {
+    advance_once(problem, operators, inputs, committed, trial, outputs);
+  }
   answer_mean_stress(problem, inputs, outputs);
 }
 

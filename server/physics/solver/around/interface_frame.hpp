@@ -30,6 +30,11 @@ class HostShear {
 // arguments of the constructor must live until then.
 class InterfaceFrame {
  public:
+  // Whether the interface may see other inputs than the host sends.
+  static bool differs(const ModelOptions& options) {
+    return options.tangential_components == 2 || options.plastic_layer;
+  }
+
   InterfaceFrame(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                  const double* committed);
   InterfaceFrame(const InterfaceFrame&) = delete;
