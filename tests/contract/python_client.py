@@ -540,7 +540,8 @@ class Refusals(Live):
                                 "jump", [2**64 - 1], f"jump of node {2**64 - 1} is {value}")
             self.assert_refused(shearbus.ContentError, "INVALID_VALUE",
                                 lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), "jump", [7])
-        for dt, values, field, text in ((1e-9, {"jump": 1.0}, "pressure", "is missing"), (1e-9, {**good, "presure": 1.0}, "presure", 'mean "pressure"'),
+        for dt, values, field, text in ((1e-9, {"jump": 1.0}, "pressure", "is missing"), (1e-9, {**good, "pressure": None}, "pressure", "is None"),
+                                        (1e-9, {**good, "presure": 1.0}, "presure", 'mean "pressure"'),
                                         (1e-9, {**good, "stress_soft": 1.0}, "stress_soft", ""), ("1 ns", good, "dt", "")):
             with self.subTest(field):
                 self.silently(lambda: self.bus.step(dt, **values), shearbus.MessageError, "SHAPE", field, text=text)
