@@ -245,22 +245,23 @@ TEST(Closure, ALayerThatFlowsIsTheHalfZoneOfItsNode) {
 
 TEST(Closure, TheHostsTimeMustGrowByTheStep) {
   ServiceHarness harness;
-  for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}})
+  for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}, std::uint8_t{4}})
     ASSERT_TRUE(harness.ask(opening(scene_of(1), true, session)).reply.status.ok());
   // Session 1 sends correct times, from a large start time. Session 2 sends half the growth of its time as dt_s, like a
-  // Newmark host that wrongly sends gamma dt, with gamma = 1/2. Session 3 sends no times.
+  // Newmark host that wrongly sends gamma dt, with gamma = 1/2. Session 3 sends no times, session 4 times in ms.
   for (std::uint64_t sequence = 1; sequence <= 103; ++sequence) {
     const double steps = static_cast<double>(sequence);
-    const double time[] = {1e-3 + steps * kDt, 2.0 * steps * kDt, 0.0};
-    for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}}) {
+    const double time[] = {1e-3 + steps * kDt, 2.0 * steps * kDt, 0.0, 1e3 * steps * kDt};
+    for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}, std::uint8_t{4}}) {
       Host host;
       const Answer answer =
           harness.ask(step_of(sequence, host.request(1), time[session - 1], wire::Mode::kAdvance, session));
       ASSERT_TRUE(answer.reply.status.ok());
-      const bool warns = session == 2 && sequence > 1 && sequence <= 101;
+      const bool warns = session % 2 == 0 && sequence > 1 && sequence <= 101;
       ASSERT_EQ(upscale(answer).warnings.size(), warns ? 1U : 0U) << int(session) << ", step " << sequence;
       if (warns) {
-        EXPECT_THAT(upscale(answer).warnings[0], StartsWith("time_s: the host's time grew by 2"));
+        EXPECT_THAT(upscale(answer).warnings[0], StartsWith("time_s: the host's time grew by "));
+        EXPECT_THAT(upscale(answer).warnings[0], HasSubstr(session == 2 ? "grew by 2" : "time_s looks like ms"));
         EXPECT_THAT(upscale(answer).warnings[0], HasSubstr("dt_s is 1e-09 s"));
       }
     }
