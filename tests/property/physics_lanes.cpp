@@ -1,7 +1,6 @@
 // The answer of a node depends on its own state and inputs only, to the last bit.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstring>

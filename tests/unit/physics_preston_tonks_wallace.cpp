@@ -7,8 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <utility>
-#include <vector>
 
 #include "server/physics/reference/parts.hpp"
 #include "server/physics/solver/velocity_driven/waves_return.hpp"
@@ -261,28 +259,6 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
   EXPECT_GT(flowed, 10000);
   EXPECT_GT(overdriven, 1000);
   EXPECT_GT(crept, 10);
-}
-
-// The slope of the strain increment over the stress, d(dep)/d(ln a), must include that the stress a also heats the
-// metal.
-TEST(PhysicsPrestonTonksWallace, HeatingEntersTheSlope) {
-  Draw draw(36);
-  for (int i = 0; i < 1000; ++i) {
-    const Material m = metal_of(random_preston_tonks_wallace(draw));
-    const double dt = 1e-9, T_ad = draw.uniform(100.0, 1000.0), rise = draw.uniform(0.0, 300.0);
-    const double ep = draw.log_uniform(1e-3, 1.0);
-    const double a = flow_stress(m, ep, 0.0, T_ad + rise) / kSqrt3 * draw.uniform(1.1, 5.0);
-    const auto flow = [&](double share) {
-      const VertexFlow found = flow_under(m, dt, a * share, 0.0, T_ad + rise * share, ep, rise * share);
-      return std::pair(found.dep, found.by_load);
-    };
-    const auto [dep, slope] = flow(1.0);
-    ASSERT_GT(dep, 0.0);
-    const double h = std::min(1e-5, 1e-5 * dep / slope);
-    const double left = (dep - flow(1 - h).first) / h, right = (flow(1 + h).first - dep) / h;
-    EXPECT_GE(slope, std::min(left, right) * (1 - 1e-3) - 1e-14 * slope / (h * dep) * dep) << i;
-    EXPECT_LE(slope, std::max(left, right) * (1 + 1e-3) + 1e-14 * slope / (h * dep) * dep) << i;
-  }
 }
 
 TEST(PhysicsPrestonTonksWallace, AMoltenVertexFlowsUnderAnyLoadAndNoneUnderNone) {
