@@ -65,12 +65,12 @@ TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
     for (const wire::Policy policy : {wire::Policy::kAccept, wire::Policy::kAllOrNothing}) {
       ServiceHarness harness(threads, {.nodes_per_task = 4});
       for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
-        ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
+        harness.granted(ServiceHarness::opening(scene(), kNodes, session));
       // Two nodes retire, so that the slot of a node in the shard differs from its row in a request.
       std::vector<std::uint64_t> nodes = kNodes;
       for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
         const std::vector<std::uint64_t> retiring = {kNodes[1], kNodes[4]};
-        ASSERT_TRUE(harness.ask(ServiceHarness::of_nodes(wire::RetireNodes{}, retiring, 1, session)).reply.status.ok());
+        harness.granted(ServiceHarness::of_nodes(wire::RetireNodes{}, retiring, 1, session));
       }
       nodes.erase(nodes.begin() + 4);
       nodes.erase(nodes.begin() + 1);
@@ -97,20 +97,16 @@ TEST_P(AbsentNodes, OpenHasTheBitsOfNamingThemWithoutPressure) {
 TEST_P(AbsentNodes, KeepIsTheDefaultAndDoesNotCool) {
   ServiceHarness harness;
   for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}}) {
-    ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
-    ASSERT_TRUE(
-        harness
-            .ask(ServiceHarness::step(1, support::step_columns(GetParam(), kNodes, 1), wire::Mode::kAdvance, session))
-            .reply.status.ok());
+    harness.granted(ServiceHarness::opening(scene(), kNodes, session));
+    harness.granted(
+        ServiceHarness::step(1, support::step_columns(GetParam(), kNodes, 1), wire::Mode::kAdvance, session));
   }
   const std::vector<std::uint64_t> first = {kNodes[0]};
   for (std::uint64_t sequence = 2; sequence <= 5; ++sequence) {
     const wire::Batch batch = support::step_columns(GetParam(), first, 1, true);
     for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
-      ASSERT_TRUE(harness
-                      .ask(step_of(sequence, wire::Batch::over(batch.columns(), batch.bytes()), session,
-                                   session == 1 ? wire::AbsentNodes::kKeep : wire::AbsentNodes::kOpen))
-                      .reply.status.ok());
+      harness.granted(step_of(sequence, wire::Batch::over(batch.columns(), batch.bytes()), session,
+                              session == 1 ? wire::AbsentNodes::kKeep : wire::AbsentNodes::kOpen));
   }
   const auto temperatures = [&](std::uint8_t session) {
     wire::Batch batch = support::step_columns(GetParam(), kNodes, 1);
@@ -131,19 +127,18 @@ TEST_P(AbsentNodes, KeepIsTheDefaultAndDoesNotCool) {
 TEST_P(AbsentNodes, ATrialOfOpenNodesIsRolledBackWithTheOthers) {
   ServiceHarness harness;
   for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
-    ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
+    harness.granted(ServiceHarness::opening(scene(), kNodes, session));
   const auto step = [&](std::uint64_t sequence, std::uint8_t session, int number, wire::Mode mode) {
     const Answer answer =
-        harness.ask(step_of(sequence, support::step_columns(GetParam(), named_in(number), number, true), session,
-                            wire::AbsentNodes::kOpen, mode));
-    ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+        harness.granted(step_of(sequence, support::step_columns(GetParam(), named_in(number), number, true), session,
+                                wire::AbsentNodes::kOpen, mode));
   };
   step(1, 1, 1, wire::Mode::kAdvance);
   step(1, 2, 1, wire::Mode::kAdvance);
   step(2, 1, 2, wire::Mode::kTrial);
-  ASSERT_TRUE(harness.ask(ServiceHarness::in_session(wire::Rollback{}, 3, 1)).reply.status.ok());
+  harness.granted(ServiceHarness::in_session(wire::Rollback{}, 3, 1));
   step(4, 1, 5, wire::Mode::kTrial);
-  ASSERT_TRUE(harness.ask(ServiceHarness::in_session(wire::Commit{}, 5, 1)).reply.status.ok());
+  harness.granted(ServiceHarness::in_session(wire::Commit{}, 5, 1));
   step(2, 2, 5, wire::Mode::kAdvance);
   EXPECT_EQ(probe(harness, 6, 1, kNodes), probe(harness, 3, 2, kNodes));
 }
@@ -151,15 +146,14 @@ TEST_P(AbsentNodes, ATrialOfOpenNodesIsRolledBackWithTheOthers) {
 TEST_P(AbsentNodes, AStepWithoutRowsOpensAllNodes) {
   ServiceHarness harness;
   for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
-    ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene(), kNodes, session)).reply.status.ok());
+    harness.granted(ServiceHarness::opening(scene(), kNodes, session));
   const Answer none =
-      harness.ask(step_of(1, support::step_columns(GetParam(), {}, 1, true), 1, wire::AbsentNodes::kOpen));
-  ASSERT_TRUE(none.reply.status.ok()) << describe(none.reply.status);
+      harness.granted(step_of(1, support::step_columns(GetParam(), {}, 1, true), 1, wire::AbsentNodes::kOpen));
   wire::Batch all = support::step_columns(GetParam(), kNodes, 1);
   for (const wire::Column& column : all.columns())
     if (column.field != Field::kMassSoft && column.field != Field::kMassHard)
       std::ranges::fill(all.f64(column.field), 0.0);
-  ASSERT_TRUE(harness.ask(ServiceHarness::step(1, std::move(all), wire::Mode::kAdvance, 2)).reply.status.ok());
+  harness.granted(ServiceHarness::step(1, std::move(all), wire::Mode::kAdvance, 2));
   EXPECT_EQ(probe(harness, 2, 1, kNodes), probe(harness, 2, 2, kNodes));
   const Answer closed = harness.ask(ServiceHarness::in_session(wire::CloseSession{}, 3, 1));
   EXPECT_EQ(std::get<wire::SessionClosed>(closed.reply.body).node_steps, 2 * kNodes.size());

@@ -43,8 +43,7 @@ class Parts : public testing::TestWithParam<Strategy> {
  protected:
   void open(ServiceHarness& harness, std::uint8_t sessions = 2) const {
     for (std::uint8_t session = 1; session <= sessions; ++session)
-      ASSERT_TRUE(
-          harness.ask(ServiceHarness::opening(support::scene_of(GetParam()), kNodes, session)).reply.status.ok());
+      harness.granted(ServiceHarness::opening(support::scene_of(GetParam()), kNodes, session));
   }
   // Returns the answer of all nodes to one more step. Sessions with equal states have equal answers.
   std::vector<std::byte> probe(ServiceHarness& harness, std::uint64_t sequence, std::uint8_t session) const {
@@ -75,16 +74,14 @@ TEST_P(Parts, HaveTheBitsOfTheUndividedStepHoweverItIsDivided) {
           std::ranges::sort(cuts);
           const Mode mode = step % 3 == 0 ? Mode::kTrial : Mode::kAdvance;
           const PartOf whole{.step = step, .mode = mode, .policy = policy, .absent = absent};
-          const Answer undivided = harness.ask(part_of(GetParam(), ++undivided_sequence, ids, whole, 2));
-          ASSERT_TRUE(undivided.reply.status.ok()) << describe(undivided.reply.status);
+          const Answer undivided = harness.granted(part_of(GetParam(), ++undivided_sequence, ids, whole, 2));
           for (std::uint32_t part = 1; part <= parts; ++part) {
             PartOf one = whole;
             one.part = part;
             one.parts = parts;
             const std::size_t first = cuts[part - 1], rows = cuts[part] - first;
             const Answer answer =
-                harness.ask(part_of(GetParam(), ++sequence, std::span(ids).subspan(first, rows), one));
-            ASSERT_TRUE(answer.reply.status.ok()) << describe(answer.reply.status);
+                harness.granted(part_of(GetParam(), ++sequence, std::span(ids).subspan(first, rows), one));
             for (const wire::Column& column : answer.reply.batch.columns())
               for (std::size_t row = 0; row < rows && column.element == wire::Element::kFloat64; ++row)
                 ASSERT_EQ(std::as_const(answer.reply.batch).f64(column.field)[row],
@@ -93,10 +90,8 @@ TEST_P(Parts, HaveTheBitsOfTheUndividedStepHoweverItIsDivided) {
           }
           if (mode == Mode::kAdvance) continue;
           for (const std::uint8_t session : {std::uint8_t{1}, std::uint8_t{2}})
-            ASSERT_TRUE(harness
-                            .ask(ServiceHarness::in_session(wire::Commit{},
-                                                            session == 1 ? ++sequence : ++undivided_sequence, session))
-                            .reply.status.ok());
+            harness.granted(
+                ServiceHarness::in_session(wire::Commit{}, session == 1 ? ++sequence : ++undivided_sequence, session));
         }
         EXPECT_EQ(probe(harness, ++sequence, 1), probe(harness, ++undivided_sequence, 2))
             << "the states have the same bits";
@@ -114,26 +109,25 @@ TEST_P(Parts, UntilTheLastNothingIsCommittedAndWhatIsNotTheNextPartDropsThem) {
   for (const int ending : {0, 1, 2}) {
     ServiceHarness harness;
     open(harness);
-    ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, first, {.part = 1, .parts = 2})).reply.status.ok());
+    harness.granted(part_of(GetParam(), 1, first, {.part = 1, .parts = 2}));
     EXPECT_EQ(harness.ask(ServiceHarness::in_session(wire::Commit{}, 2)).code(), Code::kNothingToCommit);
     wire::Request too_early = part_of(GetParam(), 2, first, {.part = 1, .parts = 2});
     std::get<wire::Downscale>(too_early.body).commit_previous = true;
     EXPECT_EQ(harness.ask(too_early).code(), Code::kNothingToCommit);
     std::uint64_t sequence = 2;
     if (ending == 0) {
-      ASSERT_TRUE(harness.ask(ServiceHarness::in_session(wire::Rollback{}, sequence++)).reply.status.ok());
+      harness.granted(ServiceHarness::in_session(wire::Rollback{}, sequence++));
       EXPECT_EQ(harness.ask(part_of(GetParam(), sequence, rest, {.part = 2, .parts = 2})).code(), Code::kInvalidValue);
-      ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
-      ASSERT_TRUE(harness.ask(part_of(GetParam(), sequence++, ids, {})).reply.status.ok());
+      harness.granted(part_of(GetParam(), 1, ids, {}, 2));
+      harness.granted(part_of(GetParam(), sequence++, ids, {}));
     } else if (ending == 1) {  // an undivided step
-      ASSERT_TRUE(harness.ask(part_of(GetParam(), sequence++, rest, {.step = 3})).reply.status.ok());
-      ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, rest, {.step = 3}, 2)).reply.status.ok());
+      harness.granted(part_of(GetParam(), sequence++, rest, {.step = 3}));
+      harness.granted(part_of(GetParam(), 1, rest, {.step = 3}, 2));
     } else {  // the step begins again
-      ASSERT_TRUE(harness.ask(part_of(GetParam(), sequence++, rest, {.part = 1, .parts = 2})).reply.status.ok());
-      const Answer last = harness.ask(part_of(GetParam(), sequence++, first, {.part = 2, .parts = 2}));
-      ASSERT_TRUE(last.reply.status.ok()) << describe(last.reply.status);
+      harness.granted(part_of(GetParam(), sequence++, rest, {.part = 1, .parts = 2}));
+      const Answer last = harness.granted(part_of(GetParam(), sequence++, first, {.part = 2, .parts = 2}));
       EXPECT_EQ(version(last), 1u);
-      ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
+      harness.granted(part_of(GetParam(), 1, ids, {}, 2));
     }
     EXPECT_EQ(probe(harness, sequence, 1), probe(harness, 2, 2)) << "ending " << ending;
   }
@@ -144,7 +138,7 @@ TEST_P(Parts, ARefusedPartChangesNothingAndThePartsBeforeStand) {
   const auto first = ids.first(20), rest = ids.subspan(20);
   ServiceHarness harness;
   open(harness);
-  ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
+  harness.granted(part_of(GetParam(), 1, ids, {}, 2));
   const PartOf one{.part = 1, .parts = 3}, two{.part = 2, .parts = 3}, three{.part = 3, .parts = 3};
   const auto refused = [&](wire::Request request, Code code, const std::string& text) {
     const Answer answer = harness.ask(request);
@@ -166,7 +160,7 @@ TEST_P(Parts, ARefusedPartChangesNothingAndThePartsBeforeStand) {
   std::get<wire::Downscale>(all.body).part = std::get<wire::Downscale>(all.body).parts = 1;
   refused(std::move(all), Code::kShape, "no column node_id");
 
-  ASSERT_TRUE(harness.ask(part(1, first, one)).reply.status.ok());
+  harness.granted(part(1, first, one));
   refused(part(2, rest, three), Code::kInvalidValue, "expected part 2");
   refused(changed([](auto& body) { body.parts = 4; }), Code::kInvalidValue, "parts of part 2");
   refused(changed([](auto& body) { body.dt_s *= 2; }), Code::kInvalidValue, "dt_s");
@@ -180,10 +174,9 @@ TEST_P(Parts, ARefusedPartChangesNothingAndThePartsBeforeStand) {
   refused(part(2, ids.subspan(19, 5), two), Code::kDuplicateNode, std::to_string(kNodes[19]));
   refused(ServiceHarness::of_nodes(wire::RetireNodes{}, std::span(kNodes).first(1), 2), Code::kTrialStands, "");
 
-  ASSERT_TRUE(harness.ask(part(2, rest.first(10), two)).reply.status.ok());
+  harness.granted(part(2, rest.first(10), two));
   refused(part(3, rest, three), Code::kDuplicateNode, std::to_string(rest[0]));
-  const Answer last = harness.ask(part(3, rest.subspan(10), three));
-  ASSERT_TRUE(last.reply.status.ok()) << describe(last.reply.status);
+  const Answer last = harness.granted(part(3, rest.subspan(10), three));
   EXPECT_EQ(version(last), 1u);
   EXPECT_EQ(probe(harness, 4, 1), probe(harness, 2, 2));
 }
@@ -198,17 +191,16 @@ TEST_P(Parts, OfWhichOneWasSentAheadAreBothAnsweredAgain) {
   const wire::Request first = part(1), second = ServiceHarness::ahead(part(2), first),
                       third = ServiceHarness::ahead(part(3), second);
   const Answer one = harness.ask(first);
-  const Answer two = harness.ask(second);
-  ASSERT_TRUE(two.reply.status.ok()) << describe(two.reply.status);
+  const Answer two = harness.granted(second);
   for (int i = 0; i < 2; ++i) {
     EXPECT_TRUE(harness.ask(first).reply.replayed);
     EXPECT_EQ(harness.ask(first).payload(), one.payload());
     EXPECT_EQ(harness.ask(second).payload(), two.payload());
   }
-  ASSERT_TRUE(harness.ask(third).reply.status.ok());
+  harness.granted(third);
   EXPECT_EQ(harness.ask(first).code(), Code::kStaleSequence) << "its client has had the answer before it sent part 3";
   EXPECT_EQ(harness.ask(second).payload(), two.payload());
-  ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
+  harness.granted(part_of(GetParam(), 1, ids, {}, 2));
   EXPECT_EQ(probe(harness, 4, 1), probe(harness, 2, 2));
 }
 
@@ -229,15 +221,15 @@ TEST_P(Parts, SentAheadRunBehindTheirOwnPartOnly) {
   // Its client takes another step under the same numbers.
   wire::Request renamed = whole(1, 1);
   renamed.request_id += 1;
-  ASSERT_TRUE(harness.ask(renamed).reply.status.ok());
+  harness.granted(renamed);
   const Answer refused = harness.ask(late);
   EXPECT_EQ(refused.code(), Code::kSequenceGap);
   EXPECT_EQ(refused.reply.status.field, "downscale.follows");
-  ASSERT_TRUE(harness.ask(ServiceHarness::ahead(whole(1, 2), renamed)).reply.status.ok());
+  harness.granted(ServiceHarness::ahead(whole(1, 2), renamed));
   wire::Request begins = part_of(GetParam(), 3, ids, {.part = 1, .parts = 2});
   EXPECT_EQ(harness.ask(ServiceHarness::ahead(std::move(begins), late)).code(), Code::kInvalidValue)
       << "a first part follows nothing";
-  ASSERT_TRUE(harness.ask(part_of(GetParam(), 1, ids, {}, 2)).reply.status.ok());
+  harness.granted(part_of(GetParam(), 1, ids, {}, 2));
   EXPECT_EQ(probe(harness, 3, 1), probe(harness, 2, 2));
   const Answer welcome = harness.ask({.body = wire::Hello{}});
   EXPECT_THAT(std::get<wire::Welcome>(welcome.reply.body).capabilities, testing::Contains("parts_ahead"));
@@ -248,7 +240,7 @@ TEST_P(Parts, AMessageHasAtMostAsManyRowsAsTheWelcomeSays) {
   const auto many = support::node_ids(wire::kMaxRowsPerMessage + 1);
   v1::Scene scene = support::scene_of(GetParam());
   scene.mutable_layer()->set_cells(4);
-  ASSERT_TRUE(harness.ask(ServiceHarness::opening(scene, many)).reply.status.ok());
+  harness.granted(ServiceHarness::opening(scene, many));
   const Answer all = harness.ask(ServiceHarness::step(1, support::step_columns(GetParam(), many, 1)));
   EXPECT_EQ(all.code(), Code::kLimit);
   EXPECT_THAT(describe(all.reply.status), HasSubstr("Divide the step into parts"));
