@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tests/support/random_physics.hpp"
+#include "tests/support/strategies.hpp"
 #include "tests/support/twin.hpp"
 
 namespace shearbus::testing {
@@ -140,10 +141,7 @@ TEST_P(PhysicsReference, FastAndSlowAgree) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, PhysicsReference, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& test) {
-                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(, PhysicsReference, support::both<Strategy>(), support::name_of_strategy);
 
 }  // namespace
 }  // namespace shearbus::testing

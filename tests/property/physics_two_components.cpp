@@ -9,6 +9,7 @@
 #include <string>
 
 #include "tests/support/random_physics.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::testing {
 namespace {
@@ -157,10 +158,7 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, PhysicsTwoComponents, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& test) {
-                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(, PhysicsTwoComponents, support::both<Strategy>(), support::name_of_strategy);
 
 // With two components a step is the scalar step along the trial vector: the elastic stress (velocity-driven) or the
 // jump without friction (force-driven). The test itself projects the inputs for the scalar reference on this vector.

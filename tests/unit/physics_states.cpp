@@ -77,6 +77,9 @@ TEST(PhysicsStates, HaveTheNamesOfCheckpoints) {
   EXPECT_THAT(names_of(with_heated_layer()),
               ElementsAre("hard_temperature_k", "temperature_k", "plastic_strain", "heat_shape", "shear_stress_pa",
                           "shear_stress_rate_pa_per_s", "regime"));
+  ModelOptions junctions = paper_options(Strategy::kForceDriven);
+  junctions.junctions = JunctionOptions{0.5, 1e-6, junctions.soft};
+  EXPECT_THAT(names_of(junctions), ElementsAre("temperature_k", "shear_stress_pa", "regime", "junction_strain"));
 }
 
 // An option costs the rows of its own states, and nothing where it is not chosen.
@@ -123,15 +126,6 @@ TEST(PhysicsStates, AnOptionAddsItsOwnRowsOnly) {
   EXPECT_EQ(Model(two_sided(force)).layout().liquid_fraction, kNone);
   EXPECT_EQ(Model(film).layout().doubles,
             Model(two_sided(force)).layout().doubles + Model(film).layout().num_vertices * kLanes);
-}
-
-TEST(PhysicsStates, JunctionsDeclareTheirOwn) {
-  ModelOptions options = paper_options(Strategy::kForceDriven);
-  options.junctions = JunctionOptions{0.5, 1e-6, options.soft};
-  const Model model(options);
-  const TileLayout& layout = model.layout();
-  EXPECT_EQ(layout.states().back().name, Junctions::kStates[0].name);
-  EXPECT_EQ(layout.states().back().offset, layout.junction_strain);
 }
 
 }  // namespace

@@ -67,25 +67,6 @@ std::string load_refusal(const std::filesystem::path& path) {
   return support::fault_of([&] { load(path); }).text;
 }
 
-TEST(SceneText, ThePapersSceneLoadsAsWritten) {
-  const v1::Scene scene = parse(kPaper, "paper.toml").scene;
-  EXPECT_EQ(scene.name(), "paper_velocity_driven");
-  EXPECT_EQ(scene.source(), "");
-  EXPECT_EQ(scene.strategy(), v1::STRATEGY_VELOCITY_DRIVEN);
-  EXPECT_EQ(scene.soft().material(), "aluminium_dlp");
-  EXPECT_TRUE(numbers_of(scene.soft()).empty());
-  EXPECT_EQ(scene.hard().material(), "steel_dlp");
-  EXPECT_EQ(scene.layer().thickness_m(), 20e-6);
-  EXPECT_EQ(scene.layer().cells(), 500U);
-  EXPECT_EQ(scene.layer().grading(), 1.0);
-  EXPECT_EQ(scene.layer().far_boundary(), v1::FAR_BOUNDARY_INSULATED);
-  EXPECT_EQ(scene.layer().initial_temperature_k(), 300.0);
-  EXPECT_EQ(scene.velocity_driven().drive(), v1::DRIVE_LAYER_SHEAR);
-  EXPECT_FALSE(scene.velocity_driven().has_friction_coefficient());
-  EXPECT_EQ(scene.interface().friction_coefficient(), 0.3);
-  EXPECT_FALSE(scene.interface().has_yield_strength_pa());
-}
-
 TEST(SceneText, AbsentKeysTakeTheirDefaults) {
   const v1::Scene scene =
       parse("name='x'\nstrategy='velocity_driven'\nsoft.material='a'\nhard.material='b'\n", "s").scene;
