@@ -6,12 +6,9 @@
 #include <fenv.h>
 #include <locale.h>
 #include <pthread.h>
-#include <shearbus/shearbus.h>
 #include <signal.h>
 #include <stdatomic.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
@@ -22,29 +19,10 @@
 #include <xmmintrin.h>
 #endif
 
+#include "../contract/host_checks.h"
+
 enum { N = 3000, STEPS = 4 }; /* enough nodes for both threads of the server */
 
-static int faults = 0;
-#define CHECK(what)                                                                                               \
-  do {                                                                                                            \
-    if (!(what)) {                                                                                                \
-      fprintf(stderr, "%s:%d: not so: %s [%s: %s]\n", __FILE__, __LINE__, #what, shearbus_code_name(status.code), \
-              status.text);                                                                                       \
-      ++faults;                                                                                                   \
-    }                                                                                                             \
-  } while (0)
-#define CODE(call, expected)                                                                                        \
-  do {                                                                                                              \
-    const int found = (call);                                                                                       \
-    if (found != (expected)) {                                                                                      \
-      fprintf(stderr, "%s:%d: %s gave %s: %s, expected %s\n", __FILE__, __LINE__, #call, shearbus_code_name(found), \
-              status.text, shearbus_code_name(expected));                                                           \
-      ++faults;                                                                                                     \
-    }                                                                                                               \
-  } while (0)
-#define OK(call) CODE(call, SHEARBUS_OK)
-
-static shearbus_status status = SHEARBUS_STATUS_INIT;
 static const char *scene, *endpoint;
 
 /* ---- a session and its steps ---- */
