@@ -46,23 +46,12 @@ static void reset(void) {
   columns_of(nodes, inputs, outputs);
 }
 static shearbus_request request_of(int mode) {
-  shearbus_request request = SHEARBUS_REQUEST_INIT;
-  request.dt_s = 1e-9;
+  shearbus_request request = host_request(N, inputs, outputs, 4);
   request.mode = mode;
-  request.n = N;
-  request.inputs = inputs;
-  request.n_inputs = 6;
-  request.outputs = outputs;
-  request.n_outputs = 4;
   return request;
 }
 static shearbus_options options_of(void) {
-  shearbus_options options = SHEARBUS_OPTIONS_INIT;
-  options.endpoint = endpoint;
-  options.scene_file = scene;
-  options.connect_deadline_s = 20;
-  options.check_closure = SHEARBUS_CHECK_OFF; /* the steps of this program apply no answer */
-  return options;
+  return host_options(endpoint, scene, 20);
 }
 static shearbus_session* open_session(const char* domain, uint64_t first) {
   shearbus_session* session = NULL;

@@ -1,4 +1,5 @@
-/* What the C programs that test the library share: checks that print each fault and count it, and the columns of a step in an array of structs. */
+/* What the C programs that test the library share: checks that print each fault and count it, options, a step of 1 ns
+ * and the columns of a step in an array of structs. */
 #ifndef SHEARBUS_TESTS_HOST_CHECKS_H
 #define SHEARBUS_TESTS_HOST_CHECKS_H
 #include <shearbus/shearbus.h>
@@ -34,6 +35,26 @@ static shearbus_status status = SHEARBUS_STATUS_INIT; /* of the last call */
     CHECK(status.code == (expected));         \
     CHECK(strstr(status.text, word) != NULL); \
   } while (0)
+
+static inline shearbus_options host_options(const char* endpoint, const char* scene, double connect_deadline_s) {
+  shearbus_options options = SHEARBUS_OPTIONS_INIT;
+  options.endpoint = endpoint;
+  options.scene_file = scene;
+  options.connect_deadline_s = connect_deadline_s;
+  options.check_closure = SHEARBUS_CHECK_OFF; /* the steps of these programs apply no answer */
+  return options;
+}
+static inline shearbus_request host_request(size_t n, const shearbus_input inputs[6], const shearbus_output* outputs,
+                                            size_t n_outputs) {
+  shearbus_request request = SHEARBUS_REQUEST_INIT;
+  request.dt_s = 1e-9;
+  request.n = n;
+  request.inputs = inputs;
+  request.n_inputs = 6;
+  request.outputs = outputs;
+  request.n_outputs = n_outputs;
+  return request;
+}
 
 typedef struct node {
   double jump, pressure, stress_soft, stress_hard, mass_soft, mass_hard;

@@ -58,12 +58,7 @@ static void must(int code, const char* what, int line) {
 }
 
 static shearbus_options options_of(void) {
-  shearbus_options options = SHEARBUS_OPTIONS_INIT;
-  options.endpoint = endpoint;
-  options.scene_file = scene;
-  options.connect_deadline_s = 20;
-  options.check_closure = SHEARBUS_CHECK_OFF; /* the steps of this program apply no answer */
-  return options;
+  return host_options(endpoint, scene, 20);
 }
 
 /* The rank of a node, at random: another one after every move, and some ranks may have none. */
@@ -85,7 +80,6 @@ static size_t nodes_of(int which, int move, uint64_t* ids) {
 static shearbus_input inputs[6];
 static shearbus_output outputs[4];
 static shearbus_request request_of(int step, size_t n, const uint64_t* ids, int with_ids) {
-  shearbus_request request = SHEARBUS_REQUEST_INIT;
   for (size_t i = 0; i < n; ++i) {
     const double x = (double)ids[i], t = (double)step;
     const node fresh = {
@@ -93,14 +87,9 @@ static shearbus_request request_of(int step, size_t n, const uint64_t* ids, int 
     rows[i] = fresh;
   }
   columns_of(rows, inputs, outputs);
-  request.dt_s = 1e-9;
+  shearbus_request request = host_request(n, inputs, outputs, 4);
   request.step = (uint64_t)step;
-  request.n = n;
   request.node_ids = with_ids ? ids : NULL;
-  request.inputs = inputs;
-  request.n_inputs = 6;
-  request.outputs = outputs;
-  request.n_outputs = 4;
   return request;
 }
 static void keep(int step, size_t n, const uint64_t* ids) {

@@ -45,6 +45,7 @@ Snapshot small_snapshot() {
   SessionImage closed;
   closed.id.fill(0xfe);
   closed.open = false;
+  closed.identity = "uid 7";
   closed.last_sequence = 9;
   closed.last_hash = 77;
   closed.reply_header = some_bytes(20, 1);

@@ -52,22 +52,11 @@ static void fill(void) {
   }
 }
 static shearbus_request request_of(size_t n) {
-  shearbus_request request = SHEARBUS_REQUEST_INIT;
-  request.dt_s = 1e-9;
-  request.n = n;
-  request.inputs = inputs;
-  request.n_inputs = 6;
-  request.outputs = outputs;
-  request.n_outputs = 3;
-  return request;
+  return host_request(n, inputs, outputs, 3);
 }
 static shearbus_options options_of(void) {
-  shearbus_options options = SHEARBUS_OPTIONS_INIT;
-  options.endpoint = endpoint;
-  options.scene_file = scene;
-  options.connect_deadline_s = 30;
+  shearbus_options options = host_options(endpoint, scene, 30);
   options.threads = 2;
-  options.check_closure = SHEARBUS_CHECK_OFF; /* the steps of this program apply no answer */
   return options;
 }
 static shearbus_session* open_session(size_t n) {

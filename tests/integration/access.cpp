@@ -14,7 +14,6 @@
 #include <thread>
 
 #include "proto/files/key_file.hpp"
-#include "shearbus_places.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
@@ -252,45 +251,6 @@ TEST_F(Keys, OptionsThatDoNotGoTogetherAreRefusedWithTheReason) {
     EXPECT_EQ(server.process().exit_code(10s), c.code) << c.reason;
     EXPECT_THAT(server.log(), HasSubstr(c.reason));
   }
-}
-
-// Runs the programs as an operator does who sets up keys: from keygen to a step of the solver with these keys.
-TEST_F(Keys, ProgramsMakeAndUseKeys) {
-  const std::string ctl = SHEARBUS_BINARY_DIR "/bin/shearbus-ctl";
-  const auto run = [&](std::vector<std::string> arguments) {
-    const std::string output = scratch_ / "output";
-    std::filesystem::remove(output);
-    const auto code = support::Process(std::move(arguments), output).exit_code(30s);
-    return std::pair{code.value_or(-1), support::text_of(output)};
-  };
-  EXPECT_EQ(run({ctl, "keygen", scratch_ / "bus"}).first, 0);
-  EXPECT_EQ(run({ctl, "keygen", scratch_ / "host", "--operator"}).first, 0);
-  const auto again = run({ctl, "keygen", scratch_ / "host"});
-  EXPECT_EQ(again.first, 1);
-  EXPECT_THAT(again.second, HasSubstr("never written over"));
-  struct stat found {};
-  ASSERT_EQ(::stat((scratch_ / "host.secret").c_str(), &found), 0);
-  EXPECT_EQ(found.st_mode & 0777, 0600u);
-  EXPECT_THAT(support::text_of(scratch_ / "host.public"), HasSubstr(" operator host"));
-
-  support::ServerProcess server({"--bind", "tcp://127.0.0.1:*", "--curve-secret", scratch_ / "bus.secret",
-                                 "--authorized-keys", scratch_ / "host.public"});
-  ASSERT_TRUE(server.ready()) << server.log();
-  EXPECT_THAT(server.log(), HasSubstr(files::read_public_key(scratch_ / "bus.public")));
-  const std::string endpoint = server.tcp_endpoint();
-  const std::vector<std::string> keys = {
-      "--server", endpoint, "--server-key", scratch_ / "bus.public", "--key", scratch_ / "host.secret"};
-  const auto with_keys = [&](std::vector<std::string> arguments) {
-    arguments.insert(arguments.end(), keys.begin(), keys.end());
-    return run(arguments);
-  };
-  EXPECT_EQ(with_keys({ctl, "ping", "--timeout", "20"}).first, 0);
-  const auto keyless = run({ctl, "ping", "--timeout", "20", "--server", endpoint});
-  EXPECT_EQ(keyless.first, 1);
-  EXPECT_THAT(keyless.second, HasSubstr("AUTH"));
-  const auto hydro = with_keys({SHEARBUS_BINARY_DIR "/bin/shearbus-hydro",
-                                SHEARBUS_SOURCE_DIR "/hydro_stub/problems/sliding_to_a_stop.toml", "--check"});
-  EXPECT_EQ(hydro.first, 0) << hydro.second;
 }
 
 TEST(Users, OnlyThoseOnTheListAreServedAndToldAtOnce) {

@@ -89,23 +89,6 @@ TEST(ServerProgram, AClientThatStopsReadingDoesNotHoldUpTheExit) {
   ::waitpid(frozen, nullptr, 0);
 }
 
-TEST(ServerProgram, ASecondServerOnThePathRefusesAndTheFirstGoesOn) {
-  const ScratchDirectory scratch;
-  ServerProcess first({"--bind", scratch.ipc()});
-  ASSERT_TRUE(first.ready()) << first.log();
-  Client client({.endpoint = scratch.ipc()});
-  ServerProcess second({"--bind", scratch.ipc()});
-  EXPECT_EQ(second.process().exit_code(5s), 1) << second.log();
-  EXPECT_NE(second.log().find("another server listens on " + scratch.ipc()), std::string::npos) << second.log();
-  EXPECT_NO_THROW(client.server_status());
-  EXPECT_NO_THROW(Client({.endpoint = scratch.ipc()}));
-  // The kernel releases the lock on the endpoint when the server process that holds it dies, even by SIGKILL.
-  first.process().signal(SIGKILL);
-  ASSERT_TRUE(first.process().exit_code(5s));
-  ServerProcess third({"--bind", scratch.ipc()});
-  EXPECT_TRUE(third.ready()) << third.log();
-}
-
 TEST(ServerProgram, ATakenPortIsRefused) {
   support::RunningServer first({}, {"tcp://127.0.0.1:*"});
   ServerProcess second({"--bind", first.endpoint("tcp"), "--insecure-plaintext"});
