@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -15,11 +14,11 @@
 #include <thread>
 #include <vector>
 
-#include "server/embedded.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/refused.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/server_process.hpp"
+#include "tests/support/twin_session.hpp"
 
 namespace shearbus {
 namespace {
@@ -44,46 +43,9 @@ std::string failure_of(const Command& command) {
   return said;
 }
 
-// A host with two equal sessions: one on the server under test, and a twin on a server that runs undisturbed. The host
-// makes each step in both sessions and compares the answers.
-class Host {
+class Host : public support::TwinSession {
  public:
-  explicit Host(ClientOptions options)
-      : client_(std::move(options)),
-        quiet_client_({.endpoint = quiet_.endpoint(), .context = quiet_.context()}),
-        session_(client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)),
-        twin_(quiet_client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)) {}
-
-  // Makes the next step in both sessions. An exception of the client is passed on; the next call then repeats the step.
-  void step() {
-    const auto columns = support::step_columns(Strategy::kVelocityDriven, kNodes, steps_);
-    const auto& here = session_.advance(columns, {.dt_s = 1e-9});
-    const auto& there = twin_.advance(columns, {.dt_s = 1e-9});
-    ASSERT_EQ(std::memcmp(here.shear_stress_pa().data(), there.shear_stress_pa().data(), 8 * kNodes.size()), 0)
-        << steps_;
-    ASSERT_EQ(
-        std::memcmp(here.interface_temperature_k().data(), there.interface_temperature_k().data(), 8 * kNodes.size()),
-        0)
-        << steps_;
-    ++steps_;
-  }
-  void steps(int count) {
-    for (int i = 0; i < count; ++i) step();
-  }
-  int steps_done() const { return steps_; }
-  Client& client() { return client_; }
-  // Requires that the server has run each step exactly once. The count is valid only if the server was not restarted.
-  void expect_each_step_once() {
-    EXPECT_EQ(client_.server_status().node_steps, static_cast<std::uint64_t>(steps_) * kNodes.size());
-  }
-
- private:
-  server::Embedded quiet_;
-  Client client_;
-  Client quiet_client_;
-  Session session_;
-  Session twin_;
-  int steps_ = 0;
+  explicit Host(ClientOptions options) : TwinSession(std::move(options), Strategy::kVelocityDriven, kNodes) {}
 };
 
 // A server in a network namespace of its own, connected by a virtual cable that can be pulled.

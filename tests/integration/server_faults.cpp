@@ -4,16 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <cstring>
 #include <string>
 #include <thread>
 #include <vector>
 
-#include "server/embedded.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"
+#include "tests/support/twin_session.hpp"
 
 namespace shearbus {
 namespace {
@@ -55,48 +54,23 @@ wire::Request step_request(std::uint8_t session, std::uint64_t sequence,
 // abuse, the other is undisturbed, for comparison.
 class Faults : public testing::Test {
  protected:
-  Faults()
-      : client_(server_.client()),
-        quiet_client_({.endpoint = quiet_.endpoint(), .context = quiet_.context()}),
-        bystander_(client_.open(support::text_of(support::force_scene()), "scene", kNodes)),
-        twin_(quiet_client_.open(support::text_of(support::force_scene()), "scene", kNodes)) {
-    step_both();
-  }
-
-  void step_both() {
-    const auto request = support::step_columns(Strategy::kForceDriven, kNodes, steps_);
-    ++steps_;
-    const auto& a = bystander_.advance(request, {.dt_s = 1e-9});
-    const auto& b = twin_.advance(request, {.dt_s = 1e-9});
-    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0);
-    ASSERT_EQ(std::memcmp(a.interface_temperature_k().data(), b.interface_temperature_k().data(),
-                          kNodes.size() * sizeof(double)),
-              0);
-    ASSERT_EQ(std::memcmp(a.velocity_jump_new_m_per_s().data(), b.velocity_jump_new_m_per_s().data(),
-                          kNodes.size() * sizeof(double)),
-              0);
-  }
+  Faults() { bystander_.step(); }
 
   wire::ServerStatus status() {
     const auto started = std::chrono::steady_clock::now();
-    const wire::ServerStatus status = client_.server_status();
+    const wire::ServerStatus status = bystander_.client().server_status();
     EXPECT_LT(std::chrono::steady_clock::now() - started, 4s);
     return status;
   }
 
   void TearDown() override {
     status();
-    for (int i = 0; i < 3; ++i) step_both();
-    EXPECT_EQ(status().node_steps - foreign_node_steps_, static_cast<std::uint64_t>(steps_) * kNodes.size());
+    bystander_.steps(3);
+    bystander_.expect_each_step_once(foreign_node_steps_);
   }
 
   RunningServer server_;
-  server::Embedded quiet_;
-  Client client_;
-  Client quiet_client_;
-  Session bystander_;
-  Session twin_;
-  int steps_ = 0;
+  support::TwinSession bystander_{server_.client_options(), Strategy::kForceDriven, kNodes};
   std::uint64_t foreign_node_steps_ = 0;  // node-steps that the test ran outside the session of the bystander
 };
 
@@ -140,7 +114,7 @@ TEST_F(Faults, APeerThatDoesNotReadHoldsNobodyUp) {
   std::chrono::nanoseconds slowest{0};
   for (int i = 0; i < 50; ++i) {
     const auto started = std::chrono::steady_clock::now();
-    step_both();
+    bystander_.step();
     slowest = std::max<std::chrono::nanoseconds>(slowest, std::chrono::steady_clock::now() - started);
   }
   EXPECT_LT(slowest, 5s);
@@ -169,7 +143,7 @@ TEST_F(Faults, StrayBytesNeverReachTheServer) {
 }
 
 TEST_F(Faults, DestroyedSessionsSayGoodbye) {
-  { Session short_lived = client_.open(support::text_of(support::force_scene()), "scene", kNodes); }
+  { Session short_lived = bystander_.client().open(support::text_of(support::force_scene()), "scene", kNodes); }
   for (int i = 0; i < 100 && status().sessions != 1; ++i) std::this_thread::sleep_for(5ms);
   EXPECT_EQ(status().sessions, 1u);
   {
