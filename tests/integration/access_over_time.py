@@ -134,7 +134,7 @@ class OverTime(served.Served):
             self.assertEqual(socket.stat().st_mode & 0o077, 0)
             remove()
             served.until(self, lambda: socket.exists() and socket.stat().st_ino != made, server)
-            self.assertIn("was removed", server.text())
+            served.until(self, lambda: "was removed" in server.text(), server)
             self.step(before)
             with self.open() as after:
                 self.step(after)

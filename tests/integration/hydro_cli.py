@@ -52,7 +52,7 @@ class HydroTest(served.Served):
 
     def hydro(self, *arguments, scene=None):
         command = [OPTIONS.hydro, str(scene or self.scene), "--out", str(self.out), *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
     def run_well(self, *arguments, scene=None):
         run = self.hydro("--no-plot", *arguments, scene=scene)

@@ -59,7 +59,7 @@ class Restart(served.Served):
         time.sleep(self.random.uniform(0.0, 0.1))
 
     def finished(self, out, process, reference):
-        printed, _ = process.communicate(timeout=120)
+        printed, _ = process.communicate(timeout=300)
         self.assertEqual(process.returncode, 0, printed)
         self.assertFalse((out / "restart").exists())
         served.assert_same_run(self, out, reference)
@@ -191,7 +191,7 @@ class Restart(served.Served):
                     out = self.path / f"{place}-{len(server)}"
                     killed = self.start("strace", "-f", "-o", "/dev/null", "-P", out / "restart" / file, "-e", f"inject={call}:signal=KILL",
                                         OPTIONS.hydro, self.scene, "--out", out, *server, "--no-plot", "--dump-every", 100)
-                    printed, _ = killed.communicate(timeout=120)
+                    printed, _ = killed.communicate(timeout=300)
                     self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
                     said = "the run had ended, and its results are whole"
                     self.assertIn(said, self.run_program(OPTIONS.hydro, "--restart", out, "--check").stdout)

@@ -148,7 +148,7 @@ class Results(ReplayTest):
     def test_explain_tells_what_a_scene_pays_for_and_replays_nothing(self):
         self.write(**velocity_history())
         command = [support.PROGRAMS["replay"], "--scene", str(EXAMPLES / "paper_velocity_driven.toml"), "--explain"]
-        run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertRegex(run.stdout, r"off layer.inertia +would take \+\d+ B per node")
         self.assertRegex(run.stdout, r"memory +\d+ B per node; with everything on \d+ B")
