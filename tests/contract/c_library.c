@@ -544,7 +544,7 @@ static void interruptions(pid_t* server) {
   CHECK(code == SHEARBUS_UNKNOWN_OUTCOME);
   CHECK(after.tv_sec - before.tv_sec < 10);
   CHECK(lines_told == told_before + 1 && strstr(last_line, "waiting for the answer of") != NULL &&
-        strstr(last_line, "downscale") != NULL);
+        strstr(last_line, "to the call step") != NULL);
   CHECK(nodes[0].stress == -1.0);
   OK(shearbus_step(session, &request, NULL, &status));
   CHECK(last_sequence(session) == 1); /* it ran once */
@@ -574,7 +574,7 @@ static void close_behind_a_start(pid_t server) {
   REFUSED(shearbus_close(&session, &status), SHEARBUS_UNKNOWN_OUTCOME, "");
   kill(server, SIGCONT);
   CHECK(session == NULL);
-  CHECK(lines_told == told_before + 1 && strstr(last_line, "downscale") != NULL);
+  CHECK(lines_told == told_before + 1 && strstr(last_line, "to the call step") != NULL);
 }
 
 /* What a session tells of itself and of its server; the end of it by shearbus_end(). */

@@ -426,7 +426,7 @@ class Decisions(Live):
         numpy.testing.assert_array_equal(*expected)
         ticket = bus.ticket
         bus.leave()
-        successor = shearbus.resume(ticket, OPTIONS.endpoint)
+        successor = shearbus.resume(ticket + "\n", OPTIONS.endpoint)  # as read from a file
         self.addCleanup(successor.close)
         self.assertEqual((list(successor.nodes), successor.scene, successor.columns),
                          (NODES, plain.scene, plain.columns))
@@ -790,6 +790,9 @@ class Processes(Live):
                 bus.step(1e-9, **self.STEP)
                 self.assertTrue(bus.durable)
                 bus.leave()
+            absent = pathlib.Path(directory) / "states"
+            self.assert_refused(shearbus.Unreachable, "UNREACHABLE", lambda: shearbus.resume(bus.ticket, state_dir=absent), text="is not there")
+            self.assertFalse(absent.exists())
             with shearbus.resume(bus.ticket, state_dir=pathlib.Path(directory)) as bus:
                 self.assertEqual(bus.step(1e-9, **self.STEP).state_version, 2)
 
