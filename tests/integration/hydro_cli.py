@@ -1,6 +1,6 @@
 """Tests of the program shearbus-hydro: the files it writes, its messages for bad input, and its answers with a separate server.
 
-    hydro_cli.py --hydro PROGRAM --server PROGRAM --replay PROGRAM [unittest options]"""
+    hydro_cli.py --hydro PROGRAM [unittest options]"""
 import datetime
 import json
 import pathlib
@@ -52,7 +52,7 @@ class HydroTest(served.Served):
 
     def hydro(self, *arguments, scene=None):
         command = [OPTIONS.hydro, str(scene or self.scene), "--out", str(self.out), *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
     def run_well(self, *arguments, scene=None):
         run = self.hydro("--no-plot", *arguments, scene=scene)
@@ -173,14 +173,6 @@ class Results(HydroTest):
         for name in ("time", "dt", "shear_stress", "velocity_jump_new", "interface_temperature"):
             np.testing.assert_array_equal(first[name], second[name], name)
 
-    def test_replay_of_the_history_gives_the_same_bits(self):
-        first = self.run_well()
-        result = self.path / "replayed.h5"
-        self.run_program(OPTIONS.replay, self.out / "history.h5", "--scene", self.scene, "--out", result)
-        with h5py.File(result) as file:
-            for name in ("shear_stress", "sliding_velocity", "interface_temperature", "velocity_jump_new", "regime"):
-                np.testing.assert_array_equal(first[name], file[name][()], name)
-
     def test_shipped_problems_are_in_order(self):
         problems = sorted(PROBLEMS.glob("*.toml"))
         self.assertGreaterEqual(len(problems), 4)
@@ -221,14 +213,6 @@ class Results(HydroTest):
 
 
 class ServerElsewhere(HydroTest):
-    def test_answers_through_a_server_are_those_of_the_embedded_one(self):
-        embedded = self.run_well()
-        endpoint = served.Server(self, self.path, durable=False).endpoint
-        remote = self.run_well("--server", endpoint)
-        check = self.hydro("--check", "--server", endpoint)
-        self.assertEqual(check.returncode, 0, check.stderr)
-        for name in ("shear_stress", "velocity_jump_new", "interface_temperature", "regime"):
-            np.testing.assert_array_equal(embedded[name], remote[name], name)
 
     def test_nobody_at_the_endpoint(self):
         self.assert_refused("UNREACHABLE", arguments=("--server", f"ipc://{self.path}/nobody"))
@@ -253,11 +237,6 @@ class Interrupted(HydroTest):
 class BadInput(HydroTest):
     def test_missing_file(self):
         self.assert_refused("absent.toml", scene=self.path / "absent.toml")
-
-    def test_command_line(self):
-        self.assert_refused("--sever", arguments=("--sever", "x"), code=2)
-        self.assert_refused("--interface-law", arguments=("--interface-law", "glue"), code=2)
-        self.run_program(OPTIONS.hydro, code=2)
 
     def test_not_toml(self):
         self.scene.write_text("name = = 3\n")
@@ -304,4 +283,4 @@ class BadInput(HydroTest):
 
 
 if __name__ == "__main__":
-    served.main("hydro", "server", "replay")
+    served.main("hydro")

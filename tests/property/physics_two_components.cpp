@@ -9,6 +9,7 @@
 #include <string>
 
 #include "tests/support/random_physics.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::testing {
 namespace {
@@ -157,10 +158,7 @@ TEST_P(PhysicsTwoComponents, AlongAnAxisItIsTheScalarProblemToTheBit) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, PhysicsTwoComponents, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& test) {
-                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(, PhysicsTwoComponents, support::both<Strategy>(), support::name_of_strategy);
 
 // With two components a step is the scalar step along the trial vector: the elastic stress (velocity-driven) or the
 // jump without friction (force-driven). The test itself projects the inputs for the scalar reference on this vector.
@@ -210,30 +208,6 @@ TEST(PhysicsTwoComponentsReference, TheStepIsTheTwinsAlongTheTrialStress) {
   EXPECT_GT(compared, 150);
 }
 
-// After a turn of the slip by 90 degrees the stress follows: its old component decays, and its new component grows
-// along the new direction of the trial stress.
-TEST(PhysicsTwoComponentsPath, StressFollowsTheSlipAroundACorner) {
-  ModelOptions options = graded(paper_options());
-  options.tangential_components = 2;
-  Rig rig(options);
-  rig.set_all(100.0, 11.2e9);
-  for (int n = 0; n < 50; ++n) rig.step(1e-9);
-  EXPECT_EQ(rig.second_stress(0), 0.0);
-  const double before = rig.stress();
-  for (int l = 0; l < kLanes; ++l) std::swap(rig.inputs.velocity_jump[l], rig.inputs.second_velocity_jump[l]);
-  for (int n = 0; n < 50; ++n) {
-    const double along = rig.second_stress(0), across = rig.stress();
-    rig.step(1e-9);
-    EXPECT_GT(rig.second_stress(0), along * 0.999);
-    EXPECT_LT(rig.stress(), across);
-    EXPECT_GE(rig.outputs.shear_stress[0] * rig.outputs.sliding_velocity[0] +
-                  rig.outputs.second_shear_stress[0] * rig.outputs.second_sliding_velocity[0],
-              0.0);
-  }
-  EXPECT_GT(rig.second_stress(0), 0.9 * before);
-  EXPECT_LT(rig.stress(), 1e-3 * before);
-}
-
 // A velocity jump of denormal numbers has too few digits for a unit vector. The stress, which comes from the plastic
 // shear of the host's zone, must still have the magnitude of the scalar answer.
 TEST(PhysicsTwoComponentsPath, AJumpOfDenormalsHasADirection) {
@@ -253,14 +227,6 @@ TEST(PhysicsTwoComponentsPath, AJumpOfDenormalsHasADirection) {
   ASSERT_GT(scalar.outputs.shear_stress[0], 1e6);
   EXPECT_DOUBLE_EQ(std::hypot(plane.outputs.shear_stress[0], plane.outputs.second_shear_stress[0]),
                    scalar.outputs.shear_stress[0]);
-}
-
-TEST(PhysicsTwoComponentsPath, OneComponentPaysNothing) {
-  ModelOptions options = graded(paper_options());
-  const TileLayout one = Model(options).layout();
-  EXPECT_EQ(one.second_stress, TileLayout::kAbsent);
-  options.tangential_components = 2;
-  EXPECT_EQ(Model(options).layout().doubles, one.doubles + kLanes);
 }
 
 // The energy ledger of a rotated problem must equal that of the scalar problem.

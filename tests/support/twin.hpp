@@ -65,6 +65,11 @@ inline void require_agreement(const Rig& rig, const std::vector<double>& ep_old,
     require_near(rig.friction_state(l), twin_state.friction_state, (1e-9 + eps) * (of_pressure ? scale : 1.0),
                  "state of friction");
   }
+  if (rig.model.options().junctions) {
+    const double slipped = dt * ((1e-8 + eps) * size + noise) / (kSqrt3 * rig.model.options().junctions->height);
+    require_near(rig.junction_strain(l), twin_state.junction_strain, slipped + 1e-12 * twin_state.junction_strain,
+                 "strain of the junctions");
+  }
   require(((out.outcome[l] & kFirstOrder) != 0) == twin.first_order, "the order of the step differs");
   // Rate-and-state friction vanishes at rest: where a flowing layer takes nearly all slip, digits tell whether it slips.
   const bool creeps = rig.model.options().strategy == Strategy::kVelocityDriven && has_friction(rig.model.options()) &&

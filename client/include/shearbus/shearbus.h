@@ -283,12 +283,14 @@ typedef int (*shearbus_interrupted_fn)(void* user);
 
 /* A force-driven host that applies the answered stress has, except for rounding, the velocity jump that its last
  * step answered. By default the library compares the two in the first 100 steps and warns once of a difference, with
- * the mistake of the host that could explain it. */
+ * the mistake of the host that could explain it. Of later steps, and of the first one of a resumed session, it knows
+ * the largest difference alone, from the reply, and warns of that. */
 enum {
   SHEARBUS_CHECK_WARN = 0,
   SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface; also no
                               warnings about the inputs of steps */
-  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED */
+  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED. One of
+                              the first step of a resumed session refuses the step after it. */
 };
 
 typedef struct shearbus_options {
