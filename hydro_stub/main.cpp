@@ -54,14 +54,12 @@ guest::HydroScene effective_scene(guest::HydroScene scene) {
 }
 
 // Sets what follows from the mesh and the metals together: thickness of plastic layers, depth of friction heat, limits of
-// the soft metal. Warns of an interface that slips on coarse zones only.
+// the soft metal.
 void couple(const SceneFile& file, Problem2d& problem) {
   const guest::Hydro& hydro = file.scene.hydro();
   if (interface_nodes(problem.bodies) == 0) return;
   problem.layer_thickness = plastic_layers(file, half_wall_zones(problem.bodies));
   problem.strength = interface_strength(file.scene, problem.soft);
-  if (const std::string warning = strength_warning(*problem.strength); !warning.empty())
-    fmt::print(stderr, "shearbus-hydro: warning: {}\n", warning);
   if (hydro.interface_law() == guest::INTERFACE_LAW_COULOMB_TRESCA &&
       hydro.coulomb_tresca().heat_depth() == guest::HEAT_DEPTH_DIFFUSION)
     problem.bodies.contact.heat_depth.emplace(problem.bodies.mesh, problem.bodies.slide_lines, problem.soft.diffusivity,
@@ -155,8 +153,9 @@ void carry_out(const Options& options, SceneFile& file) {
                {.address = options.server, .state_dir = {}});
   if (options.check) {
     profile_record(scene, problem.columns, *law);
-    fmt::print("{}: in order; {} columns, {} steps of {:.6g} ns, interface law {}\n", file.document.file,
-               problem.columns, problem.steps, problem.dt * 1e9, name(scene.hydro().interface_law()));
+    fmt::print("{}: in order; {} column{}, {} steps of {:.6g} ns, interface law {}\n", file.document.file,
+               problem.columns, problem.columns == 1 ? "" : "s", problem.steps, problem.dt * 1e9,
+               name(scene.hydro().interface_law()));
     return;
   }
   const std::filesystem::path out = output_directory(options, scene);

@@ -26,7 +26,7 @@ struct Comparison {
 // The strength of an interface and of the metal beside it (shear_limits.hpp).
 struct InterfaceStrength {
   std::optional<double> cold;      // yield strength of the interface of a subgrid law when it is cold  [Pa]
-  AdiabaticPeak metal;             // largest flow stress of the soft metal
+  physics::AdiabaticPeak metal;    // largest flow stress of the soft metal
   double start_temperature = 0.0;  // of the metal  [K]
   bool flows_in_layer = false;  // the layer flows in addition to the slip, so that the answer hardly depends on zones
   bool too_strong() const { return cold && *cold > metal.stress; }

@@ -1,22 +1,13 @@
-// Two limits of the soft metal that decide where a jump of velocities goes: into slip of the interface, into shear of the
-// metal beside it, or into one zone of the mesh. Both follow from the flow stress of metal that its own plastic work
-// heats, without conduction.
+// The largest sudden jump of velocities that the soft metal takes up in plastic waves. With Y*
+// (server/physics/material/adiabatic_shear.hpp) it decides where a jump goes: into slip of the interface, into shear of
+// the metal beside it, or into one zone of the mesh.
 #pragma once
 
 #include <vector>
 
-#include "server/physics/material/material.hpp"
+#include "server/physics/material/adiabatic_shear.hpp"
 
 namespace shearbus::hydro {
-
-// The largest flow stress that metal reaches in adiabatic shear, Y*. An interface whose yield strength is above Y* slips
-// on coarse zones only: on fine zones the metal beside it yields and shears in place of slip.
-struct AdiabaticPeak {
-  double stress;       // Y*  [Pa]
-  double strain;       // equivalent plastic strain there
-  double temperature;  // [K]
-};
-AdiabaticPeak adiabatic_peak(const physics::Material& metal, double pressure, double start_temperature);
 
 // The largest sudden jump of velocities that plastic waves take up,
 //     V_crit = integral of sqrt(tau'/rho) dgamma + tau*/Z_hard,

@@ -61,21 +61,13 @@ std::vector<double> plastic_layers(const SceneFile& file, std::vector<double> ha
 
 InterfaceStrength interface_strength(const guest::HydroScene& scene, const physics::Material& soft) {
   const double temperature = scene.scene().layer().initial_temperature_k();
-  InterfaceStrength strength{.metal = adiabatic_peak(soft, 0.0, temperature), .start_temperature = temperature};
+  InterfaceStrength strength{.metal = physics::adiabatic_peak(soft, 0.0, temperature),
+                             .start_temperature = temperature};
   if (scene.hydro().interface_law() == guest::INTERFACE_LAW_SUBGRID) {
     strength.cold = scene.scene().interface().yield_strength_pa();
     strength.flows_in_layer = scene.scene().interface().plastic_layer();
   }
   return strength;
-}
-
-std::string strength_warning(const InterfaceStrength& strength) {
-  if (!strength.too_strong() || strength.flows_in_layer) return {};
-  return fmt::format(
-      "interface.yield_strength_pa = {:.4g} Pa is above Y* = {:.4g} Pa, the largest flow stress of the soft metal as "
-      "its work heats it: on fine zones the metal shears in place of slip, and the slip depends on the zones; set "
-      "interface.plastic_layer = true",
-      *strength.cold, strength.metal.stress);
 }
 
 std::string melting_zone_warning(const guest::HydroScene& scene, double half_zone, double time) {

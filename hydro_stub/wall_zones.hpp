@@ -25,9 +25,6 @@ std::vector<double> plastic_layers(const SceneFile& file, std::vector<double> ha
 // absent.
 InterfaceStrength interface_strength(const guest::HydroScene& scene, const physics::Material& soft);
 
-// Returns a warning for an interface that slips on coarse zones only; empty: there is nothing to warn of.
-std::string strength_warning(const InterfaceStrength& strength);
-
 // Returns the warning that a zone of thickness 2 `half_zone` [m] (half_wall_zones()) is about to melt under law (5) at
 // `time` [s].
 std::string melting_zone_warning(const guest::HydroScene& scene, double half_zone, double time);

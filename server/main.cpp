@@ -14,9 +14,11 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <climits>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <memory>
@@ -230,7 +232,10 @@ void start_log(const ServerOptions& options) {
     const std::string file = shearbus::files::target_of_output(options.log_file).string();
     // The logging library would make the file with mode 0666.
     const int made = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0640);
-    if (made >= 0) ::close(made);
+    if (made < 0)
+      throw std::runtime_error("--log-file " + file + " cannot be opened for writing: " + std::strerror(errno) +
+                               "; name a file that this user may write");
+    ::close(made);
     sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file);
   }
   auto logger = std::make_shared<spdlog::logger>("shearbus-server", std::move(sink));

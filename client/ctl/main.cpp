@@ -340,7 +340,8 @@ class Commands {
                               ctl::close_domain(server, options_.domain, options_.idle_s);
                           });
     CLI::Option_group* which = close->add_option_group("which");
-    which->add_option("SESSION", options_.session, "First digits of its id, or its scene's name where no other has it");
+    which->add_option("SESSION", options_.session, "First digits of its id, or its scene's name where no other has it")
+        ->check([](const std::string& text) { return text.empty() ? "expected an id or a name" : ""; });
     which->add_option("--domain", options_.domain, "All sessions of this domain");
     which->require_option(1);
     close->add_option("--idle", options_.idle_s, "Only where no request has come for so long, in seconds")

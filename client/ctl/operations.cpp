@@ -72,6 +72,9 @@ const wire::SessionInfo& find(const std::vector<wire::SessionInfo>& sessions, co
   for (const wire::SessionInfo& session : sessions) {
     if (!wanted.empty() && !wire::hexadecimal(session.session_id).starts_with(wanted) && session.name != wanted)
       continue;
+    if (found != nullptr && wanted.empty())
+      throw std::runtime_error(
+          "several sessions are open; name one by its id or scene, as shearbus-ctl sessions shows it");
     if (found != nullptr)
       throw std::runtime_error(
           fmt::format("more than one session is meant by \"{}\"; give more digits of its id, as "

@@ -190,6 +190,10 @@ void check(const CLI::App& app, Command& command) {
       if (app.count(name) > 0) throw CLI::ExcludesError(name, "event logs");
     return;
   }
+  std::error_code absent;
+  if (!std::filesystem::exists(command.inputs.front(), absent) && run.scene.empty())
+    throw CLI::ValidationError("INPUT", fmt::format("{}: {}", shearbus::program::shown(command.inputs.front()),
+                                                    absent ? absent.message() : "there is no such file or directory"));
   for (const char* name : {"--from-mark", "--rtol"})
     if (app.count(name) > 0) throw CLI::ValidationError(name, "is for event logs; INPUT is none");
   if (command.inputs.size() > 1) throw CLI::ValidationError("INPUT", "expected one history");
@@ -271,7 +275,7 @@ int run(const CLI::App& app, Command& command) {
 int main(int argc, char** argv) {
   shearbus::program::begin_program();
   Command command;
-  command.run.version = command.exported.version = SHEARBUS_RELEASE;
+  command.run.version = command.exported.version = command.plot.version = SHEARBUS_RELEASE;
   command.run.arguments = {argv, static_cast<std::size_t>(argc)};
   CLI::App app("Replays macroscopic histories and event logs through the subgrid friction service.", "shearbus-replay");
   describe(app, command);

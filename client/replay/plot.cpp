@@ -45,7 +45,7 @@ void plot(const PlotOptions& options) {
                 .out = exported->path(),
                 .node = options.node,
                 .after_mark = {},
-                .version = {},
+                .version = options.version,
                 .final_name = exported->file()});
     words.push_back(exported->path().string());
   }

@@ -229,6 +229,9 @@ def space_time(runs, name):
         handles = style.regime_handles(np.concatenate([np.unique(run["regime"]) for run in runs])) + handles
     else:
         handles = style.regime_handles([0]) + handles + [Line2D([], [], color=style.MELTING, lw=1.1, label=style.MELTING_LABEL)] * any(molten for _, _, molten in drawn)
+    levels = sorted({float(level) for _, lines, _ in drawn if lines is not None for level in lines.levels})
+    if levels:
+        handles.append(Line2D([], [], color=ISOLINES, lw=0.9, label=", ".join(f"{level:g}" for level in levels) + " K"))
     style.legend_below(figure, handles)
     return figure
 

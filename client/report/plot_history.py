@@ -36,7 +36,7 @@ class File:
             raise ValueError(f"{path}: there is no such file")
         if not h5py.is_hdf5(path):
             raise ValueError(f"{path}: expected a result or a history in HDF5, or an event log; found another kind of file. "
-                             "A table in text is replayed first: shearbus-replay TABLE.csv --scene SCENE.toml --out RESULT.h5")
+                             "A table of text is not drawn; a replay to HDF5 is: shearbus-replay TABLE.csv --scene SCENE.toml --out RESULT.h5")
         try:
             check_texts(path)
         except ValueError as fault:
@@ -57,6 +57,8 @@ class File:
         self.label = style.law_label(self.law)
         names = {"scene": "scene_name", "program": "producer", "version": "server_version", "commit": "commit", "date": "created", "machine": "machine"}
         self.provenance = {key: facts[name][: 10 if key == "date" else None] for key, name in names.items() if name in facts}
+        if "name" in self.scene:  # the table of an event log has the scene alone
+            self.provenance.setdefault("scene", str(self.scene["name"]))
 
     def hottest(self):
         """Returns the id of the hottest node, of the first one where no temperature is known."""

@@ -417,7 +417,7 @@ def cost(run):
 
 def paper(directory):
     """Returns the figures of figures.json in a directory: [{"figure", "title", "src", "agrees": [...], "differs":
-    [...]}]."""
+    [...], "note"}]."""
     if directory is None:
         return []
     try:
@@ -433,7 +433,7 @@ def paper(directory):
             image.quantize(256, dither=Image.Dither.NONE).save(out, format="png", optimize=True)
             several = lambda value: [value] if isinstance(value, str) else list(value)
             found.append({"figure": entry["figure"], "title": entry["title"], "width": image.width * 5 // 8, "src": "data:image/png;base64," + base64.b64encode(out.getvalue()).decode(),
-                          "agrees": several(entry.get("agrees", [])), "differs": several(entry.get("differs", []))})
+                          "agrees": several(entry.get("agrees", [])), "differs": several(entry.get("differs", [])), "note": entry.get("note", "")})
         return found
     except (OSError, ValueError, KeyError, TypeError) as fault:
         raise Fault(f"{directory}: expected figures.json, a list of figures with figure, title and file, and their pictures: {fault}") from fault

@@ -58,10 +58,6 @@ std::string text_of_file(const std::string& path) try {
          "scene_file");
 }
 
-bool is_embedded(const std::string& endpoint) {
-  return endpoint.empty() || endpoint == "embedded";
-}
-
 void reading(const char* file, std::string (*read)(const std::filesystem::path&), std::string& key) {
   try {
     key = read(file);
@@ -150,6 +146,10 @@ Scene scene_of(const shearbus_options& options) {
     refuse(Code::kInvalidScene, fmt::format("{}: the scene is empty", in_message(scene.name)),
            "Begin with client/examples/constant_friction.toml.", "scene_file");
   return scene;
+}
+
+bool is_embedded(const std::string& endpoint) {
+  return endpoint.empty() || endpoint == "embedded";
 }
 
 std::string endpoint_of(const shearbus_options& options) {

@@ -43,6 +43,7 @@ Scene scene_of(const shearbus_options& options);
 std::chrono::milliseconds seconds(double value, std::chrono::milliseconds otherwise, const char* name);
 
 std::string endpoint_of(const shearbus_options& options);
+bool is_embedded(const std::string& endpoint);  // names no server of another process
 // The server in this process, if the endpoint names none. Throws Error for options that do not go with the endpoint.
 void embed(const shearbus_options& options, const std::string& endpoint, std::optional<EmbeddedServer>& embedded);
 ClientOptions client_options(const shearbus_options& options, const std::string& endpoint,

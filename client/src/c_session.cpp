@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
 #include <new>
+#include <system_error>
 #include <utility>
 
 #include "proto/wire/text.hpp"
@@ -37,6 +39,17 @@ Session::Ticket ticket_of(std::string_view text) {
                        text.size(), 2 * kDigits + 1),
            "Give the ticket of the session unchanged.", "ticket");
   return ticket;
+}
+
+// A server in this process would make the directory, in which no session is.
+void refuse_absent_state_dir(const shearbus_options& options) {
+  std::error_code ignored;
+  if (options.state_dir == nullptr || !is_embedded(endpoint_of(options)) ||
+      std::filesystem::exists(options.state_dir, ignored))
+    return;
+  refuse(Code::kUnreachable,
+         fmt::format("state_dir {} is not there: it holds no session", in_message(options.state_dir)),
+         "Give the directory with which the session was opened.", "state_dir");
 }
 
 SessionTexts texts_of(const Client& client, const Session& session) {
@@ -245,6 +258,7 @@ int shearbus_resume_nodes(shearbus_session** session, const shearbus_options* op
   return open_by(session, options, status, false, [&](const shearbus_options& given, Call& call) {
     const shearbus_nodes of = known(nodes, "shearbus_nodes");
     const Session::Ticket held = ticket_of(text_or(ticket));
+    refuse_absent_state_dir(given);
     shearbus_session& handle = handle_for(session, given, call);
     handle.opened(handle.client->resume(
                       held, {.node_ids = values_of(of.node_ids, of.n, "node_ids"), .options = properties_of(of)}),

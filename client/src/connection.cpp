@@ -3,6 +3,8 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -95,13 +97,33 @@ void check_endpoint(const ClientOptions& options) {
   if (!file && !endpoint.starts_with("tcp://"))
     throw Error({.code = Code::kAuth,
                  .text = fmt::format("{} takes no keys: it is on this machine, where the user is known", endpoint),
-                 .remedy = "Leave server_key and secret_key empty."});
+                 .remedy = "Leave out server_key_file and secret_key_file (of a program: --server-key, --key)."});
   const bool server_key_known = files::is_key(options.server_key) || (file && options.server_key.empty());
   if (!server_key_known || !files::is_key(options.secret_key))
     throw Error(
         {.code = Code::kAuth,
          .text = fmt::format("server_key or secret_key is not a key of {} characters of Z85", files::kKeyCharacters),
          .remedy = "Give both, or neither; shearbus-ctl keygen makes a pair."});
+}
+
+// The call of a host that makes a request of this verb: "step" for downscale, "open" for open_session.
+std::string_view call_of(std::string_view verb) {
+  return verb == wire::Downscale::kBody.name ? "step" : verb.substr(0, verb.find('_'));
+}
+
+// Whether a process listens on an ipc endpoint, even if it does not answer. False for other endpoints.
+bool is_listened_to(std::string_view endpoint) {
+  constexpr std::string_view kIpc = "ipc://";
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (!endpoint.starts_with(kIpc) || endpoint.size() - kIpc.size() >= sizeof address.sun_path) return false;
+  endpoint.remove_prefix(kIpc.size());
+  std::memcpy(address.sun_path, endpoint.data(), endpoint.size());
+  const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const bool listened =
+      ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
+  ::close(probe);
+  return listened;
 }
 
 }  // namespace
@@ -252,17 +274,18 @@ bool SocketConnection::find_server() {
   const bool expects_server_key = !server_.server_key.empty();
   if (file.endpoint.starts_with("ipc://")) {
     if (expects_server_key)
-      return refuse("a server on this machine proves no key, and this client expects one", "Leave out server_key.");
+      return refuse("a server on this machine proves no key, and this client expects one",
+                    "Leave out server_key_file (of a program: --server-key).");
     server_.secret_key.clear();
     return true;
   }
   if (!expects_server_key) server_.server_key = file.server_key;
   if (server_.secret_key.empty() && !server_.server_key.empty())
     return refuse("the server expects clients with keys, and this one has none",
-                  "Give secret_key; shearbus-ctl keygen makes a pair.");
+                  "Give secret_key_file (of a program: --key); shearbus-ctl keygen makes a pair.");
   if (!server_.secret_key.empty() && server_.server_key.empty())
     return refuse("the server has no keys, and this client has one to prove itself",
-                  "Leave out secret_key, or have the server started with --curve-secret.");
+                  "Leave out secret_key_file (of a program: --key), or have the server started with --curve-secret.");
   return true;
 }
 
@@ -378,10 +401,13 @@ void SocketConnection::handshake_failed(int event, std::uint32_t detail) {
   } else if (event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL && detail == ZMQ_PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH) {
     if (keys)
       refused("the server has no keys, and this client expects it to prove that it is the right one",
-              "Leave out server_key and secret_key, or have the server started with --curve-secret.");
+              "Leave out server_key_file and secret_key_file (of a program: --server-key, --key), or have the server "
+              "started with --curve-secret.");
     else
-      refused("the server expects clients with keys, and this one has none",
-              "Give server_key and secret_key; shearbus-ctl keygen makes a pair.");
+      refused(
+          "the server expects clients with keys, and this one has none",
+          "Give server_key_file and secret_key_file (of a program: --server-key, --key); shearbus-ctl keygen makes a "
+          "pair.");
   } else if (keys &&
              ((event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL && detail == ZMQ_PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC) ||
               (event == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL && ++silent_failures_ == kSilentFailures))) {
@@ -463,8 +489,8 @@ void SocketConnection::notice(short events) {
     write_line(options().log, fmt::format("waiting for a server at {} to connect to, since {:.0f} s{}{}", where_,
                                           seconds, file_fault_.empty() ? "" : "; ", file_fault_));
   else
-    write_line(options().log,
-               fmt::format("waiting for the answer of {} to {}, since {:.0f} s", where_, waiting_.verb, seconds));
+    write_line(options().log, fmt::format("waiting for the answer of {} to the call {}, since {:.0f} s", where_,
+                                          call_of(waiting_.verb), seconds));
 }
 
 // A message of these bytes, which are copied unless it keeps their memory: they belong to the caller, and libzmq may keep
@@ -694,6 +720,11 @@ void SocketConnection::give_up(bool sent, Clock::duration waited) const {
                    .text = fmt::format("no server was found at {} within {:.1f} s: {}", where_, seconds, fault),
                    .remedy = "Write the address of the server's machine, or a name that \"getent ahostsv4 NAME\" knows "
                              "here."});
+    if (is_listened_to(server_.endpoint))
+      throw Error({.code = Code::kUnreachable,
+                   .text = fmt::format("the server at {} lives, and did not answer within {:.1f} s", where_, seconds),
+                   .remedy = "Is its process stopped (SIGSTOP, a debugger) or its machine overloaded? Let it go on, or "
+                             "end it and start it again: with --state-dir its sessions continue."});
     throw Error(
         {.code = Code::kUnreachable,
          .text = fmt::format("no server answered at {} within {:.1f} s", where_, seconds),

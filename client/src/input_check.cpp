@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace shearbus {
 namespace {
 
 constexpr double kLongStep = 1e-6;         // a longer first step draws a warning  [s]
+constexpr double kLonger = 1e3;            // a step longer by this factor than all before it draws a warning
 constexpr double kLargeChange = 1e3;       // a larger change of the jump in the first step draws a warning  [m/s]
 constexpr double kLeastImpedance = 1e3;    // bodies of less draw a warning: metals have 1e7 and more  [Pa s/m]
 constexpr double kSliding = 1.0;           // from this jump on a contact slides  [m/s]
@@ -98,6 +100,14 @@ std::string InputCheck::pressure_warning() const {
       wire::name(Field::kPressure), in_contact_, highest_, fastest_, lowest, in_other_units(highest_));
 }
 
+std::string InputCheck::longer_warning(double dt_s) {
+  const double before = std::exchange(longest_, std::max(longest_, dt_s));
+  if (before == 0.0 || dt_s <= kLonger * before || longer_told_) return {};
+  longer_told_ = true;
+  return fmt::format("dt_s: a step of {} s, after steps of at most {} s. Is dt_s in seconds, and this step meant?",
+                     dt_s, before);
+}
+
 std::string InputCheck::contact_warning() const {
   if (in_contact_ > 0 || lowest_ > kNegative) return {};
   return fmt::format(
@@ -115,6 +125,7 @@ std::vector<std::string> InputCheck::add(const Batch& request, double dt_s) {
     if (warnings.empty()) add_text(warnings, impedance_warning(request, dt_s));
     doubts_units_ = !warnings.empty();
   }
+  add_text(warnings, longer_warning(dt_s));
   const auto pressure = request.f64(Field::kPressure);
   if (judged_ || pressure.empty()) return warnings;
   // Bodies that do not meet for long are looked at now and then, so that this costs their steps nothing.

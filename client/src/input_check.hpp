@@ -13,7 +13,7 @@ namespace shearbus {
 class InputCheck {
  public:
   // Looks at the inputs of a step that was answered. Returns warnings, each once in a run; each begins with the name of
-  // the input that it is about. After the first steps with a sound contact this does nothing.
+  // the input that it is about. After the first steps with a sound contact it looks at the step's length alone.
   std::vector<std::string> add(const Batch& request, double dt_s);
   // True if the first step has drawn a warning about the units of what moves the jump.
   bool doubts_units() const { return doubts_units_; }
@@ -21,11 +21,14 @@ class InputCheck {
   std::vector<std::string> end();
 
  private:
+  std::string longer_warning(double dt_s);
   std::string pressure_warning() const;  // empty: none
   std::string contact_warning() const;
 
   bool first_ = true;
   bool doubts_units_ = false;
+  bool longer_told_ = false;      // a step far longer than those before it has been told
+  double longest_ = 0.0;          // length of any step  [s]
   bool judged_ = false;           // true: the pressure needs no further look
   std::uint64_t steps_ = 0;       // of which the pressure is of interest
   std::uint64_t in_contact_ = 0;  // of these, with a node in contact

@@ -122,11 +122,12 @@ void SessionRecorder::add(const ExchangeFrames& frames) noexcept try {
 }
 
 void SessionRecorder::stop(const wire::SessionId& id, const std::string& why, bool failed) noexcept try {
+  const bool begun = sessions_[id].has_value();
   sessions_[id].reset();
   if (options_.log)
-    options_.log(
-        fmt::format("session {} is not recorded any further: {}", wire::hexadecimal(std::span(id).first(4)), why),
-        failed);
+    options_.log(fmt::format("session {} is not recorded{}: {}", wire::hexadecimal(std::span(id).first(4)),
+                             begun ? " any further" : "", why),
+                 failed);
 } catch (const std::exception&) {
 }
 

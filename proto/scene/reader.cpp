@@ -389,10 +389,22 @@ std::string line_of(const std::string& file, Place place, std::string_view text)
   throw wire::Error({.code = wire::Code::kInvalidScene, .text = std::move(text), .field = std::move(field)});
 }
 
+// Finds the first byte of a control character that TOML does not allow: a binary file has one.
+std::size_t find_control_byte(std::string_view text) {
+  const auto is_control = [](char c) {
+    return c == '\x7f' || (static_cast<unsigned char>(c) < 0x20 && c != '\t' && c != '\n' && c != '\r');
+  };
+  return static_cast<std::size_t>(std::ranges::find_if(text, is_control) - text.begin());
+}
+
 toml::table parse_toml(std::string_view text, const std::string& file) {
   if (text.empty()) refuse(line_of(file, {}, "the file is empty, expected a scene"));
   if (text.size() > wire::kMaxSceneBytes)
     refuse(fmt::format("{}: {} bytes, a scene has at most {}", file, text.size(), wire::kMaxSceneBytes));
+  if (const std::size_t at = find_control_byte(text); at < text.size())
+    refuse(line_of(file, place_at(text, at),
+                   fmt::format("the byte 0x{:02x}, which no text has: expected a scene, TOML text in UTF-8",
+                               static_cast<unsigned char>(text[at]))));
   if (const auto excess = find_excess(text)) refuse(line_of(file, place_at(text, excess->at), excess->text));
   // If memory runs out while toml++ reads a number, toml++ reports the number as a fault of the text. A text is
   // therefore refused only if it fails twice. The parser does not get the file's name, because the parser would end the

@@ -216,13 +216,14 @@ class Checker {
     if (!findings_.sound(name)) return;
     const std::string meaning = rule.meaning().empty() ? std::string() : fmt::format(" ({})", rule.meaning());
     if (rule.required() && required) {
-      findings_.add(table_path, fmt::format("{} is missing{}", shown(field, name), meaning));
+      findings_.add_missing(table_path, name, fmt::format("{} is missing{}", shown(field, name), meaning));
     } else if (!rule.required_without().empty()) {
       const FieldDescriptor& other = *where.field(rule.required_without());
       const std::string other_name = path_of(table_path, other);
       if (where.has(other) || !findings_.sound(other_name)) return;
-      findings_.add(table_path, fmt::format("{} is missing{}: it must be given where {} is not", shown(field, name),
-                                            meaning, other_name));
+      findings_.add_missing(
+          table_path, name,
+          fmt::format("{} is missing{}: it must be given where {} is not", shown(field, name), meaning, other_name));
     }
   }
 
@@ -345,6 +346,11 @@ void Findings::add(std::string path, std::string text) {
   faults_.push_back({std::move(path), std::move(text), {}});
 }
 
+void Findings::add_missing(const std::string& table, std::string path, std::string text) {
+  at_fault_.insert(std::move(path));
+  add(table, std::move(text));
+}
+
 void check_fields(const Message& root, Findings& findings) {
   Checker(findings).table({root}, "");
 }
@@ -408,8 +414,9 @@ bool is_usual(const FieldDescriptor& field, double value) {
 }
 
 std::string unusual_text(const FieldDescriptor& field, const std::string& name, double value) {
-  return fmt::format("{0} = {1} {2} is unusual: values {3} are expected. Is it in {2}?", name, number_text(value),
-                     rule_of(field).unit(), usual_of(field));
+  const std::string unit = unit_of(field);
+  return fmt::format("{} = {}{} is unusual: values {} are expected. {}", name, number_text(value), unit,
+                     usual_of(field), unit.empty() ? "Is it meant?" : "Is it in" + unit + "?");
 }
 
 std::vector<std::string> unusual_values(const Message& root) {

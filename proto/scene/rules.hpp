@@ -45,11 +45,13 @@ class Findings {
   // Returns true if no fault was found at this key, so that its value may be used.
   bool sound(std::string_view path) const;
   void add(std::string path, std::string text);
+  // Adds the fault that `table` lacks the key `path`, which is not sound from then on.
+  void add_missing(const std::string& table, std::string path, std::string text);
   const std::vector<Fault>& faults() const { return faults_; }
 
  private:
   std::vector<Fault> faults_;
-  std::set<std::string, std::less<>> at_fault_;  // the paths of the faults
+  std::set<std::string, std::less<>> at_fault_;  // the paths of the faults, and missing keys
   Sound sound_before_;
 };
 

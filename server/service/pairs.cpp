@@ -122,17 +122,19 @@ std::vector<shard::PairColumn> SessionPairs::columns() const {
   return columns;
 }
 
-std::vector<std::string> SessionPairs::unusual_parameters(const wire::Batch& batch) const {
+std::vector<std::string> SessionPairs::unusual_columns(const wire::Batch& batch) const {
   std::vector<std::string> found;
   const auto ids = batch.u64(Field::kNodeId);
-  for (std::uint32_t i = 0; i < parameters_.size(); ++i) {
-    const auto values = batch.f64(Field::kParameter, i);
-    const auto& key = *scene::find_number(parameters_[i]);
+  const auto look = [&](const std::string& name, const std::string& path, std::span<const double> values) {
+    const auto& key = *scene::find_number(path);
     const auto unusual = std::ranges::find_if(values, [&](double value) { return !scene::is_usual(key, value); });
-    if (unusual == values.end()) continue;
+    if (unusual == values.end()) return;
     const std::uint64_t node = ids[static_cast<std::size_t>(unusual - values.begin())];
-    found.push_back(scene::unusual_text(key, fmt::format("{} of node {}", parameters_[i], node), *unusual));
-  }
+    found.push_back(scene::unusual_text(key, fmt::format("{} of node {}", name, node), *unusual));
+  };
+  for (std::uint32_t i = 0; i < parameters_.size(); ++i)
+    look(parameters_[i], parameters_[i], batch.f64(Field::kParameter, i));
+  look(wire::name(Field::kInitialTemperature), "layer.initial_temperature_k", batch.f64(Field::kInitialTemperature));
   return found;
 }
 

@@ -30,8 +30,9 @@ class SessionPairs {
   // of the values of the scene, and of the models of the named pairs
   const std::vector<std::string>& warnings() const { return warnings_; }
 
-  // A warning for each parameter of these new nodes that was probably meant in another unit, with the first such node.
-  std::vector<std::string> unusual_parameters(const wire::Batch& batch) const;
+  // A warning for each column of these new nodes (a parameter, the initial temperature) that was probably meant in another
+  // unit, with the first such node.
+  std::vector<std::string> unusual_columns(const wire::Batch& batch) const;
 
   // A table of the first pair alone.
   shard::PairTable table(const physics::ModelOptions& first) const;

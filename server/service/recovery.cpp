@@ -122,7 +122,11 @@ void Service::prove_last_replies() noexcept try {
   unproven_.clear();
 } catch (const std::exception& fault) {  // a final failure of the journal ends the server; a full disk is tried again
   if (unproven_ == fault.what()) return;
-  log(std::string("ALARM: the last reply of a session could not be proven: ") + fault.what());
+  const auto* const storage = dynamic_cast<const store::StorageError*>(&fault);
+  log(std::string(storage != nullptr && storage->no_space()
+                      ? "ALARM: no room in the state directory; requests are refused until there is: "
+                      : "ALARM: the journal could not take the sum of a session's last reply: ") +
+      fault.what());
   unproven_ = fault.what();
 }
 

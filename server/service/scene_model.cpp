@@ -19,6 +19,7 @@
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
 #include "server/physics/interface/friction_laws.hpp"
+#include "server/physics/material/adiabatic_shear.hpp"
 #include "server/physics/material/caution.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
@@ -245,6 +246,24 @@ std::optional<double> friction_coefficient_of(const v1::Scene& scene) {
   return scene.interface().friction_coefficient();
 }
 
+// The warning of an interface that slips on coarse zones of a host's mesh only; empty: none. A strength of more than
+// metal has without a defect, about a thirtieth of the shear modulus (Mackenzie 1949), is meant as no limit: a note.
+std::string strength_warning(const v1::Scene& scene, const physics::ModelOptions& options) {
+  if (options.strategy != physics::Strategy::kForceDriven || options.plastic_layer) return {};
+  const double share = options.junctions ? options.junctions->contact_fraction : 1.0;
+  const double strength = share * options.interface.yield_strength;
+  if (strength <= physics::fresh_strength(options.soft)) return {};  // Y* is not below this
+  const double most = physics::adiabatic_peak(options.soft, 0.0, options.initial_temperature).stress;
+  if (strength <= most) return {};
+  const bool unlimited = strength > physics::kSqrt3 * options.soft.shear_modulus / 30.0;
+  return fmt::format(
+      "{}interface.yield_strength_pa{} = {:.4g} Pa is above Y* = {:.4g} Pa, the largest flow stress of the soft metal "
+      "as its work heats it: on fine zones of a host whose metal yields, the metal shears in place of slip, and the "
+      "slip depends on the zones; set interface.plastic_layer = true",
+      unlimited ? wire::kNote : std::string_view(), scene.has_junctions() ? " * junctions.contact_fraction" : "",
+      strength, most);
+}
+
 // Converts a checked scene without its pairs, whose defaults have been filled in. Also fills in the constants that the
 // scene leaves to the server.
 SceneModel convert_tables(v1::Scene& scene) {
@@ -301,6 +320,8 @@ SceneModel convert_tables(v1::Scene& scene) {
         fmt::format("soft.material = \"{}\": {}. If you have hot data, give {} constants of your own in [soft], or "
                     "another flow_law",
                     scene.soft().material(), caution, physics::FlowLaws::name_of(options.soft.flow_law)));
+  if (std::string warning = strength_warning(scene, options); !warning.empty())
+    made.warnings.push_back(std::move(warning));
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
   return made;

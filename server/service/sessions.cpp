@@ -126,7 +126,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& 
   member->shard = std::move(shard_made);
   member->pairs = std::move(pairs);
   auto& body = reply->body.emplace<wire::SessionOpened>(opened(*member));
-  std::ranges::copy(member->pairs.unusual_parameters(request.batch), std::back_inserter(body.warnings));
+  std::ranges::copy(member->pairs.unusual_columns(request.batch), std::back_inserter(body.warnings));
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =

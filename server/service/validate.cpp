@@ -244,7 +244,7 @@ std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const
   const auto ids = batch.u64(Field::kNodeId);
   if (ids.empty() && needed != nullptr)
     refuse(Code::kShape, wire::name(Field::kNodeId), fmt::format("{} needs at least one node; none was given", needed),
-           "Send a node_id column.");
+           "Name the nodes, each by an id.");
   if (const auto repeated = shard::NodeTable::repeated(ids); !repeated.empty())
     refuse(Code::kDuplicateNode, wire::name(Field::kNodeId),
            fmt::format("node {} is given more than once", repeated.front()), "Give every node an id of its own.",
@@ -282,7 +282,7 @@ std::vector<double> initial_temperatures(const wire::Batch& batch, const Options
         return fmt::format("{} of node {} is {}; expected above 0 and below {} K, where the soft body melts",
                            wire::name(Field::kInitialTemperature), node, value, melts_at(row));
       },
-      "Nothing was changed; correct the values and send the step again.");
+      "Nothing was changed; correct the temperatures, in K.");
   temperatures.assign(given.begin(), given.end());
   return temperatures;
 }
@@ -486,7 +486,7 @@ shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable
              "Send node_id and, for the flow stress, pressure_pa.");
   if (batch.u64(Field::kNodeId).empty())
     refuse(Code::kShape, wire::name(Field::kNodeId), "read_profiles needs at least one node; none was given",
-           "Send a node_id column.");
+           "Name the nodes, each by an id.");
   shard::Rows rows = locate_rows(batch, nodes);
   check_inputs(batch, rows, nodes);
   return rows;

@@ -53,7 +53,11 @@ class PosixFile final : public File {
 }  // namespace
 
 StorageError::StorageError(const std::string& doing, int code)
-    : std::runtime_error(doing + ": " + std::generic_category().message(code)), code_(code) {}
+    : std::runtime_error(doing + ": " + std::generic_category().message(code) +
+                         (code == EROFS || code == EACCES || code == EPERM
+                              ? "; choose a state directory in which the server's user may write"
+                              : "")),
+      code_(code) {}
 
 PosixStorage::PosixStorage(const std::filesystem::path& directory) : path_(directory) {
   if (::mkdir(path_.c_str(), 0700) < 0 && errno != EEXIST)
@@ -111,6 +115,10 @@ void PosixStorage::hold_lock() {
   lock_ = file;
 }
 
+std::string PosixStorage::shown(const std::string& name) const {
+  return (path_ / name).string();
+}
+
 std::vector<std::string> PosixStorage::list() {
   const int file = ::openat(directory_, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   DIR* stream = file < 0 ? nullptr : ::fdopendir(file);
@@ -132,14 +140,14 @@ std::vector<std::string> PosixStorage::list() {
 std::vector<std::byte> PosixStorage::read(const std::string& name) {
   // Without O_NONBLOCK the call would wait for the writer of a pipe of that name.
   const int file = ::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-  if (file < 0) throw StorageError("cannot open " + name, errno);
+  if (file < 0) throw StorageError("cannot open " + shown(name), errno);
   struct stat found {};
   std::vector<std::byte> bytes;
   std::size_t size = 0;
   ssize_t taken = ::fstat(file, &found);
   if (taken == 0 && !S_ISREG(found.st_mode)) {
     ::close(file);
-    throw StorageError("cannot read " + name + ", which is no regular file", EINVAL);
+    throw StorageError("cannot read " + shown(name) + ", which is no regular file", EINVAL);
   }
   if (taken == 0) {
     bytes.resize(static_cast<std::size_t>(found.st_size));
@@ -149,7 +157,7 @@ std::vector<std::byte> PosixStorage::read(const std::string& name) {
   }
   const int fault = errno;
   ::close(file);
-  if (taken < 0) throw StorageError("cannot read " + name, fault);
+  if (taken < 0) throw StorageError("cannot read " + shown(name), fault);
   bytes.resize(size);
   return bytes;
 }
@@ -160,25 +168,25 @@ std::unique_ptr<File> PosixStorage::create(const std::string& name) {
     hold_lock();
   }
   const int file = ::openat(directory_, name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (file < 0) throw StorageError("cannot make " + name, errno);
-  return std::make_unique<PosixFile>(file, name);
+  if (file < 0) throw StorageError("cannot make " + shown(name), errno);
+  return std::make_unique<PosixFile>(file, shown(name));
 }
 
 void PosixStorage::rename(const std::string& from, const std::string& to) {
   if (::renameat(directory_, from.c_str(), directory_, to.c_str()) < 0)
-    throw StorageError("cannot rename " + from + " to " + to, errno);
+    throw StorageError("cannot rename " + shown(from) + " to " + to, errno);
 }
 
 void PosixStorage::remove(const std::string& name) {
-  if (::unlinkat(directory_, name.c_str(), 0) < 0) throw StorageError("cannot remove " + name, errno);
+  if (::unlinkat(directory_, name.c_str(), 0) < 0) throw StorageError("cannot remove " + shown(name), errno);
 }
 
 void PosixStorage::sync(const std::string& name) {
   const int file = ::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-  if (file < 0) throw StorageError("cannot open " + name, errno);
+  if (file < 0) throw StorageError("cannot open " + shown(name), errno);
   const int done = ::fdatasync(file), fault = errno;
   ::close(file);
-  if (done < 0) throw StorageError("cannot bring " + name + " to the disk", fault);
+  if (done < 0) throw StorageError("cannot bring " + shown(name) + " to the disk", fault);
 }
 
 void PosixStorage::sync_directory() {

@@ -30,6 +30,7 @@ class PosixStorage final : public Storage {
  private:
   [[noreturn]] void refuse_held() const;
   void hold_lock();
+  std::string shown(const std::string& name) const;  // path of a file of the directory, for messages
 
   std::filesystem::path path_;
   int directory_ = -1;

@@ -24,9 +24,12 @@ constexpr std::string_view kSetAside = ".unused";
 constexpr std::size_t kGenerationsKept = 2;
 
 constexpr const char* kOfRestoring =
-    ". Restore the file from a backup, or start with --accept-empty to set every file aside and lose the states";
+    ". Restore the file from a backup; or lose the states: shearbus-server --accept-empty sets every file aside, a "
+    "host "
+    "with the server in its own process names another state directory";
 constexpr const char* kOfLoss =
-    ". Restore the file from a backup, or start once with --durability process, which goes on from what is there";
+    ". Restore the file from a backup, or start shearbus-server once with --durability process, which goes on from "
+    "what is there";
 
 // Returns the number in a file name of this kind, or nothing for any other name.
 std::optional<std::uint64_t> number_in(const std::string& file, std::string_view prefix,

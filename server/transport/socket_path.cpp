@@ -106,7 +106,9 @@ void refuse_other_socket(const std::string& path) {
 int take_lock(const std::string& path) {
   const std::string lock = path + ".lock";
   const int file = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (file < 0) throw std::runtime_error("cannot open lock file " + lock + ": " + std::strerror(errno));
+  if (file < 0)
+    throw std::runtime_error("cannot listen on ipc://" + path + ": its lock file " + lock + " cannot be opened: " +
+                             std::strerror(errno) + "; choose a path (--bind) where this user may write");
   if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
     const int fault = errno;
     ::close(file);

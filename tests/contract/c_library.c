@@ -413,7 +413,7 @@ static void interruptions(pid_t* server) {
   CHECK(code == SHEARBUS_UNKNOWN_OUTCOME);
   CHECK(after.tv_sec - before.tv_sec < 10);
   CHECK(lines_told == told_before + 1 && strstr(last_line, "waiting for the answer of") != NULL &&
-        strstr(last_line, "downscale") != NULL);
+        strstr(last_line, "to the call step") != NULL);
   CHECK(nodes[0].stress == -1.0);
   OK(shearbus_step(session, &request, NULL, &status));
   CHECK(last_sequence(session) == 1); /* it ran once */

@@ -15,7 +15,7 @@ import zmq
 import kit_host  # finds the package in the source tree
 import friction_problems
 import problem_answers
-from shearbus.conformity import SCENARIOS, judge, mock_server, play
+from shearbus.conformity import SCENARIOS, Refused, command_client, judge, mock_server, play
 
 HERE = pathlib.Path(__file__).resolve().parent
 PAGE, VECTORS = HERE.parents[1] / "proto/WIRE.md", HERE / "vectors.txt"
@@ -60,10 +60,18 @@ def self_test(chosen):
         missed += [] if good == total else ["a right client did not pass"]
     for fault in chosen or kit_host.FAULTS:
         check, scenario = kit_host.FAULTS[fault]
-        why = play(scenario, client(fault), delay).get(check)
+        results = play(scenario, client(fault), delay)
+        why = results.get(check)
         print(f"{fault}: {check}: {why}")
         if why in (None, mock_server.UNSEEN) and fault != "never_closes":
             missed.append(f"{fault} was not noticed by the check {check}")
+        if fault == "pressure_in_gpa" and results["far_stresses"] is not None:
+            missed.append(f"another pressure is taken for another stress: {results['far_stresses']}")
+    try:
+        judge(command_client(["/no/such/host"], 1.0), delay)
+        missed.append("a host that cannot be started was played")
+    except Refused as fault:
+        print(fault)
     print("\n".join(missed
                     ) if missed else f"a right client passes, and {len(chosen or kit_host.FAULTS)} wrong ones do not")
     return bool(missed)

@@ -150,6 +150,11 @@ class EndpointFiles(served.Served):
         for said in refusals():
             self.assertIn("has no epoch", said)
         self.file.write_text(whole)
+        server.send_signal(signal.SIGSTOP)
+        for said in refusals():
+            self.assertIn(f"the server at ipc://{self.path}/bus/s (named by {self.endpoint}, written on", said)
+            self.assertIn("lives, and did not answer", said)
+            self.assertNotIn("remove the file", said)
         server.kill()
         server.wait()
         for said in refusals():

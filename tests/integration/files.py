@@ -127,6 +127,12 @@ class Outputs(Files):
                             "belongs to user 12345")
         self.assertFalse(victim.exists())
 
+    def test_a_place_that_cannot_be_written_is_named_with_its_option_and_what_to_do(self):
+        bus = f"ipc://{self.path / 'bus'}"
+        for words, said in ((("--bind", bus, "--log-file", "/proc/self/log"), "--log-file /proc/self/log cannot be opened for writing"),
+                            (("--bind", "ipc:///proc/self/fd/bus"), "choose a path (--bind) where this user may write")):
+            self.assert_refused(self.ran("server", *words), said)
+
     def test_devices_and_directories_are_no_results(self):
         for file in ("/dev/null", self.path):
             self.assert_refused(self.replay("--out", file, scene=self.scene, out=False), str(file))

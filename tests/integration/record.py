@@ -226,7 +226,7 @@ class Clients(RecordTest):
         os.environ["SHEARBUS_RECORD"] = str(own)
         with self.assertLogs("shearbus", "WARNING") as said, shearbus.open(GRADED, range(5), self.bus) as bus:
             bus.step(1e-9, jump=80.0, pressure=11.2e9)  # the file is there already: the second session is not recorded
-        self.assertEqual(sum("not recorded any further" in line for line in said.output), 1)
+        self.assertEqual(sum("is not recorded: " in line for line in said.output), 1)
         recorder, _, records = read_log(own)
         self.assertEqual((recorder, verbs(records)), (CLIENT, [*expected, "close_session"]))
         of_server = next(log for log in self.logs() if len(read_log(log)[2]) == len(records))
@@ -278,10 +278,11 @@ class Clients(RecordTest):
         self.assertIn("equal to the recorded ones", self.again(self.records))
 
     def test_a_place_at_fault_is_a_line_for_people_and_no_fault_of_the_host(self):
-        self.assertIn("is not recorded any further: cannot make", self.fortran_host(str(self.path / "none" / "file")))
+        self.assertIn("is not recorded: cannot make", self.fortran_host(str(self.path / "none" / "file")))
         (self.path / "file").write_text("kept")
         said = self.fortran_host(str(self.path / "file"))
-        self.assertIn("File exists", said)
+        self.assertIn("is not recorded: ", said)
+        self.assertIn("file exists already; name a new file or a directory", said)
         self.assertEqual((self.path / "file").read_text(), "kept")
 
     def test_a_log_that_cannot_be_opened_is_told_and_no_fault_of_the_host(self):
@@ -298,7 +299,7 @@ class Clients(RecordTest):
         os.environ["SHEARBUS_LOG"] = "/dev/full"
         self.addCleanup(os.environ.pop, "SHEARBUS_LOG", None)
         said = self.fortran_host(str(self.path / "none" / "file"))
-        self.assertIn("is not recorded any further", said)
+        self.assertIn("is not recorded: ", said)
         self.assertIn("SHEARBUS_LOG: /dev/full could not be written, and lacks this line", said)
 
 

@@ -123,7 +123,7 @@ class Report(unittest.TestCase):
         figure, axis = style.figure(1, 1, (6, 3))
         axis.plot([0, 1])
         style.save(figure, directory / "figure_12.png")
-        (directory / "figures.json").write_text(json.dumps([{"figure": "12", "title": "profiles", "file": "figure_12.png", "agrees": ["It falls."], "differs": "By a fifth."}]))
+        (directory / "figures.json").write_text(json.dumps([{"figure": "12", "title": "profiles", "file": "figure_12.png", "agrees": ["It falls."], "differs": "By a fifth.", "note": "A quick look."}] * 2))
         return directory
 
     def test_the_free_surface_begins_on_the_axis(self):
@@ -140,6 +140,7 @@ class Report(unittest.TestCase):
         for text in ("cone_al_steel_coarse", "Coulomb–Tresca (DLP 5)", f"{summary['peak_interface_temperature_k']:,.0f}", f"{summary['friction_heat_j']:.1f}",
                      "energy closed to", "aluminium_dlp: DLP tables", "Selected nodes", "hottest", "left out", "Figure 12: profiles", "It falls.", "By a fifth.", "[hydro.cone_target]"):
             self.assertTrue(text in page, text)
+        self.assertEqual(page.count("A quick look."), 1, "the note of two figures")
         column = self.reports["column"].read_text()
         work = json.loads((self.column / "summary.json").read_text())
         for text in ("sliding_to_a_stop", "solver of the layers", f"{work['friction_work_j_per_m2'] / work['columns']:,.0f}"):

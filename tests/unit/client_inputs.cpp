@@ -154,5 +154,19 @@ TEST(InputCheck, NamesBodiesLighterThanMetals) {
               ElementsAre(AllOf(StartsWith("impedance_pa_s_per_m: the first step"), HasSubstr("Pa s/m and Pa"))));
 }
 
+TEST(InputCheck, AStepFarLongerThanAllBeforeItIsTold) {
+  const auto warnings_of = [](std::vector<double> lengths) {
+    InputCheck check;
+    std::vector<std::string> all;
+    for (const double dt : lengths)
+      for (const std::string& warning : check.add(velocity_driven(1e9, 100.0), dt)) all.push_back(warning);
+    return all;
+  };
+  EXPECT_THAT(warnings_of({1e-9, 2e-9, 1e-3, 1e-9, 1e-3, 10.0}),
+              ElementsAre("dt_s: a step of 0.001 s, after steps of at most 2e-09 s. Is dt_s in seconds, and this step "
+                          "meant?"));
+  EXPECT_THAT(warnings_of({1e-9, 1e-6, 5e-4, 1e-9, 1e-4}), IsEmpty());
+}
+
 }  // namespace
 }  // namespace shearbus

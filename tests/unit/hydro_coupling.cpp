@@ -96,7 +96,7 @@ TEST(PlasticLayers, AreHalfAWallZoneAndNothingElse) {
 TEST(ShearLimits, OfThePapersAluminium) {
   const physics::Material soft = resolve(cone("").scene.scene().soft(), "soft");
   const physics::Material hard = resolve(cone("").scene.scene().hard(), "hard");
-  const AdiabaticPeak peak = adiabatic_peak(soft, 0.0, 300.0);
+  const physics::AdiabaticPeak peak = physics::adiabatic_peak(soft, 0.0, 300.0);
   EXPECT_NEAR(peak.stress, 301e6, 1e6);
   EXPECT_NEAR(peak.strain, 1.17, 0.03);
   const CriticalJump jump(soft, hard, 300.0);
@@ -107,10 +107,6 @@ TEST(ShearLimits, OfThePapersAluminium) {
   }
   const InterfaceStrength strong = interface_strength(cone("").scene, soft);
   EXPECT_TRUE(strong.too_strong());
-  EXPECT_THAT(strength_warning(strong), IsEmpty()) << "the layer flows";
-  InterfaceStrength bare = strong;
-  bare.flows_in_layer = false;
-  EXPECT_THAT(strength_warning(bare), HasSubstr("interface.yield_strength_pa = 6.8e+08 Pa is above Y* = 3.0"));
 }
 
 // The mean of a profile that is linear along an interface is that of its two ends, however wide the zones are.

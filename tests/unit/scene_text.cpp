@@ -222,11 +222,21 @@ TEST(SceneText, WhatIsNoSceneFileIsRefused) {
   std::mt19937_64 random(5);
   std::string rubbish(4096, '\0');
   for (char& c : rubbish) c = static_cast<char>(random());
-  EXPECT_THAT(with("rubbish.bin", rubbish), HasSubstr("rubbish.bin:1:"));
-  EXPECT_THAT(with("zeros.bin", std::string(64, '\0')), HasSubstr("zeros.bin:1:1:"));
+  EXPECT_THAT(with("rubbish.bin", rubbish), HasSubstr(": the byte 0x"));
+  EXPECT_THAT(with("zeros.bin", std::string(64, '\0')), HasSubstr("zeros.bin:1:1: the byte 0x00, which no text has"));
+  EXPECT_THAT(with("program.bin", "ELF\n\x02" + std::string(64, '.')),
+              HasSubstr("program.bin:2:1: the byte 0x02, which"));
   EXPECT_THAT(with("large.toml", std::string(wire::kMaxSceneBytes + 1, ' ')), HasSubstr("larger than 262144 bytes"));
   EXPECT_EQ(with("good.toml", kPaper), "");
   std::filesystem::remove_all(directory);
+}
+
+TEST(SceneText, AMissingKeyIsOneFault) {
+  const std::string refusal = refusal_of(
+      "name='x'\nsoft.material='a'\nhard.material='b'\ninterface.friction_coefficient=0.1\n"
+      "interface.yield_strength_pa=1e8\n");
+  EXPECT_THAT(refusal, HasSubstr("strategy is missing"));
+  EXPECT_EQ(std::ranges::count(refusal, '\n'), 0) << refusal;
 }
 
 // The parser toml++ reads nested tables recursively, so a line of many dots would overflow the stack: the depth must be

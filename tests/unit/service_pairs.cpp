@@ -369,6 +369,23 @@ TEST(ServicePairs, AParameterInAnotherUnitIsNamedWithItsFirstNode) {
   }
 }
 
+TEST(ServicePairs, AnInitialTemperatureInCelsiusIsNamedWithItsFirstNode) {
+  ServiceHarness harness;
+  for (const double value : {300.0, 27.0}) {
+    wire::Request opening =
+        ServiceHarness::opening(scene_with_pairs(Strategy::kForceDriven), Ids{1}, value > 100 ? 2 : 1);
+    opening.batch = wire::Batch::of(std::array{Field::kNodeId, Field::kInitialTemperature}, 2);
+    std::ranges::copy(Ids{7, 8}, opening.batch.u64(Field::kNodeId).begin());
+    std::ranges::copy(std::array{300.0, value}, opening.batch.f64(Field::kInitialTemperature).begin());
+    const Answer answer = harness.ask(opening);
+    ASSERT_TRUE(answer.reply.status.ok()) << answer.reply.status.text;
+    EXPECT_EQ(std::ranges::count(std::get<wire::SessionOpened>(answer.reply.body).warnings,
+                                 "initial_temperature_k of node 8 = 27 K is unusual: values from 50 to 3000 K are "
+                                 "expected. Is it in K?"),
+              value == 27.0 ? 1 : 0);
+  }
+}
+
 TEST(ServicePairs, FaultyPairsAndParametersOfNodesAreRefused) {
   ServiceHarness harness;
   const auto open = [&](std::vector<std::string> pairs, std::vector<std::string> parameters, wire::Batch batch,

@@ -25,11 +25,13 @@ namespace shearbus::service {
 namespace {
 
 using support::with;
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
+using ::testing::StartsWith;
 
 wire::Status refusal_of(const v1::Scene& scene) {
   return support::fault_of([&] { scene_model(scene); });
@@ -145,7 +147,7 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
     EXPECT_EQ(scene_model(scene).options.taylor_quinney_factor, 0.9);
   const char* key = "velocity_driven.taylor_quinney_factor";
   expect_refusals(velocity,
-                  {{"velocity_driven { taylor_quinney_factor: 0.9 }", key, "give the table [hard_layer]"},
+                  {{"velocity_driven { taylor_quinney_factor: 0.9 }", key, "needs [hard_layer]"},
                    {"velocity_driven { taylor_quinney_factor: 0.9 drive: DRIVE_INTERFACE_SLIP } hard_layer {}", key,
                     "all its work is friction there"},
                    {"velocity_driven { taylor_quinney_factor: 1.5 } hard_layer {}", key, "above 0 and at most 1"}});
@@ -378,7 +380,7 @@ TEST(SceneOptions, TablesOfConductivityAndHeatAreCheckedRowByRow) {
   fill(scene.mutable_hard()->mutable_specific_heat_table_temperature_k(), {200.0, 1e4});
   fill(scene.mutable_hard()->mutable_specific_heat_table_j_per_kg_k(), {500.0, 600.0});
   EXPECT_EQ(refusal_of(scene).field, "hard.specific_heat_table_j_per_kg_k");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("give the table [hard_layer]"));
+  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs [hard_layer]"));
 }
 
 const std::vector<std::pair<std::string, double>> kJohnsonCookCopper = {
@@ -509,9 +511,9 @@ TEST(UsualValues, EveryNumberWithAUnitHasThemWithinItsBounds) {
     const v1::Rule& rule = scene::rule_of(field);
     const bool has_unit = rule.unit() != "1";
     ASSERT_FALSE(rule.unit().empty());
-    EXPECT_EQ(rule.has_usual_from(), has_unit);
-    EXPECT_EQ(rule.has_usual_to(), has_unit);
-    if (!has_unit) return;
+    EXPECT_EQ(rule.has_usual_from(), rule.has_usual_to());
+    EXPECT_TRUE(rule.has_usual_from() || !has_unit);
+    if (!rule.has_usual_from()) return;
     ++keys;
     EXPECT_LT(rule.usual_from(), rule.usual_to());
     EXPECT_GE(rule.usual_from(), rule.has_above() ? rule.above() : rule.at_least());
@@ -525,6 +527,7 @@ TEST(UsualValues, NoMaterialAndNoDefaultIsUnusual) {
     SCOPED_TRACE(entry.name);
     for (v1::Scene scene : {support::velocity_scene(), support::force_scene()}) {
       scene.mutable_soft()->set_material(std::string(entry.name));
+      if (scene.strategy() == v1::STRATEGY_FORCE_DRIVEN) scene.mutable_interface()->set_plastic_layer(true);
       if (entry.name == "titanium_6al_4v") continue;  // has a caution
       EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
     }
@@ -582,6 +585,46 @@ TEST(UsualValues, OtherUnitsAreNamedWithKeyValueAndRange) {
   // The effective scene, from which a recovered server makes its session, draws the same warnings.
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(scene_model(made.effective, "effective").warnings, made.warnings);
+}
+
+TEST(UsualValues, AFrictionCoefficientFarAboveOneIsAsked) {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_interface()->set_friction_coefficient(1.5);
+  EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
+  scene.mutable_interface()->set_friction_coefficient(3.0);
+  EXPECT_THAT(scene_model(scene).warnings,
+              ElementsAre("interface.friction_coefficient = 3 is unusual: values from 0 to 1.5 are expected. Is it "
+                          "meant?"));
+}
+
+// Y* of the paper's aluminium is 301 MPa, calculated independently.
+TEST(InterfaceStrength, AboveTheMetalsNeedsAPlasticLayer) {
+  const auto warnings_of = [](double strength, bool plastic_layer) {
+    v1::Scene scene = support::force_scene();
+    scene.mutable_interface()->set_yield_strength_pa(strength);
+    scene.mutable_interface()->set_plastic_layer(plastic_layer);
+    return scene_model(scene).warnings;
+  };
+  EXPECT_THAT(warnings_of(299e6, false), IsEmpty());
+  EXPECT_THAT(warnings_of(303e6, false), SizeIs(1));
+  EXPECT_THAT(warnings_of(680e6, false),
+              ElementsAre(AllOf(StartsWith("interface.yield_strength_pa = 6.8e+08 Pa is above Y* = 3.0"),
+                                HasSubstr("set interface.plastic_layer = true"))));
+  EXPECT_THAT(warnings_of(680e6, true), IsEmpty()) << "the layer flows";
+  EXPECT_THAT(warnings_of(10e9, false),
+              ElementsAre(StartsWith("note: interface.yield_strength_pa = 1e+10 Pa is above")))
+      << "no metal is as strong: meant as no limit";
+}
+
+TEST(InterfaceStrength, OfJunctionsIsTheirShareOfTheArea) {
+  v1::Scene scene = support::force_scene();
+  scene.mutable_interface()->set_yield_strength_pa(400e6);
+  scene.mutable_junctions()->set_contact_fraction(0.5);
+  scene.mutable_junctions()->set_height_m(1e-6);
+  EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
+  scene.mutable_junctions()->set_contact_fraction(0.9);
+  EXPECT_THAT(scene_model(scene).warnings, ElementsAre(StartsWith("interface.yield_strength_pa * "
+                                                                  "junctions.contact_fraction = 3.6e+08 Pa")));
 }
 
 TEST(UsualValues, AZeroThatSwitchesATermOffIsNoWarning) {

@@ -96,11 +96,11 @@ def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, wan
     those of open(). The session keeps the scene with which it was opened; a closed one cannot be resumed. nodes, pair,
     parameters: what the host takes its nodes for, as in open(); where they are given and not those of the session, the call
     is refused (RESUME_REFUSED) and the session stays as it is. Returns a Session. Raises an Error."""
-    if not isinstance(ticket, str) or not TICKET.fullmatch(ticket):
+    if not isinstance(ticket, str) or not TICKET.fullmatch(ticket.rstrip()):
         raise SessionError(Code.RESUME_REFUSED,
                            "the ticket is not two times 32 hexadecimal digits with a colon between" +
                            ("" if isinstance(ticket, str) else f"; it is of type {type(ticket).__name__}"),
-                           "Pass Session.ticket as it was, a text without a line end.", "ticket")
+                           "Pass Session.ticket as it was.", "ticket")
     if endpoint is None and not os.environ.get("SHEARBUS_ENDPOINT") and state_dir is None:
         raise Unreachable(Code.UNREACHABLE, "a session is resumed where it was opened, and no endpoint was given",
                           "Give endpoint=, or the state_dir= of a server in this process.")

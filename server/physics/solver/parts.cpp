@@ -400,7 +400,7 @@ constexpr std::array kExclusions = {
         {kPlasticHeating, kVaryingHeat, kMeltFilm},
         {kFixedHeatShare},
         "the fixed share of the hard body is that of heat released at z = 0 into two half-spaces of constant k and "
-        "c, in which it stays: give the table [hard_layer]"},
+        "c, in which it stays"},
     Exclusion{{kInertia},
               {kTwoComponents},
               "waves turn the stress from depth to depth, and the metal of a layer of two components flows along one "
@@ -674,6 +674,12 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
                               std::span<const Exclusion> exclusions) {
   std::vector<Refusal> found;
   const auto refuse = [&](const Part& named, const Part& other, std::string_view reason) {
+    if (other.property == kFixedHeatShare) {
+      const std::string setting = setting_of(named, options), table = text_of("[", key_of(other, options), "]");
+      found.push_back({std::string(key_of(named, options)), text_of(setting, " needs ", table, ": ", reason),
+                       text_of("Give ", table, ", or leave out ", setting, ".")});
+      return;
+    }
     found.push_back(
         {std::string(key_of(named, options)),
          setting_of(named, options) + " does not go with " + setting_of(other, options) + ": " + std::string(reason),

@@ -6,6 +6,7 @@ import tempfile
 import threading
 
 from . import lossy_proxy, mock_server
+from ._door import Refused
 
 PROBLEM_CHECKS = ["pressure", "first_jump", "half_zones", "closure", "jump", "long_enough", "closed"]
 RESTART_AFTER = 10
@@ -58,7 +59,7 @@ def play(scenario, client, delay):
 
 def command_client(command, timeout):
     """Returns the client that a command is: @endpoint and @problem stand in it for both, and SHEARBUS_ENDPOINT is the
-    endpoint, too. timeout (s): of one run."""
+    endpoint, too. timeout (s): of one run. The client raises Refused for a command that cannot be started."""
     def client(endpoint, problem):
         words = [word.replace("@endpoint", endpoint).replace("@problem", problem) for word in command]
         environment = {**os.environ, "SHEARBUS_ENDPOINT": endpoint}
@@ -67,7 +68,7 @@ def command_client(command, timeout):
         except subprocess.TimeoutExpired:
             return f"not at its end after {timeout:g} s"
         except OSError as fault:
-            return f"cannot be started: {fault}"
+            raise Refused(f"the host cannot be started: {fault}; give its command behind --") from None
         return None if code == 0 else f"exit code {code}"
     return client
 
@@ -84,7 +85,7 @@ def judge(client, delay, server=None, scenarios=DEFAULT):
             why = client(server, problem)
             good, total = good + (why is None), total + 1
             if why is not None:
-                print(f"real server, {problem}: the host gets to its end; {why}")
+                print(f"failed: real server, {problem}: expected: the host gets to its end; found: {why}")
     print(f"your client: {good} of {total}")
     return good, total
 
@@ -94,10 +95,10 @@ def tell(results, scenario=""):
     unseen = [check for check, why in results.items() if why == mock_server.UNSEEN]
     for check, why in results.items():
         if why is not None and check not in unseen:
-            print(f"{scenario}{check}: {mock_server.CHECKS.get(check, 'the host gets to its end')}; {why}")
+            print(f"failed: {scenario}{check}: expected: {mock_server.CHECKS.get(check, 'the host gets to its end')}; found: {why}")
     if unseen:
         sent = set(results) - {*unseen, "exit", "survival"}
-        print(f"{scenario}{'never seen: ' + ', '.join(unseen) if sent else 'the host sent no request to the endpoint that it was given'}")
+        print(f"failed: {scenario}{'never seen: ' + ', '.join(unseen) if sent else 'the host sent no request to the endpoint that it was given'}")
     return sum(why is None for why in results.values())
 
 
