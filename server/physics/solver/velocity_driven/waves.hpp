@@ -1,6 +1,9 @@
 // Shear waves in the layer of one node (MODEL.md, "Layer inertia"): DLP (36-37) with inertia, (42-48) at every vertex.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/model.hpp"
@@ -35,6 +38,11 @@ struct WaveStep {
   double give_far = 1.0;
   bool forced = false;  // what the host changes in a step, a layer of little mass may follow by any amount
 };
+
+// The velocity that a stress causes, by a wave or by shearing the layer for one step, whichever is less  [m/(s Pa)].
+inline double velocity_per_stress(const Material& soft, const Grid& grid, double dt) {
+  return std::min(1.0 / std::sqrt(soft.density * soft.shear_modulus), grid.vertex.back() / (soft.shear_modulus * dt));
+}
 
 // The fields of one node, with a value per cell for the velocity and per vertex for the others.
 struct WaveFields {
