@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "server/physics/material/flow_laws.hpp"
-#include "server/physics/material/strength.hpp"
 #include "server/physics/solver/velocity_driven/waves_return.hpp"
 
 namespace shearbus::physics {
@@ -28,7 +27,6 @@ constexpr double kLeastDescent = 0.25;
 // Share of secants in the slopes of a step of the line search: the least, and its factors after a step that was cut and
 // after one that was not.
 constexpr double kLeastSecant = 1e-4, kMoreSecant = 10.0, kLessSecant = 0.3;
-constexpr int kLocalNewtonSteps = 12;    // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
 constexpr int kGuardedSteps = 400;       // largest number of Newton steps of search() at each heat flux that it tries
 constexpr int kMostGuardedSteps = 4000;  // the same if search() is repeated because its first result was not balanced
@@ -141,78 +139,17 @@ class Waves {
     if (given) return evaluate_at(*given);
     const double direction = direction_at_interface();
     const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // heat flux per stress [m/s]
-    const InterfaceReturn found = return_at_interface(per_stress);
-    evaluate_at(per_stress * found.stress);
-    held_ = found.held;
-    fields_.stress[0] = std::copysign(found.stress, rows_.t[0]);
-    rows_.slope[0] = found.slope;
-    flux_slope_ = direction * (per_stress * found.slope);
-  }
-
-  struct InterfaceReturn {
-    double stress;  // magnitude of the stress at z = 0  [Pa]
-    double slope;   // derivative of the stress by |t|, where t is the trial stress
-    bool held;      // the friction limit mu P holds the stress
-  };
-
-  // The return to the yield stress at z = 0, with the heat of the stress itself: finds the magnitude a = R(|t|) at the
-  // temperature T_ad + B q, q = per_stress a, where t is the trial stress. The strength falls with that heat, so there
-  // is one root. If T_ad is below melting, the temperature at the root is below melting for any trial stress.
-  InterfaceReturn return_at_interface(double per_stress) {
-    const double t = std::abs(rows_.t[0]);
-    const double rise = per_stress * step_.response[0];
-    const double n = law_.exponent;
-    const double compliance = rows_.compliance[0];
-    // The yield stress at the temperature that a stress a causes, with its derivatives d log(stress)/da and
-    // d stress/d|t|, where t is the trial stress.
-    struct Carried {
-      double stress, log_slope, flow_slope;
-    };
-    const auto carried = [&](double a) -> Carried {
-      const Softening soften = softening(*step_.soft, step_.pressure, fields_.T_ad[0] + rise * a);
-      if (soften.g <= 0.0) return {0.0, 0.0, 0.0};
-      const double flow = 1.0 + compliance * (t - a);
-      const double hardened = rows_.strength[0] * power(flow, n);
-      const double heat_slope = rise * soften.slope / soften.g;
-      if (hardened >= law_.ceiling) return {law_.ceiling * soften.g, heat_slope, 0.0};
-      const double hardening = n * compliance / flow;
-      return {hardened * soften.g, heat_slope - hardening, hardened * soften.g * hardening};
-    };
-    const auto held_or = [&](double a, double slope) -> InterfaceReturn {
-      return a > step_.coulomb ? InterfaceReturn{step_.coulomb, 0.0, true} : InterfaceReturn{a, slope, false};
-    };
-    if (!has_form_) {
-      const ReturnedStress found = by_law_near_.at(fields_.strain[0], t, fields_.T_ad[0], rise);
-      return held_or(found.stress, found.slope);
-    }
-    if (carried(t).stress >= t) return held_or(t, 1.0);
-    double lo = 0.0;
-    double hi = std::min(t, carried(0.0).stress);
-    double a = interface_guess_ > 0.0 && interface_guess_ < hi ? interface_guess_ : hi;
-    double slope = 0.0;
-    for (int iteration = 0; iteration < kBisections && hi > 0.0; ++iteration) {
-      const Carried now = carried(a);
-      (now.stress > a ? lo : hi) = a;
-      double next = -1.0;
-      if (now.stress > 0.0) {
-        slope = now.flow_slope / (1.0 - now.stress * now.log_slope);
-        const double step = logarithm(now.stress / a) / (1.0 / a - now.log_slope);
-        next = a + step;
-        if (std::abs(step) <= kConverged * a) {
-          a = std::clamp(next, lo, hi);
-          break;
-        }
-      }
-      if (hi - lo <= std::numeric_limits<double>::epsilon() * hi) {
-        a = lo;
-        break;
-      }
-      const bool bisect = iteration >= kLocalNewtonSteps && iteration % 2 == 0;
-      a = !bisect && next > lo && next < hi ? next : 0.5 * (lo + hi);
-    }
-    if (hi <= 0.0) a = 0.0;
-    interface_guess_ = a;
-    return held_or(a, slope);
+    // The return at z = 0 with the heat of the stress itself, q = per_stress |s|: the strength falls with that heat, so
+    // there is one root, below melting if T_ad is.
+    const ReturnedStress found =
+        by_law_near_.at(fields_.strain[0], std::abs(rows_.t[0]), fields_.T_ad[0], per_stress * step_.response[0]);
+    const bool held = found.stress > step_.coulomb;
+    const double size = held ? step_.coulomb : found.stress, slope = held ? 0.0 : found.slope;
+    evaluate_at(per_stress * size);
+    held_ = held;
+    fields_.stress[0] = std::copysign(size, rows_.t[0]);
+    rows_.slope[0] = slope;
+    flux_slope_ = direction * (per_stress * slope);
   }
 
   // Newton's step dv of the cell velocities: solves the linearised balance of momentum, one equation (row) per cell.
@@ -385,18 +322,10 @@ class Waves {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa(i);
     }
     if (!held_) return;
-    if (!has_form_) {
-      const double left = std::abs(rows_.t[0]) - step_.coulomb;
-      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa(0));
-      fields_.strain_growth[0] = flow;
-      answer_.interface_slip = std::copysign(std::max(0.0, left - kappa(0) * flow) / gain(0), rows_.t[0]);
-      return;
-    }
-    const double yield = rows_.strength[0] * softening(*step_.soft, step_.pressure, rows_.T[0]).g;
-    const HeldVertex held =
-        flow_under_friction(std::abs(rows_.t[0]), step_.coulomb, yield, rows_.compliance[0], kappa(0), law_.exponent);
-    fields_.strain_growth[0] = held.strain_growth;
-    answer_.interface_slip = std::copysign(held.left / gain(0), rows_.t[0]);
+    const double left = std::abs(rows_.t[0]) - step_.coulomb;
+    const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa(0));
+    fields_.strain_growth[0] = flow;
+    answer_.interface_slip = std::copysign(std::max(0.0, left - kappa(0) * flow) / gain(0), rows_.t[0]);
   }
 
   const WaveStep& step_;
@@ -411,9 +340,8 @@ class Waves {
   WaveAnswer answer_;
   int evaluations_;  // largest number of evaluations of the balance in a search
   int evaluations_left_;
-  bool held_ = false;             // the friction limit mu P holds the stress at z = 0
-  double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
-  double flux_slope_ = 0.0;       // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
+  bool held_ = false;        // the friction limit mu P holds the stress at z = 0
+  double flux_slope_ = 0.0;  // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;
   alignas(64) Row stress_old_;
   alignas(64) Row velocity_old_;
@@ -421,17 +349,6 @@ class Waves {
 };
 
 }  // namespace
-
-HeldVertex flow_under_friction(double trial, double coulomb, double yield, double compliance, double kappa,
-                               double exponent) {
-  const double left = trial - coulomb;
-  double flow = 0.0;
-  if (coulomb > yield) {
-    const double x = exponential_minus_1(logarithm(coulomb / yield) / exponent);
-    flow = std::min(compliance > 0.0 ? x / (compliance * kappa) : 0.0, left / kappa);
-  }
-  return {flow, left - kappa * flow};
-}
 
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps, int evaluations) {
   return Waves(step, fields, evaluations).advance(newton_steps);

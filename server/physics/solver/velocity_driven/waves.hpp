@@ -65,17 +65,6 @@ struct WaveAnswer {
   bool found = true;            // false: the guarded search ended without balance, and the fields are meaningless
 };
 
-// The vertex at z = 0 while the friction limit holds its stress at mu P: it flows plastically by as much as this stress
-// allows (DLP (48)); the rest of its strain is slip of the interface.
-struct HeldVertex {
-  double strain_growth;  // growth of its plastic strain
-  double left;           // trial stress that is left to the slip  [Pa]
-};
-// `trial`: magnitude of the trial stress; `yield`: yield stress in shear before the step; `compliance`: growth of the
-// hardening term of waves.cpp per stress; `kappa`: sqrt(3) G0; `exponent`: of hardening.
-HeldVertex flow_under_friction(double trial, double coulomb, double yield, double compliance, double kappa,
-                               double exponent);
-
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
 // follows. It bisects the heat flux q and minimises the energy of the step at each q, which works from any start
 // but may be long. `found` is false if it ends, after `evaluations` of the balance at the latest, without balanced

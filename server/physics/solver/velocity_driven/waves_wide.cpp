@@ -36,6 +36,24 @@ constexpr int kInterfaceSteps = 40;      // iterations of the return at z = 0, l
 constexpr int kInterfaceNewton = 12;     // those of them after which a step that is not half the one before bisects
 constexpr int kReturnSteps = 60;         // iterations of the return of a vertex; 1 to 3 are usual
 
+// The vertex at z = 0 while the friction limit holds its stress: it flows by as much as this stress allows, DLP (48); the
+// rest of its strain is slip of the interface.
+struct HeldVertex {
+  double strain_growth;  // growth of its plastic strain
+  double left;           // trial stress that is left to the slip  [Pa]
+};
+// `trial`: magnitude of the trial stress; `yield`: yield stress in shear before the step; `kappa`: sqrt(3) G0.
+HeldVertex flow_under_friction(double trial, double coulomb, double yield, double compliance, double kappa,
+                               double exponent) {
+  const double left = trial - coulomb;
+  double flow = 0.0;
+  if (coulomb > yield) {
+    const double x = exponential_minus_1(logarithm(coulomb / yield) / exponent);
+    flow = std::min(compliance > 0.0 ? x / (compliance * kappa) : 0.0, left / kappa);
+  }
+  return {flow, left - kappa * flow};
+}
+
 }  // namespace
 
 // What the lanes of a tile share, and their inputs and states (WideWaveStep).
