@@ -28,7 +28,11 @@ constexpr LawColumn kColumns[] = {
     {Field::kStressHard, "sent: shear stress in the hard zone at the interface", &InterfaceInputs::stress_hard},
     {Field::kVelocityJump, "sent: V_soft - V_hard at the start of the step", &InterfaceInputs::velocity_jump}};
 
-// Whether the history has the velocity of the hard body's back, behind kColumns.
+// Behind kColumns, if the soft body yields; behind all, if the hard body's back is free: its velocity.
+constexpr LawColumn kPlasticRate = {Field::kSoftPlasticStrainRate,
+                                    "sent: plastic strain rate of the soft zone, with the sign of its shear",
+                                    &InterfaceInputs::soft_plastic_strain_rate};
+
 bool has_free_surface(const ShearBody& body) {
   return body.mesh.far_end == guest::FAR_END_FREE;
 }
@@ -36,6 +40,7 @@ bool has_free_surface(const ShearBody& body) {
 std::vector<files::Quantity> quantities_of(const ShearColumn& column) {
   std::vector<files::Quantity> quantities;
   for (const LawColumn& of_law : kColumns) quantities.push_back(of_law.quantity());
+  if (column.bulk()) quantities.push_back(kPlasticRate.quantity());
   if (has_free_surface(column.hard()))
     quantities.push_back({.name = "free_surface_velocity",
                           .units = "m s-1",
@@ -75,10 +80,12 @@ void History::record(const ShearColumn& column) {
   const InterfaceInputs& sent = column.inputs();
   const InterfaceAnswer& answer = column.answer();
   writer_.begin_row(sent.time, sent.dt);
-  for (std::size_t q = 0; q < std::size(kColumns); ++q)
-    kColumns[q].record(sent, answer, [&](const auto& values) { writer_.set(q, values); });
+  std::size_t q = 0;
+  const auto set = [&](const auto& values) { writer_.set(q++, values); };
+  for (const LawColumn& of_law : kColumns) of_law.record(sent, answer, set);
+  if (column.bulk()) kPlasticRate.record(sent, answer, set);
   if (const ShearBody& hard = column.hard(); has_free_surface(hard))
-    writer_.set(std::size(kColumns), std::span(hard.velocity_at(hard.mesh.zones), hard.mesh.columns));
+    set(std::span(hard.velocity_at(hard.mesh.zones), hard.mesh.columns));
   writer_.end_row();
 }
 

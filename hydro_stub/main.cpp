@@ -148,9 +148,10 @@ void carry_out(const Options& options, SceneFile& file) {
   check_layer_start(scene, 0);
   const ColumnProblem problem = make_problem(scene);
   if (options.explain) return fmt::print("{}", explain({file.server_text(), file.document.file}, problem.columns));
+  const std::vector<double> layers =
+      plastic_layers(file, std::vector<double>(problem.columns, 0.5 * problem.soft.zone_width));
   const std::unique_ptr<InterfaceLaw> law =
-      make_law(file, problem.soft_material, problem.hard_material, problem.initial_temperature,
-               plastic_layers(file, std::vector<double>(problem.columns, 0.5 * problem.soft.zone_width)),
+      make_law(file, problem.soft_material, problem.hard_material, problem.initial_temperature, layers,
                {.address = options.server, .state_dir = {}});
   if (options.check) {
     profile_record(scene, problem.columns, *law);
@@ -162,6 +163,7 @@ void carry_out(const Options& options, SceneFile& file) {
   const files::OneWriter writer(out);
   guest::HydroScene effective = effective_scene(scene);
   effective.mutable_hydro()->set_dt_s(problem.dt);
+  if (!layers.empty()) effective.mutable_scene()->mutable_layer()->set_thickness_m(layers.front());
   run(effective, problem, *law, out, server::provenance("shearbus-hydro", scene.scene().name(), options.arguments),
       options.progress);
   if (options.plot) plot(out);

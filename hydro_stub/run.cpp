@@ -50,7 +50,7 @@ std::unique_ptr<InterfaceLaw> make_law(const SceneFile& file, const physics::Mat
          .remedy = "set strategy = \"force_driven\" and add [interface]",
          .field = "strategy"});
   }
-  if (!kept.empty()) return std::make_unique<SubgridLaw>(kept, server, layer_thickness);
+  if (!kept.empty()) return std::make_unique<SubgridLaw>(kept, server);
   auto law =
       std::make_unique<SubgridLaw>(SceneText{file.server_text(), file.document.file},
                                    node_ids(initial_temperature.size()), initial_temperature, server, layer_thickness);

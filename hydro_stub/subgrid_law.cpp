@@ -4,10 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <ctime>
-#include <numbers>
-#include <optional>
 #include <sstream>
 #include <thread>
 
@@ -83,23 +80,6 @@ bool contains(const std::vector<std::uint32_t>& columns, std::uint32_t column) {
   return std::ranges::find(columns, column) != columns.end();
 }
 
-// The plastic shear of the soft zones as a step sends it. The service takes its rate Ep_dot as a magnitude along the trial
-// direction, which is that of the jump after the step without friction. Where the zone shears against that direction, the
-// slip that its shear leaves to the interface, sqrt(3) h Ep_dot (DLP 64), is added to the jump instead: the law is the
-// same, and its direction is then that of both together.
-struct PlasticShear {
-  PlasticShear(const InterfaceInputs& in, std::span<const double> thickness)
-      : jump(in.velocity_jump), rate(in.soft_plastic_strain_rate) {
-    for (std::size_t i = 0; i < rate.size(); ++i) {
-      const bool against = rate[i] * free_jump(in, i).jump < 0.0;
-      if (against) jump[i] += std::numbers::sqrt3 * thickness[i] * rate[i];
-      rate[i] = against ? 0.0 : std::abs(rate[i]);
-    }
-  }
-  std::vector<double> jump;  // velocity jump to send  [m/s]
-  std::vector<double> rate;  // plastic strain rate to send, not negative  [1/s]
-};
-
 }  // namespace
 
 struct SubgridLaw::Impl {
@@ -118,10 +98,9 @@ struct SubgridLaw::Impl {
     }
   }
 
-  Impl(const SubgridServer& where, Session opened, std::span<const double> layers)
+  Impl(const SubgridServer& where, Session opened)
       : session(std::move(opened)),
         node_ids(session.node_ids()),
-        thickness(layers.begin(), layers.end()),
         takes_plastic_strain_rate(
             contains(session.columns(SHEARBUS_OPTIONAL_INPUT), SHEARBUS_SOFT_PLASTIC_STRAIN_RATE)),
         outcome(node_ids.size()),
@@ -143,14 +122,12 @@ struct SubgridLaw::Impl {
 
   Session session;
   Ids node_ids;
-  std::vector<double> thickness;  // of each node's plastic layer; empty: none  [m]
   bool takes_plastic_strain_rate;
   std::vector<std::pair<wire::Field, std::vector<double>>> ledger;  // the columns of the answer's energy ledger
   std::vector<std::uint8_t> outcome;
   std::vector<std::string> warnings;
   bool outlives_process;
   LawTime time;
-  std::optional<PlasticShear> shear;       // of the step that was last sent, if the layers are plastic
   const InterfaceInputs* asked = nullptr;  // inputs of the step that was last sent
   InterfaceAnswer* answer = nullptr;
   bool trial_stands = false;
@@ -168,7 +145,6 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
                        std::span<const double> layer_thickness) {
   const auto opened = std::make_shared<bool>(false);
   Options options = session_options(server, opened);
-  if (!layer_thickness.empty()) options.check_closure = SHEARBUS_CHECK_OFF;
   options.scene_text = scene.text;
   options.scene_name = scene.file;
   Nodes nodes{.ids = {node_ids.begin(), node_ids.end()},
@@ -177,18 +153,17 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
               .parameters = {}};
   if (!layer_thickness.empty())
     nodes.parameters = {{"layer.thickness_m", {layer_thickness.begin(), layer_thickness.end()}}};
-  impl_ = asking([&] { return std::make_unique<Impl>(server, Session::open_nodes(options, nodes), layer_thickness); });
+  impl_ = asking([&] { return std::make_unique<Impl>(server, Session::open_nodes(options, nodes)); });
   *opened = true;
 }
 
 // Restores the layers from a mark (a named copy of their states in the server), then sets the same mark again. The
 // server keeps only the newest two marks: set again, this one is the newest, and the next mark does not replace it.
-SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server, std::span<const double> layer_thickness) {
+SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
   const auto opened = std::make_shared<bool>(false);
   asking([&] {
-    impl_ =
-        std::make_unique<Impl>(server, Session::resume(session_options(server, opened), point.ticket), layer_thickness);
+    impl_ = std::make_unique<Impl>(server, Session::resume(session_options(server, opened), point.ticket));
     *opened = true;
     impl_->kept = true;
     impl_->session.rollback_to(point.mark);
@@ -206,12 +181,11 @@ void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
   const Stopwatch stopwatch(impl_->time);
   Step step(impl_->node_ids.size());
   step.dt(in.dt).time(in.time).number(in.step).commit_previous(impl_->trial_stands);
-  const bool plastic = impl_->takes_plastic_strain_rate && !in.soft_plastic_strain_rate.empty();
-  if (plastic) impl_->shear.emplace(in, impl_->thickness);
-  step.in(SHEARBUS_VELOCITY_JUMP, plastic ? impl_->shear->jump : in.velocity_jump).in(SHEARBUS_PRESSURE, in.pressure);
+  step.in(SHEARBUS_VELOCITY_JUMP, in.velocity_jump).in(SHEARBUS_PRESSURE, in.pressure);
   step.in(SHEARBUS_STRESS_SOFT, in.stress_soft).in(SHEARBUS_STRESS_HARD, in.stress_hard);
   step.in(SHEARBUS_MASS_SOFT, in.mass_soft).in(SHEARBUS_MASS_HARD, in.mass_hard);
-  if (plastic) step.in(SHEARBUS_SOFT_PLASTIC_STRAIN_RATE, impl_->shear->rate);
+  if (impl_->takes_plastic_strain_rate && !in.soft_plastic_strain_rate.empty())
+    step.in(SHEARBUS_SOFT_PLASTIC_STRAIN_RATE, in.soft_plastic_strain_rate);
   step.out(SHEARBUS_SHEAR_STRESS, answer.shear_stress).out(SHEARBUS_VELOCITY_JUMP_NEW, answer.velocity_jump_new);
   step.out(SHEARBUS_SLIDING_VELOCITY, answer.sliding_velocity);
   step.out(SHEARBUS_INTERFACE_TEMPERATURE, answer.interface_temperature);
@@ -246,10 +220,6 @@ void SubgridLaw::finish() {
          .node_ids = {node}});
   }
   InterfaceAnswer& answer = *impl_->answer;
-  if (impl_->shear) {
-    for (std::size_t i = 0; i < answer.velocity_jump_new.size(); ++i)
-      answer.velocity_jump_new[i] += impl_->asked->velocity_jump[i] - impl_->shear->jump[i];
-  }
   answer.energy = {};
   for (const auto& [term, values] : impl_->ledger) answer.energy.add(term, values);
   answer.flagged = result.flagged_nodes;

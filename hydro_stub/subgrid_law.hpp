@@ -21,7 +21,6 @@ struct SubgridServer {
   std::filesystem::path state_dir;  // state directory of a server in this process; empty: none
   // true: the client compares the velocity jumps that the host sends with the jumps of the answers. Two-dimensional
   // runs switch this off: there the jump also changes as the interface turns and as neighbouring nodes share momentum.
-  // It is off for plastic layers, where the shear of the zones may be in the jump that is sent.
   bool check_closure = true;
 };
 
@@ -43,7 +42,7 @@ class SubgridLaw : public InterfaceLaw {
              std::span<const double> initial_temperature, const SubgridServer& server = {},
              std::span<const double> layer_thickness = {});
   // Resumes the session of another process and restores the state `kept` that keep() saved there.
-  SubgridLaw(const std::string& kept, const SubgridServer& server, std::span<const double> layer_thickness = {});
+  SubgridLaw(const std::string& kept, const SubgridServer& server);
   ~SubgridLaw() override;  // a session that has a saved state and was not closed stays open
 
   // A step stays a trial until the next advance(), which commits it in the same round trip, or until keep() or close().

@@ -149,15 +149,15 @@ std::string Summary2d::text() const {
   if (interface.nodes() > 0) {
     out += fmt::format(
         "\n  interface law           {:.2f} s in the law ({:.1f} %), of which its solver {:.3f}; {:.2f} s of the "
-        "host's "
-        "processor ({:.1f} %)",
+        "host's processor ({:.1f} %)",
         seconds(time.law.service), 100.0 * time.share(time.law.service), seconds(time.law.solver),
         seconds(time.law.cpu), 100.0 * seconds(time.law.cpu) / time.cpu_s);
     if (time.law.bus.count() > 0)
       out += fmt::format(
-          "\n  exchange                answers were under way {:.2f} s; the run spent {:.2f} ({:.1f} %) on sending and "
-          "waiting",
-          seconds(time.law.bus + time.law.solver), seconds(time.law.waited), 100.0 * time.share(time.law.waited));
+          "\n  exchange                {:.2f} s ({:.1f} %) in calls of the client library; from sending to the answer "
+          "passed "
+          "{:.2f} s",
+          seconds(time.law.waited), 100.0 * time.share(time.law.waited), seconds(time.law.bus + time.law.solver));
   }
   return out + fmt::format("\n  output                  {:.2f} s\n", seconds(time.output));
 }

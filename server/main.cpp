@@ -272,10 +272,9 @@ int run(const ServerOptions& options) {
   ServiceManager manager;
   spdlog::info(
       "shearbus-server {} (commit {}): bind [{}], threads {}, nodes per task {}, state memory {}, state directory {}, "
-      "recordings "
-      "{}, log level {}",
-      SHEARBUS_RELEASE, shearbus::server::kCommit, fmt::join(options.endpoints, ", "), options.threads,
-      options.nodes_per_task,
+      "recordings {}, log level {}",
+      SHEARBUS_RELEASE, shearbus::server::kCommit, fmt::join(options.endpoints, ", "),
+      options.threads == 0 ? "auto" : std::to_string(options.threads), options.nodes_per_task,
       options.max_state_bytes != 0 ? fmt::format("{} MB", options.max_state_bytes >> 20) : "auto",
       options.state_dir.empty()
           ? "none: sessions end with the server"

@@ -659,6 +659,7 @@ contains
     if (is_next(visitor, allocated(self%mass_hard))) call visitor%visit(self%mass_hard)
     if (is_next(visitor, allocated(self%soft_shear_rate))) call visitor%visit(self%soft_shear_rate)
     if (is_next(visitor, allocated(self%soft_plastic_strain_rate))) call visitor%visit(self%soft_plastic_strain_rate)
+    if (is_next(visitor, allocated(self%soft_plastic_strain_rate2))) call visitor%visit(self%soft_plastic_strain_rate2)
     if (is_next(visitor, allocated(self%stick_stress))) call visitor%visit(self%stick_stress)
     if (is_next(visitor, allocated(self%stick_stress2))) call visitor%visit(self%stick_stress2)
     if (is_next(visitor, allocated(self%impedance))) call visitor%visit(self%impedance)

@@ -57,16 +57,23 @@ std::string ClosureCheck::text_of(const Difference& found) const {
 }
 
 void ClosureCheck::warn_once(const Difference& found) {
-  done_ = true;
+  done_ = warned_of_jumps_ = true;
   write_line(log_, "warning: " + text_of(found));
   waiting_.reset();
   last_ = trial_ = {};
 }
 
 void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step) {
+  compared_ = false;
+  if (!not_closed_.empty())
+    throw Error({.code = Code::kNotClosed,
+                 .text = not_closed_,
+                 .remedy = "This step was not sent. Roll the session back, or correct the host and start again.",
+                 .field = wire::name(Field::kVelocityJump)});
   if (!watches()) return;
   const Kept& last = step.commit_previous ? trial_ : last_;
   if (!last.known) return;
+  compared_ = true;
   const bool goes_on = waiting_ && last.number != waiting_since_;
   std::optional<Difference> found = difference(last, request, node_ids, step.dt_s);
   if (!found) {
@@ -104,6 +111,7 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     write_line(log_, "warning: " + warning);
   }
   skips_clock_ = false;
+  if (!compared_ && !std::exchange(lags_, false)) judge(request, upscale, step);
   if (!watches()) return;
   if (step.commit_previous) committed();
   trial_.known = false;
@@ -146,6 +154,27 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
   forget();
 }
 
+void ClosureCheck::judge(const Batch& request, const wire::Upscale& upscale, const StepOptions& step) {
+  if (mode_ == CheckClosure::kOff || warned_of_jumps_) return;
+  double largest = 0.0;  // jump of a node, which bounds what is accepted
+  for (std::size_t c = 0; c < components_of(request); ++c)
+    for (const double jump : column(request, Field::kVelocityJump, c)) largest = std::max(largest, std::abs(jump));
+  if (!(upscale.largest_closure_m_per_s > closure::tolerance({.now = largest}))) return;
+  std::string text = fmt::format(
+      "closure: the host brought a jump for node {} that is {:.3g} m/s from the one that the node's last step was "
+      "answered "
+      "with. The layer's own time is now {:.9g} s{}. A host that goes back to a dump goes back in its session, too "
+      "(rollback_to its mark)",
+      upscale.closure_node, upscale.largest_closure_m_per_s, upscale.layer_time_s,
+      step.time_s != 0.0 ? fmt::format(", the host's {:.9g} s", step.time_s) : "");
+  if (mode_ == CheckClosure::kError) {
+    not_closed_ = std::move(text);
+    return;
+  }
+  warned_of_jumps_ = true;
+  write_line(log_, "warning: " + text + "; check_closure = 'error' compares every step, and names the mistake");
+}
+
 void ClosureCheck::keep_before() {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   const bool first = steps_ == 0 && !last_.known;
@@ -178,11 +207,18 @@ void ClosureCheck::committed() {
 
 void ClosureCheck::rolled_back() {
   trial_.known = false;
+  not_closed_.clear();
 }
 
 void ClosureCheck::forget() {
   last_.known = trial_.known = false;
   skips_clock_ = true;
+  not_closed_.clear();
+}
+
+void ClosureCheck::lag() {
+  forget();
+  lags_ = true;
 }
 
 void ClosureCheck::doubt_units() {
@@ -261,7 +297,14 @@ std::optional<ClosureCheck::Difference> ClosureCheck::difference(const Kept& las
           worst.now, ids[worst_row], worst.answered, wrong, compared, worst.difference()),
       .mistakes = {},
       .sticks = last.sticks};
-  if (last.has_stress)
+  std::vector<closure::Row> all;
+  for (const auto& matched : matched_)
+    if (!last.failed[matched.first] && matched.second < jump.size()) all.push_back(row_at(0, matched));
+  if (wrong > 1 && closure::in_another_order(all))
+    found.mistakes = {
+        "these are the jumps answered, in another order: keep the rows of a step in the order in which "
+        "the nodes were opened, or name each row's node"};
+  else if (last.has_stress)
     found.mistakes =
         last.sticks ? closure::stick_mistakes(rows) : closure::far_field_mistakes(rows, {last.dt_before, last.dt, dt});
   return found;

@@ -18,7 +18,8 @@ namespace shearbus {
 class ClosureCheck {
  public:
   // `log` receives each warning; without it warnings go to standard error. kError compares every step and throws at a
-  // difference; kWarn compares the first kStepsWatched steps.
+  // difference; kWarn compares the first kStepsWatched steps. Of a step that was not compared, such as the first one of a
+  // resumed session, the server's own comparison tells: kWarn warns of it, and kError refuses the step after it.
   ClosureCheck(CheckClosure mode, std::function<void(const std::string&)> log);
 
   // Compares the jumps of a request with the answers to the step that it continues. Called before the request is sent;
@@ -31,8 +32,8 @@ class ClosureCheck {
   void committed();    // the kept trial step becomes the last step
   void rolled_back();  // drops the kept trial step
   void ended();        // the session ends: shows a warning that waited for another step
-  void
-  forget();  // for new nodes, restored states, a server that was away: the next step and its clock are not compared
+  void forget();       // for new nodes and restored states: the next step and its clock are not compared
+  void lag();          // for a server that was away: the same, and the server does not know the host's jumps either
   void doubt_units();  // a warning was shown about units: no mistake is named before they are right
 
   static constexpr std::uint64_t kStepsWatched = 100;
@@ -58,6 +59,8 @@ class ClosureCheck {
   std::string text_of(const Difference& found) const;
 
   void warn_once(const Difference& found);
+  // Takes the server's comparison of a step that was not compared.
+  void judge(const Batch& request, const wire::Upscale& upscale, const StepOptions& step);
   bool watches() const { return mode_ != CheckClosure::kOff && !(mode_ == CheckClosure::kWarn && done_); }
   std::optional<Difference> difference(const Kept& last, const Batch& request, std::span<const std::uint64_t> node_ids,
                                        double dt);
@@ -67,7 +70,11 @@ class ClosureCheck {
   CheckClosure mode_;
   std::function<void(const std::string&)> log_;
   bool units_are_doubtful_ = false;
-  bool skips_clock_ = false;    // true: the layers may lag behind the host's clock, once
+  bool skips_clock_ = false;  // true: the layers may lag behind the host's clock, once
+  bool lags_ = false;         // true: the layers may lag behind the host's jumps, once
+  bool compared_ = false;     // whether the step that is on its way was compared
+  bool warned_of_jumps_ = false;
+  std::string not_closed_;      // mode kError: what the server found in a step that was not compared
   bool done_ = false;           // mode kWarn: true after a warning about jumps or kStepsWatched steps; ends the check
   std::uint64_t steps_ = 0;     // committed
   std::uint64_t answered_ = 0;  // number of the newest answered step

@@ -8,6 +8,8 @@ namespace {
 
 constexpr double kRelative = 1e-6;  // accepted error of a velocity jump, relative to the jump
 constexpr double kAbsolute = 1e-6;  // accepted error of a velocity jump in addition to kRelative  [m/s]
+constexpr double kRounding =
+    1e-8;  // error of a velocity jump that a difference of velocities far larger leaves, relative
 
 // A mistake of a host, described by wrong factors on the terms from which it computes its new velocity jump; a correct
 // host has only factors of 1. `crossed`: each far stress acts on the mass of the other body.
@@ -136,16 +138,22 @@ constexpr struct {
     {1e-9, "dt_s must be in s: it looks like ns"},
 };
 
-// The unit that explains all rows: `term(row)` is the part of the new jump that the unit scales, `rest(row)` all else.
+// The unit that explains all rows: `term(row)` is the part of the new jump that the unit scales, `rest(row)` all else. A
+// unit may leave less of a change than tolerance() accepts: the change is then known to a hundredth of itself.
 template <typename Rest, typename Term>
 const char* unit_of(std::span<const Row> rows, const Rest& rest, const Term& term) {
   for (const auto& [factor, text] : kUnits) {
-    const auto differs = [&, f = factor](const Row& row) {
-      return std::abs((f - 1.0) * term(row)) > tolerance(row) && std::abs(f * term(row)) > 10.0 * tolerance(row);
+    const auto accepted = [&, f = factor](const Row& row) {
+      return std::min(tolerance(row), 0.01 * std::abs(f * term(row)) + kRounding * std::abs(row.now));
     };
-    if (std::ranges::any_of(rows, differs) &&
-        explains(rows, [&, f = factor](const Row& row) { return rest(row) + f * term(row); }))
-      return text;
+    const auto differs = [&, f = factor](const Row& row) {
+      return std::abs((f - 1.0) * term(row)) > tolerance(row) &&
+             std::abs(f * term(row)) > 10.0 * kRounding * std::abs(row.now);
+    };
+    const auto fits = [&, f = factor](const Row& row) {
+      return std::abs(row.now - rest(row) - f * term(row)) <= accepted(row);
+    };
+    if (std::ranges::any_of(rows, differs) && std::ranges::all_of(rows, fits)) return text;
   }
   return nullptr;
 }
@@ -159,6 +167,17 @@ bool differ(double a, double b) {
 
 double tolerance(const Row& row) {
   return kRelative * std::abs(row.now) + kAbsolute;
+}
+
+bool in_another_order(std::span<const Row> rows) {
+  std::vector<double> answered, now;
+  for (const Row& row : rows) {
+    answered.push_back(row.answered);
+    now.push_back(row.now);
+  }
+  std::ranges::sort(answered);
+  std::ranges::sort(now);
+  return std::ranges::equal(answered, now, [](double a, double b) { return std::abs(b - a) <= tolerance({.now = b}); });
 }
 
 std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Times& times) {

@@ -51,6 +51,9 @@ inline constexpr const char* kFirstKick =
 // The largest accepted difference between the jump that the host sends and the one answered to the last step  [m/s].
 double tolerance(const Row& row);
 
+// True if the jumps that the host brings are those that were answered, in another order.
+bool in_another_order(std::span<const Row> rows);
+
 // Return a text for each mistake of the host that by itself explains the jumps of all rows. Mistakes that change the
 // momentum balance in the same way share a text.
 std::vector<std::string> far_field_mistakes(std::span<const Row> rows, const Times& times);

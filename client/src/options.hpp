@@ -27,9 +27,10 @@ using wire::TransferId;
 
 // The closure check of force-driven sessions. A reply holds the stress and the velocity jump that this stress causes; a
 // host that applies the stress must therefore send this jump in its next step, except for rounding. kWarn compares the
-// two in the first 100 steps and warns once of a difference, with the likely mistake of the host; in sessions of both
-// strategies it also warns of doubtful times and inputs (input_check.hpp). kError throws kNotClosed in place of a step
-// that differs. kOff, without warnings, is for hosts whose jump has other causes, for instance a turning interface.
+// two in the first 100 steps and warns once of a difference, with the likely mistake of the host, and later of one that
+// a reply tells; in sessions of both strategies it also warns of doubtful times and inputs (input_check.hpp). kError
+// throws kNotClosed in place of a step that differs. kOff, without warnings, is for hosts whose jump has other causes,
+// for instance a turning interface.
 enum class CheckClosure { kOff, kWarn, kError };
 
 struct ClientOptions {

@@ -163,7 +163,7 @@ wire::SessionClosed Session::close() {
 }
 
 void Session::forget_answers() {
-  if (closure) closure->forget();
+  if (closure) closure->lag();
 }
 
 }  // namespace shearbus

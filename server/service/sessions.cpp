@@ -249,7 +249,12 @@ Service::ReplyPtr Service::resume(const wire::ResumeSession& resume, Arrival& ar
   hold(member);
   const shard::Shard& shard = *member.shard;
   aside(64 * shard.nodes().size(), [&] { reply->batch = member.pairs.columns_of_nodes(shard); });
-  if (resume.claim != 0 && !repeated) grant(member, resume, arrival);
+  if (resume.claim != 0 && !repeated) {
+    const std::string line = fmt::format("session {} resumed by {}: state version {}", short_name(member.id),
+                                         arrival.caller.identity, shard.state_version());
+    grant(member, resume, arrival);
+    log(line);
+  }
   reply->body = wire::SessionResumed{.session = opened(member),
                                      .last_sequence = member.conversation.last_sequence(),
                                      .state_version = shard.state_version(),

@@ -2,10 +2,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
 #include <limits>
 #include <new>
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -63,6 +65,16 @@ void report_layers(const shard::Shard& shard, const wire::Batch& batch, const sh
       shard.model().options().inertia ? "a little less than half" : "half"));
 }
 
+// What a host does whose time grows by another length than dt.
+std::string_view reason_of_time(double grown, double dt) {
+  constexpr std::pair<double, std::string_view> kUnits[] = {
+      {1e3, "time_s looks like ms"}, {1e6, "time_s looks like us"}, {1e9, "time_s looks like ns"}};
+  for (const auto& [factor, text] : kUnits)
+    if (std::abs(grown - factor * dt) <= 1e-6 * factor * dt) return text;
+  return "its layers take other steps than the host. dt_s is the step of time; a factor of the momentum balance, such "
+         "as gamma of a Newmark scheme, belongs to the masses or to the impedance";
+}
+
 // Adds to the reply the largest difference between a jump of the host and the answered one, and a warning if the host's
 // times do not fit dt.
 void report_closure(const shard::Shard& shard, const wire::Downscale& step, const wire::Batch& batch,
@@ -73,12 +85,10 @@ void report_closure(const shard::Shard& shard, const wire::Downscale& step, cons
   upscale.layer_time_s = shard.layer_time(slot_of(shard.nodes(), rows, closure.row));
   if (shard.state_version() > kWatched || closure.timed == 0 || closure.agree != 0) return;
   upscale.warnings.push_back(fmt::format(
-      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: its layers take "
-      "other steps than the host. The layer's own time of node {} is {:.9g} s at the host's {:.9g} s. dt_s is the step "
-      "of time; a factor of the momentum balance, such as gamma of a Newmark scheme, belongs to the masses or to the "
-      "impedance",
-      closure.host_time_step, node_of(shard.nodes(), rows, batch, closure.time_row), step.dt_s, upscale.closure_node,
-      upscale.layer_time_s, step.time_s));
+      "time_s: the host's time grew by {:.9g} s since the last step of node {}, and dt_s is {:.9g} s: {}. The layer's "
+      "own time of node {} is {:.9g} s at the host's {:.9g} s",
+      closure.host_time_step, node_of(shard.nodes(), rows, batch, closure.time_row), step.dt_s,
+      reason_of_time(closure.host_time_step, step.dt_s), upscale.closure_node, upscale.layer_time_s, step.time_s));
 }
 
 }  // namespace

@@ -133,6 +133,8 @@ void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions
   };
   for (const Field field : columns.required)
     if (of_form(field)) check_given(field);
+  for (const Field field : columns.optional)
+    if (batch.has(field) || batch.has(field, 1)) check_given(field);
   if (form == wire::Form::kStick) std::ranges::for_each(wire::kStickColumns, check_given);
 
   for (const wire::Column& column : batch.columns()) {

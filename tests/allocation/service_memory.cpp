@@ -169,11 +169,7 @@ class Pair {
 
  private:
   static std::optional<Answer> decoded(const std::optional<ReplyFrames>& sent) {
-    if (!sent) return std::nullopt;
-    Answer answer{.frames = *sent, .reply = {}};
-    const std::span<const std::byte> views[2] = {std::as_bytes(std::span(answer.frames.header)), answer.frames.payload};
-    wire::decode(std::span(views, answer.frames.has_payload ? 2 : 1), answer.reply);
-    return answer;
+    return sent ? std::optional(support::decoded(*sent)) : std::nullopt;
   }
   void start() {
     durable_.reset();

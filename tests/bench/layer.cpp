@@ -50,72 +50,56 @@ void run(benchmark::State& state, const ModelOptions& options) {
   run(state, options, [](Rig& rig, int) { rig.step(1e-9); });
 }
 
-void BM_LayerShear(benchmark::State& state) {
-  run(state, grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0))));
-}
-void BM_InterfaceSlip(benchmark::State& state) {
-  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
-  options.drive = Drive::kInterfaceSlip;
+// Benchmarks of layers on each grid: the paper's, with some of its options changed. The interface of BM_PlasticLayer has
+// the yield strength of the unhardened layer, 200 MPa; that of BM_FlowingLayer has 400 MPa, so that the layer flows.
+struct Layer {
+  const char* name;
+  Strategy strategy;
+  void (*change)(ModelOptions&);
+};
+constexpr Strategy kVelocity = Strategy::kVelocityDriven, kForce = Strategy::kForceDriven;
+const Layer kLayers[] = {
+    {"BM_LayerShear", kVelocity, [](auto&) {}},
+    {"BM_InterfaceSlip", kVelocity, [](auto& o) { o.drive = Drive::kInterfaceSlip; }},
+    {"BM_ForceDriven", kForce, [](auto&) {}},
+    {"BM_PlasticLayer", kForce, [](auto& o) { o.plastic_layer = true; }},
+    {"BM_FlowingLayer", kForce, [](auto& o) { o.plastic_layer = true, o.interface.yield_strength = 400e6; }},
+    {"BM_Junctions", kForce,
+     [](auto& o) {
+       o.junctions = JunctionOptions{0.5, 1e-7, o.soft};
+     }},
+    {"BM_TwoSided", kVelocity, [](auto& o) { o = two_sided(o); }},
+    {"BM_PlasticHeating", kVelocity, [](auto& o) { o = two_sided(o), o.taylor_quinney_factor = 1.0; }},
+    {"BM_JohnsonCook", kVelocity, [](auto& o) { o.soft = make_material("copper_ofhc_jc", {}).material; }},
+    {"BM_PrestonTonksWallace", kVelocity, [](auto& o) { o.soft = make_material("copper_ofhc_ptw", {}).material; }},
+    {"BM_VelocityWeakening", kForce,
+     [](auto& o) {
+       o.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
+       o.interface.friction_coefficient_fast = 0.02;
+       o.interface.velocity_decay = 0.01;
+     }},
+    {"BM_UnderPressure", kVelocity,
+     [](auto& o) {
+       o.soft.melting_curve = MeltingCurve::kLindemann;
+       o.soft.pressure_term = PressureTerm::kCompressed;
+     }},
+    {"BM_Inertia", kVelocity, [](auto& o) { o.inertia = true; }},
+    {"BM_Sdirk2", kVelocity, [](auto& o) { o.time_integrator = TimeIntegrator::kSdirk2; }},
+    {"BM_Sdirk2ForceDriven", kForce, [](auto& o) { o.time_integrator = TimeIntegrator::kSdirk2; }},
+};
+void run_on_grid(benchmark::State& state, const Layer& layer) {
+  ModelOptions options = grid_options(layer.strategy, static_cast<int>(state.range(0)));
+  layer.change(options);
   run(state, options);
 }
-void BM_ForceDriven(benchmark::State& state) {
-  run(state, grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0))));
-}
-
-// Cost of a step with a plastic layer. With flows:0 the interface has the yield strength of the unhardened layer,
-// 200 MPa; with flows:1 it has 400 MPa, so that the layer flows.
-void BM_PlasticLayer(benchmark::State& state) {
-  ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
-  options.plastic_layer = true;
-  if (state.range(1) != 0) options.interface.yield_strength = 400e6;
-  run(state, options);
-}
-
-void BM_Junctions(benchmark::State& state) {
-  ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
-  options.junctions = {0.5, 1e-7, options.soft};
-  run(state, options);
-}
-
-void BM_TwoSided(benchmark::State& state) {
-  run(state, two_sided(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)))));
-}
-void BM_PlasticHeating(benchmark::State& state) {
-  ModelOptions options = two_sided(grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0))));
-  options.taylor_quinney_factor = 1.0;
-  run(state, options);
-}
-void BM_JohnsonCook(benchmark::State& state) {
-  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
-  options.soft = make_material("copper_ofhc_jc", {}).material;
-  run(state, options);
-}
-void BM_PrestonTonksWallace(benchmark::State& state) {
-  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
-  options.soft = make_material("copper_ofhc_ptw", {}).material;
-  run(state, options);
-}
-void BM_VelocityWeakening(benchmark::State& state) {
-  ModelOptions options = grid_options(Strategy::kForceDriven, static_cast<int>(state.range(0)));
-  options.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
-  options.interface.friction_coefficient_fast = 0.02;
-  options.interface.velocity_decay = 0.01;
-  run(state, options);
-}
-void BM_UnderPressure(benchmark::State& state) {
-  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
-  options.soft.melting_curve = MeltingCurve::kLindemann;
-  options.soft.pressure_term = PressureTerm::kCompressed;
-  run(state, options);
-}
-
-void BM_Sdirk2(benchmark::State& state) {
-  const bool forced = state.range(1) != 0;
-  ModelOptions options =
-      grid_options(forced ? Strategy::kForceDriven : Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
-  options.time_integrator = TimeIntegrator::kSdirk2;
-  run(state, options);
-}
+[[maybe_unused]] const bool kRegistered = [] {
+  for (const Layer& layer : kLayers)
+    benchmark::RegisterBenchmark(layer.name, run_on_grid, layer)
+        ->ArgName("grid")
+        ->DenseRange(0, 2)
+        ->Unit(benchmark::kMillisecond);
+  return true;
+}();
 
 // Cost of a step with decay modes of the heat in place of a temperature profile, for times from 1 ns to 1 us. The modes
 // approximate the heat kernel with a relative error of 1e-3 (digits:3) or 1e-6 (digits:6).
@@ -125,12 +109,7 @@ void BM_Modes(benchmark::State& state) {
   if (state.range(1) != 0) options.time_integrator = TimeIntegrator::kSdirk2;
   run(state, options);
 }
-
-void BM_Inertia(benchmark::State& state) {
-  ModelOptions options = grid_options(Strategy::kVelocityDriven, static_cast<int>(state.range(0)));
-  options.inertia = true;
-  run(state, options);
-}
+BENCHMARK(BM_Modes)->ArgNames({"digits", "sdirk2"})->ArgsProduct({{3, 6}, {0, 1}})->Unit(benchmark::kMillisecond);
 
 // Cost of a step with two tangential components. The second component of the jump starts at a third of the first and
 // falls to about half of its initial value, so that the direction of the slip turns. forced:1 is force-driven, forced:0
@@ -145,28 +124,38 @@ void BM_TwoComponents(benchmark::State& state) {
     rig.step(1e-9);
   });
 }
-
 BENCHMARK(BM_TwoComponents)
     ->ArgNames({"grid", "forced"})
     ->ArgsProduct({{0, 1, 2}, {0, 1}})
     ->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_JohnsonCook)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_PrestonTonksWallace)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_VelocityWeakening)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_Junctions)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_Inertia)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_TwoSided)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_PlasticHeating)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_UnderPressure)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_Sdirk2)->ArgNames({"grid", "forced"})->ArgsProduct({{0, 1, 2}, {0, 1}})->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_Modes)->ArgNames({"digits", "sdirk2"})->ArgsProduct({{3, 6}, {0, 1}})->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_LayerShear)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_InterfaceSlip)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_ForceDriven)->ArgName("grid")->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_PlasticLayer)
-    ->ArgNames({"grid", "flows"})
-    ->ArgsProduct({{0, 1, 2}, {0, 1}})
-    ->Unit(benchmark::kMillisecond);
+
+// A tile whose nodes have slid and now stick under a constant far stress: solved, or asleep. forced:1 is a force-driven
+// plastic layer, forced:0 velocity-driven.
+void BM_StuckTile(benchmark::State& state) {
+  const bool forced = state.range(0) != 0;
+  ModelOptions options = paper_options(forced ? kForce : kVelocity);
+  options.grid = {100e-6, 80, 1.06, FarBoundary::kHalfSpace};
+  options.plastic_layer = forced;
+  options.sleep = state.range(1) != 0;
+  Rig rig(options);
+  for (int l = 0; l < kLanes; ++l) {
+    rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = 1.0;
+    rig.inputs.stress_soft[l] = rig.inputs.stress_hard[l] = 20e6;
+  }
+  const auto steps = [&](int count, double jump, double pressure) {
+    rig.set_all(jump, pressure);
+    for (int n = 0; n < count; ++n) rig.step(2e-9);
+  };
+  steps(100, 60.0, 5e9);
+  steps(1, 1.0, -1.0);  // the contact opens, which sets its stress to 0
+  steps(20, 1.0, 5e9);
+  steps(80, 0.0, 5e9);
+  for (auto _ : state) steps(1, 0.0, 5e9);
+  state.counters["asleep"] = (rig.outputs.outcome[0] & kAsleep) != 0 ? 1.0 : 0.0;
+  state.counters["per_node_step"] =
+      benchmark::Counter(kLanes, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+BENCHMARK(BM_StuckTile)->ArgNames({"forced", "sleep"})->ArgsProduct({{0, 1}, {0, 1}})->Unit(benchmark::kMicrosecond);
 
 // Cost of the energy ledger of a step, which the server computes only on request.
 void BM_Ledger(benchmark::State& state) {

@@ -13,7 +13,6 @@
 #include <algorithm>
 #include <span>
 #include <string>
-#include <string_view>
 
 #include "bench/packed.pb.h"
 #include "server/physics/reference/advance_one.hpp"

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
-#include <memory>
 
 #include "server/physics/reference/parts.hpp"
 #include "tests/campaign/campaign.hpp"

@@ -33,7 +33,8 @@ constexpr Inputs kInputs[] = {&TileInputs::velocity_jump,
                               &TileInputs::soft_plastic_strain_rate,
                               &TileInputs::second_velocity_jump,
                               &TileInputs::second_stress_soft,
-                              &TileInputs::second_stress_hard};
+                              &TileInputs::second_stress_hard,
+                              &TileInputs::second_soft_plastic_strain_rate};
 constexpr Outputs kOutputs[] = {&TileOutputs::shear_stress,          &TileOutputs::sliding_velocity,
                                 &TileOutputs::interface_temperature, &TileOutputs::velocity_jump_new,
                                 &TileOutputs::friction_heat,         &TileOutputs::time_to_melting};

@@ -296,8 +296,8 @@ void all_masses(Course& c) {
 void drag_the_layer(Course& c) {
   constexpr Lanes kRates = {1e3, 1e6, 1e9, 1e12, 1e15, 1e15, 1e10, 1e6};  // shear rate of each lane  [1/s]
   for (int l = 0; l < kLanes; ++l) {
-    const double rate = kRates[static_cast<std::size_t>(l)];
-    c.rig.inputs.soft_shear_rate[l] = (c.step + l) % 4 == 3 ? -rate : rate;
+    const double rate = ((c.step + l) % 4 == 3 ? -1.0 : 1.0) * kRates[static_cast<std::size_t>(l)];
+    c.rig.inputs.soft_shear_rate[l] = rate;
     c.rig.inputs.soft_plastic_strain_rate[l] = c.rig.model.options().plastic_layer ? rate : 0.0;
     c.impose(l, 50.0);
   }

@@ -1,6 +1,5 @@
 // Finds force-driven steps of a physics that have several solutions.
 #include <algorithm>
-#include <cmath>
 
 #include "server/physics/layer/modes.hpp"
 #include "tests/campaign/campaign.hpp"

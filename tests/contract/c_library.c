@@ -2,46 +2,16 @@
  * Compiled as C99; every fault is printed, and the exit code is their number. */
 #define _POSIX_C_SOURCE 200809L
 #include <math.h>
-#include <shearbus/shearbus.h>
 #include <signal.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
+#include "host_checks.h"
+
 enum { N = 6 };
 
-static int faults = 0;
-#define CHECK(what)                                                      \
-  do {                                                                   \
-    if (!(what)) {                                                       \
-      fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #what); \
-      ++faults;                                                          \
-    }                                                                    \
-  } while (0)
-/* The code of a call, and a word of its text. */
-#define REFUSED(call, expected, word)                                                                    \
-  do {                                                                                                   \
-    const int found = (call);                                                                            \
-    if (found != (expected) || status.code != found || strstr(status.text, word) == NULL) {              \
-      fprintf(stderr, "%s:%d: %s gave %s \"%s\", expected %s \"...%s...\"\n", __FILE__, __LINE__, #call, \
-              shearbus_code_name(found), status.text, shearbus_code_name(expected), word);               \
-      ++faults;                                                                                          \
-    }                                                                                                    \
-  } while (0)
-#define OK(call)                                                                                            \
-  do {                                                                                                      \
-    const int found = (call);                                                                               \
-    if (found != SHEARBUS_OK) {                                                                             \
-      fprintf(stderr, "%s:%d: %s gave %s: %s (%s)\n", __FILE__, __LINE__, #call, shearbus_code_name(found), \
-              status.text, status.remedy);                                                                  \
-      ++faults;                                                                                             \
-    }                                                                                                       \
-  } while (0)
-
-static shearbus_status status = SHEARBUS_STATUS_INIT;
 static char directory[64] = "/tmp/shearbus-c-XXXXXX", endpoint[128];
 static const char *program, *scene;
 
@@ -62,12 +32,6 @@ static int stop(pid_t pid, int signal_number) {
 
 /* ---- a step of N nodes: the columns lie in an array of structs ---- */
 
-typedef struct node {
-  double jump, pressure, stress_soft, stress_hard, mass_soft, mass_hard;
-  double stress, temperature;
-  uint8_t regime, outcome;
-} node;
-
 static node nodes[N];
 static uint64_t ids[N];
 static shearbus_input inputs[6];
@@ -79,36 +43,15 @@ static void reset(void) {
     nodes[i] = fresh;
     ids[i] = 1000 + 7 * (uint64_t)i;
   }
-  double* first[6] = {&nodes[0].jump,        &nodes[0].pressure,  &nodes[0].stress_soft,
-                      &nodes[0].stress_hard, &nodes[0].mass_soft, &nodes[0].mass_hard};
-  for (int c = 0; c < 6; ++c) {
-    const shearbus_input input = {SHEARBUS_VELOCITY_JUMP + (uint32_t)c, 0, first[c], sizeof(node)};
-    inputs[c] = input;
-  }
-  const shearbus_output wanted[4] = {{SHEARBUS_SHEAR_STRESS, 0, &nodes[0].stress, sizeof(node)},
-                                     {SHEARBUS_INTERFACE_TEMPERATURE, 0, &nodes[0].temperature, sizeof(node)},
-                                     {SHEARBUS_REGIME, 0, &nodes[0].regime, sizeof(node)},
-                                     {SHEARBUS_OUTCOME, 0, &nodes[0].outcome, sizeof(node)}};
-  memcpy(outputs, wanted, sizeof wanted);
+  columns_of(nodes, inputs, outputs);
 }
 static shearbus_request request_of(int mode) {
-  shearbus_request request = SHEARBUS_REQUEST_INIT;
-  request.dt_s = 1e-9;
+  shearbus_request request = host_request(N, inputs, outputs, 4);
   request.mode = mode;
-  request.n = N;
-  request.inputs = inputs;
-  request.n_inputs = 6;
-  request.outputs = outputs;
-  request.n_outputs = 4;
   return request;
 }
 static shearbus_options options_of(void) {
-  shearbus_options options = SHEARBUS_OPTIONS_INIT;
-  options.endpoint = endpoint;
-  options.scene_file = scene;
-  options.connect_deadline_s = 20;
-  options.check_closure = SHEARBUS_CHECK_OFF; /* the steps of this program apply no answer */
-  return options;
+  return host_options(endpoint, scene, 20);
 }
 static shearbus_session* open_session(const char* domain, uint64_t first) {
   shearbus_session* session = NULL;
@@ -314,19 +257,13 @@ static void steps(void) {
   node half[3] = {nodes[4], nodes[0], nodes[2]};
   const uint64_t half_ids[3] = {ids[4], ids[0], ids[2]};
   shearbus_input half_inputs[6];
-  double* half_first[6] = {&half[0].jump,        &half[0].pressure,  &half[0].stress_soft,
-                           &half[0].stress_hard, &half[0].mass_soft, &half[0].mass_hard};
-  for (int c = 0; c < 6; ++c) {
-    half_inputs[c] = inputs[c];
-    half_inputs[c].values = half_first[c];
-  }
-  const shearbus_output half_output = {SHEARBUS_INTERFACE_TEMPERATURE, 0, &half[0].temperature, sizeof(node)};
+  shearbus_output half_outputs[4];
+  columns_of(half, half_inputs, half_outputs);
   shearbus_request some = request_of(SHEARBUS_ADVANCE);
   some.n = 3;
   some.node_ids = half_ids;
   some.inputs = half_inputs;
-  some.outputs = &half_output;
-  some.n_outputs = 1;
+  some.outputs = half_outputs;
   OK(shearbus_step(session, &some, NULL, &status));
   CHECK(half[0].temperature == first[4].temperature && half[1].temperature == first[0].temperature &&
         half[2].temperature == first[2].temperature);
@@ -443,74 +380,6 @@ static void environment(void) {
   if (log != NULL) fclose(log);
 }
 
-/* A host that does not apply the answer is warned once, or refused, though it asks for no column that tells. */
-static void closure(void) {
-  shearbus_request request = request_of(SHEARBUS_ADVANCE);
-  request.outputs = &outputs[1];
-  request.n_outputs = 1;
-  shearbus_options options = options_of();
-  options.log = on_line;
-  options.log_user = &lines_told;
-  for (int mode = SHEARBUS_CHECK_WARN; mode <= SHEARBUS_CHECK_ERROR; mode += 2) {
-    shearbus_session* session = NULL;
-    shearbus_result result = SHEARBUS_RESULT_INIT;
-    options.check_closure = mode;
-    reset();
-    OK(shearbus_open(&session, &options, N, ids, NULL, &status));
-    OK(shearbus_step(session, &request, NULL, &status));
-    const int told_before = lines_told;
-    if (mode == SHEARBUS_CHECK_ERROR) {
-      REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_NOT_CLOSED, "jump");
-      CHECK(last_sequence(session) == 1);
-    } else {
-      OK(shearbus_step(session, &request, &result, &status));
-      CHECK(lines_told == told_before + 1 && strstr(last_line, "warning: ") != NULL);
-      CHECK(result.largest_closure_m_per_s > 1.0 && result.layer_time_s == 2e-9);
-      OK(shearbus_step(session, &request, NULL, &status));
-      CHECK(lines_told == told_before + 1);
-    }
-    OK(shearbus_close(&session, &status));
-  }
-}
-
-/* Stick stress and impedance in place of stresses and masses: the same answers to rounding. Nodes that are not named
- * cool. */
-static void stick_form(void) {
-  node far_field[N];
-  double stick[N], impedance[N];
-  shearbus_session* session = open_session(NULL, 0);
-  shearbus_request request = request_of(SHEARBUS_ADVANCE);
-  OK(shearbus_mark(session, "start", &status));
-  OK(shearbus_step(session, &request, NULL, &status));
-  keep(far_field);
-  OK(shearbus_rollback_to(session, "start", &status));
-  for (int i = 0; i < N; ++i) {
-    const double dt = request.dt_s, rate = 1 / nodes[i].mass_soft + 1 / nodes[i].mass_hard;
-    const double free =
-        nodes[i].jump + dt * (nodes[i].stress_soft / nodes[i].mass_soft + nodes[i].stress_hard / nodes[i].mass_hard);
-    impedance[i] = 1 / (dt * rate);
-    stick[i] = impedance[i] * free;
-  }
-  const shearbus_input stick_inputs[4] = {
-      inputs[0], inputs[1], {SHEARBUS_STICK_STRESS, 0, stick, 0}, {SHEARBUS_IMPEDANCE, 0, impedance, 0}};
-  request.inputs = stick_inputs;
-  request.n_inputs = 4;
-  OK(shearbus_step(session, &request, NULL, &status));
-  for (int i = 0; i < N; ++i) {
-    CHECK(fabs(nodes[i].stress - far_field[i].stress) <= 1e-9 * fabs(far_field[i].stress));
-    CHECK(fabs(nodes[i].temperature - far_field[i].temperature) < 1e-6);
-  }
-  request.n = 1;
-  request.node_ids = ids;
-  request.open_absent = 1;
-  OK(shearbus_step(session, &request, NULL, &status));
-  request = request_of(SHEARBUS_ADVANCE);
-  for (int i = 0; i < N; ++i) nodes[i].pressure = -1.0;
-  OK(shearbus_step(session, &request, NULL, &status));
-  CHECK(nodes[3].temperature < far_field[3].temperature);
-  OK(shearbus_close(&session, &status));
-}
-
 /* A session with a short deadline, which counts the lines that the library says. */
 static shearbus_session* open_with_lines(void) {
   shearbus_session* session = NULL;
@@ -562,19 +431,6 @@ static void interruptions(pid_t* server) {
   keep(disturbed);
   CHECK(same_bits(disturbed, undisturbed));
   OK(shearbus_close(&session, &status));
-}
-
-/* The close behind a started step waits once for a server that hangs: it does not ask the server to close, too. */
-static void close_behind_a_start(pid_t server) {
-  shearbus_request request = request_of(SHEARBUS_ADVANCE);
-  shearbus_session* session = open_with_lines();
-  const int told_before = lines_told;
-  kill(server, SIGSTOP);
-  OK(shearbus_start(session, &request, &status));
-  REFUSED(shearbus_close(&session, &status), SHEARBUS_UNKNOWN_OUTCOME, "");
-  kill(server, SIGCONT);
-  CHECK(session == NULL);
-  CHECK(lines_told == told_before + 1 && strstr(last_line, "downscale") != NULL);
 }
 
 /* What a session tells of itself and of its server; the end of it by shearbus_end(). */
@@ -751,13 +607,10 @@ int main(int argc, char** argv) {
   steps();
   moves_and_tickets();
   environment();
-  closure();
-  stick_form();
   facts();
   operators();
   interrupted(server);
   interruptions(&server);
-  close_behind_a_start(server);
   const int code = stop(server, SIGTERM);
   CHECK(WIFEXITED(code) && WEXITSTATUS(code) == 0);
   char remove[96];

@@ -7,12 +7,12 @@ import argparse
 import os
 import pathlib
 import re
-import signal
-import subprocess
 import sys
 import tempfile
 import textwrap
-import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+from installed import install, run, serving
 
 BLOCK = re.compile(r"^```(\w+)(?: (\w+))?\n(.*?)^```", re.M | re.S)
 PART = re.compile(r"^(?://|/\*|!|#) (declarations|at the start|every step|at the end|with the dump|in the process that restarts)\b.*\n", re.M)
@@ -207,13 +207,6 @@ print(*(f"{jump:.9f}" for jump in v[0, :, 0] - v[1, :, 0]), sep="\\n")
 """
 
 
-def run(*command, fails=False, **options):
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=100, **options)
-    if done.returncode != 0 and not fails:
-        sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout[-3000:]}{done.stderr[-5000:]}")
-    return done
-
-
 def parts(listing):
     """Returns {heading: lines} of a listing, whose comments "at the start", "every step", ... are the headings."""
     pieces = PART.split(listing)
@@ -314,8 +307,7 @@ def faults(page, examples, endpoint):
 
 def installed_page(build, page, work):
     """Installs the build into a directory below `work`. Returns the Page that is tested with it."""
-    for component in ("server", "runtime", "development", "python"):
-        run("cmake", "--install", build, "--prefix", work / "prefix", "--component", component)
+    install(build, work / "prefix", "server", "runtime", "development", "python")
     return Page(page.read_text(), work / "prefix", work)
 
 
@@ -327,15 +319,8 @@ def main():
     with tempfile.TemporaryDirectory(prefix="shearbus-") as scratch:
         work = pathlib.Path(scratch)
         page = installed_page(options.build, options.page, work)
-        endpoint = f"ipc://{work}/bus"
-        server = subprocess.Popen([work / "prefix/bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])
-        try:
-            while not (work / "bus").exists() and server.poll() is None:
-                time.sleep(0.02)
+        with serving(page.prefix, work / "bus") as endpoint:
             found = list(faults(page, options.examples.resolve(), endpoint))
-        finally:
-            server.send_signal(signal.SIGTERM)
-            server.wait(20)
     print("\n".join(found) if found else f"{len(page.used)} listings compile, run and find the exact jump")
     return bool(found)
 

@@ -7,12 +7,12 @@ import os
 import pathlib
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
-import time
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import installed
 import mpi
 
 CONSUMER = """cmake_minimum_required(VERSION 3.20)
@@ -43,10 +43,7 @@ WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 
 def run(*command, **options):
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=200, **options)
-    if done.returncode != 0:
-        sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
-    return done.stdout
+    return installed.run(*command, **options).stdout
 
 
 def build_by_cmake(work, prefix, examples, with_mpi):
@@ -140,8 +137,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="shearbus-") as scratch:
         work = pathlib.Path(scratch)
         prefix = work / "prefix"
-        for component in ("server", "runtime", "development"):
-            run("cmake", "--install", options.build, "--prefix", prefix, "--component", component)
+        installed.install(options.build, prefix, "server", "runtime", "development")
         stray = [str(p) for p in prefix.rglob("*") if p.is_file() and "proto" in p.parts]
         if stray:
             sys.exit(f"headers of the wire are installed: {stray}")
@@ -154,11 +150,7 @@ def main():
         check_components(work, prefix)
         check_tables(work, prefix, pathlib.Path(__file__).parents[2] / "client/examples/paper_velocity_driven_graded.toml")
         check_hdf5(work, prefix, options.two_copies.with_name("embedded_hdf5.c"), scene)
-        endpoint = f"ipc://{work}/bus"
-        server = subprocess.Popen([prefix / "bin/shearbus-server", "--bind", endpoint, "--log-level", "error"])
-        try:
-            while not (work / "bus").exists() and server.poll() is None:
-                time.sleep(0.02)
+        with installed.serving(prefix, work / "bus") as endpoint:
             answers = set()
             for program in programs:
                 for where in (endpoint, "embedded"):
@@ -173,13 +165,6 @@ def main():
             (include,) = run("pkg-config", "--cflags", "shearbus", env={**os.environ, "PKG_CONFIG_PATH": str(library.parent / "pkgconfig")}).split()
             run("gcc", "-std=c99", *WARNINGS, include, options.two_copies, "-ldl", "-o", work / "two_copies")
             print(run(work / "two_copies", library.resolve(), copy / library.resolve().name, scene, endpoint, "embedded"), end="")
-            server.send_signal(signal.SIGTERM)
-            if server.wait(20) != 0:
-                sys.exit(f"the server ended with {server.returncode}")
-        finally:
-            if server.poll() is None:
-                server.kill()
-                server.wait()
     print(f"{len(programs)} hosts built from the installed tree give the exact answer, by a server and embedded")
 
 

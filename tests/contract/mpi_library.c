@@ -6,9 +6,9 @@
 #define _POSIX_C_SOURCE 200809L
 #include <shearbus/shearbus_mpi.h>
 #include <signal.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
+
+#include "host_checks.h"
 
 /* shearbus_mpi.c is compiled with shearbus_open named so: an opening whose answer is lost on one rank. */
 static int lose_answer = 0;
@@ -29,26 +29,13 @@ typedef struct answer {
   double stress, temperature;
   uint64_t regime;
 } answer;
-typedef struct row { /* the columns of a node lie in a struct, with gaps between them */
-  double jump, pressure, stress_soft, stress_hard, mass_soft, mass_hard;
-  double stress, temperature;
-  uint8_t regime;
-} row;
-
-static int faults = 0, rank = 0, size = 1;
+static int rank = 0, size = 1;
 static const char *scene, *endpoint, *directory;
-static shearbus_status status = SHEARBUS_STATUS_INIT;
-static row rows[N];
+static node rows[N];
 static answer answers[STEPS][N], all_answers[STEPS][N];
 
-#define CHECK(what)                                                                     \
-  do {                                                                                  \
-    if (!(what)) {                                                                      \
-      fprintf(stderr, "rank %d, %s:%d: not so: %s\n", rank, __FILE__, __LINE__, #what); \
-      ++faults;                                                                         \
-    }                                                                                   \
-  } while (0)
 /* The code and a word of the text, which all ranks must have alike. */
+#undef REFUSED
 #define REFUSED(call, expected, word) refused(call, expected, word, __LINE__)
 static void refused(int code, int expected, const char* word, int line) {
   shearbus_status of_rank_0 = status;
@@ -61,6 +48,7 @@ static void refused(int code, int expected, const char* word, int line) {
           shearbus_code_name(code), status.text, shearbus_code_name(expected), word, of_rank_0.text);
   ++faults;
 }
+#undef OK
 #define OK(call) must(call, #call, __LINE__)
 static void must(int code, const char* what, int line) {
   if (code == SHEARBUS_OK) return;
@@ -70,12 +58,7 @@ static void must(int code, const char* what, int line) {
 }
 
 static shearbus_options options_of(void) {
-  shearbus_options options = SHEARBUS_OPTIONS_INIT;
-  options.endpoint = endpoint;
-  options.scene_file = scene;
-  options.connect_deadline_s = 20;
-  options.check_closure = SHEARBUS_CHECK_OFF; /* the steps of this program apply no answer */
-  return options;
+  return host_options(endpoint, scene, 20);
 }
 
 /* The rank of a node, at random: another one after every move, and some ranks may have none. */
@@ -95,32 +78,18 @@ static size_t nodes_of(int which, int move, uint64_t* ids) {
 /* ---- a step: inputs that depend on the node and the step alone ---- */
 
 static shearbus_input inputs[6];
-static shearbus_output outputs[3];
+static shearbus_output outputs[4];
 static shearbus_request request_of(int step, size_t n, const uint64_t* ids, int with_ids) {
-  shearbus_request request = SHEARBUS_REQUEST_INIT;
   for (size_t i = 0; i < n; ++i) {
     const double x = (double)ids[i], t = (double)step;
-    const row fresh = {40.0 + 3 * x - 0.5 * t, 1e8 * (1 + x / 4), 1e6 * (x - t), -1e6 * x, 4e-3, 12e-3, -1, -1, 99};
+    const node fresh = {
+        40.0 + 3 * x - 0.5 * t, 1e8 * (1 + x / 4), 1e6 * (x - t), -1e6 * x, 4e-3, 12e-3, -1, -1, 99, 99};
     rows[i] = fresh;
   }
-  double* first[6] = {&rows[0].jump,        &rows[0].pressure,  &rows[0].stress_soft,
-                      &rows[0].stress_hard, &rows[0].mass_soft, &rows[0].mass_hard};
-  for (int c = 0; c < 6; ++c) {
-    const shearbus_input input = {SHEARBUS_VELOCITY_JUMP + (uint32_t)c, 0, first[c], sizeof(row)};
-    inputs[c] = input;
-  }
-  const shearbus_output wanted[3] = {{SHEARBUS_SHEAR_STRESS, 0, &rows[0].stress, sizeof(row)},
-                                     {SHEARBUS_INTERFACE_TEMPERATURE, 0, &rows[0].temperature, sizeof(row)},
-                                     {SHEARBUS_REGIME, 0, &rows[0].regime, sizeof(row)}};
-  memcpy(outputs, wanted, sizeof wanted);
-  request.dt_s = 1e-9;
+  columns_of(rows, inputs, outputs);
+  shearbus_request request = host_request(n, inputs, outputs, 4);
   request.step = (uint64_t)step;
-  request.n = n;
   request.node_ids = with_ids ? ids : NULL;
-  request.inputs = inputs;
-  request.n_inputs = 6;
-  request.outputs = outputs;
-  request.n_outputs = 3;
   return request;
 }
 static void keep(int step, size_t n, const uint64_t* ids) {

@@ -1,12 +1,9 @@
 #!/usr/bin/python3
-"""The Python client on several servers: the names that all clients share, the bits of one server, shards that are killed, and tickets that C and Python
-hand to each other."""
+"""The Python client on several servers: the division of the nodes that the page describes, the bits of one server, and tickets that C and Python hand to
+each other."""
 import ctypes
 import pathlib
 import sys
-import tempfile
-import threading
-import unittest
 
 import numpy
 
@@ -96,32 +93,16 @@ class Servers(list):
         self.endpoint = ",".join(self.endpoints)
 
 
-class Live(unittest.TestCase):
+class Shards(served.Served):
     def servers(self, count):
-        directory = tempfile.TemporaryDirectory(prefix="shearbus-")
-        self.addCleanup(directory.cleanup)
-        return Servers(self, pathlib.Path(directory.name), count)
+        directory = self.path / str(count)
+        directory.mkdir(mode=0o700)
+        return Servers(self, directory, count)
 
     def open(self, servers, nodes=NODES, scene=SCENE, **options):
         bus = shearbus.open(scene, nodes, servers.endpoint, **options)
         self.addCleanup(bus.leave)
         return bus
-
-    def refused(self, code, call, text=""):
-        with self.assertRaises(shearbus.Error) as caught:
-            call()
-        self.assertEqual(caught.exception.code.name, code, caught.exception)
-        self.assertIn(text, str(caught.exception))
-        return caught.exception
-
-
-class Names(Live):
-    def test_a_list_names_each_server_once(self):
-        for text, told in (("tcp://a:1,", "empty endpoint"), ("tcp://a:1,,tcp://b:1", "empty endpoint"), ("tcp://a:1, ,tcp://b:1", "empty endpoint"),
-                           (",tcp://a:1", "empty endpoint"), ("tcp://a:1,tcp://b:1,tcp://a:1", "tcp://a:1 is named twice")):
-            self.refused("INVALID_VALUE", lambda: shearbus.open(SCENE, NODES, text), told)
-        with tempfile.TemporaryDirectory() as directory:
-            self.refused("INVALID_VALUE", lambda: shearbus.open(SCENE, NODES, f"file://{directory}"), "no endpoint files")
 
     def test_each_server_has_the_nodes_that_the_page_says(self):
         servers = self.servers(3)
@@ -133,8 +114,6 @@ class Names(Live):
             self.assertEqual(part.nodes.tolist(), [node for node, shard in zip(NODES, on) if shard == number])
             part.leave()
 
-
-class Bits(Live):
     def play(self, bus):
         """Makes calls of every kind. Returns the arrays of their answers, ordered by node where the order is the servers'."""
         found = []
@@ -153,8 +132,9 @@ class Bits(Live):
         keep(bus.step(1e-9, nodes=some, absent_nodes="keep", want="ledger", **drive(some, 3)))
         layers = bus.profiles(bus.nodes[::3], pressure=numpy.linspace(1e9, 2e9, len(bus.nodes[::3])))
         found += [value for name, value in sorted(vars(layers).items()) if value is not None]
-        self.refused("SHAPE", lambda: bus.profiles([]))
-        self.refused("UNKNOWN_NODE", lambda: bus.profiles([999_999]))
+        for code, nodes in (("SHAPE", []), ("UNKNOWN_NODE", [999_999])):
+            with self.assertRaisesRegex(shearbus.Error, code):
+                bus.profiles(nodes)
         self.assertEqual(bus.mark("one"), ["one"])
         bus.retire(bus.nodes[5:9])
         bus.register([2**63, 5, 4], [350.0, 400.0, 450.0])
@@ -170,7 +150,7 @@ class Bits(Live):
         found.append(bus.close().node_steps)
         return found
 
-    def test_are_those_of_one_server(self):
+    def test_answers_are_those_of_one_server(self):
         expected = self.play(self.open(self.servers(1)))
         for count in (2, 3, 5):
             found = self.play(self.open(self.servers(count)))
@@ -178,7 +158,7 @@ class Bits(Live):
             for one, other in zip(found, expected):
                 numpy.testing.assert_array_equal(one, other, f"{count} shards")
 
-    def test_of_two_tangential_components(self):
+    def test_answers_of_two_tangential_components_are_those_of_one_server(self):
         def play(bus):
             jump = numpy.stack([drive(bus.nodes)["jump"], numpy.arange(len(bus.nodes))], axis=1)
             first = bus.step(1e-9, jump=jump, pressure=1e9)
@@ -191,115 +171,6 @@ class Bits(Live):
         self.assertEqual(found[0][0].shape, (len(NODES), 2))
         for one, other in zip(*found):
             numpy.testing.assert_array_equal(one, other)
-
-    def test_of_nodes_that_move_between_two_sessions(self):
-        servers, one = self.servers(3), self.servers(1)
-        answers = []
-        for each in (one, servers):
-            giver, taker = self.open(each, domain="run"), self.open(each, nodes=(), domain="run")
-            giver.step(1e-9, **drive(giver.nodes))
-            moved = giver.nodes[:11]
-            taken = taker.accept(giver.offer(moved))
-            self.assertEqual(set(taken), set(moved))
-            self.assertEqual(list(giver.nodes), NODES[11:])
-            order = numpy.argsort(taken)
-            answers.append([taker.step(1e-9, **drive(taker.nodes, 1)).stress[order], giver.step(1e-9, **drive(giver.nodes, 1)).stress])
-            self.refused("UNKNOWN_TRANSFER", lambda: taker.accept(b"x" * 16))
-            self.refused("NODE_OWNED", lambda: taker.register([*taken[:0], *giver.nodes[:1], 999_999]))
-            self.assertEqual(len(taker.nodes), 11)
-            taker.register([999_999])
-        for found, expected in zip(*answers):
-            numpy.testing.assert_array_equal(found, expected)
-
-
-class Losses(Live):
-    def test_any_shard_may_be_killed_at_any_time(self):
-        expected = self.open(self.servers(1))
-        servers = self.servers(3)
-        bus = self.open(servers, retry_after=0.2)
-        stop = threading.Event()
-
-        def killer():
-            victims = numpy.random.default_rng(5)
-            while not stop.wait(victims.uniform(0.02, 0.15)):
-                victim = servers[victims.integers(3)]
-                victim.end()
-                victim.start()
-
-        thread = threading.Thread(target=killer)
-        thread.start()
-        try:
-            for step in range(25):
-                if step % 3:
-                    found = bus.step(1e-9, **drive(NODES, step))
-                else:
-                    with bus.trial(1e-9, **drive(NODES, step)) as found:
-                        pass
-                numpy.testing.assert_array_equal(found.temperature, expected.step(1e-9, **drive(NODES, step)).temperature)
-                if step % 5 == 0:
-                    bus.mark(f"step {step}")
-        finally:
-            stop.set()
-            thread.join()
-        self.assertEqual(bus.rollback_to("step 20"), 21)
-        self.assertGreaterEqual(bus.close().node_steps, 25 * len(NODES))
-
-    def test_a_shard_that_is_away_leaves_the_call_to_be_repeated(self):
-        servers = self.servers(2)
-        bus = self.open(servers, reply_deadline=0.5, retry_after=0.2)
-        servers[1].stop()
-        for _ in range(2):
-            self.refused("UNKNOWN_OUTCOME", lambda: bus.step(1e-9, **drive(NODES)))
-        self.refused("UNKNOWN_OUTCOME", lambda: bus.mark("a"))
-        servers[1].go()
-        # Another call first completes the interrupted one, which the shard that was there has run.
-        self.refused("SEQUENCE_REUSED", lambda: bus.mark("a"))
-        self.assertEqual(bus.step(1e-9, **drive(NODES, 1)).state_version, 2)
-        # Of a step that no shard has run nothing remains.
-        for server in servers:
-            server.end()
-        bus.leave()
-        self.refused("UNREACHABLE", lambda: shearbus.open(SCENE, NODES, servers.endpoint, connect_deadline=0.1))
-
-    def test_an_opening_without_an_answer_opens_once(self):
-        servers = self.servers(2)
-        servers[1].stop()
-        threading.Timer(0.3, servers[1].go).start()
-
-        def opening():
-            return self.open(servers, domain="run", connect_deadline=5.0)
-
-        bus = opening()
-        self.refused("NODE_OWNED", opening)
-        # What a refused opening had opened on some servers is closed again.
-        mixed = [*range(2**30, 2**30 + 10), NODES[0]]
-        self.refused("NODE_OWNED", lambda: self.open(servers, mixed, domain="run"))
-        self.open(servers, mixed[:-1], domain="run").close()
-        bus.close()
-
-    def test_a_refused_step_leaves_all_shards_at_the_same_step(self):
-        servers, one = self.servers(2), self.servers(1)
-        ids = numpy.array(NODES, numpy.uint64)
-        on = shard_of(ids, 2)
-        versions = []
-        for each in (one, servers):
-            bus = self.open(each)
-            bus.trial(1e-9, **drive(NODES))
-            wrong = drive(NODES)
-            wrong["pressure"][on == 1] = 1e16  # out of bounds, on one shard only
-            fault = self.refused("INVALID_VALUE", lambda: bus.trial(1e-9, commit_previous=True, **wrong))
-            self.assertTrue(set(fault.nodes) <= set(ids[on == 1].tolist()), fault.nodes)
-            versions.append((bus.commit(), bus.step(1e-9, **drive(NODES)).stress.tolist()))
-        self.assertEqual(*versions)
-
-
-class Successors(Live):
-    def on_shards(self, bus, servers, numbers, call):
-        """Makes a call on some servers of a session that was left, each by itself."""
-        for number in numbers:
-            part = shearbus.resume(ticket_of_shard(bus.ticket, number, len(servers)), servers[number].endpoint)
-            call(part)
-            part.leave()
 
     def test_c_and_python_hand_a_session_to_each_other(self):
         servers, one = self.servers(3), self.servers(1)
@@ -320,55 +191,6 @@ class Successors(Live):
         plain = self.open(one)
         for step, found in zip((0, 1, 3, 4), stress):
             numpy.testing.assert_array_equal(found, plain.step(1e-9, **drive(NODES, step)).stress)
-
-    def test_a_commit_that_was_under_way_is_completed(self):
-        servers = self.servers(3)
-        bus, plain = self.open(servers), self.open(self.servers(1))
-        numpy.testing.assert_array_equal(bus.step(1e-9, **drive(NODES)).stress, plain.step(1e-9, **drive(NODES)).stress)
-        for committed in (0, 1, 2):
-            bus.trial(1e-9, **drive(bus.nodes, committed))
-            plain.trial(1e-9, **drive(NODES, committed))
-            bus.leave()
-            self.on_shards(bus, servers, range(committed), lambda part: part.commit())
-            bus = shearbus.resume(bus.ticket, servers.endpoint)
-            self.addCleanup(bus.leave)
-            plain.commit()
-            if not committed:  # the trial stands on all, and the successor decides
-                bus.commit()
-            found = bus.step(1e-9, nodes=NODES, **drive(NODES, 9))
-            expected = plain.step(1e-9, **drive(NODES, 9))
-            self.assertEqual(found.state_version, expected.state_version)
-            numpy.testing.assert_array_equal(found.stress, expected.stress)
-        bus.leave()
-        self.on_shards(bus, servers, [1], lambda part: part.trial(1e-9, **drive(part.nodes)))
-        bus = shearbus.resume(bus.ticket, servers.endpoint)
-        self.refused("NOTHING_TO_COMMIT", bus.commit)
-        self.assertEqual(bus.step(1e-9, **drive(bus.nodes)).state_version, plain.step(1e-9, **drive(NODES)).state_version)
-        bus.close()
-
-    def test_shards_at_different_steps_are_rolled_back_to_a_common_mark(self):
-        servers = self.servers(2)
-        bus = self.open(servers)
-        bus.mark("start")
-        bus.leave()
-        self.on_shards(bus, servers, [1, 1], lambda part: part.step(1e-9, **drive(part.nodes)))
-        bus = shearbus.resume(bus.ticket, servers.endpoint)
-        self.refused("EPOCH", lambda: bus.step(1e-9, **drive(bus.nodes)), "state versions are 0, 2")
-        self.refused("EPOCH", bus.commit)
-        self.assertEqual(bus.rollback_to("start"), 0)
-        self.assertEqual(bus.step(1e-9, **drive(bus.nodes)).state_version, 1)
-        bus.close()
-
-    def test_a_ticket_is_of_all_servers_in_their_order(self):
-        servers = self.servers(3)
-        bus = shearbus.open(SCENE, NODES, ",".join(servers.endpoints[:2]))
-        bus.leave()
-        one, two, three = servers.endpoints
-        for others in ((two, one), (one, two, three), (one, three)):
-            self.refused("UNKNOWN_SESSION", lambda: shearbus.resume(bus.ticket, ",".join(others)), "all of them, in the same order")
-        with shearbus.resume(bus.ticket, f"{one},{two}") as successor:
-            self.assertEqual(sorted(successor.nodes.tolist()), sorted(NODES))
-            self.refused("INVALID_VALUE", lambda: shearbus.open(SCENE, [1], f"{one},file://{servers.files}/0"), "another endpoint of the list names")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <optional>
 #include <string>
 
 #include "hydro_stub/history.hpp"

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <vector>
 
 #include "tests/support/orders.hpp"
 #include "tests/support/random_physics.hpp"

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <vector>
 
 #include "tests/support/physics_rig.hpp"
 

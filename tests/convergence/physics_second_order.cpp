@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdio>
 #include <string>
-#include <vector>
 
 #include "server/physics/interface/friction_laws.hpp"
 #include "tests/support/orders.hpp"

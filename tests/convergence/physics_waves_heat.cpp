@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <vector>
 
+#include "tests/support/orders.hpp"
 #include "tests/support/waves.hpp"
 
 namespace shearbus::testing {
@@ -60,29 +60,19 @@ TEST(PhysicsWavesHeatConvergence, FirstOrderAgainstAdiabaticShear) {
   options.hard.conductivity *= 1e-9;
   options = heated_waves(options, 0.9);
   const Sheared exact = exact_shear(options, 100.0, 150e-9);
-  std::printf("adiabatic shear, 100 m/s, 150 ns: dt, s, T, errors of s and T, orders; exact %.6f MPa, %.4f K\n",
-              exact.s / 1e6, exact.T);
-  double before[2] = {};
+  std::printf("adiabatic shear, 100 m/s, 150 ns: exact %.6f MPa, %.4f K\n", exact.s / 1e6, exact.T);
+  Orders stress("dt, adiabatic shear: s", 1.0, 0.15), temperature("dt, adiabatic shear: T", 1.0, 0.15);
   for (double dt : {3e-9, 1.5e-9, 0.75e-9, 0.375e-9}) {
     Rig rig(options, 1);
     rig.set_all(0.0, kPressure);
     rig.step(1e-15);  // closes the contact
     rig.set_all(100.0, kPressure);
     for (int n = static_cast<int>(std::lround(150e-9 / dt)); n > 0; --n) rig.step(dt);
-    const double errors[] = {rig.stress() - exact.s, rig.T(30) - exact.T};
-    double orders[2];
-    for (int k = 0; k < 2; ++k) orders[k] = before[k] != 0.0 ? std::log2(std::abs(before[k] / errors[k])) : NAN;
-    std::printf("  %8.3g s  %10.6f MPa  %9.4f K  %10.3e Pa  %10.3e K  %6.3f  %6.3f\n", dt, rig.stress() / 1e6,
-                rig.T(30), errors[0], errors[1], orders[0], orders[1]);
-    for (int k = 0; k < 2; ++k) {
-      if (before[k] != 0.0) {
-        EXPECT_NEAR(orders[k], 1.0, 0.15);
-      }
-      before[k] = errors[k];
-    }
+    stress.add(dt, std::abs(rig.stress() - exact.s));
+    temperature.add(dt, std::abs(rig.T(30) - exact.T));
   }
-  EXPECT_LT(std::abs(before[0]), 1e-3 * exact.s);
-  EXPECT_LT(std::abs(before[1]), 0.5);
+  EXPECT_LT(stress.last(), 1e-3 * exact.s);
+  EXPECT_LT(temperature.last(), 0.5);
 }
 
 // Without mass the layer is that of the velocity-driven step, which heats with the elastic work as well: a stiff metal has
@@ -162,19 +152,8 @@ TEST(PhysicsWavesHeatConvergence, SecondOrderInCells) {
     return after(heated_waves(options), 0.5e-9, 150e-9);
   };
   const Answer fine = with_cells(320);
-  std::printf("rise to 100 m/s, 150 ns, dt 0.5 ns: cells, s(0) and T0 against 320 cells, orders\n");
-  double before[2] = {};
-  for (int cells : {20, 40, 80}) {
-    const Answer found = with_cells(cells);
-    const double errors[] = {std::abs(found.stress - fine.stress), std::abs(found.temperature - fine.temperature)};
-    std::printf("  %4d  %10.3e Pa  %10.3e K  %6.3f  %6.3f\n", cells, errors[0], errors[1],
-                std::log2(before[0] / errors[0]), std::log2(before[1] / errors[1]));
-    if (before[1] != 0.0) {
-      EXPECT_GT(std::log2(before[1] / errors[1]), 1.6);
-    }
-    before[0] = errors[0];
-    before[1] = errors[1];
-  }
+  Orders orders("cells, rise to 100 m/s, 150 ns, dt 0.5 ns: T0 against 320 cells", 1.6, 0.0, Orders::kMore);
+  for (int cells : {20, 40, 80}) orders.add(cells, std::abs(with_cells(cells).temperature - fine.temperature));
 }
 
 }  // namespace

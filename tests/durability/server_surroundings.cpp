@@ -1,11 +1,10 @@
-// The server program in hostile surroundings: a cut network, a full disk, a clock that jumps, memory that runs out,
-// files of another version. A test that needs more rights than this machine grants is skipped with the reason.
+// The server program in hostile surroundings: a cut network, a full disk, a clock that jumps, memory that runs out.
+// A test that needs more rights than this machine grants is skipped with the reason.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -15,12 +14,11 @@
 #include <thread>
 #include <vector>
 
-#include "server/embedded.hpp"
-#include "server/store/format.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/refused.hpp"
 #include "tests/support/scenes.hpp"
 #include "tests/support/server_process.hpp"
+#include "tests/support/twin_session.hpp"
 
 namespace shearbus {
 namespace {
@@ -45,46 +43,9 @@ std::string failure_of(const Command& command) {
   return said;
 }
 
-// A host with two equal sessions: one on the server under test, and a twin on a server that runs undisturbed. The host
-// makes each step in both sessions and compares the answers.
-class Host {
+class Host : public support::TwinSession {
  public:
-  explicit Host(ClientOptions options)
-      : client_(std::move(options)),
-        quiet_client_({.endpoint = quiet_.endpoint(), .context = quiet_.context()}),
-        session_(client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)),
-        twin_(quiet_client_.open(support::text_of(support::velocity_scene()), "scene", kNodes)) {}
-
-  // Makes the next step in both sessions. An exception of the client is passed on; the next call then repeats the step.
-  void step() {
-    const auto columns = support::step_columns(Strategy::kVelocityDriven, kNodes, steps_);
-    const auto& here = session_.advance(columns, {.dt_s = 1e-9});
-    const auto& there = twin_.advance(columns, {.dt_s = 1e-9});
-    ASSERT_EQ(std::memcmp(here.shear_stress_pa().data(), there.shear_stress_pa().data(), 8 * kNodes.size()), 0)
-        << steps_;
-    ASSERT_EQ(
-        std::memcmp(here.interface_temperature_k().data(), there.interface_temperature_k().data(), 8 * kNodes.size()),
-        0)
-        << steps_;
-    ++steps_;
-  }
-  void steps(int count) {
-    for (int i = 0; i < count; ++i) step();
-  }
-  int steps_done() const { return steps_; }
-  Client& client() { return client_; }
-  // Requires that the server has run each step exactly once. The count is valid only if the server was not restarted.
-  void expect_each_step_once() {
-    EXPECT_EQ(client_.server_status().node_steps, static_cast<std::uint64_t>(steps_) * kNodes.size());
-  }
-
- private:
-  server::Embedded quiet_;
-  Client client_;
-  Client quiet_client_;
-  Session session_;
-  Session twin_;
-  int steps_ = 0;
+  explicit Host(ClientOptions options) : TwinSession(std::move(options), Strategy::kVelocityDriven, kNodes) {}
 };
 
 // A server in a network namespace of its own, connected by a virtual cable that can be pulled.
@@ -348,68 +309,6 @@ TEST(Surroundings, AMessageWithoutAnEndCostsTheServerItsLifeAtMost) {
   host.steps(10);
 }
 #endif
-
-enum class Other { kOlder, kNewer, kByteOrder };
-
-// Returns the bytes of another version, as wide as the version of the file: 2 bytes in a journal, 4 in a checkpoint.
-template <typename Version>
-std::string bytes_of(Other other, Version ours) {
-  const Version version = static_cast<Version>(other == Other::kOlder ? ours - 1 : ours + (other == Other::kNewer));
-  std::string bytes(reinterpret_cast<const char*>(&version), sizeof version);
-  if (other == Other::kByteOrder) std::reverse(bytes.begin(), bytes.end());
-  return bytes;
-}
-
-class OtherFiles : public testing::TestWithParam<Other> {};
-
-TEST_P(OtherFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
-  for (const bool checkpoint : {false, true}) {
-    const ScratchDirectory scratch;
-    const auto state = scratch.path() / "state";
-    const Command arguments = {"--bind", scratch.ipc(), "--threads", "1", "--state-dir", state.string()};
-    {
-      ServerProcess server(arguments);
-      ASSERT_TRUE(server.ready()) << server.log();
-      Host host({.endpoint = scratch.ipc()});
-      host.steps(3);
-      server.process().signal(checkpoint ? SIGTERM : SIGKILL);
-      ASSERT_TRUE(server.process().exit_code(20s).has_value());
-    }
-    // Without this segment the server cannot replace the checkpoint by the journal, which holds every record.
-    if (checkpoint) std::filesystem::remove(state / store::segment_name(1));
-    const std::uint32_t ours = checkpoint ? store::kCheckpointVersion : store::kJournalVersion;
-    const std::string bytes = checkpoint ? bytes_of(GetParam(), store::CheckpointFooter{}.version)
-                                         : bytes_of(GetParam(), store::SegmentHeader{}.version);
-    std::uint32_t version = 0;
-    std::memcpy(&version, bytes.data(), bytes.size());
-    std::string damaged;
-    for (const auto& entry : std::filesystem::directory_iterator(state)) {
-      const std::string name = entry.path().filename().string();
-      if (!name.starts_with(checkpoint ? "checkpoint-" : "journal-")) continue;
-      damaged = name;
-      const auto at =
-          checkpoint ? entry.file_size() - sizeof(store::CheckpointFooter) + offsetof(store::CheckpointFooter, version)
-                     : offsetof(store::SegmentHeader, version);
-      std::fstream file(entry.path(), std::ios::in | std::ios::out | std::ios::binary);
-      file.seekp(static_cast<std::streamoff>(at));
-      file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-      break;
-    }
-    ASSERT_FALSE(damaged.empty());
-    ServerProcess server(arguments);
-    EXPECT_EQ(server.process().exit_code(20s), 1) << server.log();
-    for (const std::string& word :
-         {damaged, "version " + std::to_string(version), "reads version " + std::to_string(ours)})
-      EXPECT_NE(server.log().find(word), std::string::npos) << word << " in " << server.log();
-  }
-}
-
-std::string name_of_version(const testing::TestParamInfo<Other>& version) {
-  constexpr const char* kNames[] = {"Older", "Newer", "OfTheOtherByteOrder"};
-  return kNames[static_cast<int>(version.param)];
-}
-INSTANTIATE_TEST_SUITE_P(Version, OtherFiles, testing::Values(Other::kOlder, Other::kNewer, Other::kByteOrder),
-                         name_of_version);
 
 TEST(Surroundings, ARestartWithOtherOptionsGivesTheSameAnswers) {
   const ScratchDirectory scratch;

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "tests/support/durable_server.hpp"
+#include "tests/durability/deaths.hpp"
 
 namespace shearbus::service {
 namespace {
@@ -60,41 +60,18 @@ Told told(const Answer& answer) {
   return told;
 }
 
-constexpr std::uint64_t kRequests = 14;
-
-std::vector<Told> undisturbed() {
-  MemoryStorage disk;
-  DurableServer server(disk);
-  EXPECT_TRUE(server.ask(opening()).reply.status.ok());
-  std::vector<Told> all;
-  for (std::uint64_t i = 1; i <= kRequests; ++i) all.push_back(told(server.ask(request_at(i))));
-  return all;
-}
-
 TEST(DurableClosure, ServersThatDieAfterEveryRequestTellTheSame) {
-  const std::vector<Told> expected = undisturbed();
+  std::vector<wire::Request> conversation = {opening()};
+  for (std::uint64_t i = 1; i <= 14; ++i) conversation.push_back(request_at(i));
   int warnings = 0, differences = 0;
-  for (const Told& one : expected) {
-    warnings += static_cast<int>(one.warnings.size());
-    differences += one.closure > 0.0;
-  }
+  expect_deaths_change_nothing(conversation, [&](const Answer& answer) {
+    const Told all = told(answer);
+    warnings += static_cast<int>(all.warnings.size());
+    differences += all.closure > 0.0;
+    return all;
+  });
   EXPECT_GT(warnings, 3);
   EXPECT_GT(differences, 3);
-  for (const std::uint64_t every : {1, 3, 100}) {
-    MemoryStorage disk;
-    ASSERT_TRUE(DurableServer(disk).ask(opening()).reply.status.ok());
-    for (std::uint64_t i = 1; i <= kRequests; ++i) {
-      DurableServer server(disk);
-      EXPECT_EQ(told(server.ask(request_at(i))), expected[i - 1]) << "request " << i << ", checkpoint every " << every;
-      // A repeated request gets the same answer.
-      const Answer again = server.ask(request_at(i));
-      EXPECT_TRUE(again.reply.replayed);
-      EXPECT_EQ(told(again), expected[i - 1]);
-      if (i % every == 0) {
-        ASSERT_TRUE(server.service.checkpoint());
-      }
-    }
-  }
 }
 
 TEST(IdleLimit, ClosesTheSessionAsAnOperatorWould) {

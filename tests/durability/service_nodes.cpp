@@ -1,7 +1,7 @@
 // Changes of a session's set of nodes, and steps without nodes, when the server dies and restarts in between.
 #include <gtest/gtest.h>
 
-#include "tests/support/durable_server.hpp"
+#include "tests/durability/deaths.hpp"
 
 namespace shearbus::service {
 namespace {
@@ -98,48 +98,7 @@ INSTANTIATE_TEST_SUITE_P(Strategies, NodesOver,
                          });
 
 TEST_P(NodesOver, AServerThatDiesAfterEveryRequestLosesNoneAndHasNoneTwice) {
-  MemoryStorage quiet;
-  DurableServer undisturbed(quiet);
-  MemoryStorage disk;
-  int i = 0;
-  for (const wire::Request& request : conversation(GetParam())) {
-    SCOPED_TRACE("request " + std::to_string(i));
-    DurableServer server(disk);
-    const auto expected = undisturbed.ask(request);
-    ASSERT_EQ(expected.code(), Code::kOk) << expected.reply.status.text;
-    const auto answer = server.ask(request);
-    ASSERT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
-    ASSERT_EQ(answer.payload(), expected.payload());
-    ASSERT_EQ(server.service.status().nodes, undisturbed.service.status().nodes);
-    ASSERT_EQ(server.service.status().state_bytes, undisturbed.service.status().state_bytes);
-    if (++i % 3 == 0) {
-      ASSERT_TRUE(server.service.checkpoint());
-    }
-    DurableServer again(disk);
-    const auto repeat = again.ask(request);
-    ASSERT_TRUE(repeat.reply.replayed);
-    ASSERT_EQ(repeat.payload(), expected.payload());
-  }
-}
-
-// A payload frame of no bytes must remain a frame, in the journal and in the last reply that a checkpoint contains.
-TEST_P(NodesOver, AStepOfNoNodesIsReplayed) {
-  MemoryStorage disk;
-  const wire::Request nobody = ServiceHarness::step(1, support::step_columns(GetParam().strategy, {}, 0, true));
-  {
-    DurableServer server(disk);
-    server.ask(ServiceHarness::opening(support::scene_of(GetParam().strategy), Ids{1, 2}));
-    const auto answer = server.ask(nobody);
-    ASSERT_EQ(answer.code(), Code::kOk) << answer.reply.status.text;
-    EXPECT_TRUE(answer.frames.has_payload);
-  }
-  for (const bool checkpoint : {true, false}) {
-    DurableServer server(disk);
-    EXPECT_TRUE(server.ask(nobody).reply.replayed);
-    if (checkpoint) {
-      EXPECT_TRUE(server.service.checkpoint());
-    }
-  }
+  expect_deaths_change_nothing(conversation(GetParam()), [](const Answer& answer) { return answer.payload(); });
 }
 
 // Nodes go to a session of the same scene with the same parameters only.
@@ -159,20 +118,6 @@ TEST(PairsOver, NodesDoNotMoveToASessionOfOtherParameters) {
   wire::TransferId first{};
   first.fill(1);
   EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::AcceptNodes{first}, 1, 3)).code(), Code::kOtherScene);
-}
-
-TEST_P(NodesOver, ASuccessorOfTheGiverLearnsOfItsOffers) {
-  MemoryStorage disk;
-  DurableServer server(disk);
-  const auto requests = conversation(GetParam());
-  const auto upto = std::ranges::find_if(
-      requests, [](const wire::Request& request) { return std::holds_alternative<wire::AcceptNodes>(request.body); });
-  for (auto request = requests.begin(); request != upto; ++request) server.ask(*request);
-  const auto where = server.ask(ServiceHarness::resuming());
-  ASSERT_EQ(where.code(), Code::kOk) << where.reply.status.text;
-  wire::TransferId first{};
-  first.fill(1);
-  EXPECT_EQ(std::get<wire::SessionResumed>(where.reply.body).offers, std::vector{first});
 }
 
 // A checkpoint pads texts with zeros. Two names that differ only in zeros at their ends would become one name in a

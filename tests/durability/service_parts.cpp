@@ -40,37 +40,10 @@ bool is_later_part(const wire::Request& request) {
 class PartsOfAStep : public testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(Strategies, PartsOfAStep, support::both<Strategy>(), support::name_of_strategy);
 
+// The server dies after every request, with and without checkpoints. Each later part follows the one before, as if it had
+// been sent before that was answered: a server that comes back must answer both again.
 TEST_P(PartsOfAStep, SurviveTheDeathOfTheServerBetweenAnyTwo) {
   constexpr std::uint64_t kRequests = 36;
-  const wire::Request opening = ServiceHarness::opening(support::scene_of(GetParam()), support::node_ids(kNodes));
-  for (const std::uint64_t checkpoint_every : {1000, 1, 3}) {
-    MemoryStorage disk;
-    ASSERT_EQ(DurableServer(disk).ask(opening).code(), Code::kOk);
-    MemoryStorage calm_disk;
-    DurableServer reference(calm_disk);
-    ASSERT_EQ(reference.ask(opening).code(), Code::kOk);
-    for (std::uint64_t i = 1; i <= kRequests; ++i) {
-      const wire::Request request = request_at(GetParam(), i);
-      const Answer expected = reference.ask(request);
-      ASSERT_EQ(expected.code(), Code::kOk) << describe(expected.reply.status);
-      DurableServer server(disk, store::Durability::kProcess, 77 + i, 1 + static_cast<unsigned>(i % 3));
-      if (const auto* step = std::get_if<wire::Downscale>(&request.body); step != nullptr && step->part > 1) {
-        EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Commit{}, i)).code(), Code::kNothingToCommit);
-      }
-      const Answer answer = server.ask(request);
-      ASSERT_EQ(answer.code(), Code::kOk) << "request " << i << ": " << describe(answer.reply.status);
-      ASSERT_EQ(answer.payload(), expected.payload()) << "request " << i;
-      if (i % checkpoint_every == 0) {
-        ASSERT_TRUE(server.service.checkpoint()) << "request " << i;
-      }
-    }
-  }
-}
-
-// Each later part follows the one before, as if it had been sent before that was answered: a server that comes back
-// must answer both again.
-TEST_P(PartsOfAStep, SentAheadAreBothAnsweredByAServerThatComesBack) {
-  constexpr std::uint64_t kRequests = 28;
   const wire::Request opening = ServiceHarness::opening(support::scene_of(GetParam()), support::node_ids(kNodes));
   for (const std::uint64_t checkpoint_every : {1000, 1, 2, 3}) {
     MemoryStorage disk, calm_disk;
@@ -85,7 +58,10 @@ TEST_P(PartsOfAStep, SentAheadAreBothAnsweredByAServerThatComesBack) {
       const Answer expected = reference.ask(request);
       if (later) request = ServiceHarness::ahead(std::move(request), before);
       {
-        DurableServer server(disk, store::Durability::kProcess, 77 + 2 * i);
+        DurableServer server(disk, store::Durability::kProcess, 77 + 2 * i, 1 + static_cast<unsigned>(i % 3));
+        if (later) {
+          EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Commit{}, i)).code(), Code::kNothingToCommit);
+        }
         const Answer answer = server.ask(request);
         ASSERT_EQ(answer.code(), Code::kOk) << "request " << i << ": " << describe(answer.reply.status);
         ASSERT_EQ(answer.payload(), expected.payload()) << "request " << i;

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "server/store/store.hpp"
-#include "tests/support/durable_server.hpp"
+#include "tests/durability/deaths.hpp"
 #include "tests/support/refused.hpp"
 #include "tests/support/strategies.hpp"
 
@@ -66,61 +66,13 @@ Bits bits_of(const support::Answer& answer) {
   return {answer.code(), version, answer.payload()};
 }
 
-// Returns the answers of a server that is never restarted.
-std::vector<Bits> undisturbed(Strategy strategy, std::uint64_t requests) {
-  MemoryStorage disk;
-  DurableServer server(disk);
-  EXPECT_EQ(server.ask(opening(strategy)).code(), Code::kOk);
-  std::vector<Bits> answers;
-  for (std::uint64_t i = 1; i <= requests; ++i) answers.push_back(bits_of(server.ask(request_at(strategy, i))));
-  return answers;
-}
-
 class Recovery : public testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(Strategies, Recovery, support::both<Strategy>(), support::name_of_strategy);
 
-TEST_P(Recovery, ServersThatDieAfterEveryRequestAnswerAsOneThatNeverDoes) {
-  constexpr std::uint64_t kRequests = 30;
-  const auto expected = undisturbed(GetParam(), kRequests);
-  MemoryStorage disk;
-  EXPECT_EQ(DurableServer(disk).ask(opening(GetParam())).code(), Code::kOk);
-  for (std::uint64_t i = 1; i <= kRequests; ++i) {
-    DurableServer server(disk, store::Durability::kProcess, 77, 1 + static_cast<unsigned>(i % 3));
-    ASSERT_EQ(bits_of(server.ask(request_at(GetParam(), i))), expected[i - 1]) << "request " << i;
-    if (i % 5 == 0) {
-      ASSERT_TRUE(server.service.checkpoint()) << "request " << i;
-    }
-  }
-}
-
-TEST_P(Recovery, ARepeatHasTheSameBytesBeforeAndAfterARestart) {
-  for (const bool checkpoint : {false, true}) {
-    MemoryStorage disk;
-    {
-      DurableServer server(disk);
-      server.ask(opening(GetParam()));
-    }
-    for (std::uint64_t i = 0; i <= 8; ++i) {
-      const wire::Request request = i == 0 ? opening(GetParam()) : request_at(GetParam(), i);
-      std::string header;
-      std::vector<std::byte> payload;
-      {
-        DurableServer server(disk);
-        if (i != 0) server.ask(request);
-        const auto again = server.ask(request);
-        EXPECT_TRUE(again.reply.replayed);
-        header = again.frames.header;
-        payload = again.payload();
-        if (checkpoint) {
-          ASSERT_TRUE(server.service.checkpoint());
-        }
-      }
-      DurableServer next(disk);
-      const auto again = next.ask(request);
-      ASSERT_EQ(again.frames.header, header) << "request " << i;
-      ASSERT_EQ(again.payload(), payload) << "request " << i;
-    }
-  }
+TEST_P(Recovery, ServersThatDieAfterEveryRequestAnswerAndRepeatAsOneThatNeverDoes) {
+  std::vector<wire::Request> conversation = {opening(GetParam())};
+  for (std::uint64_t i = 1; i <= 30; ++i) conversation.push_back(request_at(GetParam(), i));
+  expect_deaths_change_nothing(conversation, bits_of);
 }
 
 TEST(Recovery, ARequestOfTheLastEpochIsResumedNotRun) {
@@ -258,17 +210,17 @@ TEST(Recovery, ARefusedRequestIsNotInTheJournal) {
 }
 
 TEST(Recovery, ADiskThatIsFullChangesNothingAndGoesOnWhenThereIsRoom) {
-  const auto expected = undisturbed(Strategy::kForceDriven, 12);
-  MemoryStorage disk;
-  DurableServer server(disk);
-  server.ask(opening(Strategy::kForceDriven));
+  MemoryStorage quiet, disk;
+  DurableServer undisturbed(quiet), server(disk);
+  for (DurableServer* one : {&undisturbed, &server}) one->ask(opening(Strategy::kForceDriven));
   for (std::uint64_t i = 1; i <= 12; ++i) {
     disk.plan({.at_call = 1, .code = ENOSPC, .for_ever = true, .of = Call::kAppend});
     const auto refused = server.ask(request_at(Strategy::kForceDriven, i));
     EXPECT_EQ(refused.code(), Code::kNoSpace);
     EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::ServerStatusQuery{}, 0)).code(), Code::kOk);
     disk.heal();
-    ASSERT_EQ(bits_of(server.ask(request_at(Strategy::kForceDriven, i))), expected[i - 1]);
+    ASSERT_EQ(bits_of(server.ask(request_at(Strategy::kForceDriven, i))),
+              bits_of(undisturbed.ask(request_at(Strategy::kForceDriven, i))));
   }
   MemoryStorage full;
   full.plan({.at_call = 2, .code = ENOSPC, .for_ever = true, .of = Call::kAppend});

@@ -57,31 +57,20 @@ TEST(SessionIdentity, AStolenTokenIsOfNoUseToAnother) {
   EXPECT_TRUE(server.ask(resume(), kOperator).reply.status.ok());
 }
 
-TEST(SessionIdentity, TheNextServerKnowsTheOwnerFromTheJournal) {
-  support::MemoryStorage disk;
-  {
-    DurableServer server(disk);
-    ASSERT_TRUE(server.ask(opening(), kOwner).reply.status.ok());
-    ASSERT_TRUE(server.ask(step(1), kOwner).reply.status.ok());
+TEST(SessionIdentity, TheNextServerKnowsTheOwnerFromTheJournalOrTheCheckpoint) {
+  for (const int checkpoints : {0, 2}) {
+    support::MemoryStorage disk;
+    {
+      DurableServer server(disk);
+      ASSERT_TRUE(server.ask(opening(), kOwner).reply.status.ok());
+      ASSERT_TRUE(server.ask(step(1), kOwner).reply.status.ok());
+      for (int i = 0; i < checkpoints; ++i) ASSERT_TRUE(server.service.checkpoint());
+    }
+    DurableServer next(disk, store::Durability::kProcess, 78);
+    EXPECT_EQ(next.store.counters().replayed == 0, checkpoints > 0);
+    expect_refused(next, kThief, 2);
+    EXPECT_TRUE(next.ask(step(2), kOwner).reply.status.ok());
   }
-  DurableServer next(disk, store::Durability::kProcess, 78);
-  expect_refused(next, kThief, 2);
-  EXPECT_TRUE(next.ask(step(2), kOwner).reply.status.ok());
-}
-
-TEST(SessionIdentity, TheNextServerKnowsTheOwnerFromTheCheckpoint) {
-  support::MemoryStorage disk;
-  {
-    DurableServer server(disk);
-    ASSERT_TRUE(server.ask(opening(), kOwner).reply.status.ok());
-    ASSERT_TRUE(server.ask(step(1), kOwner).reply.status.ok());
-    ASSERT_TRUE(server.service.checkpoint());
-    ASSERT_TRUE(server.service.checkpoint());
-  }
-  DurableServer next(disk, store::Durability::kProcess, 78);
-  EXPECT_EQ(next.store.counters().replayed, 0u);
-  expect_refused(next, kThief, 2);
-  EXPECT_TRUE(next.ask(step(2), kOwner).reply.status.ok());
 }
 
 TEST(SessionIdentity, TheWelcomeTellsHowTheClientIsKnown) {

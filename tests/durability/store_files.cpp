@@ -2,7 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -18,6 +20,7 @@ namespace shearbus::store {
 namespace {
 
 using support::said_by;
+using testing::AllOf;
 using testing::HasSubstr;
 
 std::vector<std::byte> some_bytes(std::size_t size, int seed) {
@@ -42,6 +45,7 @@ Snapshot small_snapshot() {
   SessionImage closed;
   closed.id.fill(0xfe);
   closed.open = false;
+  closed.identity = "uid 7";
   closed.last_sequence = 9;
   closed.last_hash = 77;
   closed.reply_header = some_bytes(20, 1);
@@ -199,12 +203,6 @@ TEST(Checkpoint, StatesAndPartsOfOtherNodesThanTheSessionsAreRefused) {
   EXPECT_EQ(refusal(parts({1})), "");
 }
 
-TEST(Checkpoint, UnknownVersionIsRefusedByName) {
-  auto bytes = checkpoint_bytes(small_snapshot(), 3);
-  bytes[bytes.size() - sizeof(CheckpointFooter) + offsetof(CheckpointFooter, version)] = std::byte{9};
-  EXPECT_THAT(said_by<DamagedFile>([&] { read_checkpoint(bytes, "file", 3); }), HasSubstr("version 9"));
-}
-
 struct Journal {
   Journal() {
     JournalWriter writer(disk, segment_name(7), {.number = 7, .epoch = 99, .first_index = 100}, true);
@@ -294,43 +292,26 @@ TEST(Journal, DamageBeforeTheLastRecordIsAnErrorEvenInZeros) {
   EXPECT_THROW(read_segment(bytes, "file"), DamagedFile);
 }
 
-TEST(Journal, UnknownVersionIsRefusedByName) {
-  Journal journal;
-  journal.bytes[offsetof(SegmentHeader, version)] = std::byte{9};
-  EXPECT_THAT(said_by<DamagedFile>([&] { read_segment(journal.bytes, "file"); }), HasSubstr("version 9"));
-}
-
-TEST(Journal, DiskFullLeavesTheFileAsItWasAndTheNextAppendGoesOn) {
-  support::MemoryStorage disk;
-  JournalWriter writer(disk, segment_name(1), {.number = 1, .epoch = 1}, false);
-  const auto header = some_bytes(40, 1);
-  writer.append({.sequence = 0, .header_frame = header});
-  disk.plan({.at_call = 1, .code = ENOSPC, .of = support::MemoryStorage::Call::kAppend});
-  EXPECT_THROW(writer.append({.sequence = 1, .header_frame = header}), StorageError);
-  EXPECT_FALSE(writer.broken());
-  EXPECT_EQ(disk.bytes(segment_name(1)).size(), writer.bytes());
-  disk.heal();
-  writer.append({.sequence = 1, .header_frame = header});
-  EXPECT_EQ(read_segment(disk.bytes(segment_name(1)), "file").records.size(), 2u);
-}
-
-TEST(Journal, AnyOtherFailureIsFinal) {
-  for (const auto call : {support::MemoryStorage::Call::kAppend, support::MemoryStorage::Call::kSync}) {
-    support::MemoryStorage disk;
-    JournalWriter writer(disk, segment_name(1), {.number = 1, .epoch = 1}, true);
-    const auto header = some_bytes(40, 1);
-    disk.plan({.at_call = 1, .code = EIO, .of = call});
-    EXPECT_THROW(
-        {
-          writer.append({.sequence = 0, .header_frame = header});
-          writer.settle();
-        },
-        StorageError);
-    disk.heal();
-    EXPECT_TRUE(writer.broken());
-    EXPECT_THROW(writer.append({.sequence = 1, .header_frame = header}), StorageError);
-    EXPECT_THROW(writer.settle(), StorageError);
+// Writes other versions to a place in the bytes of a file whose version is `ours`.
+template <class Version, class Read>
+void expect_other_versions_are_named(std::vector<std::byte> bytes, std::size_t at, Version ours, const Read& read) {
+  auto swapped = std::bit_cast<std::array<std::byte, sizeof ours>>(ours);
+  std::ranges::reverse(swapped);
+  for (const Version other :
+       {static_cast<Version>(ours - 1), static_cast<Version>(ours + 1), std::bit_cast<Version>(swapped)}) {
+    std::memcpy(bytes.data() + at, &other, sizeof other);
+    EXPECT_THAT(said_by<DamagedFile>([&] { read(bytes); }), AllOf(HasSubstr("version " + std::to_string(other)),
+                                                                  HasSubstr("reads version " + std::to_string(ours))));
   }
+}
+
+TEST(StoreFiles, OfAnotherVersionOrByteOrderAreRefusedByName) {
+  const auto checkpoint = checkpoint_bytes(small_snapshot(), 3);
+  expect_other_versions_are_named(checkpoint,
+                                  checkpoint.size() - sizeof(CheckpointFooter) + offsetof(CheckpointFooter, version),
+                                  CheckpointFooter{}.version, [](Bytes bytes) { read_checkpoint(bytes, "file", 3); });
+  expect_other_versions_are_named(Journal().bytes, offsetof(SegmentHeader, version), SegmentHeader{}.version,
+                                  [](Bytes bytes) { read_segment(bytes, "file"); });
 }
 
 }  // namespace

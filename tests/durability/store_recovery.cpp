@@ -16,15 +16,6 @@ namespace {
 
 using Call = MemoryStorage::Call;
 
-TEST(Store, RecordsComeBackWithoutACheckpoint) {
-  MemoryStorage disk;
-  Server(disk).run_to(5);
-  Server again(disk);
-  EXPECT_EQ(again.counter.seen, up_to(5));
-  again.run(6);
-  EXPECT_EQ(Server(disk).counter.seen, up_to(6));
-}
-
 TEST(Store, CheckpointAndJournalTogetherGiveEverything) {
   MemoryStorage disk;
   Server(disk).run_to(20, 6);
@@ -39,16 +30,6 @@ TEST(Store, TwoGenerationsStayAndTheJournalSinceTheOlder) {
   server.run_to(30, 5);
   EXPECT_EQ(disk.names(),
             (std::vector<std::string>{checkpoint_name(5), checkpoint_name(6), segment_name(6), kIdentityName}));
-}
-
-TEST(Store, ADamagedCheckpointGivesWayToTheOneBeforeAndTheJournal) {
-  MemoryStorage disk;
-  Server(disk).run_to(20, 6);
-  disk.bytes(checkpoint_name(3))[1000] ^= std::byte{4};
-  Server again(disk);
-  EXPECT_EQ(again.counter.seen, up_to(20));
-  EXPECT_EQ(again.store.counters().replayed, 8u);
-  EXPECT_NE(again.log.find("DAMAGED"), std::string::npos);
 }
 
 TEST(Store, RefusesToStartEmptyOverFilesItCannotUse) {
@@ -76,17 +57,6 @@ TEST(Store, AJournalDamagedBeforeItsEndIsRefused) {
   Server(disk).run_to(3);
   disk.bytes(segment_name(1))[130] ^= std::byte{1};
   EXPECT_THROW(Server{disk}, DamagedFile);
-}
-
-TEST(Store, WithoutJournalTheLastCheckpointIsWhatRemains) {
-  MemoryStorage disk;
-  {
-    Server server(disk, Durability::kNone);
-    server.run(1);
-    EXPECT_TRUE(server.checkpoint());
-    server.run(2);
-  }
-  EXPECT_EQ(Server(disk, Durability::kNone).counter.seen, up_to(1));
 }
 
 // The result of a workload with checkpoints, on a disk that fails at one of its calls.

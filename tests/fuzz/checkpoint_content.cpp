@@ -5,7 +5,6 @@
 #include <hdf5.h>
 #include <xxhash.h>
 
-#include <algorithm>
 #include <array>
 #include <cstring>
 #include <memory>

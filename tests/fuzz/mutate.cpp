@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
-#include <memory>
 
 #include "shearbus/v1/envelope.pb.h"
 #include "tests/fuzz/target.hpp"

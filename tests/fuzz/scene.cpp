@@ -3,7 +3,6 @@
 #include <google/protobuf/descriptor.h>
 
 #include <cmath>
-#include <string_view>
 
 #include "proto/scene/scene.hpp"
 #include "server/service/scene_model.hpp"

@@ -6,12 +6,9 @@
 #include <fenv.h>
 #include <locale.h>
 #include <pthread.h>
-#include <shearbus/shearbus.h>
 #include <signal.h>
 #include <stdatomic.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
@@ -22,29 +19,10 @@
 #include <xmmintrin.h>
 #endif
 
+#include "../contract/host_checks.h"
+
 enum { N = 3000, STEPS = 4 }; /* enough nodes for both threads of the server */
 
-static int faults = 0;
-#define CHECK(what)                                                                                               \
-  do {                                                                                                            \
-    if (!(what)) {                                                                                                \
-      fprintf(stderr, "%s:%d: not so: %s [%s: %s]\n", __FILE__, __LINE__, #what, shearbus_code_name(status.code), \
-              status.text);                                                                                       \
-      ++faults;                                                                                                   \
-    }                                                                                                             \
-  } while (0)
-#define CODE(call, expected)                                                                                        \
-  do {                                                                                                              \
-    const int found = (call);                                                                                       \
-    if (found != (expected)) {                                                                                      \
-      fprintf(stderr, "%s:%d: %s gave %s: %s, expected %s\n", __FILE__, __LINE__, #call, shearbus_code_name(found), \
-              status.text, shearbus_code_name(expected));                                                           \
-      ++faults;                                                                                                     \
-    }                                                                                                               \
-  } while (0)
-#define OK(call) CODE(call, SHEARBUS_OK)
-
-static shearbus_status status = SHEARBUS_STATUS_INIT;
 static const char *scene, *endpoint;
 
 /* ---- a session and its steps ---- */
@@ -74,22 +52,11 @@ static void fill(void) {
   }
 }
 static shearbus_request request_of(size_t n) {
-  shearbus_request request = SHEARBUS_REQUEST_INIT;
-  request.dt_s = 1e-9;
-  request.n = n;
-  request.inputs = inputs;
-  request.n_inputs = 6;
-  request.outputs = outputs;
-  request.n_outputs = 3;
-  return request;
+  return host_request(n, inputs, outputs, 3);
 }
 static shearbus_options options_of(void) {
-  shearbus_options options = SHEARBUS_OPTIONS_INIT;
-  options.endpoint = endpoint;
-  options.scene_file = scene;
-  options.connect_deadline_s = 30;
+  shearbus_options options = host_options(endpoint, scene, 30);
   options.threads = 2;
-  options.check_closure = SHEARBUS_CHECK_OFF; /* the steps of this program apply no answer */
   return options;
 }
 static shearbus_session* open_session(size_t n) {

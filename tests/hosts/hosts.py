@@ -39,6 +39,25 @@ def as_user(threads, command):
     return run(["setpriv", "--reuid", USER, "--regid", USER, "--clear-groups", *limited, *command])
 
 
+def expect_limits_named(given, limited, word, told, place):
+    """Starts hosts and servers with from few to enough threads, by limited(threads, command): each refusal has the word and told(threads)."""
+    for endpoint in ("embedded", "ipc:///tmp/shearbus-no-server"):
+        refused = 0
+        for threads in range(1, 9):
+            found = limited(threads, [given.host, "open", given.scene, endpoint])
+            expect(found.returncode in (0, 3) and not found.stderr, f"{threads} threads, {endpoint}: opened or refused", found)
+            if word in found.stdout:
+                refused += 1
+                expect(found.stdout.startswith("UNREACHABLE") and told(threads) in found.stdout, f"{threads} threads, {endpoint}: the refusal names the limit", found)
+            elif endpoint != "embedded":
+                break  # enough threads to look for the server, which is not there
+        expect(refused > 0 and word not in found.stdout, f"{endpoint}: too few threads are refused, enough are not", found)
+    for threads in (1, 2, 3):
+        found = limited(threads, [given.server, "--threads", "4", "--log-level", "off", "--bind", f"ipc://{place}/own/bus"])
+        expect(found.returncode == 1 and word in found.stderr and found.stderr.count("\n") == 1,
+               f"shearbus-server with {threads} threads says it in one sentence", found)
+
+
 def no_thread(given):
     if given.sanitized:
         skip("sanitizers need more memory and threads")
@@ -49,20 +68,10 @@ def no_thread(given):
         scene = pathlib.Path(place, "scene.toml")
         scene.write_bytes(given.scene.read_bytes())
         scene.chmod(0o644)
+        given.scene = scene
         if as_user(64, [given.host, "open", scene, "embedded"]).returncode != 0:
             skip("another user cannot run the programs of this build")
-        for endpoint in ("embedded", "ipc:///tmp/shearbus-no-server"):
-            refused = 0
-            for threads in range(1, 8):
-                found = as_user(threads, [given.host, "open", scene, endpoint])
-                if endpoint != "embedded" and "(ulimit -u)" not in found.stdout:
-                    break  # enough threads to look for the server, which is not there
-                expect(found.returncode in (0, 3), f"{threads} threads, {endpoint}: opened or refused", found)
-                if found.returncode == 3:
-                    refused += 1
-                    expect("(ulimit -u)" in found.stdout and found.stdout.startswith("UNREACHABLE") and not found.stderr,
-                           f"{threads} threads, {endpoint}: the refusal names the limit", found)
-            expect(refused > 0, f"{endpoint}: too few threads are refused", found)
+        expect_limits_named(given, as_user, "(ulimit -u)", lambda _: "", place)
         # From too little memory for the libraries to be loaded to enough.
         codes = [run(["bash", "-c", f'ulimit -v {kilobytes}; exec "$@"', "bash", given.host, "open", scene, "embedded"])
                  for kilobytes in range(20_000, 400_000, 10_000)]
@@ -70,10 +79,6 @@ def no_thread(given):
             expect(found.returncode in (0, 3) or "error while loading shared libraries" in found.stderr,
                    "with little memory a session is opened or refused", found)
         expect(codes[-1].returncode == 0 and any("(ulimit -v)" in found.stdout for found in codes), "memory is refused", codes[-1])
-        for threads in (1, 2, 3):
-            found = as_user(threads, [given.server, "--threads", "4", "--log-level", "off", "--bind", f"ipc://{place}/own/bus"])
-            expect(found.returncode == 1 and "(ulimit -u)" in found.stderr and found.stderr.count("\n") == 1,
-                   f"shearbus-server with {threads} threads says it in one sentence", found)
 
 
 def control_group(given):
@@ -96,21 +101,8 @@ def control_group(given):
     try:
         if run_inside(64, [given.host, "open", given.scene, "embedded"]).returncode != 0:
             skip("no process can be moved into a control group")
-        for endpoint in ("embedded", "ipc:///tmp/shearbus-no-server"):
-            refused = 0
-            for threads in range(1, 9):
-                found = run_inside(threads, [given.host, "open", given.scene, endpoint])
-                expect(found.returncode in (0, 3) and not found.stderr, f"{threads} threads, {endpoint}: opened or refused", found)
-                if "(pids.max)" in found.stdout:
-                    refused += 1
-                    expect(found.stdout.startswith("UNREACHABLE") and f"{group.name} may have {threads} threads" in found.stdout,
-                           f"{threads} threads, {endpoint}: the refusal names the limit", found)
-            expect(refused > 0 and "(pids.max)" not in found.stdout, f"{endpoint}: too few threads are refused, enough are not", found)
         with tempfile.TemporaryDirectory() as place:
-            for threads in (1, 2, 3):
-                found = run_inside(threads, [given.server, "--threads", "4", "--log-level", "off", "--bind", f"ipc://{place}/own/bus"])
-                expect(found.returncode == 1 and "(pids.max)" in found.stderr and found.stderr.count("\n") == 1,
-                       f"shearbus-server with {threads} threads says it in one sentence", found)
+            expect_limits_named(given, run_inside, "(pids.max)", lambda threads: f"{group.name} may have {threads} threads", place)
     finally:
         for _ in range(100):  # the kernel counts a process out a moment after its end
             try:

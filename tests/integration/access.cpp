@@ -14,7 +14,6 @@
 #include <thread>
 
 #include "proto/files/key_file.hpp"
-#include "shearbus_places.hpp"
 #include "tests/support/raw_peer.hpp"
 #include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
@@ -133,16 +132,11 @@ TEST_F(Keys, StrayBytesNeverReachTheServer) {
   const std::string& tcp = server.endpoint("tcp");
   Client alice(client_options(tcp, alice_));
   const std::uint64_t heard = alice.server_status().requests;
-  const std::vector<std::string> strays = {
-      "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
-      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // a TLS client hello
-      std::string("\x01\x00\x06\x00hello", 9),                                                   // ZMTP 1.0
-      std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x01\x05\x00\x00\x00\x05hello", 21),  // ZMTP 2.0
-      std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x03\x00"
-                  "CURVE",
-                  17) +
-          std::string(47, '\0') + std::string("\x04\xc8\x05HELLO", 8) + std::string(194, 'x'),
-      std::string(100'000, '\0')};
+  std::vector<std::string> strays = support::stray_bytes();
+  strays.push_back(std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x03\x00"
+                               "CURVE",
+                               17) +
+                   std::string(47, '\0') + std::string("\x04\xc8\x05HELLO", 8) + std::string(194, 'x'));
   for (const std::string& stray : strays) {
     support::RawStream stream(tcp);
     stream.send(stray);
@@ -150,20 +144,6 @@ TEST_F(Keys, StrayBytesNeverReachTheServer) {
   }
   std::this_thread::sleep_for(200ms);
   EXPECT_EQ(alice.server_status().requests, heard + 1);
-}
-
-TEST_F(Keys, ASessionStepsEncryptedToTheSameBits) {
-  RunningServer server(options());
-  Client alice(client_options(server.endpoint("tcp"), alice_));
-  Client local = server.client("ipc");
-  Session a = alice.open(support::text_of(support::force_scene()), "scene", kNodes);
-  Session b = local.open(support::text_of(support::force_scene()), "scene", kNodes);
-  for (int step = 0; step < 20; ++step) {
-    const auto request = support::step_columns(Strategy::kForceDriven, kNodes, step);
-    const auto& one = a.advance(request, {.dt_s = 1e-9});
-    const auto& two = b.advance(request, {.dt_s = 1e-9});
-    ASSERT_TRUE(std::ranges::equal(one.shear_stress_pa(), two.shear_stress_pa()));
-  }
 }
 
 TEST_F(Keys, KeysAndPlaintextDoNotMeet) {
@@ -271,45 +251,6 @@ TEST_F(Keys, OptionsThatDoNotGoTogetherAreRefusedWithTheReason) {
     EXPECT_EQ(server.process().exit_code(10s), c.code) << c.reason;
     EXPECT_THAT(server.log(), HasSubstr(c.reason));
   }
-}
-
-// Runs the programs as an operator does who sets up keys: from keygen to a step of the solver with these keys.
-TEST_F(Keys, ProgramsMakeAndUseKeys) {
-  const std::string ctl = SHEARBUS_BINARY_DIR "/bin/shearbus-ctl";
-  const auto run = [&](std::vector<std::string> arguments) {
-    const std::string output = scratch_ / "output";
-    std::filesystem::remove(output);
-    const auto code = support::Process(std::move(arguments), output).exit_code(30s);
-    return std::pair{code.value_or(-1), support::text_of(output)};
-  };
-  EXPECT_EQ(run({ctl, "keygen", scratch_ / "bus"}).first, 0);
-  EXPECT_EQ(run({ctl, "keygen", scratch_ / "host", "--operator"}).first, 0);
-  const auto again = run({ctl, "keygen", scratch_ / "host"});
-  EXPECT_EQ(again.first, 1);
-  EXPECT_THAT(again.second, HasSubstr("never written over"));
-  struct stat found {};
-  ASSERT_EQ(::stat((scratch_ / "host.secret").c_str(), &found), 0);
-  EXPECT_EQ(found.st_mode & 0777, 0600u);
-  EXPECT_THAT(support::text_of(scratch_ / "host.public"), HasSubstr(" operator host"));
-
-  support::ServerProcess server({"--bind", "tcp://127.0.0.1:*", "--curve-secret", scratch_ / "bus.secret",
-                                 "--authorized-keys", scratch_ / "host.public"});
-  ASSERT_TRUE(server.ready()) << server.log();
-  EXPECT_THAT(server.log(), HasSubstr(files::read_public_key(scratch_ / "bus.public")));
-  const std::string endpoint = server.tcp_endpoint();
-  const std::vector<std::string> keys = {
-      "--server", endpoint, "--server-key", scratch_ / "bus.public", "--key", scratch_ / "host.secret"};
-  const auto with_keys = [&](std::vector<std::string> arguments) {
-    arguments.insert(arguments.end(), keys.begin(), keys.end());
-    return run(arguments);
-  };
-  EXPECT_EQ(with_keys({ctl, "ping", "--timeout", "20"}).first, 0);
-  const auto keyless = run({ctl, "ping", "--timeout", "20", "--server", endpoint});
-  EXPECT_EQ(keyless.first, 1);
-  EXPECT_THAT(keyless.second, HasSubstr("AUTH"));
-  const auto hydro = with_keys({SHEARBUS_BINARY_DIR "/bin/shearbus-hydro",
-                                SHEARBUS_SOURCE_DIR "/hydro_stub/problems/sliding_to_a_stop.toml", "--check"});
-  EXPECT_EQ(hydro.first, 0) << hydro.second;
 }
 
 TEST(Users, OnlyThoseOnTheListAreServedAndToldAtOnce) {

@@ -131,9 +131,10 @@ class OverTime(served.Served):
         self.step(before)
         for remove in (socket.unlink, lambda: shutil.rmtree(socket.parent)):
             made = socket.stat().st_ino
+            self.assertEqual(socket.stat().st_mode & 0o077, 0)
             remove()
             served.until(self, lambda: socket.exists() and socket.stat().st_ino != made, server)
-            self.assertIn("was removed", server.text())
+            served.until(self, lambda: "was removed" in server.text(), server)
             self.step(before)
             with self.open() as after:
                 self.step(after)

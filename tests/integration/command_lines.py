@@ -11,7 +11,10 @@ import sys
 import tempfile
 import unittest
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served  # noqa: E402
+from served import OPTIONS  # noqa: E402
+
 KEYS = ["program", "version", "commit", "build", "compiler", "protocol", "numerics", "libzmq", "hdf5", "protobuf", "registers"]
 
 
@@ -111,23 +114,16 @@ class Programs(unittest.TestCase):
                 self.assertIn(f"Run {command[0]} --help", done.stderr)
 
 
-class Rehearsal(unittest.TestCase):
+class Rehearsal(served.Served):
     """The socket at which shearbus-ctl rehearse waits for a host."""
 
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory(prefix="shearbus-")
-        self.addCleanup(scratch.cleanup)
-        self.path = pathlib.Path(scratch.name)
+        super().setUp()
         self.program = {p.name: p for p in OPTIONS.programs}
 
     def start(self, *command, until):
-        process = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.addCleanup(process.stdout.close)
-        self.addCleanup(process.wait)
-        self.addCleanup(process.kill)
-        line = ""
-        while until not in line:
-            self.assertTrue(line := process.stdout.readline(), f"{until} was not said")
+        process = served.program(self, *command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        served.until(self, lambda: until in process.stdout.readline(), process)
         return process
 
     def rehearse(self, endpoint, code, said):
@@ -303,5 +299,4 @@ if __name__ == "__main__":
     parser.add_argument("--source", type=pathlib.Path, required=True)
     parser.add_argument("--programs", type=pathlib.Path, nargs="+", required=True)
     parser.add_argument("--report", type=pathlib.Path, required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=["command_lines.py", *rest], verbosity=2)
+    served.main(parser=parser)

@@ -78,7 +78,7 @@ class EndpointFiles(served.Served):
         with self.session(secret_key_file=key) as session:
             self.step(session)
         os.environ["SHEARBUS_SECRET_KEY_FILE"] = str(key)
-        self.addCleanup(os.environ.pop, "SHEARBUS_SECRET_KEY_FILE")
+        self.addCleanup(os.environ.pop, "SHEARBUS_SECRET_KEY_FILE", None)
         with self.session() as session:
             self.step(session)
         # Whoever knows the server's key insists on it, whatever the file says.
@@ -86,8 +86,16 @@ class EndpointFiles(served.Served):
         said = self.ctl("ping", "--server", self.endpoint, "--server-key", self.path / "other.public", "--key", key, "--timeout", 5,
                         code=1)
         self.assertRegex(said, "AUTH|UNREACHABLE")
+        # Without the file: what an operator does who sets up keys.
+        del os.environ["SHEARBUS_SECRET_KEY_FILE"]
+        self.assertIn("never written over", self.ctl("keygen", self.path / "own", code=1))
+        self.assertEqual(key.stat().st_mode & 0o777, 0o600)
+        with_keys = ("--server", found["endpoint"], "--server-key", self.path / "server.public", "--key", key)
+        self.ctl("ping", "--timeout", 20, *with_keys)
+        self.assertIn("AUTH", self.ctl("ping", "--timeout", 20, "--server", found["endpoint"], code=1))
+        self.run_program(OPTIONS.hydro, served.PROBLEMS / "sliding_to_a_stop.toml", "--check", *with_keys)
         server.send_signal(signal.SIGTERM)
-        self.ended(server)
+        self.assertIn(found["server_key"], self.ended(server))
         self.assertEqual(list(self.file.parent.iterdir()), [])
 
     def test_a_relative_socket_is_named_by_its_whole_path(self):

@@ -107,6 +107,9 @@ class FrictionEnergy(served.Served):
         with shearbus.resume(ticket, endpoint=self.bus, want=WANTED, check_closure="off") as session:
             sums, heats, _ = self.step(session)
             self.assertTrue((sums == expected + heats).all())
+        said = self.server.text()
+        self.assertNotIn(" opened by ", said, "the server before told it")
+        self.assertIn(" resumed by ", said)
 
     def test_nodes_that_move_to_another_session_take_their_sums_along(self):
         with self.open(summing(ONE_SIDED), domain="run") as giver, self.open(summing(ONE_SIDED), nodes=(7,), domain="run") as taker:

@@ -29,7 +29,7 @@ SETS = 4_000
 LONGEST_TURN_S = 0.05
 # Processor time of the server's thread while the neighbour waited for one answer  [s]: what the wait takes on a machine
 # that does nothing else, whatever else this one does. A turn of another, and the neighbour's own step.
-LONGEST_WAIT_S = 0.05
+LONGEST_WAIT_S = 0.08
 # The longest wait of the neighbour, as a part of the time that the request took: without turns it is all of it.
 PART_OF_REQUEST = 0.5
 JITTER_S = 0.3  # of a busy machine

@@ -33,7 +33,7 @@ class HostileTexts(served.Served):
             self.assertIn("\\x1b[2J", text, f"{what}: the name is shown, escaped")
 
     def ran(self, program, *words, code=1, quoted=True):
-        done = subprocess.run([getattr(OPTIONS, program), *map(os.fspath, words)], capture_output=True, timeout=120, check=False,
+        done = subprocess.run([getattr(OPTIONS, program), *map(os.fspath, words)], capture_output=True, timeout=300, check=False,
                               cwd=self.path)
         text = (done.stdout + done.stderr).decode("utf8", "surrogateescape")
         self.assertIn(done.returncode, code if isinstance(code, tuple) else (code,), text)

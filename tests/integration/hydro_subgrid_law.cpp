@@ -131,27 +131,6 @@ TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
   }
 }
 
-TEST(SubgridLaw, AJumpThatIsStoppedDoesNotRing) {
-  const hydro::SceneFile of = scene();
-  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
-  hydro::SubgridLaw law = embedded(of, problem);
-  ShearColumn column(problem);
-  std::vector<double> previous = problem.initial_jump;
-  std::size_t stopped = 0;
-  for (std::uint64_t step = 0; step < problem.steps; ++step) {
-    column.advance(law);
-    for (std::size_t i = 0; i < problem.columns; ++i) {
-      const double jump = column.soft().velocity_at(0)[i] - column.hard().velocity_at(0)[i];
-      if (problem.pressure.at(0.0, i) > 0.0) {
-        ASSERT_GE(jump * previous[i], 0.0) << "step " << step << " column " << i;
-      }
-      stopped += jump == 0.0 ? 1 : 0;
-      previous[i] = jump;
-    }
-  }
-  EXPECT_GT(stopped, problem.steps);
-}
-
 // Metal beside the interface that flows along s drags the interface along, whatever the sign of the jump of its nodes: the
 // law is that of the jump and the shear together, DLP (64). Columns: jump and shear along each other; the same sum of
 // both with the jump against the shear; their mirror images.
@@ -210,15 +189,6 @@ pressure_pa = [4e9]
     }
   }
   law.close();
-}
-
-TEST(SubgridLaw, RefusalOfTheServerNamesTheField) {
-  hydro::SceneFile of = scene();
-  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
-  of.text.replace(of.text.find("aluminium_dlp"), std::string_view("aluminium_dlp").size(), "unobtainium");
-  const wire::Status fault = support::fault_of([&] { embedded(of, problem); });
-  EXPECT_EQ(fault.code, wire::Code::kInvalidScene);
-  EXPECT_EQ(fault.field, "soft.material");
 }
 
 }  // namespace

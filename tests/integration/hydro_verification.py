@@ -1,15 +1,13 @@
 """Runs every scene of problems/verification as a user does. It must end with its exact values, within the bounds of the table below, which
 hold for the meshes that the scenes name."""
-import argparse
 import json
 import pathlib
-import re
-import subprocess
 import sys
-import tempfile
-import unittest
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS, PROBLEMS
+
 # scene -> (quantity, bound of its error; relative where the exact value is not 0)
 BOUNDS = {
     "piston": [("stress behind both waves", 1e-3), ("elastic limit", 1e-2), ("mean error of the stress", 0.02)],
@@ -27,49 +25,35 @@ BOUNDS = {
     "patch_test": [("largest velocity", 1e-8), ("pressure on the line", 1e-9)],
     "taylor_bar": [("length", 0.05), ("radius of the foot", 0.12)],
 }
-COARSER = {"taylor_bar": {"zones": "4"}}  # a coarser mesh, so that the test takes seconds; the convergence tests refine
+COARSER = {"taylor_bar": {"zones": 4}}  # a coarser mesh, so that the test takes seconds; the convergence tests refine
 
 
-class Verification(unittest.TestCase):
+class Verification(served.Served):
     def test_every_scene_is_listed(self):
-        scenes = {p.stem for p in pathlib.Path(OPTIONS.problems, "verification").glob("*.toml")}
-        self.assertEqual(scenes, set(BOUNDS))
+        self.assertEqual({p.stem for p in (PROBLEMS / "verification").glob("*.toml")}, set(BOUNDS))
 
     def test_zones_graded_to_the_line_slide_as_equal_ones(self):
         self.check("sliding_half_spaces", ("[hydro.sliding_plates]", "[hydro.sliding_plates]\nfirst_zone_m = 5e-6"))
 
-    def check(self, name, change=None):
-        with tempfile.TemporaryDirectory() as directory:
-            out = pathlib.Path(directory)
-            text = pathlib.Path(OPTIONS.problems, "verification", name + ".toml").read_text()
-            for key, value in COARSER.get(name, {}).items():
-                text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
-                self.assertEqual(found, 1)
-            if change:
-                self.assertIn(change[0], text)
-                text = text.replace(*change)
-            (out / "scene.toml").write_text(text)
-            done = subprocess.run([OPTIONS.hydro, str(out / "scene.toml"), "--out", str(out / "run"), "--no-plot"],
-                                  capture_output=True, text=True, timeout=250)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            summary = json.loads((out / "run" / "summary.json").read_text())
-            found = {c["what"]: c for c in summary["comparisons"]}
-            for what, bound in BOUNDS[name]:
-                exact, value = found[what]["exact"], found[what]["found"]
-                error = abs(value - exact) / (abs(exact) or 1.0)
-                print(f"{name:22} {what:36} {value:.6g}, should be {exact:.6g}, error {error:.2e} (bound {bound:g})")
-                self.assertLess(error, bound, what)
-                self.assertIn(what, done.stdout)
-            self.assertLess(abs(summary["energy_residual"]), 1e-12)
-            self.assertLess(abs(summary["momentum_residual"]), 1e-12)
+    def check(self, name, change=("", "")):
+        scene = served.edited(PROBLEMS / f"verification/{name}.toml", self.path / "scene.toml", **COARSER.get(name, {}))
+        self.assertIn(change[0], scene.read_text())
+        scene.write_text(scene.read_text().replace(*change))
+        done = self.run_program(OPTIONS.hydro, scene, "--out", self.path / "run", "--no-plot")
+        summary = json.loads((self.path / "run/summary.json").read_text())
+        found = {c["what"]: c for c in summary["comparisons"]}
+        for what, bound in BOUNDS[name]:
+            exact, value = found[what]["exact"], found[what]["found"]
+            error = abs(value - exact) / (abs(exact) or 1.0)
+            print(f"{name:22} {what:36} {value:.6g}, should be {exact:.6g}, error {error:.2e} (bound {bound:g})")
+            self.assertLess(error, bound, what)
+            self.assertIn(what, done.stdout)
+        self.assertLess(abs(summary["energy_residual"]), 1e-12)
+        self.assertLess(abs(summary["momentum_residual"]), 1e-12)
 
 
 for scene in BOUNDS:
     setattr(Verification, f"test_{scene}", lambda self, scene=scene: self.check(scene))
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--hydro", required=True)
-    parser.add_argument("--problems", required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=[sys.argv[0], *rest])
+    served.main("hydro")

@@ -156,23 +156,6 @@ TEST(Operations, ASessionLeftBehindIsClosedOnlyAfterItsIdleTime) {
   other.close();
 }
 
-TEST(Operations, ADrainedServerEndsWithItsLastSession) {
-  const ScratchDirectory scratch;
-  ServerProcess server({"--bind", scratch.ipc(), "--state-dir", scratch / "state"});
-  ASSERT_TRUE(server.ready()) << server.log();
-  Client client({.endpoint = scratch.ipc()});
-  Session session = client.open(support::text_of(support::velocity_scene()), "scene", kNodes);
-  const Ctl ctl(scratch.ipc());
-  EXPECT_EQ(ctl({"drain", "--exit"}).first, 0);
-  EXPECT_EQ(support::code_of([&] { client.open(support::text_of(support::velocity_scene()), "scene", kNodes); }),
-            Code::kDraining);
-  step(session, 0);
-  EXPECT_FALSE(server.process().exit_code(300ms)) << "a session is open";
-  session.close();
-  EXPECT_EQ(server.process().exit_code(10s), 0) << server.log();
-  EXPECT_TRUE(std::filesystem::exists(scratch / "state" / "checkpoint-000000000001.h5"));
-}
-
 // A ping must fail within a second if the server process is stopped by SIGSTOP, as it does if there is no server.
 TEST(Operations, APingTellsWithinASecondThatNobodyAnswers) {
   const ScratchDirectory scratch;

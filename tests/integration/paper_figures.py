@@ -1,38 +1,29 @@
 """Tests of tests/validation/paper_figures.py: some figures from coarse runs, their sentences, and what is refused."""
-import argparse
 import json
 import pathlib
-import subprocess
 import sys
-import tempfile
-import unittest
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS
 
 
-class PaperFigures(unittest.TestCase):
-    def setUp(self):
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.out = pathlib.Path(scratch.name)
-
-    def run_program(self, *arguments):
+class PaperFigures(served.Served):
+    def program(self, *arguments, code=0):
         programs = pathlib.Path(OPTIONS.replay).parent
         self.assertEqual(programs, pathlib.Path(OPTIONS.hydro).parent)
-        return subprocess.run([sys.executable, "-B", OPTIONS.program, "-o", self.out, "--bin", programs, *arguments],
-                              capture_output=True, text=True, timeout=200)
+        return self.run_program(sys.executable, "-B", OPTIONS.program, "-o", self.path, "--bin", programs, *arguments, code=code)
 
     def figures(self, only):
-        done = self.run_program("--coarse", "--only", only)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return {entry["figure"]: entry for entry in json.loads((self.out / "figures.json").read_text(encoding="utf-8"))}, done.stdout
+        done = self.program("--coarse", "--only", only)
+        return {entry["figure"]: entry for entry in json.loads((self.path / "figures.json").read_text(encoding="utf-8"))}, done.stdout
 
     def test_figures_have_a_picture_and_sentences_with_numbers(self):
         figures, printed = self.figures("12,14,18")
         self.assertEqual(list(figures), [12, 14, 18])
         for number, entry in figures.items():
             self.assertEqual(set(entry), {"figure", "title", "file", "scene", "agrees", "differs"})
-            self.assertEqual((self.out / entry["file"]).read_bytes()[:4], b"\x89PNG")
+            self.assertEqual((self.path / entry["file"]).read_bytes()[:4], b"\x89PNG")
             self.assertIn(entry["title"], printed)
             self.assertTrue(any(letter.isdigit() for letter in " ".join(entry["agrees"])), number)
         agrees = {number: " ".join(entry["agrees"]) for number, entry in figures.items()}
@@ -55,16 +46,9 @@ class PaperFigures(unittest.TestCase):
         self.assertRegex(" ".join(figures[22]["agrees"]), r"impulse of s x 1\.\d+, on zones twice as wide x 1\.\d+")
 
     def test_what_is_no_figure_and_what_is_missing_are_refused(self):
-        done = self.run_program("--only", "11")
-        self.assertEqual((done.returncode, "expected numbers from 12 to 22" in done.stderr), (2, True), done.stderr)
-        done = self.run_program("--only", "12", "--bin", self.out)
-        self.assertNotEqual(done.returncode, 0)
-        self.assertIn("shearbus-replay is missing", done.stderr)
+        self.assertIn("expected numbers from 12 to 22", self.program("--only", "11", code=2).stderr)
+        self.assertIn("shearbus-replay is missing", self.program("--only", "12", "--bin", self.path, code=1).stderr)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    for name in ("replay", "hydro", "program"):
-        parser.add_argument(f"--{name}", required=True)
-    OPTIONS, rest = parser.parse_known_args()
-    unittest.main(argv=[sys.argv[0], *rest])
+    served.main("replay", "hydro", "program")

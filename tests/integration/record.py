@@ -57,9 +57,8 @@ class RecordTest(support.ReplayTest):
 
     def serve(self, *arguments, limit=None):
         """Starts a server that can be killed. Its process gets the member `text`, a function that returns its log."""
-        limited = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))) if limit else None
         return served.serve(self, self.log(), support.PROGRAMS["server"], "--bind", self.bus, "--threads", "1", *arguments,
-                            preexec_fn=limited)
+                            preexec_fn=limit and served.file_limit(limit))
 
     def logs(self):
         return sorted(self.records.glob("session-*.log"))

@@ -124,11 +124,6 @@ class Results(ReplayTest):
             self.assertNotEqual(done.returncode, 0)
             self.assertIn(text, done.stderr)
 
-    def test_an_older_result_is_replaced_and_the_summary_says_so(self):
-        self.write(**velocity_history())
-        self.assertNotIn("replaced", self.result()["text"])
-        self.assertIn("replaced", self.result()["text"])
-
     def test_open_contact_carries_no_stress_and_closes_again(self):
         self.example("ramp")
         with h5py.File(self.history) as file:
@@ -153,7 +148,7 @@ class Results(ReplayTest):
     def test_explain_tells_what_a_scene_pays_for_and_replays_nothing(self):
         self.write(**velocity_history())
         command = [support.PROGRAMS["replay"], "--scene", str(EXAMPLES / "paper_velocity_driven.toml"), "--explain"]
-        run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertRegex(run.stdout, r"off layer.inertia +would take \+\d+ B per node")
         self.assertRegex(run.stdout, r"memory +\d+ B per node; with everything on \d+ B")
@@ -183,24 +178,6 @@ class Results(ReplayTest):
         self.assertTrue(np.all(driven["sliding_velocity"] > zero["sliding_velocity"] + 1.0))  # sqrt(3) h 1e5/s = 3.5 m/s
         note = self.result(scene=plain)["text"]  # a layer without plastic strain does not use this column
         self.assertIn("/soft_plastic_strain_rate is not used", note)
-
-
-class Elsewhere(ReplayTest):
-    def test_a_server_elsewhere_gives_the_same_bits(self):
-        self.write(**velocity_history(steps=20, nodes=3))
-        inside = self.result()
-        endpoint = f"ipc://{self.path}/bus"
-        command = [support.PROGRAMS["server"], "--bind", endpoint]
-        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
-            try:
-                outside = self.result("--server", endpoint)
-                again = self.result("--server", endpoint)  # a new session: no state is left of the first
-            finally:
-                server.terminate()
-                server.wait(timeout=30)
-        for name in ("shear_stress", "sliding_velocity", "interface_temperature", "regime", "outcome", "friction_heat"):
-            np.testing.assert_array_equal(inside[name], outside[name], name)
-            np.testing.assert_array_equal(inside[name], again[name], name)
 
 
 class Recorded(ReplayTest):
@@ -297,15 +274,6 @@ class Loops(ReplayTest):
             np.testing.assert_allclose(result[name], np.cos(angle) * line[name], rtol=1e-8, atol=1e-6, err_msg=name)
             np.testing.assert_allclose(result[f"{name}_second"], np.sin(angle) * line[name], rtol=1e-8, atol=1e-6, err_msg=name)
         np.testing.assert_allclose(result["interface_temperature"], line["interface_temperature"], rtol=1e-10)
-
-    def test_nodes_do_not_see_each_other(self):
-        parts = force_history(steps=50, nodes=11)
-        self.write(**parts)
-        together = self.result(scene=self.scene)
-        for node in (0, 7, 10):
-            alone = {k: v if k == "time" else v[..., node:node + 1] for k, v in parts.items()}
-            self.write(**alone)
-            np.testing.assert_array_equal(self.result(scene=self.scene)["shear_stress"][:, 0], together["shear_stress"][:, node])
 
 
 if __name__ == "__main__":

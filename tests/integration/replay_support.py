@@ -26,10 +26,13 @@ class ReplayTest(served.Served):
         done = self.run_program(PROGRAMS[program], *arguments, code=code, **more)
         return done.stdout + done.stderr
 
+    def ran(self, program, *arguments, **options):
+        """Runs a program, named as in PROGRAMS, to any end. Returns it."""
+        options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "timeout": 120, **options}
+        return subprocess.run([PROGRAMS[program], *map(str, arguments)], check=False, text=True, errors="replace", **options)
+
     def replay(self, *arguments, history=None, scene=EXAMPLES / "paper_velocity_driven_graded.toml", out=True):
-        command = [PROGRAMS["replay"], str(history or self.history), "--scene", str(scene)]
-        command += ["--out", str(self.out)] if out else []
-        return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
+        return self.ran("replay", history or self.history, "--scene", scene, *(("--out", self.out) if out else ()), *arguments)
 
     def result(self, *arguments, **options):
         """Runs a replay that must succeed. Returns its datasets as arrays, and its printed text as `text`."""

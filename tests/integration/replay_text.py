@@ -100,17 +100,16 @@ class Runs(support.ReplayTest):
         self.table = self.path / "table.csv"
         self.table.write_text(PLAIN)
 
-    def run_program(self, *words, **environment):
-        return subprocess.run([support.PROGRAMS["replay"], *map(str, words)], env=os.environ | {"TMPDIR": str(self.scratch)} | environment, timeout=60,
-                              capture_output=True, text=True, check=False)
+    def run_replay(self, *words, **environment):
+        return self.ran("replay", *words, env=os.environ | {"TMPDIR": str(self.scratch)} | environment)
 
     def test_nothing_is_left_where_the_history_was_made(self):
         for text, code in ((PLAIN, 0), (PLAIN.replace("17.1", "x"), 1), (PLAIN.replace("velocity_jump [m/s]", "remark"), 1)):
             self.table.write_text(text)
-            run = self.run_program(self.table, "--steps", "--scene", GRADED, "--out", self.out)
+            run = self.run_replay(self.table, "--steps", "--scene", GRADED, "--out", self.out)
             self.assertEqual(run.returncode, code, run.stderr)
             self.assertEqual(list(self.scratch.iterdir()), [])
-        run = self.run_program(self.table, "--steps", "--scene", GRADED, "--out", self.out, TMPDIR=str(self.path / "absent"))
+        run = self.run_replay(self.table, "--steps", "--scene", GRADED, "--out", self.out, TMPDIR=str(self.path / "absent"))
         self.assertEqual(run.returncode, 1)
         self.assertRegex(run.stderr, "TMPDIR names no directory .*absent")
 
@@ -153,34 +152,34 @@ class Runs(support.ReplayTest):
         (self.path / "h5py.py").write_text("raise ImportError('No module named h5py')")
         without = {"PYTHONPATH": str(self.path)}
         self.write(**velocity_history())
-        run = self.run_program(self.history, "--points", "--scene", GRADED, "--out", self.out, **without)
+        run = self.run_replay(self.history, "--points", "--scene", GRADED, "--out", self.out, **without)
         self.assertEqual(run.returncode, 0, run.stderr)
-        run = self.run_program(self.history, "--dt", "5e-10", "--scene", GRADED, "--out", self.path / "result.csv", **without)
+        run = self.run_replay(self.history, "--dt", "5e-10", "--scene", GRADED, "--out", self.path / "result.csv", **without)
         self.assertEqual(run.returncode, 0, run.stderr)
         for code, words in ((1, (self.table, "--steps", "--scene", GRADED, "--out", self.out)), (2, ("compare", self.history, self.history))):
-            run = self.run_program(*words, **without)
+            run = self.run_replay(*words, **without)
             self.assertEqual(run.returncode, code)
             self.assertEqual(run.stderr.count("\n"), 1, run.stderr)
             self.assertIn("python3-h5py", run.stderr)
 
     def test_comparison_of_text_and_history(self):
-        self.assertEqual(self.run_program(self.table, "--steps", "--scene", GRADED, "--out", self.out).returncode, 0)
+        self.assertEqual(self.run_replay(self.table, "--steps", "--scene", GRADED, "--out", self.out).returncode, 0)
         text = self.path / "result.csv"
-        self.assertEqual(self.run_program(self.table, "--steps", "--scene", GRADED, "--out", text).returncode, 0)
-        run = self.run_program("compare", self.out, text)
+        self.assertEqual(self.run_replay(self.table, "--steps", "--scene", GRADED, "--out", text).returncode, 0)
+        run = self.run_replay("compare", self.out, text)
         self.assertEqual((run.returncode, run.stdout[:26]), (0, "equal: 3 steps of 2 nodes,"), run.stdout + run.stderr)
         rows = text.read_text().splitlines()
         rows[3] = rows[3].replace("66.66", "66.67")
         text.write_text("\n".join(rows))
-        run = self.run_program("compare", self.out, text)
+        run = self.run_replay("compare", self.out, text)
         self.assertEqual(run.returncode, 1)
         self.assertRegex(run.stdout, r"^step 1 \(ends at 2e-06 s\): velocity_jump of node 7 is 66\.66\d* in result.h5, 66\.67\d* in result.csv \(1 of 16 values")
-        self.assertEqual(self.run_program("compare", self.out, text, "--rtol", "1e-3").returncode, 0)
-        run = self.run_program("compare", self.out, text, "--rtol", "1e-9")
+        self.assertEqual(self.run_replay("compare", self.out, text, "--rtol", "1e-3").returncode, 0)
+        run = self.run_replay("compare", self.out, text, "--rtol", "1e-9")
         self.assertRegex(run.stdout, r"(?m)^velocity_jump: 1 of 6 values differ; largest difference 0\.0\d* \(.* of the larger\), at node 7, step 1 \(ends at 2e-06 s\): ")
         self.assertIn("different within 1e-09: 3 steps of 2 nodes", run.stdout)
         text.write_text("\n".join(rows[:-2]))
-        self.assertIn("result.h5 has 3 steps, result.csv has 2", self.run_program("compare", self.out, text, "--rtol", "1").stdout)
+        self.assertIn("result.h5 has 3 steps, result.csv has 2", self.run_replay("compare", self.out, text, "--rtol", "1").stdout)
 
 
 if __name__ == "__main__":

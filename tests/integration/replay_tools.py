@@ -4,7 +4,6 @@ import os
 import re
 import resource
 import struct
-import subprocess
 import sys
 
 import h5py
@@ -24,10 +23,7 @@ POINTS = [(0, 11.2, 100), (0.1, 11.2, 100), (0.25, 11.0, 98), (0.3, 10.5, 95), (
 
 class Tool(support.ReplayTest):
     def tool(self, *arguments, code=0):
-        run = subprocess.run([support.PROGRAMS["replay"], *map(str, arguments)], capture_output=True, text=True, timeout=120,
-                             check=False)
-        self.assertEqual(run.returncode, code, run.stdout + run.stderr)
-        return run.stdout + run.stderr
+        return super().tool("replay", *arguments, code=code)
 
     def csv(self, text, name="shot.csv"):
         file = self.path / name
@@ -155,7 +151,7 @@ class Tables(Tool):
             (good.replace("pressure [GPa]", "pressure"), ("pressure has no unit", "--columns pressure:Pa", "GPa")),
             (good.replace("GPa", "psi"), ('"psi"', "GPa")),
             (good.replace("0.1,11,100", "0.1,11"), ("line 3: 2 values, expected 3",)),
-            (good.replace("0.1,11,", "0.1,nan,"), ('line 3: pressure is "nan"',)),
+            (good.replace("0.1,11,", "0.1,nan,"), ('line 3: pressure is "nan"', "finite number")),
             (good.replace("0.1,11,", "0.1,1.1e,"), ('line 3: pressure is "1.1e"',)),
             (good.replace("0.1,", "0,"), ("line 3: time 0 s is not after",)),
             (good.replace("velocity_jump [m/s]", "speed [m/s]"), ("/velocity_jump [T,N]",)),

@@ -150,16 +150,22 @@ TEST_F(LostReply, EveryLossIsMadeGoodAndNothingAgesTwice) {
     if (step % 3 == 0) bus_.replies_to_lose = 1 + step / 6;
     if (step % 3 == 1) bus_.requests_to_lose = 1;
     losses += bus_.replies_to_lose + bus_.requests_to_lose;
-    const auto& a = session.advance(columns(step), {.dt_s = 1e-9});
-    const auto& b = twin.advance(columns(step), {.dt_s = 1e-9});
-    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0)
-        << step;
+    const Batch request = columns(step);
+    if (step >= 6) {  // in two halves, between which the host does other work
+      session.start_advance(request, {.dt_s = 1e-9});
+      std::this_thread::sleep_for(5ms);
+    }
+    const auto& a = step >= 6 ? session.finish_trial() : session.advance(request, {.dt_s = 1e-9});
+    const auto& b = twin.advance(request, {.dt_s = 1e-9});
+    ASSERT_TRUE(std::ranges::equal(a.shear_stress_pa(), b.shear_stress_pa())) << step;
+    ASSERT_TRUE(std::ranges::equal(a.interface_temperature_k(), b.interface_temperature_k())) << step;
     ASSERT_EQ(a.upscale().state_version, static_cast<std::uint64_t>(step + 1));
   }
   const auto status = direct_.server_status();
   EXPECT_EQ(status.node_steps, 2 * 12 * kNodes.size());
   EXPECT_EQ(status.replayed, 6u);
   EXPECT_EQ(losses, 10);
+  EXPECT_THROW(session.finish_trial(), Error);
 }
 
 // The client gathers the next part and copies the answers before it while a part is under way. Wherever the answer to a
@@ -212,30 +218,6 @@ TEST_F(LostReply, APartIsOnItsWayBeforeThePartBeforeItIsAnswered) {
   EXPECT_EQ(direct_.server_status().replayed, replayed);
 }
 
-// start_trial() and finish_trial() together make one request. If the request or its reply is lost, the client repeats
-// the request, but the server runs it only once.
-TEST_F(LostReply, ATrialStartedAndFinishedLaterIsMadeGoodToo) {
-  Client client(options());
-  Session session = open(client);
-  Session twin = open(direct_);
-  for (int step = 0; step < 9; ++step) {
-    const Batch request = columns(step);
-    const StepOptions how{.dt_s = 1e-9, .commit_previous = step > 0};
-    if (step % 3 == 1) bus_.replies_to_lose = 1;
-    if (step % 3 == 2) bus_.requests_to_lose = 1;
-    session.start_trial(request, how);
-    std::this_thread::sleep_for(5ms);  // the time that the host spends on other work
-    const auto& a = session.finish_trial();
-    const auto& b = twin.trial(request, how);
-    ASSERT_TRUE(std::ranges::equal(a.shear_stress_pa(), b.shear_stress_pa())) << step;
-    ASSERT_TRUE(std::ranges::equal(a.interface_temperature_k(), b.interface_temperature_k())) << step;
-  }
-  EXPECT_EQ(session.commit(), 9u);
-  EXPECT_EQ(direct_.server_status().node_steps, 2 * 9 * kNodes.size());
-  EXPECT_EQ(direct_.server_status().replayed, 3u);
-  EXPECT_THROW(session.finish_trial(), Error);
-}
-
 // start_trial() sends the request at once, so the server computes while the host does other work. When finish_trial()
 // is called, the answer has already arrived.
 TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
@@ -253,13 +235,6 @@ TEST_F(LostReply, AStartedTrialIsComputedWhileTheHostDoesOtherThings) {
   EXPECT_EQ(bus_.requests_seen, seen + 1);
 }
 
-TEST_F(LostReply, ALostOpeningReplyOpensOneSession) {
-  Client client(options());
-  bus_.replies_to_lose = 2;
-  Session session = open(client);
-  EXPECT_EQ(direct_.server_status().sessions, 1u);
-}
-
 TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
   Client client(options(400ms));
   bus_.replies_to_lose = 1000;
@@ -274,21 +249,6 @@ TEST_F(LostReply, AnOpeningOfUnknownOutcomeIsOpenedAgainAsTheSameSession) {
   EXPECT_EQ(direct_.server_status().sessions, 2u);
 }
 
-TEST_F(LostReply, UnknownOutcomeIsSaidAndTheSameCallAgainIsSafe) {
-  Client client(options(400ms));
-  Session session = open(client);
-  Session twin = open(direct_);
-  const auto request = columns(0);
-  bus_.replies_to_lose = 1000;
-  EXPECT_EQ(code_of([&] { session.advance(request, {.dt_s = 1e-9}); }), Code::kUnknownOutcome);
-  bus_.replies_to_lose = 0;
-  const auto& a = session.advance(request, {.dt_s = 1e-9});
-  EXPECT_EQ(a.upscale().state_version, 1u);
-  const auto& b = twin.advance(request, {.dt_s = 1e-9});
-  EXPECT_TRUE(std::ranges::equal(a.shear_stress_pa(), b.shear_stress_pa()));
-  EXPECT_EQ(direct_.server_status().node_steps, 2 * kNodes.size());
-}
-
 TEST_F(LostReply, AnotherCallAfterAnUnknownOutcomeIsToldThatTheLostOneHasRun) {
   Client client(options(400ms));
   Session session = open(client);
@@ -299,15 +259,6 @@ TEST_F(LostReply, AnotherCallAfterAnUnknownOutcomeIsToldThatTheLostOneHasRun) {
       << "another step was run under the number of the lost one";
   // After a step whose reply was lost the session continues.
   EXPECT_EQ(session.advance(columns(1), {.dt_s = 1e-9}).upscale().state_version, 2u);
-}
-
-TEST_F(LostReply, AServerThatStopsAnsweringIsNoticedWithinTheDeadline) {
-  Client client(options(500ms));
-  Session session = open(client);
-  server_.stop();
-  const auto started = std::chrono::steady_clock::now();
-  EXPECT_THROW(session.advance(columns(0), {.dt_s = 1e-9}), Error);
-  EXPECT_LT(std::chrono::steady_clock::now() - started, 5s);
 }
 
 }  // namespace

@@ -89,58 +89,6 @@ TEST(ServerProgram, AClientThatStopsReadingDoesNotHoldUpTheExit) {
   ::waitpid(frozen, nullptr, 0);
 }
 
-TEST(ServerProgram, KilledClientLeavesItsSessionAndTheOthersAlone) {
-  const ScratchDirectory scratch;
-  ServerProcess server({"--bind", scratch.ipc()});
-  ASSERT_TRUE(server.ready()) << server.log();
-  ::pid_t victim = ::fork();  // forks before this process has a ZeroMQ context of its own
-  if (victim == 0) {
-    try {
-      Client client({.endpoint = scratch.ipc()});
-      Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-      for (int step = 0;; ++step)
-        session.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
-    } catch (...) {
-    }
-    ::_exit(0);
-  }
-  Client client({.endpoint = scratch.ipc()});
-  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  support::RunningServer quiet;
-  Client quiet_client = quiet.client();
-  Session twin = quiet_client.open(support::text_of(support::force_scene()), "scene", kNodes);
-  for (int step = 0; step < 60; ++step) {
-    if (step == 20) {
-      while (client.server_status().sessions < 2) std::this_thread::sleep_for(1ms);
-      ::kill(victim, SIGKILL);
-      ::waitpid(victim, nullptr, 0);
-    }
-    const auto& a = session.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
-    const auto& b = twin.advance(support::step_columns(Strategy::kForceDriven, kNodes, step), {.dt_s = 1e-9});
-    ASSERT_EQ(std::memcmp(a.shear_stress_pa().data(), b.shear_stress_pa().data(), kNodes.size() * sizeof(double)), 0)
-        << step;
-  }
-  // The server keeps the sessions of both clients: the killed client and the other client have not closed them.
-  EXPECT_EQ(client.server_status().sessions, 2u);
-}
-
-TEST(ServerProgram, ASecondServerOnThePathRefusesAndTheFirstGoesOn) {
-  const ScratchDirectory scratch;
-  ServerProcess first({"--bind", scratch.ipc()});
-  ASSERT_TRUE(first.ready()) << first.log();
-  Client client({.endpoint = scratch.ipc()});
-  ServerProcess second({"--bind", scratch.ipc()});
-  EXPECT_EQ(second.process().exit_code(5s), 1) << second.log();
-  EXPECT_NE(second.log().find("another server listens on " + scratch.ipc()), std::string::npos) << second.log();
-  EXPECT_NO_THROW(client.server_status());
-  EXPECT_NO_THROW(Client({.endpoint = scratch.ipc()}));
-  // The kernel releases the lock on the endpoint when the server process that holds it dies, even by SIGKILL.
-  first.process().signal(SIGKILL);
-  ASSERT_TRUE(first.process().exit_code(5s));
-  ServerProcess third({"--bind", scratch.ipc()});
-  EXPECT_TRUE(third.ready()) << third.log();
-}
-
 TEST(ServerProgram, ATakenPortIsRefused) {
   support::RunningServer first({}, {"tcp://127.0.0.1:*"});
   ServerProcess second({"--bind", first.endpoint("tcp"), "--insecure-plaintext"});
@@ -167,29 +115,6 @@ TEST(ServerProgram, WhatMustNotBeBoundIsRefusedWithAReason) {
     EXPECT_NE(server.log().find(c.reason), std::string::npos) << server.log();
   }
   EXPECT_EQ(support::text_of(scratch.path() / "precious.txt"), "contents");
-}
-
-TEST(ServerProgram, WrongUsageExitsWithTwo) {
-  const std::vector<std::vector<std::string>> wrong = {{},
-                                                       {"--bind"},
-                                                       {"--bind", "ipc:///tmp/x", "--threads", "-1"},
-                                                       {"--bind", "ipc:///tmp/x", "--log-level", "loud"},
-                                                       {"--bind", "ipc:///tmp/x", "--friction-law", "x"},
-                                                       {"--bind", "ipc:///tmp/x", "--curve-secret", "none"},
-                                                       {"--nonsense"}};
-  for (const auto& arguments : wrong) {
-    ServerProcess server(arguments);
-    EXPECT_EQ(server.process().exit_code(5s), 2) << server.log();
-  }
-}
-
-TEST(ServerProgram, TheSocketIsForItsOwnerOnly) {
-  const ScratchDirectory scratch;
-  ServerProcess server({"--bind", scratch.ipc()});
-  ASSERT_TRUE(server.ready()) << server.log();
-  const auto permissions = std::filesystem::status(scratch.path() / "bus").permissions();
-  EXPECT_EQ(permissions & (std::filesystem::perms::group_all | std::filesystem::perms::others_all),
-            std::filesystem::perms::none);
 }
 
 // The server may drop an answer only to a client that does not read. If it regarded the short queue to a reading client
@@ -220,50 +145,6 @@ TEST(ServerProgram, NothingIsLoggedPerStep) {
   EXPECT_EQ(lines(), before);
   session.close();
   EXPECT_EQ(lines(), before + 1);
-}
-
-TEST(ControlTool, PingAndStatusTellAServerFromNone) {
-  const ScratchDirectory scratch;
-  const std::string ctl = SHEARBUS_BINARY_DIR "/bin/shearbus-ctl";
-  const std::string output = (scratch.path() / "output").string();
-  const auto run = [&](std::vector<std::string> arguments) {
-    std::filesystem::remove(output);
-    arguments.insert(arguments.begin(), ctl);
-    return support::Process(std::move(arguments), output).exit_code(20s);
-  };
-  EXPECT_EQ(run({"ping", "--server", scratch.ipc(), "--timeout", "0.3"}), 1);
-  EXPECT_NE(support::text_of(output).find("shearbus-server --bind"), std::string::npos);
-  ServerProcess server({"--bind", scratch.ipc()});
-  ASSERT_TRUE(server.ready()) << server.log();
-  EXPECT_EQ(run({"ping", "--server", scratch.ipc()}), 0);
-  EXPECT_EQ(run({"status", "--server", scratch.ipc()}), 0);
-  EXPECT_NE(support::text_of(output).find("sessions     0"), std::string::npos) << support::text_of(output);
-  EXPECT_EQ(run({"status", "--json", "--server", scratch.ipc()}), 0);
-  EXPECT_EQ(support::text_of(output).front(), '{');
-  EXPECT_EQ(run({"ping"}), 2);
-  EXPECT_EQ(run({}), 2);
-  EXPECT_EQ(run({"reference"}), 0);
-  EXPECT_NE(support::text_of(output).find("yield_strength_pa"), std::string::npos);
-}
-
-TEST(ControlTool, CheckPointsIntoTheFile) {
-  const ScratchDirectory scratch;
-  const auto file = scratch.path() / "scene.toml";
-  const std::string output = (scratch.path() / "output").string();
-  const auto check = [&](const std::string& text) {
-    std::ofstream(file) << text;
-    std::filesystem::remove(output);
-    return support::Process({SHEARBUS_BINARY_DIR "/bin/shearbus-ctl", "check", file.string()}, output).exit_code(20s);
-  };
-  const std::string head = "name = \"x\"\nstrategy = \"velocity_driven\"\n";
-  EXPECT_EQ(check(head + "[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n"), 0)
-      << support::text_of(output);
-  EXPECT_NE(support::text_of(output).find("melting_temperature_k"), std::string::npos);
-  EXPECT_EQ(check(head + "[soft]\nmaterial = \"aluminum_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n"), 1);
-  EXPECT_NE(support::text_of(output).find(file.string() + ":4:"), std::string::npos) << support::text_of(output);
-  EXPECT_EQ(check(head + "[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = \"steel_dlp\"\n[layer]\ncels = 3\n"),
-            1);
-  EXPECT_NE(support::text_of(output).find("did you mean"), std::string::npos) << support::text_of(output);
 }
 
 }  // namespace

@@ -40,7 +40,7 @@ class Shards(served.Served):
 
     def run_host(self, host, endpoint, scene="constant_friction.toml", code=0):
         program = [sys.executable, "-B", EXAMPLES / host] if host == PYTHON_HOST else [host]
-        done = subprocess.run([*program, EXAMPLES / scene], env={**os.environ, "SHEARBUS_ENDPOINT": endpoint}, capture_output=True, text=True, timeout=120)
+        done = subprocess.run([*program, EXAMPLES / scene], env={**os.environ, "SHEARBUS_ENDPOINT": endpoint}, capture_output=True, text=True, timeout=300)
         self.assertEqual(done.returncode == 0, code == 0, done.stdout + done.stderr)
         return done.stdout + (done.stderr if code else "")
 

@@ -1,7 +1,6 @@
 """The server program on state directories that something has happened to: files lost, emptied, zeroed, replaced or
 taken from another directory, a lock file removed, a disk that takes no more. A replay is the host."""
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -90,35 +89,6 @@ class StateDirectory(support.ReplayTest):
                         self.assertEqual((broken / segment.name).read_bytes(), data, "evidence stays")
                     self.stop(self.serve("--durability", "power", state=broken))
 
-    def test_a_checkpoint_of_another_directory_is_named_and_not_used(self):
-        other = self.path / "other"
-        for state, runs in ((self.state, 1), (other, 3)):
-            for _ in range(runs):
-                server = self.serve(state=state)
-                self.run_host()
-                self.stop(server)
-        foreign = sorted(other.glob("checkpoint-*.h5"))[-1]
-        shutil.copy(foreign, self.state)
-        server = self.serve()
-        self.assertIn("FOREIGN: " + foreign.name, server.text())
-        self.run_host()
-        self.stop(server)
-        self.assertEqual((self.state / foreign.name).read_bytes(), foreign.read_bytes())
-
-    def test_a_stray_file_stops_nothing(self):
-        self.stop(self.serve())
-        for name in ("journal-7.log", "journal-000000000009.log"):
-            (self.state / name).write_text("a note\n")
-        (self.state / "journal-000000000008.log").mkdir()
-        server = self.serve()
-        for number in "789":
-            self.assertRegex(server.text(), f"journal-0*{number}.log")
-
-    def test_starts_without_requests_leave_no_segment(self):
-        for _ in range(3):
-            self.stop(self.serve())
-        self.assertEqual(self.segments(), [])
-
     def test_without_the_lock_file_a_second_server_is_still_refused(self):
         server = self.serve()
         (self.state / "lock").unlink()
@@ -136,11 +106,11 @@ class StateDirectory(support.ReplayTest):
         self.serve()  # the socket of a dead server is no obstacle
 
     def test_what_needs_the_operator_is_logged_at_any_level(self):
-        limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))
-        server = self.start("--log-level", "error", "--record", self.path / "records", preexec=limit)
+        server = self.start("--log-level", "error", "--record", self.path / "records", preexec=served.file_limit(8192))
         served.until(self, (self.path / "bus").exists, server)
-        for _ in range(2):
+        for _ in range(4):
             self.run_host()
+        self.assertGreater(len(self.segments()), 1, "the largest size of a file starts another segment")
         (self.path / "bus").unlink()
         served.until(self, lambda: "ALARM: the socket" in server.text(), server)
         self.assertEqual(self.stop(server), 0)
@@ -153,18 +123,6 @@ class StateDirectory(support.ReplayTest):
         served.until(self, (self.path / "bus").exists, server)
         self.run_host()
         self.assertIn(" error LOST: " + newest.name, server.text())
-
-    def test_the_largest_size_of_a_file_starts_another_segment(self):
-        def limit():
-            resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))
-        server = self.serve(preexec=limit)
-        for _ in range(4):
-            self.run_host()
-        self.assertIsNone(server.poll(), server.text())
-        self.assertGreater(len(self.segments()), 1)
-        self.assertEqual(self.stop(server), 0)
-        self.assertIn("the checkpoint could not be written", server.text())
-        self.assertIn("replayed", self.serve().text())
 
 
 if __name__ == "__main__":

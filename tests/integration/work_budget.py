@@ -179,13 +179,6 @@ class Work(served.Served):
             for column in ("stress", "slip", "temperature"):
                 self.assertEqual(getattr(same, column).tobytes(), getattr(answer, column).tobytes())
 
-    def test_work_triggers_a_checkpoint_which_bounds_the_next_recovery(self):
-        server = self.serve("--checkpoint-work", "1e6")
-        session = self.open(PLAIN, range(100))
-        for _ in range(5):
-            step(session, 100, 1e-9)
-        self.until(lambda: list((self.path / "state").glob("checkpoint-*.h5")), server)
-
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *REST])

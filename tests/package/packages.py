@@ -35,7 +35,6 @@ DEPENDS = {
     "python3-shearbus": ["python3-numpy", "libshearbus1"],
     "shearbus-doc": [],
 }
-EXPOSURE = 20  # largest exposure of the service, in tenths, as systemd-analyze security counts it
 
 # What a user does with the packages, in a root that has never seen the sources.
 SMOKE = r"""
@@ -193,16 +192,6 @@ try() {{ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=(); _shearbus; ech
 try shearbus-ctl p; try shearbus-ctl drain --w; try shearbus-server --endp""").splitlines()
     if completed != ["ping", "--within", "--endpoint-file"]:
         yield f"the completion gives {completed}"
-    unit = root / "usr/lib/systemd/system/shearbus-server.service"
-    if shutil.which("systemd-analyze"):
-        said = run("systemd-analyze", "security", "--offline=yes", f"--threshold={EXPOSURE}", "--no-pager", unit, check=False)
-        exposure = re.search(r"Overall exposure level[^:]*: (\S+)", said)
-        if not exposure:
-            print(f"the exposure of the service is not known here: {said.strip()[-200:]}")
-        elif float(exposure[1]) * 10 > EXPOSURE:
-            yield f"the service is more exposed than {EXPOSURE / 10}: {exposure[1]}"
-        else:
-            print(f"exposure of the service: {exposure[1]}")
 
 
 def lintian_faults(debs, build):

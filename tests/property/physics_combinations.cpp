@@ -258,7 +258,8 @@ void draw_anything(Draw& draw, Rig& rig) {
     in.mass_soft[l] = draw.log_uniform(1e-6, 1e6);
     in.mass_hard[l] = draw.log_uniform(1e-6, 1e6);
     in.soft_shear_rate[l] = any(1.0, 1e12);
-    in.soft_plastic_strain_rate[l] = std::abs(any(1.0, 1e10));
+    in.soft_plastic_strain_rate[l] = any(1.0, 1e10);
+    in.second_soft_plastic_strain_rate[l] = any(1.0, 1e10);
   }
 }
 

@@ -1,13 +1,13 @@
 // The answer of a node depends on its own state and inputs only, to the last bit.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstring>
 #include <numeric>
 
 #include "tests/support/random_physics.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::testing {
 namespace {
@@ -114,6 +114,7 @@ TEST_P(PhysicsLanes, MirroredInputsGiveMirroredBits) {
         mirror.inputs.soft_shear_rate[l] *= -1;
         mirror.inputs.stress_soft[l] *= -1;
         mirror.inputs.stress_hard[l] *= -1;
+        mirror.inputs.soft_plastic_strain_rate[l] *= -1;
       }
       const double dt = random_dt(draw, extreme);
       rig.step(dt);
@@ -174,10 +175,7 @@ TEST_P(PhysicsSimilarity, ScaledProblemsHaveTheSameAnswer) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, PhysicsSimilarity, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& test) {
-                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(, PhysicsSimilarity, support::both<Strategy>(), support::name_of_strategy);
 
 }  // namespace
 }  // namespace shearbus::testing

@@ -47,6 +47,7 @@ void convert(const Rig& far_field, double dt, Rig& stick) {
   stick.inputs = {};
   stick.inputs.active = in.active;
   std::copy_n(in.soft_plastic_strain_rate, kLanes, stick.inputs.soft_plastic_strain_rate);
+  std::copy_n(in.second_soft_plastic_strain_rate, kLanes, stick.inputs.second_soft_plastic_strain_rate);
   for (const shard::InputColumn& column : columns.inputs) std::ranges::copy(column.values, stick.inputs.*column.member);
 }
 
@@ -85,6 +86,8 @@ TEST_P(PhysicsStickForm, HasTheAnswerOfTheFarFieldForm) {
         const double speed = std::hypot(in.velocity_jump[l], in.second_velocity_jump[l]) +
                              dt * (std::hypot(in.stress_soft[l], in.second_stress_soft[l]) / in.mass_soft[l] +
                                    std::hypot(in.stress_hard[l], in.second_stress_hard[l]) / in.mass_hard[l]) +
+                             kSqrt3 * options.grid.thickness *
+                                 std::hypot(in.soft_plastic_strain_rate[l], in.second_soft_plastic_strain_rate[l]) +
                              1e-6;
         const double stress = std::hypot(want.shear_stress[l], want.second_shear_stress[l]);
         const double T0 = want.interface_temperature[l];

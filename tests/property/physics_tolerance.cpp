@@ -6,6 +6,7 @@
 #include <string>
 
 #include "tests/support/random_physics.hpp"
+#include "tests/support/strategies.hpp"
 
 namespace shearbus::testing {
 namespace {
@@ -183,10 +184,7 @@ TEST_P(PhysicsTolerance, WhatHoldsForAStepHoldsForItsSubsteps) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, PhysicsTolerance, ::testing::Values(Strategy::kVelocityDriven, Strategy::kForceDriven),
-                         [](const auto& test) {
-                           return test.param == Strategy::kVelocityDriven ? "VelocityDriven" : "ForceDriven";
-                         });
+INSTANTIATE_TEST_SUITE_P(, PhysicsTolerance, support::both<Strategy>(), support::name_of_strategy);
 
 }  // namespace
 }  // namespace shearbus::testing

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdio>
 #include <deque>
-#include <limits>
 #include <string>
 
 #include "server/physics/solver/velocity_driven/inertia.hpp"

@@ -2,11 +2,9 @@
 Exit code 77: something that this needs is missing, and the last line says what."""
 import argparse
 import contextlib
-import json
 import os
 import pathlib
 import pwd
-import re
 import shutil
 import signal
 import socket
@@ -16,13 +14,12 @@ import tempfile
 import time
 import unittest
 
-import h5py
-import numpy
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
 
 OPTIONS = None
 SKIPPED = 77
 NODES = 2
-NOT_COMPARED = {"run_time_s", "cpu_time_s", "service_share", "waiting_share", "cpu_share", "provenance"}  # entries of the summary
 NEEDED = {"munged": "munge", "slurmctld": "slurmctld", "slurmd": "slurmd", "sbatch": "slurm-client"}
 PATH = os.environ["PATH"] + ":/usr/sbin:/sbin"
 
@@ -141,25 +138,6 @@ class Slurm:
                     os.kill(int(entry.parent.name), signal.SIGKILL)
 
 
-def same(test, ours, theirs):
-    """Compares every dataset of the results, and every number of the summary. Returns the number of datasets."""
-    names = sorted(p.relative_to(theirs) for p in theirs.rglob("*.h5"))
-    test.assertEqual(sorted(p.relative_to(ours) for p in ours.rglob("*.h5")), names)
-    count = 0
-    for name in names:
-        with h5py.File(ours / name) as a, h5py.File(theirs / name) as b:
-            found = []
-            b.visititems(lambda path, thing: found.append(path) if isinstance(thing, h5py.Dataset) else None)
-            for path in found:
-                if not path.startswith("meta"):
-                    numpy.testing.assert_array_equal(a[path][...], b[path][...], err_msg=f"{name} {path}")
-                    count += 1
-    a, b = (json.loads((run / "summary.json").read_text()) for run in (ours, theirs))
-    for key in b.keys() - NOT_COMPARED:
-        test.assertEqual(a[key], b[key], key)
-    return count
-
-
 class Jobs(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -171,12 +149,7 @@ class Jobs(unittest.TestCase):
         daemons.mkdir()
         cls.slurm = Slurm(daemons)
         cls.addClassCleanup(cls.slurm.end)
-        text = (pathlib.Path(OPTIONS.source) / "hydro_stub/problems/cone_al_steel_coarse.toml").read_text()
-        for key, value in {"zone_width_m": "1e-3", "end_time_s": OPTIONS.end_time}.items():
-            text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", text)
-            assert found == 1, key
-        cls.scene = cls.root / "cone.toml"
-        cls.scene.write_text(text)
+        cls.scene = served.edited(served.PROBLEMS / "cone_al_steel_coarse.toml", cls.root / "cone.toml", zone_width_m=1e-3, end_time_s=OPTIONS.end_time)
         cls.reference = cls.root / "undisturbed"
         done = subprocess.run([OPTIONS.bin / "shearbus-hydro", cls.scene, "--out", cls.reference, "--no-plot"], capture_output=True,
                               text=True, timeout=300)
@@ -247,14 +220,14 @@ class Short(Jobs):
     def test_one_node(self):
         job = self.submit("one_node.sbatch", self.host)
         self.assertEqual(self.ended(job), ("COMPLETED", 0), self.output())
-        self.assertGreater(same(self, self.directory / "run-0", self.reference), 10)
+        self.assertGreater(served.assert_same_run(self, self.directory / "run-0", self.reference), 10)
         self.assertEqual(list(self.directory.glob("job/endpoints/*")), [], "a server has left its file behind")
 
     def test_a_server_and_a_host_on_each_node_with_keys_of_the_job(self):
         job = self.submit("several_nodes.sbatch", self.host)
         self.assertEqual(self.ended(job), ("COMPLETED", 0), self.output())
         for rank in range(NODES):
-            self.assertGreater(same(self, self.directory / f"run-{rank}", self.reference), 10)
+            self.assertGreater(served.assert_same_run(self, self.directory / f"run-{rank}", self.reference), 10)
             log = (self.directory / f"job/server-{rank}.log").read_text()
             self.assertIn("listening on tcp://", log)
             self.assertIn("clients by tcp need this server key", log)
@@ -266,7 +239,7 @@ class Short(Jobs):
         os.kill(self.until(lambda: self.process("shearbus-server"), "no server runs"), signal.SIGKILL)
         self.assertEqual(self.ended(job), ("COMPLETED", 0), self.output())
         self.assertIn("it is started again", self.output())
-        self.assertGreater(same(self, self.directory / "run-0", self.reference), 10)
+        self.assertGreater(served.assert_same_run(self, self.directory / "run-0", self.reference), 10)
         self.assertEqual([path.name for path in self.directory.glob("run-*")], ["run-0"])
         for number in range(NODES):
             self.assertRegex((self.directory / f"job/server-{number}.log").read_text(), r"session \S+ opened by")
@@ -292,15 +265,7 @@ class Short(Jobs):
         self.assertTrue(list(self.directory.glob("run-0/restart/dump-*.h5")))
         again = self.submit("one_node.sbatch", self.host)
         self.assertEqual(self.ended(again), ("COMPLETED", 0), self.output())
-        same(self, self.directory / "run-0", self.reference)
-
-    def test_a_server_that_dies_is_started_again_and_the_host_goes_on(self):
-        job = self.submit("several_nodes.sbatch", self.host, options=["--nodes=1"])
-        self.dump()
-        os.kill(self.until(lambda: self.process("shearbus-server"), "no server runs"), signal.SIGKILL)
-        self.assertEqual(self.ended(job), ("COMPLETED", 0), self.output())
-        self.assertIn("it is started again", self.output())
-        same(self, self.directory / "run-0", self.reference)
+        served.assert_same_run(self, self.directory / "run-0", self.reference)
 
     def test_a_server_that_cannot_start_fails_the_job_at_once(self):
         job = self.submit("one_node.sbatch", self.host, environment={"SHEARBUS_SERVER_OPTIONS": "--durability sometimes"})
@@ -329,7 +294,7 @@ class Long(Jobs):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(self.ended(job, 400), ("COMPLETED", 0), self.output())
         self.assertEqual(self.show(job)["Restarts"], "1")
-        self.assertGreater(same(self, self.directory / "run-0", self.reference), 10)
+        self.assertGreater(served.assert_same_run(self, self.directory / "run-0", self.reference), 10)
 
 
 def main():

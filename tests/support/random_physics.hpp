@@ -2,7 +2,9 @@
 // same scenes and inputs.
 #pragma once
 
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <random>
 #include <string>
@@ -420,7 +422,9 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
       in.mass_hard[l] += mass_of_waves(rig.model.options()).hard;
     }
     if (rig.model.options().plastic_layer) {
-      in.soft_plastic_strain_rate[l] = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
+      const double rate = draw.chance(0.5) ? 0.0 : draw.log_uniform(1.0, extreme ? 1e10 : 1e6);
+      const bool odd = (std::bit_cast<std::uint64_t>(rate) & 1U) != 0;  // a sign that no other draw depends on
+      in.soft_plastic_strain_rate[l] = odd ? -rate : rate;
     }
     in.stress_soft[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
     in.stress_hard[l] = draw.chance(0.1) ? 0.0 : draw.sign() * draw.log_uniform(1e3, extreme ? 1e12 : 1e9);
@@ -428,7 +432,7 @@ inline void random_inputs(Draw& draw, Rig& rig, bool extreme) {
 }
 
 // Draws inputs for a model with two tangential components: first inputs along the first component, then an angle for
-// each vector (velocity jump, far stresses), by which it is turned.
+// each vector (velocity jump, far stresses, plastic shear), by which it is turned.
 inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
   random_inputs(draw, rig, extreme);
   const auto turn = [&](double& first, double& second) {
@@ -441,6 +445,7 @@ inline void random_vectors(Draw& draw, Rig& rig, bool extreme) {
     turn(rig.inputs.velocity_jump[l], rig.inputs.second_velocity_jump[l]);
     turn(rig.inputs.stress_soft[l], rig.inputs.second_stress_soft[l]);
     turn(rig.inputs.stress_hard[l], rig.inputs.second_stress_hard[l]);
+    turn(rig.inputs.soft_plastic_strain_rate[l], rig.inputs.second_soft_plastic_strain_rate[l]);
   }
 }
 

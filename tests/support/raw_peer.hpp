@@ -78,6 +78,18 @@ class RawDealer {
   zmq::socket_t socket_;
 };
 
+// What peers of other protocols send.
+inline std::vector<std::string> stray_bytes() {
+  return {
+      "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+      std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11) + std::string(512, 'a'),   // a TLS client hello
+      std::string("\x01\x00\x06\x00hello", 9),                                                   // ZMTP 1.0
+      std::string("\xff\x00\x00\x00\x00\x00\x00\x00\x01\x7f\x01\x05\x00\x00\x00\x05hello", 21),  // ZMTP 2.0
+      std::string(100'000, '\0'),
+      std::string(100'000, '\xff'),
+      "\r\n"};
+}
+
 class RawStream {
  public:
   // Connects to `endpoint`, which is tcp://127.0.0.1:PORT or ipc://PATH.

@@ -3,7 +3,9 @@
 
 #include <array>
 #include <cstdint>
+#include <source_location>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -50,6 +52,16 @@ struct ServiceHarness {
     const std::string header = wire::encode_header(request, {}, sum);
     const std::span<const std::byte> views[2] = {std::as_bytes(std::span(header)), request.batch.bytes()};
     return ask_bytes(std::span(views, request.batch.columns().empty() ? 1 : 2), caller);
+  }
+
+  // Asks what is not refused; a refusal is a fault of the test.
+  Answer granted(const wire::Request& request, const service::Caller& caller = {},
+                 std::source_location asked = std::source_location::current()) {
+    Answer answer = ask(request, caller);
+    if (answer.code() != wire::Code::kOk)
+      throw std::runtime_error(std::string(asked.file_name()) + ":" + std::to_string(asked.line()) + ": " +
+                               describe(answer.reply.status));
+    return answer;
   }
 
   static wire::SessionId id(std::uint8_t number) {

@@ -36,7 +36,8 @@ inline Phase begin_phase(Draw& draw, Rig& rig, bool extreme) {
     // The inputs of a quiet lane: the far stresses are 0.001 to 1 times those drawn, and the velocity jump starts at 0.
     const double share = draw.log_uniform(1e-3, 1.0);
     TileInputs& in = rig.inputs;
-    in.velocity_jump[l] = in.second_velocity_jump[l] = in.soft_plastic_strain_rate[l] = 0.0;
+    in.velocity_jump[l] = in.second_velocity_jump[l] = 0.0;
+    in.soft_plastic_strain_rate[l] = in.second_soft_plastic_strain_rate[l] = 0.0;
     for (double* rows : {in.stress_soft, in.stress_hard, in.second_stress_soft, in.second_stress_hard})
       rows[l] *= share;
     in.soft_shear_rate[l] = draw.chance(0.5) ? 0.0 : draw.sign() * draw.log_uniform(1.0, 1e4);

@@ -53,17 +53,24 @@ inline void require_agreement(const Rig& rig, const std::vector<double>& ep_old,
   double noise = 1e-14 * strain * rig.model.options().grid.thickness / (dt * flow_exponent(soft));
   if (flows) noise += kSqrt3 * flow_grain(rig, ep_old, rig.stress(l), l, dt) / dt;
   require_near(out.sliding_velocity[l], twin.sliding_velocity, (1e-8 + eps) * size + noise, "[v]");
+  const double shear = kSqrt3 * rig.model.options().grid.thickness * std::abs(rig.inputs.soft_plastic_strain_rate[l]);
   const double driven = dt * (std::abs(rig.inputs.stress_soft[l]) / rig.inputs.mass_soft[l] +
                               std::abs(rig.inputs.stress_hard[l]) / rig.inputs.mass_hard[l]);
-  require_near(out.velocity_jump_new[l], twin.velocity_jump_new,
-               1e-9 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-12 * driven,
-               "[V]");
+  require_near(
+      out.velocity_jump_new[l], twin.velocity_jump_new,
+      1e-9 * (std::abs(twin.velocity_jump_new) + std::abs(rig.inputs.velocity_jump[l])) + 1e-12 * (driven + shear),
+      "[V]");
   require_near(out.friction_heat[l], twin.friction_heat, eps * twin.friction_heat + 1e-9, "friction heat");
   if (rig.model.layout().num_friction_states > 0) {
     const double scale = std::max({1.0, std::abs(twin_state.friction_state), std::abs(rig.inputs.pressure[l])});
     const bool of_pressure = rig.model.options().interface.friction_law == FrictionLaws::place<PrakashClifton>();
     require_near(rig.friction_state(l), twin_state.friction_state, (1e-9 + eps) * (of_pressure ? scale : 1.0),
                  "state of friction");
+  }
+  if (rig.model.options().junctions) {
+    const double slipped = dt * ((1e-8 + eps) * size + noise) / (kSqrt3 * rig.model.options().junctions->height);
+    require_near(rig.junction_strain(l), twin_state.junction_strain, slipped + 1e-12 * twin_state.junction_strain,
+                 "strain of the junctions");
   }
   require(((out.outcome[l] & kFirstOrder) != 0) == twin.first_order, "the order of the step differs");
   // Rate-and-state friction vanishes at rest: where a flowing layer takes nearly all slip, digits tell whether it slips.

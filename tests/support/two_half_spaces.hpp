@@ -45,59 +45,20 @@ struct HalfSpaceState {
 
 // Returns the solution at `intervals` + 1 times from 0 to `end`. The times are graded quadratically because the
 // solution is smooth in sqrt(t). The method is product integration: the friction power is linear in each interval, and
-// the kernel (t - x)^(-1/2) is integrated exactly, so that the error decreases as intervals^-2.
-inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& problem, double end, int intervals) {
+// the kernel (t - x)^(-1/2) is integrated exactly, so that the error decreases as intervals^-2. `jump_at(last, time,
+// stress)` is the velocity jump at a time under a stress, after the state before.
+template <class JumpAt>
+std::vector<HalfSpaceState> solve_sliding(const HalfSpaces& problem, double end, int intervals, const JumpAt& jump_at) {
   const double pi = std::acos(-1.0);
   const double factor = problem.heat_partition() / problem.conductivity_soft * std::sqrt(problem.diffusivity_soft / pi);
-  const auto state_at = [&](double time, double temperature) {
-    const double stress = problem.limit(temperature);
-    return HalfSpaceState{time, stress, problem.jump(stress), temperature};
-  };
-  std::vector<HalfSpaceState> states = {state_at(0.0, problem.initial_temperature)};
-  for (int i = 1; i <= intervals; ++i) {
-    const double share = static_cast<double>(i) / intervals;
-    const double time = end * share * share;
-    double known = problem.initial_temperature;
-    double weight_of_last = 0.0;
-    for (std::size_t j = 0; j < states.size(); ++j) {
-      const double right = j + 1 < states.size() ? states[j + 1].time : time;
-      const double a = time - states[j].time;
-      const double b = time - right;
-      const double whole = 2.0 * (std::sqrt(a) - std::sqrt(b));
-      const double rising = (a * whole - 2.0 / 3.0 * (a * std::sqrt(a) - b * std::sqrt(b))) / (right - states[j].time);
-      known += factor * (whole - rising) * states[j].stress * states[j].jump;
-      if (j + 1 < states.size()) {
-        known += factor * rising * states[j + 1].stress * states[j + 1].jump;
-      } else {
-        weight_of_last = factor * rising;
-      }
-    }
-    double low = problem.initial_temperature;
-    double high = problem.melting_temperature;
-    for (int bisection = 0; bisection < 60; ++bisection) {
-      const double middle = 0.5 * (low + high);
-      const HalfSpaceState state = state_at(time, middle);
-      (known + weight_of_last * state.stress * state.jump > middle ? low : high) = middle;
-    }
-    states.push_back(state_at(time, 0.5 * (low + high)));
-  }
-  return states;
-}
-
-// Returns the solution for two free plates whose relative motion friction brakes: d[V]/dt = -mobility * s with mobility
-// = 1/m_soft + 1/m_hard, where m is the mass of a plate per area. The heat integral is computed by the product
-// integration of solve_two_half_spaces(), the integral of the momentum by the trapezoidal rule.
-inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem, double mobility, double end,
-                                                       int intervals) {
-  const double pi = std::acos(-1.0);
-  const double factor = problem.heat_partition() / problem.conductivity_soft * std::sqrt(problem.diffusivity_soft / pi);
-  std::vector<HalfSpaceState> states = {
-      {0.0, problem.limit(problem.initial_temperature), problem.initial_jump, problem.initial_temperature}};
+  const double start = problem.initial_temperature, at_rest = problem.limit(start);
+  HalfSpaceState last{0.0, at_rest, problem.initial_jump, start};
+  last.jump = jump_at(last, 0.0, at_rest);
+  std::vector<HalfSpaceState> states = {last};
   for (int i = 1; i <= intervals; ++i) {
     const double share = static_cast<double>(i) / intervals;
     const double now = end * share * share;
-    const HalfSpaceState last = states.back();
-    double known = problem.initial_temperature;
+    double known = start;
     double weight_of_last = 0.0;
     for (std::size_t j = 0; j < states.size(); ++j) {
       const bool newest = j + 1 == states.size();
@@ -111,10 +72,9 @@ inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem
     }
     const auto state_at = [&](double temperature) {
       const double stress = problem.limit(temperature);
-      const double lost = 0.5 * (now - last.time) * mobility * (last.stress + stress);
-      return HalfSpaceState{now, stress, last.jump - lost, temperature};
+      return HalfSpaceState{now, stress, jump_at(states.back(), now, stress), temperature};
     };
-    double low = problem.initial_temperature;
+    double low = start;
     double high = problem.melting_temperature;
     for (int bisection = 0; bisection < 60; ++bisection) {
       const double middle = 0.5 * (low + high);
@@ -124,6 +84,21 @@ inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem
     states.push_back(state_at(0.5 * (low + high)));
   }
   return states;
+}
+
+inline std::vector<HalfSpaceState> solve_two_half_spaces(const HalfSpaces& problem, double end, int intervals) {
+  return solve_sliding(problem, end, intervals,
+                       [&](const HalfSpaceState&, double, double stress) { return problem.jump(stress); });
+}
+
+// Returns the solution for two free plates whose relative motion friction brakes: d[V]/dt = -mobility * s with mobility
+// = 1/m_soft + 1/m_hard, where m is the mass of a plate per area. The integral of the momentum is computed by the
+// trapezoidal rule.
+inline std::vector<HalfSpaceState> solve_braked_plates(const HalfSpaces& problem, double mobility, double end,
+                                                       int intervals) {
+  return solve_sliding(problem, end, intervals, [&](const HalfSpaceState& last, double now, double stress) {
+    return last.jump - 0.5 * (now - last.time) * mobility * (last.stress + stress);
+  });
 }
 
 }  // namespace shearbus::test

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "proto/files/key_file.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace shearbus::files {
@@ -27,12 +28,7 @@ class EndpointFiles : public testing::Test {
     return read_endpoint_file(file_);
   }
   std::string fault_of(const std::string& text) {
-    try {
-      read(text);
-    } catch (const std::runtime_error& fault) {
-      return fault.what();
-    }
-    return "none";
+    return support::said_by<std::runtime_error>([&] { read(text); });
   }
   test::Scratch scratch_;
   std::filesystem::path file_ = scratch_ / "server";
@@ -50,7 +46,7 @@ TEST_F(EndpointFiles, AFileGivesWhatWasWritten) {
 TEST_F(EndpointFiles, NoBeginningOfAFileIsTakenForAWholeOne) {
   const std::string text = text_of(kContents);
   for (std::size_t size = 0; size < text.size(); ++size)
-    EXPECT_NE(fault_of(text.substr(0, size)), "none") << "the first " << size << " bytes of " << text.size();
+    EXPECT_NE(fault_of(text.substr(0, size)), "") << "the first " << size << " bytes of " << text.size();
   EXPECT_THAT(fault_of(text.substr(0, text.size() - 3)), HasSubstr("written only in part"));
   EXPECT_THAT(fault_of(text.substr(0, text.rfind("epoch"))), HasSubstr("has no epoch"));
 }
@@ -64,13 +60,8 @@ TEST_F(EndpointFiles, WhatIsNoEndpointFileIsRefusedWithTheReason) {
   wrong.server_key = "short";
   EXPECT_THAT(fault_of(text_of(wrong)), HasSubstr("server_key is not a key of 40"));
   EXPECT_THAT(fault_of(std::string(5000, '#')), HasSubstr("more than 4096 bytes"));
-  const auto fault_of_path = [](const std::filesystem::path& path) -> std::string {
-    try {
-      read_endpoint_file(path);
-    } catch (const std::runtime_error& fault) {
-      return fault.what();
-    }
-    return "none";
+  const auto fault_of_path = [](const std::filesystem::path& path) {
+    return support::said_by<std::runtime_error>([&] { read_endpoint_file(path); });
   };
   EXPECT_THAT(fault_of_path(scratch_ / "absent"), HasSubstr("No such file"));
   EXPECT_THAT(fault_of_path(scratch_.path()), HasSubstr("not a regular file"));

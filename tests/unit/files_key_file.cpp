@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "client/src/client.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace shearbus::files {
@@ -26,15 +27,7 @@ class KeyFiles : public testing::Test {
     fs::permissions(file, mode);
     return file;
   }
-  template <typename Call>
-  static std::string fault_of(Call call) {
-    try {
-      call();
-    } catch (const std::runtime_error& fault) {
-      return fault.what();
-    }
-    return "none";
-  }
+  static std::string fault_of(const auto& call) { return support::said_by<std::runtime_error>(call); }
   test::Scratch scratch_;
   int count_ = 0;
 };

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <numbers>
-#include <random>
 
 #include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/verification/exact.hpp"

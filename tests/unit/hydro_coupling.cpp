@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 #include <string>
 
@@ -51,12 +50,8 @@ TEST(Grading, ZonesGrowFromTheFirstAndFillTheBody) {
 }
 
 std::string refusal(const std::string& keys) {
-  try {
-    make_cone_target(cone(keys).scene);
-  } catch (const wire::Error& error) {
-    return error.status().field + ": " + error.status().text + " | " + error.status().remedy;
-  }
-  return "";
+  const wire::Status fault = support::fault_of([&] { make_cone_target(cone(keys).scene); });
+  return fault.ok() ? "" : fault.field + ": " + fault.text + " | " + fault.remedy;
 }
 
 TEST(Grading, ConesThatCannotBeMeshedAreRefusedWithKeyValueAndRemedy) {

@@ -5,6 +5,7 @@
 
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/scene.hpp"
+#include "tests/support/refused.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -43,13 +44,8 @@ TEST(HydroProblem, CombinedListsMakeEveryCombination) {
 }
 
 TEST(HydroProblem, PairedListsOfOtherLengthsAndTooManyCombinationsAreRefused) {
-  const auto fault_of = [](const std::string& lists) -> std::string {
-    try {
-      scene_with(lists);
-      return "accepted";
-    } catch (const wire::Error& fault) {
-      return fault.what();
-    }
+  const auto fault_of = [](const std::string& lists) {
+    return support::said_by<wire::Error>([&] { scene_with(lists); });
   };
   EXPECT_THAT(fault_of("velocity_jump_m_per_s = [10, 20, 30]\npressure_pa = [1e9, 2e9]\n"),
               HasSubstr("has 2 values, expected 1 or 3"));

@@ -4,9 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
-#include <type_traits>
-
 namespace shearbus::physics {
 namespace {
 

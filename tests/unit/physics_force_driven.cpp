@@ -18,41 +18,6 @@ void set_masses(Rig& rig, double zone = 5e-6) {
   }
 }
 
-TEST(PhysicsForceDriven, OpenContactAcceleratesFreely) {
-  Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
-  set_masses(rig);
-  rig.set_all(3.0, -1e9);
-  rig.inputs.stress_soft[0] = 1e8;
-  rig.step(1e-9);
-  const double jump_new = 3.0 + 1e-9 * (1e8 / rig.inputs.mass_soft[0]);
-  EXPECT_DOUBLE_EQ(rig.outputs.velocity_jump_new[0], jump_new);
-  EXPECT_DOUBLE_EQ(rig.outputs.sliding_velocity[0], 0.5 * (3.0 + jump_new));
-  EXPECT_EQ(rig.outputs.shear_stress[0], 0.0);
-  EXPECT_EQ(rig.outputs.regime[0], Regime::kOpen);
-}
-
-TEST(PhysicsForceDriven, SlipStressIsTheLimitAtTheTemperatureItMakes) {
-  const ModelOptions options = graded(paper_options(Strategy::kForceDriven));
-  Rig rig(options, 1);
-  set_masses(rig);
-  rig.set_all(100.0, 11.2e9);
-  for (int n = 0; n < 200; ++n) {
-    rig.step(1e-9);
-    const double limit = 200e6 * softening(options.soft, 11.2e9, rig.T(0)).g / kSqrt3;
-    ASSERT_NEAR(rig.outputs.shear_stress[0] / limit, 1.0, 1e-11) << n;
-    ASSERT_EQ(rig.outputs.regime[0], rig.T(0) < 0.99 * 1220 ? Regime::kTresca : Regime::kMelting);
-  }
-}
-
-TEST(PhysicsForceDriven, LowPressureSlipsAtCoulomb) {
-  Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
-  set_masses(rig);
-  rig.set_all(-100.0, 0.1e9);
-  rig.step(1e-9);
-  EXPECT_EQ(rig.outputs.shear_stress[0], -0.3 * 0.1e9);
-  EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
-}
-
 TEST(PhysicsForceDriven, StickingDoesNotRing) {
   Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
   set_masses(rig);
@@ -170,12 +135,6 @@ TEST(PhysicsForceDriven, SubstepsKeepTheMomentumAndHeatOfTheStep) {
     jump = rig.outputs.velocity_jump_new[0];
   }
   EXPECT_GT(divided, 0);
-}
-
-TEST(PhysicsForceDriven, ThereIsNoPlasticStrain) {
-  const Model model(paper_options(Strategy::kForceDriven));
-  EXPECT_EQ(model.layout().plastic_strain, TileLayout::kAbsent);
-  EXPECT_EQ(model.layout().doubles % kLanes, 0u);
 }
 
 }  // namespace

@@ -52,28 +52,6 @@ TEST(PhysicsHeatBasis, ModesAreTheStepsOfTheOperator) {
   }
 }
 
-// A profile comes back from its modes also where the widest cell is 1e7 times the thinnest: the modes stay orthogonal to
-// the mean, by which the first is replaced.
-TEST(PhysicsHeatBasis, ProfilesOnStronglyGradedCellsComeBack) {
-  for (const bool hard : {false, true}) {
-    ModelOptions options = graded(paper_options(), 60, 1.3);
-    if (hard) options = two_sided(options);
-    const HeatGrid grid = Rig(options).heat_grid();
-    const HeatBasis basis(grid, options.soft, options.hard);
-    const HeatOperator heat(grid, options.soft, options.hard, 1e-9);
-    const std::size_t n = static_cast<std::size_t>(grid.num_vertices());
-    std::vector<double> rows(n * kLanes, 300.0);
-    const double flux[kLanes] = {1e11};
-    for (int m = 0; m < 30; ++m) {
-      add_flux(heat, grid.num_vertices(), flux, rows.data());
-      conduct(heat, grid.num_vertices(), rows.data(), rows.data());
-    }
-    std::vector<double> modes = rows, back = rows;
-    to_profile(basis, to_modes(basis, 0, modes.data()), 0, modes.data(), back.data());
-    for (std::size_t i = 0; i < n; ++i) ASSERT_NEAR(back[i * kLanes], rows[i * kLanes], 1e-9) << "vertex " << i;
-  }
-}
-
 // Largest deviation of the modes from being orthogonal to each other.
 double apart(const HeatBasis& basis) {
   const std::size_t n = basis.rate.size();

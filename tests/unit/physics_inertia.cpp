@@ -1,87 +1,19 @@
-// Steps of a layer with inertia, as a host sees them. tests/property tests the equations of these steps,
-// tests/convergence compares them with exact solutions.
+// Steps of a layer with inertia, as a host sees them, velocity-driven and under force between the masses of the host.
+// tests/property tests the equations of these steps and compares with the twin, tests/convergence compares them with
+// exact solutions.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 #include <vector>
 
+#include "tests/support/random_physics.hpp"
 #include "tests/support/waves.hpp"
 
 namespace shearbus::testing {
 namespace {
-
-constexpr double kPressure = 1e9;  // compression of the contact [Pa]
-constexpr double kElastic = 3.0;   // velocity jump for which the layer stays elastic [m/s]
-
-TEST(PhysicsInertia, AWaveArrivesAfterACrossingAndIsDoubledAtTheHardBody) {
-  const ModelOptions options = with_inertia(paper_options());
-  ModelOptions coarse = options;
-  coarse.grid.cells = 200;
-  const double cross = coarse.grid.thickness / shear_speed(coarse.soft);
-  EXPECT_NEAR(cross, 6.26e-9, 0.01e-9);
-  const double Z = impedance(coarse.soft);
-  Rig rig(coarse, 1);
-  rig.set_all(0.0, kPressure);
-  rig.step(1e-12);  // closes the contact with the layer at rest
-  rig.set_all(kElastic, kPressure);
-  const double dt = 4e-12;
-  double arrived = 0.0;
-  for (int n = 1; n * dt < 2.9 * cross; ++n) {
-    rig.step(dt);
-    const double t = n * dt;
-    if (arrived == 0.0 && rig.stress() > Z * kElastic) arrived = t;  // s(0) exceeds half of 2 Z V, its final value
-    if (t < 0.85 * cross) {
-      ASSERT_LT(std::abs(rig.stress()), 1e-3 * Z * kElastic) << t;
-    }
-    if (t > 1.3 * cross && t < 2.7 * cross) {
-      ASSERT_NEAR(rig.stress(), 2.0 * Z * kElastic, 0.01 * Z * kElastic) << t;
-    }
-    if (t > 0.5 * cross && t < 1.7 * cross) {
-      ASSERT_NEAR(stress_at(rig, 200), Z * kElastic, 0.01 * Z * kElastic) << t;
-    }
-    if (t > 2.4 * cross) {
-      ASSERT_NEAR(stress_at(rig, 200), 3.0 * Z * kElastic, 0.01 * Z * kElastic) << t;
-    }
-  }
-  EXPECT_NEAR(arrived, cross, 0.01 * cross);
-}
-
-TEST(PhysicsInertia, AContactThatClosesMeetsTheLayerMovingWithItsBody) {
-  ModelOptions options = with_inertia(graded(paper_options()));
-  Rig rig(options, 1);
-  rig.set_all(kElastic, -1e9);
-  rig.step(1e-10);
-  EXPECT_EQ(rig.outputs.regime[0], Regime::kOpen);
-  EXPECT_EQ(rig.outputs.sliding_velocity[0], kElastic);
-  for (int c = 0; c < 60; ++c) EXPECT_EQ(velocity_in(rig, c), kElastic);
-  // When the contact closes, the layer stops at z = 0, and s(0) is the stress Z V of a wave that runs into the layer.
-  rig.set_all(kElastic, kPressure);
-  for (int n = 0; n < 100; ++n) rig.step(1e-11);
-  EXPECT_NEAR(rig.stress(), impedance(options.soft) * kElastic, 1e-3 * impedance(options.soft) * kElastic);
-  EXPECT_NEAR(velocity_in(rig, 0), 0.0, 1e-3 * kElastic);
-  EXPECT_NEAR(velocity_in(rig, 59), kElastic, 1e-3 * kElastic);
-  // When the contact opens again, every stress in the layer becomes 0.
-  rig.set_all(kElastic, 0.0);
-  rig.step(1e-10);
-  for (int i = 0; i <= 60; ++i) EXPECT_EQ(stress_at(rig, i), 0.0);
-  for (int c = 0; c < 60; ++c) EXPECT_EQ(velocity_in(rig, c), kElastic);
-}
-
-TEST(PhysicsInertia, CoulombHoldsTheInterfaceAndTheLayerSlipsThere) {
-  ModelOptions options = with_inertia(graded(paper_options()));
-  options.friction_coefficient = 0.01;
-  Rig rig(options, 1);
-  rig.set_all(20.0, kPressure);
-  for (int n = 0; n < 50; ++n) rig.step(1e-11);
-  EXPECT_EQ(rig.stress(), 0.01 * kPressure);
-  EXPECT_EQ(rig.outputs.regime[0], Regime::kCoulomb);
-  // Friction sends a wave of stress mu P into the layer, which slows the layer's face at z = 0 by mu P / Z (Z:
-  // impedance). The rest of the jump is slip of the interface.
-  EXPECT_NEAR(rig.outputs.sliding_velocity[0], 20.0 - 0.01 * kPressure / impedance(options.soft), 1e-3);
-  EXPECT_EQ(rig.plastic_slip(), 0.0);
-  // DLP (18): the heat is that of the whole imposed jump, not only of the slip.
-  EXPECT_NEAR(rig.outputs.friction_heat[0], rig.conducted_share() * 0.01 * kPressure * 20.0 * 1e-11, 1e-12);
-}
 
 // What the soft body loses with the mean stress at z = h, and the hard one gains with that at z = 0, is what the layer
 // gains, in momentum.
@@ -134,12 +66,147 @@ TEST(PhysicsInertia, ScaledProblemsHaveTheSameAnswer) {
   }
 }
 
-TEST(PhysicsInertia, WithoutItALayerKeepsNoField) {
-  const TileLayout plain = Model(graded(paper_options())).layout();
-  EXPECT_EQ(plain.layer_velocity, TileLayout::kAbsent);
-  EXPECT_EQ(plain.doubles, (61 + 61 + 3) * std::size_t{kLanes});
-  const TileLayout layout = Model(with_inertia(graded(paper_options()))).layout();
-  EXPECT_EQ(layout.doubles, plain.doubles + (60 + 60 - 1) * std::size_t{kLanes});  // and no rate of the stress
+double mass_behind(const Rig& rig, int lane) {
+  const ModelOptions& options = rig.model.options();
+  return rig.inputs.mass_soft[lane] - options.soft.density * options.grid.thickness;
+}
+
+// Mean velocity of the layer and the mass behind it, relative to the hard body.
+double mean_velocity(const Rig& rig, int lane) {
+  const Grid& grid = rig.model.grid();
+  const int n = grid.num_cells();
+  double momentum = mass_behind(rig, lane) * velocity_in(rig, n, lane);
+  for (int c = 0; c < n; ++c) momentum += rig.model.options().soft.density * grid.width[c] * velocity_in(rig, c, lane);
+  return momentum / rig.inputs.mass_soft[lane];
+}
+
+// The jump that the host's own balance (61) leaves is that of layer and mass, whatever slips, flows or opens.
+TEST(PhysicsInertiaForced, TheHostsJumpIsThatOfTheLayerAndTheMassBehindIt) {
+  Draw draw(71);
+  int closed = 0, slipping = 0, flowing = 0;
+  for (int scene = 0; scene < 60; ++scene) {
+    Rig rig(random_forced_inertia_options(draw, false));
+    for (int step = 0; step < 15; ++step) {
+      random_inputs(draw, rig, false);
+      if (step > 0 && draw.chance(0.7)) std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
+      rig.step(random_dt(draw, false));
+      for (int l = 0; l < kLanes; ++l) {
+        ASSERT_EQ(rig.outputs.outcome[l] & kFailed, 0) << scene << ' ' << step << ' ' << l;
+        const double dt = rig.operators->dt();
+        double size = std::abs(rig.inputs.velocity_jump[l]) +
+                      dt * (std::abs(rig.inputs.stress_soft[l]) / rig.inputs.mass_soft[l] +
+                            std::abs(rig.inputs.stress_hard[l]) / rig.inputs.mass_hard[l] +
+                            std::abs(rig.outputs.shear_stress[l]) *
+                                (1.0 / rig.inputs.mass_soft[l] + 1.0 / rig.inputs.mass_hard[l]));
+        for (int c = 0; c <= rig.model.grid().num_cells(); ++c) size = std::max(size, std::abs(velocity_in(rig, c, l)));
+        ASSERT_NEAR(mean_velocity(rig, l), rig.outputs.velocity_jump_new[l], 1e-11 * size)
+            << scene << ' ' << step << ' ' << l;
+        closed += rig.outputs.regime[l] != Regime::kOpen;
+        slipping += rig.outputs.regime[l] != Regime::kOpen && rig.outputs.sliding_velocity[l] != 0.0;
+        flowing += rig.plastic_slip(l) > rig.plastic_slip_of(rig.trial, l);
+      }
+    }
+  }
+  EXPECT_GT(std::min({closed, slipping, flowing}), 500);
+}
+
+// An elastic layer whose interface sticks: after a push the energy of both bodies, of the layer and its elasticity never
+// grows, in either order.
+TEST(PhysicsInertiaForced, AnElasticLayerNeverGainsEnergy) {
+  for (const bool stages : {false, true}) {
+    ModelOptions options = with_inertia(graded(paper_options(Strategy::kForceDriven)));
+    options.plastic_layer = true;
+    options.soft.yield_strength = 1e12;
+    options.soft.yield_strength_max = std::numeric_limits<double>::infinity();
+    options.interface = {.friction_coefficient = 1e3, .yield_strength = 1e12};
+    if (stages) options = of_second_order(options);
+    Rig rig(options, 1);
+    rig.set_all(0.0, 11.2e9);
+    const double dt = 0.3e-9;
+    double hard = 0.0, energy = 0.0, before = 0.0;
+    for (int n = 0; n < 400; ++n) {
+      for (int l = 0; l < kLanes; ++l) {
+        rig.inputs.mass_soft[l] = 0.08;
+        rig.inputs.mass_hard[l] = 0.02;
+        rig.inputs.stress_soft[l] = n < 20 ? 4e8 : 0.0;
+        rig.inputs.stress_hard[l] = n < 10 ? -3e8 : 0.0;
+        if (n > 0) rig.inputs.velocity_jump[l] = rig.outputs.velocity_jump_new[l];
+      }
+      rig.step(dt);
+      ASSERT_EQ(rig.outputs.regime[0], Regime::kStick) << n;
+      ASSERT_EQ(rig.outputs.friction_heat[0], 0.0) << n;
+      hard += dt * (rig.outputs.shear_stress[0] - rig.inputs.stress_hard[0]) / rig.inputs.mass_hard[0];
+      const Grid& grid = rig.model.grid();
+      const auto kinetic = [](double mass, double v) { return 0.5 * mass * v * v; };
+      energy = kinetic(rig.inputs.mass_hard[0], hard) +
+               kinetic(mass_behind(rig, 0), hard + velocity_in(rig, grid.num_cells()));
+      for (int c = 0; c < grid.num_cells(); ++c)
+        energy += kinetic(options.soft.density * grid.width[c], hard + velocity_in(rig, c));
+      for (int i = 0; i <= grid.num_cells(); ++i)
+        energy += 0.5 * grid.weight[i] * std::pow(stress_at(rig, i), 2) / options.soft.shear_modulus;
+      if (n > 20) {
+        ASSERT_LE(energy, before * (1.0 + 1e-12)) << n;
+      }
+      before = energy;
+    }
+    EXPECT_GT(energy, 0.0);
+  }
+}
+
+// A host without any mass behind the layer has no answer, and keeps its state; the server refuses it before.
+TEST(PhysicsInertiaForced, AHalfZoneLighterThanTheLayerHasNoAnswer) {
+  ModelOptions options = with_inertia(graded(paper_options(Strategy::kForceDriven)));
+  options.plastic_layer = true;
+  Rig rig(options);
+  rig.set_all(100.0, 11.2e9);
+  rig.step(1e-9);
+  const std::vector<double> before = rig.committed;
+  const double layer = options.soft.density * options.grid.thickness;
+  rig.inputs.mass_soft[3] = layer * (1.0 - 1e-12);
+  rig.step(1e-9);
+  for (int l = 0; l < kLanes; ++l) EXPECT_EQ((rig.outputs.outcome[l] & kFailed) != 0, l == 3) << l;
+  for (std::size_t i = 3; i < before.size(); i += kLanes) ASSERT_EQ(rig.committed[i], before[i]);
+}
+
+// The number of iterations of a step with inertia is bounded: a step that would take hours reports a failure and keeps
+// the state of the node. Cells of 0.25 nm and steps of 10 us give alpha dt/dz^2 = 1e10. If the interface comes close to
+// melting, the solver needs hundreds of Newton steps for each heat flux that it tries, and for some of them thousands of
+// evaluations of the stresses.
+Rig thin_layer() {
+  ModelOptions options = paper_options(Strategy::kVelocityDriven);
+  options.grid.thickness = 25e-9;
+  options.grid.cells = 100;
+  options.grid.grading = 1.0;
+  options.grid.far_boundary = FarBoundary::kHalfSpace;
+  options.inertia = true;
+  return Rig(options);
+}
+
+TEST(PhysicsWavesGivenUp, WhatWouldTakeForEverHasNoAnswerAndKeepsTheState) {
+  Rig rig = thin_layer();
+  const double velocities[kLanes] = {0.1, 1.0, 10.0, 50.0, 1e2, 3e2, 1e3, 1e4};
+  int answered = 0, failed = 0;
+  for (int step = 0; step < 20 && failed == 0; ++step) {
+    for (int l = 0; l < kLanes; ++l) {
+      rig.inputs.velocity_jump[l] = step % 2 == 0 ? velocities[l] : -velocities[l];
+      rig.inputs.pressure[l] = 11.2e9;
+    }
+    const auto before = rig.committed;
+    rig.step(1e-5);
+    for (int l = 0; l < kLanes; ++l) {
+      if ((rig.outputs.outcome[l] & kFailed) == 0) {
+        ++answered;
+        EXPECT_LT(rig.outputs.interface_temperature[l], rig.model.options().soft.melting_temperature);
+        continue;
+      }
+      ++failed;
+      EXPECT_EQ(rig.outputs.friction_heat[l], 0.0);
+      for (std::size_t i = static_cast<std::size_t>(l); i < before.size(); i += kLanes)
+        ASSERT_EQ(before[i], rig.committed[i]) << "lane " << l << ", row " << i / kLanes;
+    }
+  }
+  EXPECT_GT(answered, 16);
+  EXPECT_GT(failed, 0);
 }
 
 }  // namespace

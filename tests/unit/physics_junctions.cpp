@@ -1,10 +1,9 @@
-// Tests junctions (MODEL.md, "Junctions"): the equations DLP (49-54) in limiting cases, the search for the answer of a
-// step, and the size of a node's state without junctions.
+// Tests junctions (MODEL.md, "Junctions"): the equations DLP (49-54) in limiting cases, and the search for the answer of
+// a step.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/parts.hpp"
@@ -121,25 +120,6 @@ TEST(PhysicsJunctions, ConstantSlipHardensAsThePowerLawSays) {
   }
 }
 
-// Only slip strains the junctions: their plastic strain stays unchanged while the contact is open or sticks.
-TEST(PhysicsJunctions, OnlySlipWorksThem) {
-  Rig rig(with_junctions(0.5, 1e-7), 1);
-  rig.inputs.mass_soft[0] = rig.inputs.mass_hard[0] = 0.01;
-  rig.set_all(50.0, 11.2e9);
-  rig.step(1e-9);
-  const double worked = rig.junction_strain();
-  EXPECT_NEAR(worked, 1e-9 * rig.outputs.sliding_velocity[0] / (kSqrt3 * 1e-7), 1e-15);
-  EXPECT_GT(worked, 0.0);
-  rig.set_all(50.0, -1e9);
-  rig.step(1e-9);
-  EXPECT_EQ(rig.junction_strain(), worked);
-  rig.set_all(0.0, 11.2e9);
-  rig.inputs.stress_soft[0] = 1e6;
-  rig.step(1e-9);
-  EXPECT_EQ(rig.outputs.regime[0], Regime::kStick);
-  EXPECT_EQ(rig.junction_strain(), worked);
-}
-
 // Near melting a step with junctions may have several answers. The search must return the answer with the most slip,
 // which is the first zero of the balance in a scan of the stress from 0. The criterion of a unique answer must not
 // accept a step that has two.
@@ -215,15 +195,6 @@ TEST(PhysicsJunctions, SlipNextToStickingIsFoundToItsLastDigits) {
   }
   EXPECT_GT(near, 100);
   EXPECT_LT(worst, 16.0 * std::numeric_limits<double>::epsilon());
-}
-
-TEST(PhysicsJunctions, StateIsThereOnlyWhenAskedFor) {
-  ModelOptions options = with_junctions(0.5, 1e-7);
-  const TileLayout with = Model(options).layout();
-  options.junctions.reset();
-  const TileLayout without = Model(options).layout();
-  EXPECT_EQ(without.junction_strain, TileLayout::kAbsent);
-  EXPECT_EQ(with.doubles, without.doubles + kLanes);
 }
 
 }  // namespace

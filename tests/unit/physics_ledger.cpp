@@ -4,8 +4,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <limits>
 
 #include "tests/support/random_physics.hpp"
 #include "tests/support/strategies.hpp"

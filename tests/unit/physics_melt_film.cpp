@@ -34,15 +34,6 @@ double pulse(double t) {
   return 300.0 * std::clamp(std::min(t, kEnd - t) / kRise, 0.0, 1.0);
 }
 
-TEST(PhysicsMeltFilm, ScenesWithoutItHaveNoStateOfIt) {
-  ModelOptions options = melting_options();
-  const Rig with(options);
-  options.melt_film.reset();
-  const Rig without(options);
-  EXPECT_EQ(without.model.layout().liquid_fraction, TileLayout::kAbsent);
-  EXPECT_EQ(with.model.layout().doubles, without.model.layout().doubles + with.model.layout().num_vertices * kLanes);
-}
-
 // Until the interface melts the step is that of a solid contact whose strength does not fall near T_melt.
 TEST(PhysicsMeltFilm, TheSolidContactKeepsItsStrengthUpToMelting) {
   Rig rig(melting_options());

@@ -26,12 +26,6 @@ int hottest(const Rig& rig) {
   return at;
 }
 
-double shape_sum(const Rig& rig) {
-  double sum = 0.0;
-  for (int i = 0; i < rig.model.grid().num_vertices(); ++i) sum += rig.heat_shape(i);
-  return sum;
-}
-
 // B_phi is the temperature rise in one step by a heat flux of 1 W/m2 that is distributed over the vertices in the
 // shares phi. If all heat enters at z = 0, B_phi equals the response of the heat operator. For any phi, B_phi contains
 // exactly the heat of one step, summed over both bodies.
@@ -98,37 +92,6 @@ TEST(PhysicsPlasticHeating, PaperCaseIsHotInsideAndColdAtTheInterface) {
   EXPECT_EQ(rig.outputs.regime[0], Regime::kMelting);
 }
 
-TEST(PhysicsPlasticHeating, TheFactorIsTheShareOfTheWorkThatHeats) {
-  Rig rig(heated(graded(paper_options()), 0.9), 1);
-  double work = 0.0, heat = 0.0;
-  for (int n = 0; n < 300; ++n) {
-    rig.set_all(100.0, 11.2e9);
-    rig.step(kDt);
-    work += rig.stress() * 100.0 * kDt;
-    heat += rig.outputs.friction_heat[0];
-    ASSERT_NEAR(shape_sum(rig), 0.9, 1e-12) << n;
-  }
-  EXPECT_NEAR(heat / work, 0.9, 1e-12);
-  EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-11);
-}
-
-// The heat of a step is distributed over the vertices like the plastic slip of the last step in which the layer flowed.
-TEST(PhysicsPlasticHeating, HeatFollowsTheFlow) {
-  Rig rig(heated(graded(paper_options())), 1);
-  for (int n = 0; n < 500; ++n) {
-    rig.set_all(100.0, 11.2e9);
-    const reference::NodeState before = rig.node_state(0);
-    rig.step(kDt);
-    double slip = 0.0;
-    for (int i = 0; i <= 60; ++i) slip += rig.model.grid().weight[i] * (rig.ep(i) - before.plastic_strain[i]);
-    for (int i = 0; i <= 60; ++i) {
-      const double share = slip > 0.0 ? rig.model.grid().weight[i] * (rig.ep(i) - before.plastic_strain[i]) / slip
-                                      : before.heat_shape[i];
-      ASSERT_NEAR(rig.heat_shape(i), share, 1e-12) << n << ", vertex " << i;
-    }
-  }
-}
-
 // Slip beyond the Coulomb limit is slip of the interface: its work heats z = 0 only, as without plastic-work heating.
 TEST(PhysicsPlasticHeating, SlipOfTheInterfaceHeatsTheInterface) {
   ModelOptions options = graded(paper_options());
@@ -150,18 +113,6 @@ TEST(PhysicsPlasticHeating, SlipOfTheInterfaceHeatsTheInterface) {
   EXPECT_NEAR(rig.T(0), surface.T(0), std::abs(before));  // the difference left by the first five steps has shrunk
 }
 
-TEST(PhysicsPlasticHeating, AnOpenContactKeepsItsShape) {
-  Rig rig(heated(graded(paper_options())), 1);
-  rig.set_all(100.0, 11.2e9);
-  for (int n = 0; n < 300; ++n) rig.step(kDt);
-  const reference::NodeState before = rig.node_state(0);
-  const double heat = rig.stored_heat(300.0);
-  rig.set_all(100.0, -1e9);
-  for (int n = 0; n < 20; ++n) rig.step(kDt);
-  EXPECT_EQ(rig.node_state(0).heat_shape, before.heat_shape);
-  EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-12);
-}
-
 // With a largest yield strength Y_max the weakest vertex of the layer, wherever it lies, takes the surplus slip, and
 // the layer carries the whole jump.
 TEST(PhysicsPlasticHeating, TheCeilingHoldsAtEveryVertex) {
@@ -181,13 +132,6 @@ TEST(PhysicsPlasticHeating, TheCeilingHoldsAtEveryVertex) {
     const double carried = 100.0 * kDt - 20e-6 * (rig.stress() - s_old) / 27.6e9;
     ASSERT_NEAR(rig.plastic_slip() - before, carried, 1e-9 * 100.0 * kDt) << n;
   }
-}
-
-TEST(PhysicsPlasticHeating, CostsNothingWhereItIsNotAskedFor) {
-  const TileLayout without = Model(two_sided(graded(paper_options()))).layout();
-  EXPECT_EQ(without.heat_shape, TileLayout::kAbsent);
-  const TileLayout with = Model(heated(graded(paper_options()))).layout();
-  EXPECT_EQ(with.doubles, without.doubles + with.num_strain_vertices * kLanes);
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <string>
 
 #include "tests/support/physics_rig.hpp"
 
@@ -161,13 +160,6 @@ TEST(PhysicsPressure, ReleaseCanMeltTheInterface) {
     EXPECT_LE(rig.T(0), T0);
     EXPECT_EQ(rig.outputs.regime[0], Regime::kMelting);
   }
-}
-
-TEST(PhysicsPressure, CostsNothingWhereItIsNotAskedFor) {
-  ModelOptions options = graded(paper_options());
-  const std::size_t doubles = Model(options).layout().doubles;
-  options.soft.melting_curve = MeltingCurve::kLindemann;
-  EXPECT_EQ(Model(options).layout().doubles, doubles);
 }
 
 }  // namespace

@@ -7,10 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <utility>
-#include <vector>
 
-#include "server/physics/reference/parts.hpp"
 #include "server/physics/solver/velocity_driven/waves_return.hpp"
 #include "tests/support/random_physics.hpp"
 
@@ -144,20 +141,6 @@ TEST(PhysicsPrestonTonksWallace, TheOverdrivenBranchIsAPowerOfTheRateAndJoinsCon
   }
 }
 
-TEST(PhysicsPrestonTonksWallace, IsTheTwinsFormula) {
-  Draw draw(31);
-  for (int i = 0; i < 3000; ++i) {
-    const Material m = metal_of(random_preston_tonks_wallace(draw));
-    const double ep = draw.chance(0.2) ? 0.0 : draw.log_uniform(1e-6, 10.0), T = draw.uniform(1.0, kMelting);
-    const double dt = 1e-9, dep = draw.log_uniform(1e-9, 10.0), P = draw.uniform(0.0, 30e9);
-    const double a = flow_stress(m, ep + dep, P, T, dep / dt) / kSqrt3;
-    // The tolerance grows as the hardening curve gets flatter, because rounding errors of the stress and of ep + dep
-    // then change the strain increment more.
-    const double slope = hardening_slope(m, ep, dep, dt, P, T) / hardened_strength(m, ep + dep, dep / dt, P, T);
-    ASSERT_NEAR(reference::strain_increment(m, a, P, T, ep, dt) / dep, 1.0, 1e-12 + 1e-13 / (slope * dep)) << i;
-  }
-}
-
 // A search brackets the answer of a step. The bracket is valid only if the flow stress never falls as the strain or the
 // rate grows, and never rises with the temperature.
 TEST(PhysicsPrestonTonksWallace, RisesWithStrainAndRateAndFallsWithTemperature) {
@@ -261,28 +244,6 @@ TEST(PhysicsPrestonTonksWallace, TheFlowPutBackGivesTheStress) {
   EXPECT_GT(flowed, 10000);
   EXPECT_GT(overdriven, 1000);
   EXPECT_GT(crept, 10);
-}
-
-// The slope of the strain increment over the stress, d(dep)/d(ln a), must include that the stress a also heats the
-// metal.
-TEST(PhysicsPrestonTonksWallace, HeatingEntersTheSlope) {
-  Draw draw(36);
-  for (int i = 0; i < 1000; ++i) {
-    const Material m = metal_of(random_preston_tonks_wallace(draw));
-    const double dt = 1e-9, T_ad = draw.uniform(100.0, 1000.0), rise = draw.uniform(0.0, 300.0);
-    const double ep = draw.log_uniform(1e-3, 1.0);
-    const double a = flow_stress(m, ep, 0.0, T_ad + rise) / kSqrt3 * draw.uniform(1.1, 5.0);
-    const auto flow = [&](double share) {
-      const VertexFlow found = flow_under(m, dt, a * share, 0.0, T_ad + rise * share, ep, rise * share);
-      return std::pair(found.dep, found.by_load);
-    };
-    const auto [dep, slope] = flow(1.0);
-    ASSERT_GT(dep, 0.0);
-    const double h = std::min(1e-5, 1e-5 * dep / slope);
-    const double left = (dep - flow(1 - h).first) / h, right = (flow(1 + h).first - dep) / h;
-    EXPECT_GE(slope, std::min(left, right) * (1 - 1e-3) - 1e-14 * slope / (h * dep) * dep) << i;
-    EXPECT_LE(slope, std::max(left, right) * (1 + 1e-3) + 1e-14 * slope / (h * dep) * dep) << i;
-  }
 }
 
 TEST(PhysicsPrestonTonksWallace, AMoltenVertexFlowsUnderAnyLoadAndNoneUnderNone) {

@@ -84,26 +84,6 @@ TEST(PhysicsThermalSoftening, WhereTheCriterionHoldsTheBalanceFalls) {
   EXPECT_GT(several, 5);
 }
 
-// With a reference temperature of 1219 K, 1 K below melting, mu is constant up to 1219 K, which is Coulomb's law.
-TEST(PhysicsThermalSoftening, ColdItIsCoulombsLaw) {
-  ModelOptions constant = graded(paper_options(Strategy::kForceDriven), 20, 1.1);
-  constant.interface = {0.02, 400e6};
-  ModelOptions softening = constant;
-  softening.interface.friction_law = FrictionLaws::place<ThermalSoftening>();
-  softening.interface.friction_reference_temperature = 1219.0;
-  softening.interface.friction_softening_exponent = 1.0;
-  Rig one(constant), two(softening);
-  for (Rig* rig : {&one, &two}) rig->set_all(50.0, kP);
-  for (int n = 0; n < 50; ++n) {
-    one.step(1e-9);
-    two.step(1e-9);
-    ASSERT_LT(one.T(0), 1219.0);
-    ASSERT_EQ(one.outputs.shear_stress[0], two.outputs.shear_stress[0]);
-    ASSERT_EQ(one.outputs.velocity_jump_new[0], two.outputs.velocity_jump_new[0]);
-    ASSERT_EQ(one.outputs.interface_temperature[0], two.outputs.interface_temperature[0]);
-  }
-}
-
 // The stress limit of the interface is the smaller of friction and yield stress; `is_coulomb` must be true if friction
 // is the smaller.
 TEST(PhysicsThermalSoftening, StrengthIsTheLesserOfBothBranchesAndSaysWhich) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <vector>
 
 #include "tests/support/physics_rig.hpp"
 
@@ -37,31 +36,6 @@ void run_beside(Rig& one, Rig& two, int steps, double dt, double jump, const Loo
     }
     look(n);
   }
-}
-
-TEST(PhysicsTwoSided, ResponseHoldsExactlyTheHeatOfOneStepInBothBodies) {
-  const ModelOptions o = paper_options();
-  for (FarBoundary far : {FarBoundary::kInsulated, FarBoundary::kHalfSpace}) {
-    for (double hard_thickness : {1e-7, 20e-6, 1e-3}) {
-      const HeatGrid grid(Grid({20e-6, 60, 1.08, far}), far, Grid({hard_thickness, 25, 1.2, far}), far);
-      for (double dt : {1e-12, 1e-9, 1e-5}) {
-        const HeatOperator heat(grid, o.soft, o.hard, dt);
-        double stored = 0.0;
-        for (int i = 0; i < grid.num_vertices(); ++i) stored += grid.capacity(i, o.soft, o.hard) * heat.response[i];
-        EXPECT_NEAR(stored / dt, 1.0, 1e-12) << hard_thickness << ", dt " << dt;
-        EXPECT_EQ(std::max_element(heat.response.begin(), heat.response.end()) - heat.response.begin(), grid.interface);
-      }
-    }
-  }
-}
-
-TEST(PhysicsTwoSided, UniformTemperatureStaysToTheLastBit) {
-  Rig rig(two_sided(paper()));
-  rig.start({300.1, 317.3, 1e-3, 1219.999, 5000.0, 77.7, 300.0, 1e4});
-  const std::vector<double> before = rig.committed;
-  rig.set_all(0.0, 1e9);
-  for (double dt : {1e-12, 1e-9, 1e-5}) rig.step(dt);
-  for (std::size_t i = 0; i < rig.model.layout().shear_stress; ++i) ASSERT_EQ(rig.committed[i], before[i]) << i;
 }
 
 // Vernotte's solution: of the heat at the contact of two half-spaces, the soft one takes the share beta_T (partition
@@ -168,15 +142,6 @@ TEST(PhysicsTwoSided, TheCeilingActsAtTheHottestVertexWhereverItIs) {
   EXPECT_NEAR(rig.stress() / (200e6 * softening(options.soft, 11.2e9, rig.T(60)).g / kSqrt3), 1.0, 1e-12);
   EXPECT_GT(rig.ep(60), at_far_face);
   EXPECT_EQ(rig.ep(0), at_interface);
-}
-
-TEST(PhysicsTwoSided, CostsNothingWhereItIsNotAskedFor) {
-  const TileLayout without = Model(paper()).layout();
-  EXPECT_EQ(without.hard_temperature, TileLayout::kAbsent);
-  EXPECT_EQ(without.num_hard_vertices, 0u);
-  EXPECT_EQ(without.doubles, (without.num_vertices + without.num_strain_vertices + 3) * kLanes);
-  const TileLayout with = Model(two_sided(paper())).layout();
-  EXPECT_EQ(with.doubles, without.doubles + with.num_hard_vertices * kLanes);
 }
 
 TEST(PhysicsTwoSided, WarningsNameTheHardFace) {

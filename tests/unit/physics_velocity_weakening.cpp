@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "tests/support/random_physics.hpp"
 
@@ -56,26 +55,6 @@ TEST(PhysicsVelocityWeakening, EveryAnswerOfAStepIsFound) {
   EXPECT_GT(several, 50);
   EXPECT_GT(single, 500);
   EXPECT_GT(none, 50);
-}
-
-TEST(PhysicsVelocityWeakening, WithoutDecayItIsCoulombsLaw) {
-  ModelOptions constant = graded(paper_options(Strategy::kForceDriven));
-  constant.interface.yield_strength = 1e9;
-  constant.interface.friction_coefficient = 0.02;
-  ModelOptions weakening = constant;
-  weakening.interface.friction_law = FrictionLaws::place<VelocityWeakening>();
-  weakening.interface.friction_coefficient_fast = 0.01;
-  weakening.interface.velocity_decay = 0.0;
-  Rig one(constant), other(weakening);
-  for (int n = 0; n < 200; ++n) {
-    for (Rig* rig : {&one, &other}) {
-      rig->set_all(50.0 - 0.3 * n, 11.2e9);
-      rig->step(1e-9);
-    }
-    for (std::size_t i = 0; i < one.committed.size(); ++i) {
-      ASSERT_NEAR(other.committed[i], one.committed[i], 1e-13 * std::abs(one.committed[i])) << n;
-    }
-  }
 }
 
 // A node whose step may have two answers: to stick under the friction at rest, or to slide under a lower friction. A

@@ -12,6 +12,7 @@
 #include "proto/files/recording.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scratch.hpp"
 
 // After damaged metadata HDF5 leaks the objects that it had half opened: a harmless fault of HDF5. The suppression hides
@@ -73,39 +74,33 @@ class RawFile {
 
 // The datasets of a valid history file of three steps and two nodes. Each test replaces some of them.
 using Part = std::function<void(RawFile&)>;
-const std::map<std::string, Part> kWhole = {{"time",
-                                             [](RawFile& f) {
-                                               f.put("time", {3}, {1e-9, 2e-9, 3e-9});
-                                             }},
-                                            {"node_id",
-                                             [](RawFile& f) {
-                                               f.put("node_id", {2}, {7, 8}, H5T_NATIVE_INT64);
-                                             }},
-                                            {"pressure",
-                                             [](RawFile& f) {
-                                               f.put("pressure", {3, 2}, {1, 2, 3, 4, 5, 6});
-                                             }},
-                                            {"mass_soft", [](RawFile& f) {
-                                               f.put("mass_soft", {2}, {1, 2});
-                                             }}};
+using Parts = std::map<std::string, Part>;
+
+// A dataset of this shape, with these values.
+Parts::value_type dataset(const std::string& name, std::vector<hsize_t> shape, std::vector<double> values,
+                          hid_t type = H5T_NATIVE_DOUBLE) {
+  return {name, [=](RawFile& f) { f.put(name.c_str(), shape, values, type); }};
+}
+
+const Parts kWhole = {dataset("time", {3}, {1e-9, 2e-9, 3e-9}), dataset("node_id", {2}, {7, 8}, H5T_NATIVE_INT64),
+                      dataset("pressure", {3, 2}, {1, 2, 3, 4, 5, 6}), dataset("mass_soft", {2}, {1, 2})};
 
 std::string error_of_reading(const fs::path& path) {
-  try {
+  const wire::Status fault = support::fault_of([&] {
     HistoryReader reader(path);
     std::vector<double> row(reader.nodes());
     for (std::size_t step = 0; step < reader.steps(); ++step) reader.row("pressure", step, row);
     reader.per_node("mass_soft");
-  } catch (const wire::Error& error) {
-    EXPECT_EQ(error.status().code, wire::Code::kInvalidValue);
-    std::string text = error.what();
-    EXPECT_EQ(text.find('\n'), std::string::npos) << text;
-    EXPECT_THAT(text, HasSubstr(path.string()));
-    return text;
-  }
-  return "no error";
+  });
+  if (fault.ok()) return "no error";
+  EXPECT_EQ(fault.code, wire::Code::kInvalidValue);
+  const std::string text = describe(fault);
+  EXPECT_EQ(text.find('\n'), std::string::npos) << text;
+  EXPECT_THAT(text, HasSubstr(path.string()));
+  return text;
 }
 
-std::string error_of(std::map<std::string, Part> parts) {
+std::string error_of(Parts parts) {
   const Scratch scratch;
   parts.insert(kWhole.begin(), kWhole.end());  // where the test gives none
   {
@@ -117,7 +112,7 @@ std::string error_of(std::map<std::string, Part> parts) {
 // Replaces one dataset by another of this shape, with these values.
 std::string error_with(const char* name, std::vector<hsize_t> shape, std::vector<double> values,
                        hid_t type = H5T_NATIVE_DOUBLE) {
-  return error_of({{name, [&](RawFile& f) { f.put(name, shape, values, type); }}});
+  return error_of({dataset(name, std::move(shape), std::move(values), type)});
 }
 
 TEST(RecordingDamage, WholeFileIsRead) {
@@ -126,18 +121,9 @@ TEST(RecordingDamage, WholeFileIsRead) {
 
 TEST(RecordingDamage, AnyNumericTypeIsConverted) {
   for (const hid_t type : {H5T_IEEE_F32BE, H5T_STD_I16BE, H5T_STD_U8LE, H5T_IEEE_F64BE, H5T_NATIVE_LDOUBLE}) {
-    const std::map<std::string, Part> parts = {{"time",
-                                                [type](RawFile& f) {
-                                                  f.put("time", {3}, {1, 2, 3}, type);
-                                                }},
-                                               {"pressure",
-                                                [type](RawFile& f) {
-                                                  f.put("pressure", {3, 2}, {1, 2, 3, 4, 5, 6}, type);
-                                                }},
-                                               {"node_id", [](RawFile& f) {
-                                                  f.put("node_id", {2}, {7, 200}, H5T_STD_U8LE);
-                                                }}};
-    EXPECT_EQ(error_of(parts), "no error");
+    EXPECT_EQ(error_of({dataset("time", {3}, {1, 2, 3}, type), dataset("pressure", {3, 2}, {1, 2, 3, 4, 5, 6}, type),
+                        dataset("node_id", {2}, {7, 200}, H5T_STD_U8LE)}),
+              "no error");
   }
 }
 

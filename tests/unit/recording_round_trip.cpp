@@ -6,16 +6,19 @@
 
 #include <fstream>
 #include <limits>
+#include <map>
 #include <numeric>
 
 #include "proto/files/recording.hpp"
 #include "proto/wire/messages.hpp"
 #include "proto/wire/status.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/scratch.hpp"
 
 namespace shearbus::files {
 namespace {
 
+using support::said_by;
 using test::Scratch;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -53,20 +56,23 @@ std::vector<std::uint64_t> some_ids(std::size_t nodes) {
   return ids;
 }
 
+void write_file(const Scratch& scratch, std::size_t steps, std::size_t nodes,
+                const std::map<std::string, std::string>& meta = {}) {
+  HistoryWriter writer(scratch / "history.h5", some_ids(nodes), kQuantities, meta);
+  write_rows(writer, steps, nodes);
+  writer.close();
+}
+
 // Numbers of steps and of nodes just within and beyond the limits of an HDF5 chunk: 8192 values, or a row of up to 65536.
 class RecordingSizes : public testing::TestWithParam<std::pair<std::size_t, std::size_t>> {};
 
 TEST_P(RecordingSizes, WhatIsWrittenIsReadToTheLastBit) {
   const auto [steps, nodes] = GetParam();
   const Scratch scratch;
-  const auto ids = some_ids(nodes);
-  HistoryWriter writer(scratch / "history.h5", ids, kQuantities, {});
-  write_rows(writer, steps, nodes);
-  writer.close();
-
+  write_file(scratch, steps, nodes);
   HistoryReader reader(scratch / "history.h5");
   ASSERT_EQ(reader.steps(), steps);
-  EXPECT_EQ(reader.node_ids(), ids);
+  EXPECT_EQ(reader.node_ids(), some_ids(nodes));
   std::vector<double> row(nodes);
   std::size_t different = 0;
   for (std::size_t step = 0; step < steps; ++step) {
@@ -88,9 +94,7 @@ INSTANTIATE_TEST_SUITE_P(AroundChunkEdges, RecordingSizes,
 TEST(Recording, AFileIsAsLargeAsItsValues) {
   for (const auto& [steps, nodes] : {std::pair<std::size_t, std::size_t>{3, 2}, {8191, 1}, {700, 30}, {5, 70'000}}) {
     const Scratch scratch;
-    HistoryWriter writer(scratch / "history.h5", some_ids(nodes), kQuantities, {});
-    write_rows(writer, steps, nodes);
-    writer.close();
+    write_file(scratch, steps, nodes);
     const hid_t file = H5Fopen((scratch / "history.h5").c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
     for (const char* name : {"shear_stress", "regime", "time"}) {
       const hid_t dataset = H5Dopen2(file, name, H5P_DEFAULT);
@@ -203,27 +207,17 @@ TEST(Recording, TextsAndGroupsOfNodesAreReadAsWritten) {
   EXPECT_THAT(reader.names_in("parameter"), ElementsAre("interface.a", "soft.b"));
   EXPECT_TRUE(reader.names_in("absent").empty());
   EXPECT_THAT(reader.per_node("parameter/soft.b"), ElementsAre(1.0, 2.0, 3.0));
-  const auto fault_of = [](const auto& read) -> std::string {
-    try {
-      read();
-    } catch (const wire::Error& fault) {
-      return fault.status().text;
-    }
-    return "no fault";
-  };
-  EXPECT_THAT(fault_of([&] { static_cast<void>(reader.texts("shear_stress")); }),
+  EXPECT_THAT(said_by<wire::Error>([&] { static_cast<void>(reader.texts("shear_stress")); }),
               HasSubstr("/shear_stress holds float values; expected texts"));
-  EXPECT_THAT(fault_of([&] { static_cast<void>(reader.texts("absent")); }), HasSubstr("/absent is not a dataset"));
-  EXPECT_THAT(fault_of([&] { static_cast<void>(reader.names_in("pair")); }), HasSubstr("/pair is not a group"));
+  EXPECT_THAT(said_by<wire::Error>([&] { static_cast<void>(reader.texts("absent")); }),
+              HasSubstr("/absent is not a dataset"));
+  EXPECT_THAT(said_by<wire::Error>([&] { static_cast<void>(reader.names_in("pair")); }),
+              HasSubstr("/pair is not a group"));
 }
 
 TEST(Recording, RegimesAreAnEnumOfBytes) {
   const Scratch scratch;
-  {
-    HistoryWriter writer(scratch / "history.h5", some_ids(5), kQuantities, {});
-    write_rows(writer, 1, 5);
-    writer.close();
-  }
+  write_file(scratch, 1, 5);
   const hid_t file = H5Fopen((scratch / "history.h5").c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
   const hid_t dataset = H5Dopen2(file, "regime", H5P_DEFAULT);
   const hid_t type = H5Dget_type(dataset);
@@ -255,50 +249,34 @@ TEST(Recording, InterruptedWriterLeavesNoFile) {
 
 TEST(Recording, InterruptedWriterLeavesTheOlderFileAlone) {
   const Scratch scratch;
-  {
-    HistoryWriter writer(scratch / "history.h5", some_ids(1), kQuantities, {{"producer", "older"}});
-    write_rows(writer, 1, 1);
-    writer.close();
-  }
+  write_file(scratch, 1, 1, {{"producer", "older"}});
   {
     HistoryWriter writer(scratch / "history.h5", some_ids(1), kQuantities, {{"producer", "newer"}});
     write_rows(writer, 1, 1);
   }
   EXPECT_EQ(HistoryReader(scratch / "history.h5").meta("producer"), "older");
-  {
-    HistoryWriter writer(scratch / "history.h5", some_ids(1), kQuantities, {{"producer", "newer"}});
-    write_rows(writer, 1, 1);
-    writer.close();
-  }
+  write_file(scratch, 1, 1, {{"producer", "newer"}});
   EXPECT_EQ(HistoryReader(scratch / "history.h5").meta("producer"), "newer");
-}
-
-template <typename Function>
-std::string error_of(Function&& function) {
-  try {
-    function();
-  } catch (const wire::Error& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 TEST(Recording, WriterRefusesWhatItsReaderWouldRefuse) {
   const Scratch scratch;
-  EXPECT_THAT(error_of([&] { HistoryWriter(scratch / "h.h5", {}, kQuantities, {}); }), HasSubstr("no nodes"));
-  EXPECT_THAT(error_of([&] { HistoryWriter(scratch / "absent/h.h5", some_ids(1), kQuantities, {}); }),
+  EXPECT_THAT(said_by<wire::Error>([&] { HistoryWriter(scratch / "h.h5", {}, kQuantities, {}); }),
+              HasSubstr("no nodes"));
+  EXPECT_THAT(said_by<wire::Error>([&] { HistoryWriter(scratch / "absent/h.h5", some_ids(1), kQuantities, {}); }),
               HasSubstr("no directory"));
   HistoryWriter writer(scratch / "h.h5", some_ids(2), kQuantities, {});
-  EXPECT_THAT(error_of([&] { writer.set(0, std::vector{1.0, 2.0}); }), HasSubstr("outside a row"));
-  EXPECT_THAT(error_of([&] { writer.begin_row(0.0); }), HasSubstr("must increase"));
-  EXPECT_THAT(error_of([&] { writer.begin_row(std::numeric_limits<double>::quiet_NaN()); }),
+  EXPECT_THAT(said_by<wire::Error>([&] { writer.set(0, std::vector{1.0, 2.0}); }), HasSubstr("outside a row"));
+  EXPECT_THAT(said_by<wire::Error>([&] { writer.begin_row(0.0); }), HasSubstr("must increase"));
+  EXPECT_THAT(said_by<wire::Error>([&] { writer.begin_row(std::numeric_limits<double>::quiet_NaN()); }),
               HasSubstr("must increase"));
   writer.begin_row(1e-9);
-  EXPECT_THAT(error_of([&] { writer.set(0, std::vector{1.0}); }), HasSubstr("takes 2 values a row, given 1"));
-  EXPECT_THAT(error_of([&] { writer.set(1, std::vector{1.0, 2.0}); }), HasSubstr("takes uint8"));
+  EXPECT_THAT(said_by<wire::Error>([&] { writer.set(0, std::vector{1.0}); }),
+              HasSubstr("takes 2 values a row, given 1"));
+  EXPECT_THAT(said_by<wire::Error>([&] { writer.set(1, std::vector{1.0, 2.0}); }), HasSubstr("takes uint8"));
   writer.set(0, std::vector{1.0, 2.0});
-  EXPECT_THAT(error_of([&] { writer.end_row(); }), HasSubstr("/regime has no values in the row"));
-  EXPECT_THAT(error_of([&] { writer.close(); }), HasSubstr("inside a row"));
+  EXPECT_THAT(said_by<wire::Error>([&] { writer.end_row(); }), HasSubstr("/regime has no values in the row"));
+  EXPECT_THAT(said_by<wire::Error>([&] { writer.close(); }), HasSubstr("inside a row"));
 }
 
 }  // namespace

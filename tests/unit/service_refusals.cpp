@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/changed_scene.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus::service {
@@ -150,8 +151,8 @@ std::vector<Case> velocity_driven_cases() {
 void expect_refused_and_unchanged(Strategy strategy, const std::vector<Case>& cases) {
   ServiceHarness attacked(2), twin(2);
   for (ServiceHarness* h : {&attacked, &twin}) {
-    ASSERT_TRUE(h->ask(ServiceHarness::opening(support::scene_of(strategy), kNodes)).reply.status.ok());
-    ASSERT_TRUE(h->ask(ServiceHarness::step(1, support::step_columns(strategy, kNodes, 1))).reply.status.ok());
+    h->granted(ServiceHarness::opening(support::scene_of(strategy), kNodes));
+    h->granted(ServiceHarness::step(1, support::step_columns(strategy, kNodes, 1)));
   }
   std::uint64_t refused = 0;
   for (const Case& c : cases) {
@@ -194,53 +195,62 @@ TEST(Refusals, AtMostSixteenNodesAreNamed) {
       << answer.reply.status.text;
 }
 
-TEST(Refusals, ShearRateIsTakenByInterfaceSlip) {
-  auto scene = support::velocity_scene();
-  scene.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
-  ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(scene, kNodes));
-  auto batch = with(Strategy::kVelocityDriven, Field::kSoftShearRate);
-  std::ranges::fill(batch.f64(Field::kSoftShearRate), 1e6);
-  EXPECT_TRUE(harness.ask(ServiceHarness::step(1, std::move(batch))).reply.status.ok());
-  auto bad = with(Strategy::kVelocityDriven, Field::kSoftShearRate);
-  bad.f64(Field::kSoftShearRate)[4] = kNan;
-  EXPECT_EQ(harness.ask(ServiceHarness::step(2, std::move(bad))).reply.status.field, "soft_shear_rate_per_s");
-}
-
-TEST(Refusals, PlasticStrainRateIsTakenByAPlasticLayer) {
-  auto scene = support::force_scene();
-  scene.mutable_interface()->set_plastic_layer(true);
-  ServiceHarness harness;
-  harness.ask(ServiceHarness::opening(scene, kNodes));
-  auto batch = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
-  std::ranges::fill(batch.f64(Field::kSoftPlasticStrainRate), 1e5);
-  EXPECT_TRUE(harness.ask(ServiceHarness::step(1, std::move(batch))).reply.status.ok());
-  auto bad = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
-  bad.f64(Field::kSoftPlasticStrainRate)[4] = -1.0;  // invalid: the rate is a magnitude, the stress gives the direction
-  EXPECT_EQ(harness.ask(ServiceHarness::step(2, std::move(bad))).reply.status.field, "soft_plastic_strain_rate_per_s");
-}
-
-TEST(Refusals, PlasticStrainRateReachesTheLayer) {
-  auto scene = support::force_scene();
-  scene.mutable_interface()->set_plastic_layer(true);
-  double slip[2];
-  for (const int driven : {0, 1}) {
-    ServiceHarness harness;
-    harness.ask(ServiceHarness::opening(scene, kNodes));
-    auto batch = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
-    std::ranges::fill(batch.f64(Field::kSoftPlasticStrainRate), driven * 1e5);
-    const Answer answer = harness.ask(ServiceHarness::step(1, std::move(batch)));
-    slip[driven] = answer.reply.batch.f64(Field::kSlidingVelocity)[0];
+// Rates of the host that a scene takes: they reach the layer, and each has values that are refused.
+TEST(Refusals, ARateOfTheHostIsTakenByTheSceneThatHasAUseForIt) {
+  struct Taken {
+    v1::Scene scene;
+    Field rate;
+    double bad;
+  };
+  for (const auto& [scene, rate, bad] :
+       {Taken{support::with(support::velocity_scene(), "velocity_driven { drive: DRIVE_INTERFACE_SLIP }"),
+              Field::kSoftShearRate, kNan},
+        Taken{support::with(support::force_scene(), "interface { plastic_layer: true }"), Field::kSoftPlasticStrainRate,
+              -2e15}}) {
+    SCOPED_TRACE(wire::name(rate));
+    double slip[2];
+    for (const int driven : {0, 1}) {
+      ServiceHarness harness;
+      harness.ask(ServiceHarness::opening(scene, kNodes));
+      auto batch = with(support::strategy_of(scene), rate);
+      std::ranges::fill(batch.f64(rate), driven * 1e5);
+      const Answer answer = harness.granted(ServiceHarness::step(1, std::move(batch)));
+      slip[driven] = answer.reply.batch.f64(Field::kSlidingVelocity)[0];
+      auto refused = with(support::strategy_of(scene), rate);
+      refused.f64(rate)[4] = bad;
+      EXPECT_EQ(harness.ask(ServiceHarness::step(2, std::move(refused))).reply.status.field, wire::name(rate));
+    }
+    if (rate == Field::kSoftPlasticStrainRate) {
+      EXPECT_GT(std::abs(slip[1]), std::abs(slip[0]) + 1.0);  // 1e5/s adds sqrt(3) h 1e5/s = 3.5 m/s
+    }
   }
-  EXPECT_GT(std::abs(slip[1]), std::abs(slip[0]) + 1.0);  // a strain rate of 1e5/s adds sqrt(3) h 1e5/s = 3.5 m/s
 }
 
-struct OpeningCase {
-  const char* name;
-  Code code;
-  const char* field;
-  std::function<void(wire::Request&, v1::Scene&)> damage;
-};
+TEST(Refusals, PlasticStrainRateOfTwoComponentsHasBoth) {
+  const v1::Scene scene =
+      support::with(support::force_scene(), "tangential_components: 2 interface { plastic_layer: true }");
+  ServiceHarness harness;
+  harness.ask(ServiceHarness::opening(scene, kNodes));
+  std::vector<Field> fields(wire::columns_of(Strategy::kForceDriven).required.begin(),
+                            wire::columns_of(Strategy::kForceDriven).required.end());
+  fields.push_back(Field::kSoftPlasticStrainRate);
+  const wire::Batch scalar = with(Strategy::kForceDriven, Field::kSoftPlasticStrainRate);
+  wire::Batch whole = wire::Batch::of(fields, kNodes.size(), 2);
+  for (const wire::Column& column : whole.columns())
+    std::ranges::copy(scalar.f64(column.field), whole.f64(column.field, column.component).begin());
+  std::ranges::fill(whole.f64(Field::kSoftPlasticStrainRate), -1e5);
+  for (const std::uint32_t dropped : {0U, 1U}) {
+    auto columns = whole.columns();
+    std::erase_if(columns, [&](const wire::Column& column) {
+      return column.field == Field::kSoftPlasticStrainRate && column.component == dropped;
+    });
+    const wire::Status refusal =
+        harness.ask(ServiceHarness::step(1, wire::Batch::over(columns, whole.bytes()))).reply.status;
+    EXPECT_EQ(refusal.code, Code::kShape);
+    EXPECT_EQ(refusal.field, "soft_plastic_strain_rate_per_s");
+  }
+  harness.granted(ServiceHarness::step(1, std::move(whole)));
+}
 
 wire::Batch opening_columns(std::vector<std::uint64_t> ids, std::vector<double> temperatures = {}) {
   std::vector<Field> fields = {Field::kNodeId};
@@ -252,61 +262,55 @@ wire::Batch opening_columns(std::vector<std::uint64_t> ids, std::vector<double> 
 }
 
 TEST(Refusals, OpeningsAreRefusedWhole) {
-  using wire::OpenSession;
-  const auto scene_damage = [](auto change) { return [=](wire::Request&, v1::Scene& scene) { change(scene); }; };
-  const std::vector<OpeningCase> cases = {
-      {"unknown material", Code::kInvalidScene, "soft.material",
-       scene_damage([](auto& s) { s.mutable_soft()->set_material("aluminum_dlp"); })},
-      {"unknown hard material", Code::kInvalidScene, "hard.material",
-       scene_damage([](auto& s) { s.mutable_hard()->set_material("mithril"); })},
-      {"negative strength", Code::kInvalidScene, "soft.yield_strength_pa", scene_damage([](auto& s) {
-         scene::set_numbers({{"yield_strength_pa", -1.0}}, *s.mutable_soft());
-       })},
-      {"NaN constant", Code::kInvalidScene, "hard.density_kg_per_m3", scene_damage([](auto& s) {
-         scene::set_numbers({{"density_kg_per_m3", kNan}}, *s.mutable_hard());
-       })},
-      {"no cells", Code::kInvalidScene, "layer.cells", scene_damage([](auto& s) { s.mutable_layer()->set_cells(0); })},
-      {"too hot", Code::kInvalidScene, "layer.initial_temperature_k",
-       scene_damage([](auto& s) { s.mutable_layer()->set_initial_temperature_k(1220.0); })},
-      {"below zero", Code::kInvalidScene, "layer.initial_temperature_k",
-       scene_damage([](auto& s) { s.mutable_layer()->set_initial_temperature_k(-3.0); })},
-      {"no strategy", Code::kInvalidScene, "",  // a missing key is reported at its table
-       scene_damage([](auto& s) { s.clear_strategy(); })},
-      {"force-driven without interface", Code::kInvalidScene, "strategy",
-       scene_damage([](auto& s) { s.set_strategy(v1::STRATEGY_FORCE_DRIVEN); })},
-      {"no id", Code::kInvalidValue, "session_id",
-       [](wire::Request& r, v1::Scene&) { std::get<OpenSession>(r.body).session_id = {}; }},
-      {"no nodes", Code::kShape, "node_id", [](wire::Request& r, v1::Scene&) { r.batch = wire::Batch(); }},
-      {"empty nodes", Code::kShape, "node_id", [](wire::Request& r, v1::Scene&) { r.batch = opening_columns({}); }},
-      {"twice the same node", Code::kDuplicateNode, "node_id",
-       [](wire::Request& r, v1::Scene&) {
-         r.batch = opening_columns({7, 8, 7});
-       }},
-      {"too many nodes", Code::kLimit, "node_id",
-       [](wire::Request& r, v1::Scene&) {
-         r.batch = opening_columns(support::node_ids(wire::kMaxNodesPerSession + 1));
-       }},
-      {"a molten node", Code::kInvalidValue, "initial_temperature_k",
-       [](wire::Request& r, v1::Scene&) {
-         r.batch = opening_columns({7, 8}, {300, 1300});
-       }},
-      {"a node below absolute zero", Code::kInvalidValue, "initial_temperature_k",
-       [](wire::Request& r, v1::Scene&) {
-         r.batch = opening_columns({7, 8}, {-300, 300});
-       }},
-      {"a foreign column", Code::kShape, "pressure_pa",
-       [](wire::Request& r, v1::Scene&) {
-         r.batch = wire::Batch::of(std::vector{Field::kNodeId, Field::kPressure}, 2);
-       }},
-      {"a sequence", Code::kSequenceGap, "", [](wire::Request& r, v1::Scene&) { r.sequence = 4; }},
+  struct Opening {
+    const char* name;
+    Code code;
+    const char* field;
+    const char* scene;  // changes of the scene
+    std::function<void(wire::Request&)> damage = [](wire::Request&) {};
+  };
+  const auto columns = [](std::vector<std::uint64_t> ids, std::vector<double> temperatures = {}) {
+    return [=](wire::Request& request) { request.batch = opening_columns(ids, temperatures); };
   };
   ServiceHarness harness;
-  for (const OpeningCase& c : cases) {
+  for (const Opening& c : {
+           Opening{"unknown material", Code::kInvalidScene, "soft.material", "soft { material: 'aluminum_dlp' }"},
+           Opening{"unknown hard material", Code::kInvalidScene, "hard.material", "hard { material: 'mithril' }"},
+           Opening{"negative strength", Code::kInvalidScene, "soft.yield_strength_pa",
+                   "soft { yield_strength_pa: -1 }"},
+           Opening{"NaN constant", Code::kInvalidScene, "hard.density_kg_per_m3", "hard { density_kg_per_m3: nan }"},
+           Opening{"no cells", Code::kInvalidScene, "layer.cells", "layer { cells: 0 }"},
+           Opening{"too hot", Code::kInvalidScene, "layer.initial_temperature_k",
+                   "layer { initial_temperature_k: 1220 }"},
+           Opening{"below zero", Code::kInvalidScene, "layer.initial_temperature_k",
+                   "layer { initial_temperature_k: -3 }"},
+           Opening{"no strategy", Code::kInvalidScene, "", "",  // a missing key is reported at its table
+                   [](wire::Request& r) {
+                     v1::Scene scene = support::velocity_scene();
+                     scene.clear_strategy();
+                     std::get<wire::OpenSession>(r.body).scene = support::text_of(scene);
+                   }},
+           Opening{"force-driven without interface", Code::kInvalidScene, "strategy",
+                   "strategy: STRATEGY_FORCE_DRIVEN"},
+           Opening{"no id", Code::kInvalidValue, "session_id", "",
+                   [](wire::Request& r) { std::get<wire::OpenSession>(r.body).session_id = {}; }},
+           Opening{"no nodes", Code::kShape, "node_id", "", [](wire::Request& r) { r.batch = wire::Batch(); }},
+           Opening{"empty nodes", Code::kShape, "node_id", "", columns({})},
+           Opening{"twice the same node", Code::kDuplicateNode, "node_id", "", columns({7, 8, 7})},
+           Opening{"too many nodes", Code::kLimit, "node_id", "",
+                   columns(support::node_ids(wire::kMaxNodesPerSession + 1))},
+           Opening{"a molten node", Code::kInvalidValue, "initial_temperature_k", "", columns({7, 8}, {300, 1300})},
+           Opening{"a node below absolute zero", Code::kInvalidValue, "initial_temperature_k", "",
+                   columns({7, 8}, {-300, 300})},
+           Opening{"a foreign column", Code::kShape, "pressure_pa", "",
+                   [](wire::Request& r) {
+                     r.batch = wire::Batch::of(std::vector{Field::kNodeId, Field::kPressure}, 2);
+                   }},
+           Opening{"a sequence", Code::kSequenceGap, "", "", [](wire::Request& r) { r.sequence = 4; }},
+       }) {
     SCOPED_TRACE(c.name);
-    v1::Scene scene = support::velocity_scene();
-    auto request = ServiceHarness::opening(scene, kNodes);
-    c.damage(request, scene);
-    std::get<wire::OpenSession>(request.body).scene = support::text_of(scene);
+    auto request = ServiceHarness::opening(support::with(support::velocity_scene(), c.scene), kNodes);
+    c.damage(request);
     const Answer answer = harness.ask(request);
     EXPECT_EQ(answer.code(), c.code) << describe(answer.reply.status);
     EXPECT_EQ(answer.reply.status.field, c.field) << describe(answer.reply.status);
@@ -320,8 +324,7 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
 // in one frame, text of another protocol, a header or a payload that is cut short, a payload with a flipped bit.
 TEST(Refusals, DamagedFramesAreAnsweredAndRunNothing) {
   ServiceHarness attacked, twin;
-  for (ServiceHarness* h : {&attacked, &twin})
-    ASSERT_TRUE(h->ask(ServiceHarness::opening(support::force_scene(), kNodes)).reply.status.ok());
+  for (ServiceHarness* h : {&attacked, &twin}) h->granted(ServiceHarness::opening(support::force_scene(), kNodes));
   const auto request = ServiceHarness::step(1, support::step_columns(Strategy::kForceDriven, kNodes, 1));
   const std::string header = wire::encode_header(request);
   const auto payload = request.batch.bytes();

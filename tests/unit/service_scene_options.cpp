@@ -1,7 +1,6 @@
 // Tests the conversion of a scene's options into options of the model, and the refusals of options.
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
-#include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,12 +17,14 @@
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/service/scene_model.hpp"
+#include "tests/support/changed_scene.hpp"
 #include "tests/support/refused.hpp"
 #include "tests/support/scenes.hpp"
 
 namespace shearbus::service {
 namespace {
 
+using support::with;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -34,14 +35,8 @@ wire::Status refusal_of(const v1::Scene& scene) {
   return support::fault_of([&] { scene_model(scene); });
 }
 
-// Returns the scene with changes, which are written as in protobuf's text format.
-v1::Scene with(v1::Scene scene, const std::string& changes) {
-  EXPECT_TRUE(google::protobuf::TextFormat::MergeFromString(changes, &scene)) << changes;
-  return scene;
-}
-
 struct Row {
-  std::string changes;  // of a scene, as above
+  std::string changes;  // of a scene, as support::with() takes them
   const char* field;    // of its refusal; empty: it is accepted
   const char* text;     // a part of the refusal's text
 };
@@ -78,10 +73,8 @@ TEST(SceneOptions, HardLayerIsAbsentUnlessAskedFor) {
 }
 
 TEST(SceneOptions, AnEmptyHardLayerIsTheLayersScaledToTheHeatDepth) {
-  v1::Scene scene = support::velocity_scene();
-  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
-  scene.mutable_hard_layer();
-  const SceneModel made = scene_model(scene);
+  const SceneModel made =
+      scene_model(with(support::velocity_scene(), "layer { far_boundary: FAR_BOUNDARY_HALF_SPACE } hard_layer {}"));
   ASSERT_TRUE(made.options.hard_grid);
   EXPECT_DOUBLE_EQ(made.options.hard_grid->thickness, 20e-6 * std::sqrt(4.076e-6 / 48.9e-6));
   EXPECT_EQ(made.options.hard_grid->cells, 24);
@@ -95,12 +88,9 @@ TEST(SceneOptions, AnEmptyHardLayerIsTheLayersScaledToTheHeatDepth) {
 }
 
 TEST(SceneOptions, HardLayerKeepsWhatIsGiven) {
-  v1::Scene scene = support::force_scene();
-  scene.mutable_hard_layer()->set_thickness_m(5e-6);
-  scene.mutable_hard_layer()->set_cells(40);
-  scene.mutable_hard_layer()->set_grading(1.0);
-  scene.mutable_hard_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
-  const physics::GridOptions hard = *scene_model(scene).options.hard_grid;
+  const std::string given =
+      "hard_layer { thickness_m: 5e-6 cells: 40 grading: 1 far_boundary: FAR_BOUNDARY_HALF_SPACE }";
+  const physics::GridOptions hard = *scene_model(with(support::force_scene(), given)).options.hard_grid;
   EXPECT_EQ(hard.thickness, 5e-6);
   EXPECT_EQ(hard.cells, 40);
   EXPECT_EQ(hard.grading, 1.0);
@@ -127,10 +117,7 @@ TEST(SceneOptions, CellsNarrowerThanAnAtomAreRefused) {
 TEST(SceneOptions, JunctionsAreOfTheSoftMetalUnlessGivenAndYieldAsTheInterface) {
   v1::Scene scene = support::force_scene();
   EXPECT_FALSE(scene_model(scene).options.junctions);
-  scene.clear_junctions();
-  scene.mutable_junctions()->set_contact_fraction(0.3);
-  scene.mutable_junctions()->set_height_m(1e-7);
-
+  scene = with(scene, "junctions { contact_fraction: 0.3 height_m: 1e-7 }");
   const SceneModel made = scene_model(scene);
   ASSERT_TRUE(made.options.junctions);
   const physics::JunctionOptions& junctions = *made.options.junctions;
@@ -142,10 +129,8 @@ TEST(SceneOptions, JunctionsAreOfTheSoftMetalUnlessGivenAndYieldAsTheInterface) 
   EXPECT_EQ(junctions.metal.hardening_exponent, made.options.soft.hardening_exponent);
   EXPECT_EQ(effective_of(made).junctions().hardening_exponent(), made.options.soft.hardening_exponent);
   expect_own(made);
-  scene.mutable_junctions()->set_yield_strength_max_pa(5e8);
-  scene.mutable_junctions()->set_hardening_coefficient(7.0);
-  scene.mutable_junctions()->set_hardening_exponent(0.7);
-  const physics::Material own = scene_model(scene).options.junctions->metal;
+  const std::string given = "junctions { yield_strength_max_pa: 5e8 hardening_coefficient: 7 hardening_exponent: 0.7 }";
+  const physics::Material own = scene_model(with(scene, given)).options.junctions->metal;
   EXPECT_EQ(own.yield_strength_max, 5e8);
   EXPECT_EQ(own.hardening_coefficient, 7.0);
   EXPECT_EQ(own.hardening_exponent, 0.7);
@@ -206,8 +191,7 @@ TEST(SceneOptions, SecondOrderIsSaidToBeOfOpenContactsAndModesAreRefusedWhereThe
 TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
   v1::Scene scene = support::velocity_scene();
   scene.clear_layer();
-  scene.mutable_layer()->set_thickness_m(20e-6);
-  scene.set_tolerance(1e-3);
+  scene = with(scene, "layer { thickness_m: 20e-6 } tolerance: 1e-3");
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.tolerance, 1e-3);
   EXPECT_EQ(made.options.time_integrator, physics::TimeIntegrator::kSdirk2);
@@ -242,28 +226,19 @@ TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
 }
 
 TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
-  v1::Scene scene = support::velocity_scene();
-  EXPECT_FALSE(scene_model(scene).options.inertia);
-  scene.mutable_layer()->set_inertia(true);
-  EXPECT_TRUE(scene_model(scene).options.inertia);
-  EXPECT_TRUE(scene_model(scene_model(scene).effective, "effective").options.inertia);
-  scene.mutable_hard_layer();
-  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_HALF_SPACE);
-  EXPECT_TRUE(scene_model(scene).options.inertia);
-  scene.mutable_velocity_driven()->set_taylor_quinney_factor(0.9);
-  EXPECT_EQ(refusal_of(scene).text, "");
-  scene.mutable_velocity_driven()->clear_taylor_quinney_factor();
-  scene.mutable_velocity_driven()->set_drive(v1::DRIVE_INTERFACE_SLIP);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("does not go with velocity_driven.drive"));
-  scene.mutable_velocity_driven()->set_drive(v1::DRIVE_LAYER_SHEAR);
-  scene.mutable_layer()->set_grading(1.0);
-  scene.mutable_layer()->set_cells(1001);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("at most 1000 cells, found 1001"));
-  scene = support::force_scene();
-  scene.mutable_layer()->set_inertia(true);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("whose mass has its own already"));
-  scene.mutable_interface()->set_plastic_layer(true);
-  EXPECT_TRUE(scene_model(scene).options.inertia);
+  EXPECT_FALSE(scene_model(support::velocity_scene()).options.inertia);
+  const v1::Scene velocity = with(support::velocity_scene(), "layer { inertia: true }"),
+                  force = with(support::force_scene(), "layer { inertia: true }");
+  const std::string two_sided = "hard_layer {} layer { far_boundary: FAR_BOUNDARY_HALF_SPACE } ";
+  EXPECT_TRUE(scene_model(scene_model(velocity).effective, "effective").options.inertia);
+  for (const v1::Scene& scene : {velocity, with(velocity, two_sided), with(force, "interface { plastic_layer: true }")})
+    EXPECT_TRUE(scene_model(scene).options.inertia);
+  expect_refusals(
+      velocity, {{two_sided + "velocity_driven { taylor_quinney_factor: 0.9 }", "", ""},
+                 {two_sided + "velocity_driven { drive: DRIVE_INTERFACE_SLIP }", "layer.inertia",
+                  "does not go with velocity_driven.drive"},
+                 {two_sided + "layer { grading: 1 cells: 1001 }", "layer.inertia", "at most 1000 cells, found 1001"}});
+  expect_refusals(force, {{"", "layer.inertia", "whose mass has its own already"}});
 }
 
 TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
@@ -298,8 +273,7 @@ TEST(SceneOptions, TwoComponentsAreRefusedWhereSomethingHasNoDirection) {
 TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   v1::Scene scene = support::velocity_scene();
   EXPECT_FALSE(scene_model(scene).options.soft.varies_with_compression());
-  scene.mutable_soft()->set_melting_curve(v1::MELTING_CURVE_LINDEMANN);
-  scene.mutable_soft()->set_pressure_term(v1::PRESSURE_TERM_COMPRESSED);
+  scene = with(scene, "soft { melting_curve: MELTING_CURVE_LINDEMANN pressure_term: PRESSURE_TERM_COMPRESSED }");
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.soft.melting_curve, physics::MeltingCurve::kLindemann);
   EXPECT_EQ(made.options.soft.pressure_term, physics::PressureTerm::kCompressed);
@@ -310,63 +284,47 @@ TEST(SceneOptions, StrengthUnderPressureNeedsItsConstantsAndIsTheSoftBodys) {
   scene.mutable_soft()->clear_material();
   for (const auto& [name, value] : scene::numbers_of(effective_of(made).soft()))
     if (name != "hugoniot_slope") scene::set_numbers({{name, value}}, *scene.mutable_soft());
-  EXPECT_EQ(refusal_of(scene).field, "soft.hugoniot_slope");
-  scene.mutable_soft()->set_melting_curve(v1::MELTING_CURVE_CONSTANT);
-  scene.mutable_soft()->set_pressure_term(v1::PRESSURE_TERM_LINEAR);
-  EXPECT_EQ(refusal_of(scene).text, "");
-
-  scene.mutable_hard()->set_melting_curve(v1::MELTING_CURVE_LINDEMANN);
-  EXPECT_EQ(refusal_of(scene).field, "hard.melting_curve");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("only the soft body's is computed"));
+  const std::string constant = "soft { melting_curve: MELTING_CURVE_CONSTANT pressure_term: PRESSURE_TERM_LINEAR } ";
+  expect_refusals(scene, {{"", "soft.hugoniot_slope", ""},
+                          {constant, "", ""},
+                          {constant + "hard { melting_curve: MELTING_CURVE_LINDEMANN }", "hard.melting_curve",
+                           "only the soft body's is computed"}});
 }
 
 TEST(SceneOptions, SimonsMeltingCurveHasItsConstantsAndItsMeltingTemperature) {
-  v1::Scene scene = support::velocity_scene();
-  scene.mutable_soft()->set_melting_curve(v1::MELTING_CURVE_SIMON);
-  EXPECT_EQ(refusal_of(scene).field, "soft.simon_temperature_k");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("needs the constants of the curve"));
-  scene.mutable_soft()->set_simon_temperature_k(933.45);
-  scene.mutable_soft()->set_simon_pressure_pa(6e9);
-  scene.mutable_soft()->set_simon_exponent(1.9);
+  const v1::Scene bare = with(support::velocity_scene(), "soft { melting_curve: MELTING_CURVE_SIMON }");
+  expect_refusals(bare, {{"", "soft.simon_temperature_k", "needs the constants of the curve"}});
+  const v1::Scene scene = with(bare, "soft { simon_temperature_k: 933.45 simon_pressure_pa: 6e9 simon_exponent: 1.9 }");
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.soft.melting_curve, physics::MeltingCurve::kSimon);
   EXPECT_EQ(made.options.soft.melting_temperature, 933.45);
   const SceneModel again = scene_model(made.effective, "effective");
   EXPECT_EQ(again.effective, made.effective);
   EXPECT_EQ(again.options.soft.simon_exponent, 1.9);
-  scene.mutable_soft()->set_melting_temperature_k(1220.0);
-  EXPECT_EQ(refusal_of(scene).field, "soft.melting_temperature_k");
-  scene.mutable_soft()->clear_melting_temperature_k();
-  scene.mutable_hard()->set_melting_curve(v1::MELTING_CURVE_SIMON);
-  EXPECT_EQ(refusal_of(scene).field, "hard.melting_curve");
+  expect_refusals(scene, {{"soft { melting_temperature_k: 1220 }", "soft.melting_temperature_k", ""},
+                          {"hard { melting_curve: MELTING_CURVE_SIMON }", "hard.melting_curve", ""}});
 }
 
 TEST(SceneOptions, AFaceMayKeepItsTemperature) {
-  v1::Scene scene = support::velocity_scene();
-  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_ISOTHERMAL);
-  scene.mutable_hard_layer()->set_cells(5);
+  const std::string held = "far_boundary: FAR_BOUNDARY_ISOTHERMAL";
+  const v1::Scene scene = with(support::velocity_scene(), "hard_layer { cells: 5 } layer { " + held + " }");
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.grid.far_boundary, physics::FarBoundary::kIsothermal);
   EXPECT_EQ(made.options.hard_grid->far_boundary, physics::FarBoundary::kIsothermal);
-  scene.mutable_layer()->set_far_boundary(v1::FAR_BOUNDARY_INSULATED);
-  scene.mutable_hard_layer()->set_far_boundary(v1::FAR_BOUNDARY_ISOTHERMAL);
-  EXPECT_EQ(scene_model(scene).options.grid.far_boundary, physics::FarBoundary::kInsulated);
-  scene.mutable_layer()->set_sleep(true);
-  EXPECT_EQ(refusal_of(scene).text, "");
+  const v1::Scene hard = with(scene, "hard_layer { " + held + " } layer { far_boundary: FAR_BOUNDARY_INSULATED }");
+  EXPECT_EQ(scene_model(hard).options.grid.far_boundary, physics::FarBoundary::kInsulated);
+  expect_refusals(hard, {{"layer { sleep: true }", "", ""}});
 }
 
 TEST(SceneOptions, ConductivityAndHeatMayFollowTheTemperature) {
   v1::Scene scene = support::velocity_scene();
   EXPECT_FALSE(physics::conducts_by_temperature(scene_model(scene).options));
-  scene.mutable_soft()->set_thermal_conductivity_slope_per_k(-2e-4);
-  EXPECT_EQ(refusal_of(scene).field, "soft.thermal_conductivity_slope_per_k");
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("two half-spaces of constant k and c"));
-  scene.mutable_hard_layer();
-  scene.mutable_hard()->set_specific_heat_slope_per_k(3e-4);
-  const SceneModel made = scene_model(scene);
+  scene = with(scene, "soft { thermal_conductivity_slope_per_k: -2e-4 }");
+  expect_refusals(scene, {{"", "soft.thermal_conductivity_slope_per_k", "two half-spaces of constant k and c"}});
+  const SceneModel made = scene_model(with(scene, "hard { specific_heat_slope_per_k: 3e-4 } hard_layer {}"));
   EXPECT_EQ(made.options.soft.conductivity_slope, -2e-4);
   EXPECT_EQ(made.options.hard.specific_heat_slope, 3e-4);
-  EXPECT_EQ(scene_model(scene_model(scene).effective, "effective").options.hard.specific_heat_slope, 3e-4);
+  EXPECT_EQ(scene_model(made.effective, "effective").options.hard.specific_heat_slope, 3e-4);
 }
 
 TEST(SceneOptions, TablesOfConductivityAndHeatAreCheckedRowByRow) {
@@ -433,14 +391,7 @@ TEST(SceneOptions, UnknownMaterialsAreListedWithTheOtherFaults) {
   v1::Scene scene = support::velocity_scene();
   scene.mutable_soft()->set_material("aluminum_dlp");
   scene.mutable_hard()->set_material("bogus");
-  const auto refused = [](const std::string& text) -> wire::Status {
-    try {
-      scene_model(text, "scene");
-    } catch (const wire::Error& fault) {
-      return fault.status();
-    }
-    return {};
-  };
+  const auto refused = [](const std::string& text) { return support::fault_of([&] { scene_model(text, "scene"); }); };
   const std::string text = support::text_of(scene);
   const wire::Status two = refused(text);
   EXPECT_THAT(two.text, HasSubstr("soft.material: \"aluminum_dlp\" is not in the catalog"));
@@ -467,46 +418,57 @@ TEST(SceneOptions, AFlowLawComesWithItsOwnConstantsAndComesBack) {
   const std::string text = made.effective;
   EXPECT_THAT(text, HasSubstr("flow_law = \"johnson_cook\""));
   EXPECT_THAT(text.substr(0, text.find("[hard]")), ::testing::Not(HasSubstr("hardening_coefficient")));
-  const SceneModel again = scene_model(text, "effective");
-  EXPECT_EQ(again.effective, text);
-
-  scene.mutable_soft()->set_pressure_term(v1::PRESSURE_TERM_COMPRESSED);
-  EXPECT_EQ(refusal_of(scene).field, "soft.pressure_term");
-  scene.mutable_soft()->set_pressure_term(v1::PRESSURE_TERM_LINEAR);
-  scene.mutable_soft()->set_melting_curve(v1::MELTING_CURVE_LINDEMANN);
-  EXPECT_EQ(refusal_of(scene).text, "");
-  scene.mutable_layer()->set_time_integrator(v1::TIME_INTEGRATOR_SDIRK2);
-  EXPECT_EQ(refusal_of(scene).text, "");
-  scene.mutable_layer()->set_time_integrator(v1::TIME_INTEGRATOR_BACKWARD_EULER);
+  expect_own(made);
+  const std::string curve = "soft { melting_curve: MELTING_CURVE_LINDEMANN } ";
+  expect_refusals(scene, {{"soft { pressure_term: PRESSURE_TERM_COMPRESSED }", "soft.pressure_term", ""},
+                          {curve, "", ""},
+                          {curve + "layer { " + kSecondOrder + "}", "", ""}});
 }
 
 TEST(SceneOptions, AFrictionLawComesWithItsOwnConstantsAndComesBack) {
   EXPECT_EQ(scene_model(support::force_scene()).options.interface.friction_law, physics::FrictionLaw{});
-  v1::Scene scene = with(support::force_scene(), kWeakening);
+  const v1::Scene scene = with(support::force_scene(), kWeakening);
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.interface.friction_law, physics::FrictionLaws::place<physics::VelocityWeakening>());
   EXPECT_EQ(made.options.interface.friction_coefficient_fast, 0.02);
   EXPECT_EQ(made.options.interface.velocity_decay, 0.01);
-  scene.mutable_interface()->set_plastic_layer(true);
-  EXPECT_EQ(refusal_of(scene).text, "");
-  const std::string text = made.effective;
-  EXPECT_THAT(text, HasSubstr("friction_law = \"velocity_weakening\""));
+  EXPECT_THAT(made.effective, HasSubstr("friction_law = \"velocity_weakening\""));
   expect_own(made);
+  expect_refusals(scene, {{"interface { plastic_layer: true }", "", ""}});
 }
 
 TEST(SceneOptions, FrictionThatSoftensComesWithItsOwnConstantsAndComesBack) {
-  v1::Scene scene = support::force_scene();
-  scene.mutable_interface()->set_friction_law(v1::FRICTION_LAW_THERMAL_SOFTENING);
-  EXPECT_THAT(refusal_of(scene).text, HasSubstr("interface.friction_reference_temperature_k is missing"));
-  scene.mutable_interface()->set_friction_reference_temperature_k(300.0);
-  scene.mutable_interface()->set_friction_softening_exponent(2.0);
+  const v1::Scene bare = with(support::force_scene(), "interface { friction_law: FRICTION_LAW_THERMAL_SOFTENING }");
+  EXPECT_THAT(refusal_of(bare).text, HasSubstr("interface.friction_reference_temperature_k is missing"));
+  const v1::Scene scene =
+      with(bare, "interface { friction_reference_temperature_k: 300 friction_softening_exponent: 2 }");
   const SceneModel made = scene_model(scene);
   EXPECT_EQ(made.options.interface.friction_law, physics::FrictionLaws::place<physics::ThermalSoftening>());
   EXPECT_EQ(made.options.interface.friction_reference_temperature, 300.0);
   EXPECT_EQ(made.options.interface.friction_softening_exponent, 2.0);
   expect_own(made);
-  scene.mutable_interface()->set_friction_reference_temperature_k(2000.0);  // a reference temperature above melting
-  EXPECT_EQ(refusal_of(scene).field, "interface.friction_reference_temperature_k");
+  expect_refusals(scene, {{"interface { friction_reference_temperature_k: 2000 }",  // above melting
+                           "interface.friction_reference_temperature_k", ""}});
+}
+
+const std::string kMeltFilm = "melt_film { latent_heat_j_per_kg: 397e3 viscosity_pa_s: 1.25e-3 } ";
+
+TEST(MeltFilmScene, HasItsConstantsAndKeepsThem) {
+  const SceneModel made = scene_model(with(support::force_scene(), kMeltFilm + "hard_layer {}"));
+  ASSERT_TRUE(made.options.melt_film);
+  EXPECT_EQ(made.options.melt_film->latent_heat, 397e3);
+  EXPECT_EQ(made.options.melt_film->viscosity, 1.25e-3);
+  EXPECT_EQ(made.options.melt_film->activation_energy, 0.0);
+  EXPECT_THAT(made.effective, HasSubstr("activation_energy_j_per_mol = 0"));
+  expect_own(made);
+}
+
+TEST(MeltFilmScene, RefusesWhatItCannotDo) {
+  expect_refusals(
+      support::force_scene(),
+      {{"melt_film { latent_heat_j_per_kg: 397e3 } hard_layer {}", "melt_film", "viscosity_pa_s"},
+       {kMeltFilm, "melt_film", "[hard_layer]"},
+       {kMeltFilm + "hard_layer {} interface { plastic_layer: true }", "melt_film", "before the interface melts"}});
 }
 
 std::string costs_told(const v1::Scene& scene) {
@@ -516,13 +478,11 @@ std::string costs_told(const v1::Scene& scene) {
 }
 
 TEST(SceneOptions, ACostlySceneIsWarnedOfWithWhatHelps) {
-  v1::Scene scene = support::velocity_scene();
+  EXPECT_EQ(costs_told(support::velocity_scene()), "");
+  v1::Scene scene = with(support::velocity_scene(), "soft { material: 'copper_ofhc_jc' }");
   EXPECT_EQ(costs_told(scene), "");
-  scene.mutable_soft()->set_material("copper_ofhc_jc");
-  EXPECT_EQ(costs_told(scene), "");
-  scene.mutable_layer()->set_grading(1.0);
-  scene.mutable_layer()->set_cells(5'000);
-  EXPECT_THAT(costs_told(scene), HasSubstr("fewer cells, graded towards the interface"));
+  EXPECT_THAT(costs_told(with(scene, "layer { grading: 1 cells: 5000 }")),
+              HasSubstr("fewer cells, graded towards the interface"));
   scene.clear_layer();
   scene.set_tolerance(1e-2);
   EXPECT_EQ(costs_told(scene), "");
@@ -572,8 +532,7 @@ TEST(UsualValues, NoMaterialAndNoDefaultIsUnusual) {
 }
 
 TEST(UsualValues, AMetalThatIsWeakerHotThanItsConstantsSaysSo) {
-  v1::Scene scene = support::force_scene();
-  scene.mutable_soft()->set_material("titanium_6al_4v");
+  const v1::Scene scene = with(support::force_scene(), "soft { material: 'titanium_6al_4v' }");
   const auto cautions = ElementsAre(HasSubstr("soft.material = \"titanium_6al_4v\": its strength agrees with"));
   const SceneModel made = scene_model(scene);
   EXPECT_THAT(made.warnings, cautions);
@@ -611,10 +570,9 @@ TEST(UsualValues, ACautionOfTheSceneIsNotRepeatedForItsPairs) {
 }
 
 TEST(UsualValues, OtherUnitsAreNamedWithKeyValueAndRange) {
-  v1::Scene scene = support::force_scene();
-  scene.mutable_interface()->set_yield_strength_pa(0.2);
-  scene.mutable_layer()->set_thickness_m(1.0);
-  scene.mutable_soft()->set_shear_modulus_pa(27.6);
+  const v1::Scene scene =
+      with(support::force_scene(),
+           "interface { yield_strength_pa: 0.2 } layer { thickness_m: 1 } soft { shear_modulus_pa: 27.6 }");
   EXPECT_THAT(
       scene_model(scene).warnings,
       ElementsAre("soft.shear_modulus_pa = 27.6 Pa is unusual: values from 1e6 to 1e12 Pa are expected. Is it in Pa?",
@@ -627,10 +585,8 @@ TEST(UsualValues, OtherUnitsAreNamedWithKeyValueAndRange) {
 }
 
 TEST(UsualValues, AZeroThatSwitchesATermOffIsNoWarning) {
-  v1::Scene scene = support::velocity_scene();
-  scene.mutable_soft()->set_pressure_coefficient_per_pa(0.0);
-  scene.mutable_soft()->set_temperature_coefficient_per_k(0.0);
-  EXPECT_THAT(scene_model(scene).warnings, IsEmpty());
+  const std::string zeros = "soft { pressure_coefficient_per_pa: 0 temperature_coefficient_per_k: 0 }";
+  EXPECT_THAT(scene_model(with(support::velocity_scene(), zeros)).warnings, IsEmpty());
 }
 
 TEST(UsualValues, APairIsNamedWithItsTable) {

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <string>
 
 #include "server/session/session.hpp"
 
@@ -22,34 +23,30 @@ TEST(Session, StartsWithItsOpening) {
   EXPECT_EQ(session.triage(1, kHash).status.code, wire::Code::kSequenceGap);
 }
 
-TEST(Session, NextSequenceIsProcessed) {
-  EXPECT_EQ(session_at(0).triage(1, kOtherHash).triage, Triage::kProcess);
-  EXPECT_EQ(session_at(41).triage(42, kOtherHash).triage, Triage::kProcess);
-}
-
-TEST(Session, SameBytesAgainAreAnsweredFromMemory) {
-  const Session session = session_at(5);
-  EXPECT_EQ(session.triage(5, kHash).triage, Triage::kResend);
-  EXPECT_NE(session.kept_reply(), nullptr);
-}
-
-TEST(Session, SameSequenceWithOtherBytesIsRefused) {
-  const Verdict verdict = session_at(5).triage(5, kOtherHash);
-  EXPECT_EQ(verdict.triage, Triage::kReject);
-  EXPECT_EQ(verdict.status.code, wire::Code::kSequenceReused);
-  EXPECT_EQ(verdict.status.last_sequence, 5u);
-}
-
-TEST(Session, OldSequenceIsStaleEvenWithTheSameBytes) {
-  const Verdict verdict = session_at(5).triage(4, kHash);
-  EXPECT_EQ(verdict.status.code, wire::Code::kStaleSequence);
-  EXPECT_EQ(verdict.status.last_sequence, 5u);
-}
-
-TEST(Session, GapIsRefusedAndNamesWhereTheSessionStands) {
-  const Verdict verdict = session_at(5).triage(7, kOtherHash);
-  EXPECT_EQ(verdict.status.code, wire::Code::kSequenceGap);
-  EXPECT_EQ(verdict.status.last_sequence, 5u);
+TEST(Session, RunsTheNextSequenceAnswersTheLastAgainAndRefusesAllOthers) {
+  constexpr std::uint64_t kLast = ~std::uint64_t{0};
+  using wire::Code;
+  struct Case {
+    std::uint64_t at, sequence, hash;
+    Triage triage;
+    Code code = Code::kOk;
+  };
+  for (const auto& [at, sequence, hash, triage, code] :
+       {Case{0, 1, kOtherHash, Triage::kProcess}, Case{41, 42, kOtherHash, Triage::kProcess},
+        Case{5, 5, kHash, Triage::kResend}, Case{5, 5, kOtherHash, Triage::kReject, Code::kSequenceReused},
+        Case{5, 4, kHash, Triage::kReject, Code::kStaleSequence},
+        Case{5, 7, kOtherHash, Triage::kReject, Code::kSequenceGap},
+        Case{kLast, 0, kOtherHash, Triage::kReject, Code::kStaleSequence}}) {  // it does not wrap around
+    SCOPED_TRACE("sequence " + std::to_string(sequence) + " after " + std::to_string(at));
+    const Session session = session_at(at);
+    const Verdict verdict = session.triage(sequence, hash);
+    EXPECT_EQ(verdict.triage, triage);
+    EXPECT_EQ(verdict.status.code, code);
+    EXPECT_EQ(verdict.reply != nullptr, triage == Triage::kResend);
+    if (triage == Triage::kReject) {
+      EXPECT_EQ(verdict.status.last_sequence, at);
+    }
+  }
 }
 
 TEST(Session, ARefusedRequestLeavesItsSequenceFree) {
@@ -85,11 +82,6 @@ TEST(Session, BehindAPartTheReplyToTheOneBeforeIsKeptUntilTheNextStepBegins) {
   EXPECT_EQ(session.complete(7, 70, std::make_shared<wire::Reply>()), second) << "an ordinary request ends both";
   EXPECT_EQ(session.triage(6, 60).status.code, wire::Code::kStaleSequence);
   EXPECT_EQ(session.triage(5, 50).status.code, wire::Code::kStaleSequence);
-}
-
-TEST(Session, LargestSequenceDoesNotWrapAround) {
-  const Session session = session_at(~std::uint64_t{0});
-  EXPECT_EQ(session.triage(0, kOtherHash).triage, Triage::kReject);
 }
 
 }  // namespace

@@ -1,10 +1,8 @@
 // A cut holds the states of its moment, whatever the shard does before and while it is read.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <cstring>
-#include <functional>
 #include <optional>
 #include <random>
 #include <thread>

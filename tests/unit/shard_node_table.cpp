@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <random>
-#include <set>
 
 #include "server/service/columns.hpp"
 #include "server/service/scene_model.hpp"

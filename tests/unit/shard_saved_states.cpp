@@ -17,49 +17,53 @@ using physics::ModelOptions;
 
 constexpr std::size_t kNodes = 11;  // two tiles of 8 nodes, the second partly filled
 
-class SavedStates : public ::testing::TestWithParam<int> {
+constexpr physics::Strategy kVelocity = physics::Strategy::kVelocityDriven, kForce = physics::Strategy::kForceDriven;
+
+void flow(ModelOptions& options) {
+  options.interface = {0.3, 300e6};
+  options.plastic_layer = true;
+}
+void be_of_second_order(ModelOptions& options) {
+  options.interface = {0.3, 200e6};
+  options.time_integrator = physics::TimeIntegrator::kSdirk2;
+}
+
+struct Kept {
+  const char* name;
+  physics::Strategy strategy;
+  void (*choose)(ModelOptions&);
+};
+const Kept kModels[] = {
+    {"OneSided", kVelocity, [](auto&) {}},
+    {"TwoSided", kVelocity, [](auto& o) { o = shearbus::testing::two_sided(o); }},
+    {"PlasticWorkHeats", kVelocity,
+     [](auto& o) {
+       o = shearbus::testing::two_sided(o);
+       o.taylor_quinney_factor = 0.9;
+     }},
+    {"PlasticLayer", kForce, flow},
+    {"Junctions", kForce, [](auto& o) { o.junctions = {.contact_fraction = 0.5, .height = 1e-6, .metal = o.soft}; }},
+    {"Inertia", kVelocity, [](auto& o) { o.inertia = true; }},
+    {"TwoComponents", kVelocity, [](auto& o) { o.tangential_components = 2; }},
+    {"SecondOrder", kForce, be_of_second_order},
+    {"WithoutProfile", kForce, [](auto& o) { be_of_second_order(o), o.modes.emplace(); }},
+    {"Sleep", kForce, [](auto& o) { o.sleep = true; }},
+    {"SleepDriven", kVelocity, [](auto& o) { o.sleep = true; }},
+    {"SleepPlasticLayer", kForce, [](auto& o) { flow(o), o.sleep = true; }},
+    {"ModesOfTwoComponents", kForce, [](auto& o) { o.modes.emplace(), o.tangential_components = 2; }},
+};
+
+class SavedStates : public ::testing::TestWithParam<Kept> {
  protected:
   static ModelOptions options() {
     ModelOptions options = shearbus::testing::graded(shearbus::testing::paper_options());
-    if (GetParam() == 1) options = shearbus::testing::two_sided(std::move(options));
-    if (GetParam() == 2) {
-      options = shearbus::testing::two_sided(std::move(options));
-      options.taylor_quinney_factor = 0.9;
-    }
-    if (GetParam() == 3) {
-      options.strategy = physics::Strategy::kForceDriven;
-      options.interface = {0.3, 300e6};
-      options.plastic_layer = true;
-    }
-    if (GetParam() == 4) {
-      options.strategy = physics::Strategy::kForceDriven;
-      options.junctions = {.contact_fraction = 0.5, .height = 1e-6, .metal = options.soft};
-    }
-    if (GetParam() == 5) options.inertia = true;
-    if (GetParam() == 6) options.tangential_components = 2;
-    if (GetParam() == 7 || GetParam() == 8) {
-      options.strategy = physics::Strategy::kForceDriven;
-      options.interface = {0.3, 200e6};
-      options.time_integrator = physics::TimeIntegrator::kSdirk2;
-    }
-    if (GetParam() == 8) options.modes.emplace();
-    if (GetParam() == 9) options.strategy = physics::Strategy::kForceDriven;
-    if (GetParam() == 11) {
-      options.strategy = physics::Strategy::kForceDriven;
-      options.interface = {0.3, 300e6};
-      options.plastic_layer = true;
-    }
-    if (GetParam() >= 9 && GetParam() <= 11) {
-      options.sleep = true;
-    }
-    if (GetParam() == 12) {
-      options.strategy = physics::Strategy::kForceDriven;
-      options.modes.emplace();
-      options.tangential_components = 2;
-    }
+    options.strategy = GetParam().strategy;
+    GetParam().choose(options);
     return options;
   }
 };
+INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::ValuesIn(kModels),
+                         [](const auto& model) { return model.param.name; });
 
 Shard make_shard(const ModelOptions& options, TaskPool& pool) {
   std::vector<std::uint64_t> ids(kNodes);
@@ -173,15 +177,6 @@ TEST(SavedModes, GoWithTheirNodes) {
   advance(stayed, 20);
   for (std::uint32_t slot = 0; slot < kNodes; ++slot) EXPECT_EQ(values_of(giver, slot), values_of(stayed, slot));
 }
-
-std::string name_of(const ::testing::TestParamInfo<int>& model) {
-  constexpr const char* kNames[] = {
-      "OneSided",    "TwoSided",          "PlasticWorkHeats",    "PlasticLayer",   "Junctions",
-      "Inertia",     "TwoComponents",     "SecondOrder",         "WithoutProfile", "Sleep",
-      "SleepDriven", "SleepPlasticLayer", "ModesOfTwoComponents"};
-  return kNames[model.param];
-}
-INSTANTIATE_TEST_SUITE_P(Models, SavedStates, ::testing::Range(0, 13), name_of);
 
 }  // namespace
 }  // namespace shearbus::shard

@@ -11,6 +11,7 @@
 
 #include "proto/wire/limits.hpp"
 #include "proto/wire/status.hpp"
+#include "tests/support/refused.hpp"
 
 namespace shearbus::wire {
 namespace {
@@ -26,13 +27,10 @@ constexpr Column kRegime{Field::kRegime, 0, Element::kUint8, 32, 3};
 
 std::string refusal(std::vector<Column> columns, std::size_t bytes) {
   std::vector<std::uint64_t> memory(bytes / 8 + 1);
-  try {
-    Batch::over(std::move(columns), std::as_bytes(std::span(memory)).first(bytes));
-  } catch (const Error& error) {
-    EXPECT_EQ(error.status().code, Code::kShape);
-    return error.what();
-  }
-  return "";
+  const Status fault =
+      support::fault_of([&] { Batch::over(std::move(columns), std::as_bytes(std::span(memory)).first(bytes)); });
+  EXPECT_TRUE(fault.ok() || fault.code == Code::kShape);
+  return fault.ok() ? "" : describe(fault);
 }
 
 Column with(Column column, auto change) {

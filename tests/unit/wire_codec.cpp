@@ -12,6 +12,7 @@
 #include <map>
 
 #include "shearbus_places.hpp"
+#include "tests/support/refused.hpp"
 #include "tests/support/wire_samples.hpp"
 
 namespace shearbus::wire {
@@ -31,13 +32,7 @@ Message decoded(const Frames& frames) {
 // Returns the status with which decode() refuses the frames, kOk if it accepts them.
 template <typename Message>
 Status refusal(const Frames& frames) {
-  Message message;
-  try {
-    decode(frames.views(), message);
-  } catch (const Error& error) {
-    return error.status();
-  }
-  return {};
+  return support::fault_of([&] { decoded<Message>(frames); });
 }
 
 TEST(Codec, EveryRequestArrivesAsItWasSent) {
@@ -163,14 +158,10 @@ TEST(Codec, NewerMinorVersionMayAddFieldsButNotMeanings) {
 TEST(Codec, ARequiredFieldOfAnotherTypeIsMissing) {
   constexpr std::uint32_t kStatusField = 9, kResumedField = 23;
   const std::string status = field(kStatusField, field(1, 1));  // OK
-  Reply found;
-  try {
-    decode(header_only(envelope(1, kProtocolMinor + 1) + status + field(kResumedField, field(1, 13))).views(), found);
-    FAIL();
-  } catch (const Error& fault) {
-    EXPECT_EQ(fault.status().code, Code::kMalformed);
-    EXPECT_EQ(fault.status().field, "session_resumed.session");
-  }
+  const Status fault =
+      refusal<Reply>(header_only(envelope(1, kProtocolMinor + 1) + status + field(kResumedField, field(1, 13))));
+  EXPECT_EQ(fault.code, Code::kMalformed);
+  EXPECT_EQ(fault.field, "session_resumed.session");
 }
 
 TEST(Codec, VerbOfALaterVersionIsUnsupported) {
@@ -297,12 +288,7 @@ TEST(Codec, ASceneArrivesAsItWasWritten) {
   EXPECT_EQ(std::get<OpenSession>(again.body).scene_file, "sample.toml");
   const auto refused = [&](std::string scene) {
     opening.scene = std::move(scene);
-    try {
-      encode_header(request);
-    } catch (const Error& error) {
-      return error.status();
-    }
-    return Status{};
+    return support::fault_of([&] { encode_header(request); });
   };
   EXPECT_EQ(refused(std::string(kMaxSceneBytes + 1, '#')).code, Code::kLimit);
   EXPECT_EQ(refused("name = \"\xFF\"").code, Code::kInvalidScene) << "nothing is mended in a scene";

@@ -11,8 +11,9 @@
 #include <regex>
 #include <set>
 #include <string>
-#include <vector>
 
+#include "proto/wire/enum_names.hpp"
+#include "proto/wire/status.hpp"
 #include "shearbus_places.hpp"
 
 namespace shearbus::wire {
@@ -112,6 +113,16 @@ TEST(Columns, OfTheStickFormReplaceThoseOfTheFarField) {
 
 TEST(Columns, OfARequestHaveBounds) {
   for (const ColumnRow& row : column_rows()) EXPECT_EQ(row.lowest < row.highest, row.kind == Kind::kInput) << row.name;
+}
+
+// Which numbers a message may carry, and their names. That the enums are those of the schema is print_contract.py's.
+TEST(Names, OfCodesOfTheClientsSideAreNotSent) {
+  EXPECT_TRUE(may_be_sent(Code{}, static_cast<std::uint64_t>(Code::kRecovering)));
+  EXPECT_FALSE(may_be_sent(Code{}, static_cast<std::uint64_t>(Code::kUnreachable)));
+  EXPECT_STREQ(name(Code::kUnreachable), "UNREACHABLE");
+  EXPECT_STREQ(name(Code::kOtherProcess), "OTHER_PROCESS");
+  EXPECT_STREQ(name(static_cast<Code>(7)), "?");
+  EXPECT_EQ(names_of(Mode{}).choices(), "ADVANCE or TRIAL");
 }
 
 }  // namespace

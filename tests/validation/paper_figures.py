@@ -9,14 +9,12 @@ figure_NN.png, the runs (runs/NAME, kept, and used again by the next call with t
 {"figure", "title", "file", "scene", "agrees", "differs"}, whose last two are lists of sentences computed from the runs. --coarse: wide zones
 and few steps, for a look in a minute. The paper gives no curve of Figs 12 to 22 in numbers: compared are its statements, and, for Figs 13 and
 14, the independent solution of tests/measured.toml."""
-import csv
 import hashlib
 import json
 import pathlib
 import re
 import subprocess
 import sys
-import tomllib
 
 import h5py
 import numpy as np

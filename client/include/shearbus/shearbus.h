@@ -169,7 +169,9 @@ enum {
   SHEARBUS_MASS_SOFT = 14, /* mass per area of the soft half zone that moves with the interface  [kg/m2] */
   SHEARBUS_MASS_HARD = 15, /* mass per area of the hard half zone that moves with the interface  [kg/m2] */
   SHEARBUS_SOFT_SHEAR_RATE = 16, /* shear rate of the soft zone  [1/s] */
-  SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17, /* equivalent plastic strain rate of the soft zone, not negative  [1/s] */
+  /* equivalent rate Ep_dot of the soft zone's plastic shear along the interface, with the sign of its shear stress
+   * [1/s]; tangential */
+  SHEARBUS_SOFT_PLASTIC_STRAIN_RATE = 17,
   SHEARBUS_STICK_STRESS = 18, /* stick form: traction that would make the new jump zero  [Pa]; tangential */
   /* stick form: Z = 1 / (dt (1/m_soft + 1/m_hard)), stress per reduction of the jump  [Pa s/m] */
   SHEARBUS_IMPEDANCE = 19,
@@ -283,12 +285,14 @@ typedef int (*shearbus_interrupted_fn)(void* user);
 
 /* A force-driven host that applies the answered stress has, except for rounding, the velocity jump that its last
  * step answered. By default the library compares the two in the first 100 steps and warns once of a difference, with
- * the mistake of the host that could explain it. */
+ * the mistake of the host that could explain it. Of later steps, and of the first one of a resumed session, it knows
+ * the largest difference alone, from the reply, and warns of that. */
 enum {
   SHEARBUS_CHECK_WARN = 0,
   SHEARBUS_CHECK_OFF = 1,  /* for hosts whose jump also has other causes, for instance a turning interface; also no
                               warnings about the inputs of steps */
-  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED */
+  SHEARBUS_CHECK_ERROR = 2 /* every step is compared before it is sent; a difference is SHEARBUS_NOT_CLOSED. One of
+                              the first step of a resumed session refuses the step after it. */
 };
 
 typedef struct shearbus_options {

@@ -136,7 +136,7 @@ COLUMNS = (
     (14, "mass_soft_kg_per_m2", "mass_soft", "kg/m2", "Float64", "Input", False, ""),
     (15, "mass_hard_kg_per_m2", "mass_hard", "kg/m2", "Float64", "Input", False, ""),
     (16, "soft_shear_rate_per_s", "soft_shear_rate", "1/s", "Float64", "Input", False, ""),
-    (17, "soft_plastic_strain_rate_per_s", "soft_plastic_strain_rate", "1/s", "Float64", "Input", False, ""),
+    (17, "soft_plastic_strain_rate_per_s", "soft_plastic_strain_rate", "1/s", "Float64", "Input", True, ""),
     (18, "stick_stress_pa", "stick_stress", "Pa", "Float64", "Stick", True, ""),
     (19, "impedance_pa_s_per_m", "impedance", "Pa s/m", "Float64", "Stick", False, ""),
     (30, "shear_stress_pa", "shear_stress", "Pa", "Float64", "Output", True, "stress"),

@@ -55,6 +55,8 @@ def fill(rows, name, value):
     """Writes the values of a column into `rows`, of shape (components, N). A number stands for all rows; anything else
     has the shape (N,), or (N, 2) with two components. Raises MessageError or ContentError, which name the column,
     before anything is sent."""
+    if value is None:
+        raise MessageError(Code.SHAPE, f"{name} is None, expected numbers of float64", "Give it, or leave it out where it is optional.", name)
     if isinstance(value, numpy.ma.MaskedArray):
         raise MessageError(Code.SHAPE, f"{name} is a masked array",
                            f"Pass {name}.filled(value), or only the nodes in contact (nodes=).", name)

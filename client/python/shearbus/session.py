@@ -54,7 +54,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     (N,) each, by which the nodes differ, so that an ensemble is one session. domain: sessions of a domain share their
     node ids, and nodes move between them. want: names of columns that every reply shall have in addition ("ledger" stands
     for the energy ledger). record: True keeps a History. check_closure: what a force-driven host meets whose jump is not the
-    jump that its last step answered: "warn" (of the first 100 steps, a ClosureWarning), "error" (of any step, a
+    jump that its last step answered: "warn" (a ClosureWarning, in the first 100 steps with the likely mistake), "error" (of any step, a
     ClosureError before it is sent) or "off", for hosts whose jump has other changes, too, as where an interface turns.
     idle_limit (s): the server closes the session after so long without a request; 0 is never. name: of this host, for the
     server's log. server_key_file and secret_key_file: files of the server's public and the client's secret key, for tcp.

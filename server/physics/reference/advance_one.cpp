@@ -19,6 +19,10 @@ double bisect(const std::function<double(double)>& f, double lo, double hi) {
   }
 }
 
+double host_shear(const ModelOptions& options, const NodeInputs& in) {
+  return options.plastic_layer ? kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate : 0.0;
+}
+
 double least_slip_of_law(double jump_old, double jump_free) {
   return std::max(0.5 * std::max(0.0, -jump_old), 1e-8 * jump_free);
 }

@@ -39,7 +39,7 @@ struct NodeInputs {
   double stress_hard = 0.0;
   double mass_soft = 1.0;
   double mass_hard = 1.0;
-  double soft_plastic_strain_rate = 0.0;
+  double soft_plastic_strain_rate = 0.0;  // signed
   bool backward_euler = false;  // backward Euler in spite of the options, because the fast solver fell back to it
 };
 

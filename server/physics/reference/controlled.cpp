@@ -155,15 +155,16 @@ bool relax(const ModelOptions& options, double shortest_dt, const NodeInputs& in
 double stress_of_flow_alone(const ModelOptions& options, const NodeInputs& in, const NodeState& state,
                             const std::vector<NodeOutputs>& parts) {
   if (!options.plastic_layer || properties_of(options.soft.flow_law).depends_on_rate) return 0.0;
+  const double shear = host_shear(options, in), seen = in.velocity_jump + shear;
   for (const NodeOutputs& out : parts)
     if (out.sliding_velocity != 0.0 || out.regime == Regime::kStick || out.regime == Regime::kOpen || out.answers > 1 ||
-        out.velocity_jump_new * in.velocity_jump <= 0.0 || out.shear_stress * in.velocity_jump <= 0.0)
+        (out.velocity_jump_new + shear) * seen <= 0.0 || out.shear_stress * seen <= 0.0)
       return 0.0;
   const Material soft = at_pressure(options.soft, in.pressure);
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < state.plastic_strain.size(); ++i)
     least = std::min(least, flow_stress(soft, state.plastic_strain[i], in.pressure, state.temperature[i]));
-  return std::copysign(least / kSqrt3, in.velocity_jump);
+  return std::copysign(least / kSqrt3, seen);
 }
 
 // Error of T0 of halves in which flow, friction or the strength of the interface take over from each other  [K].
@@ -317,17 +318,18 @@ NodeOutputs advance_controlled(const ModelOptions& options, double dt, const Nod
     }
     if (forced && !second_order) {
       // The errors of backward Euler have one sign in every substep: the mean stress is extrapolated while slip goes on.
+      const double shear = host_shear(options, inputs), seen = in.velocity_jump + shear;
       bool on = true;
       for (const NodeOutputs& out : {whole, half[0], half[1]})
         on = on && out.regime != Regime::kOpen && out.regime != Regime::kStick && out.answers == 1 &&
-             out.velocity_jump_new * in.velocity_jump > 0.0;
+             (out.velocity_jump_new + shear) * seen > 0.0;
       const double of_halves = 0.5 * (half[0].shear_stress + half[1].shear_stress);
       // Simpson's rule, or what two halves and one piece extrapolate to.
       const double more = flow_begins != 0.0
                               ? (flow_begins + 4.0 * half[0].shear_stress + half[1].shear_stress) / 6.0 - of_halves
                               : of_halves - whole.shear_stress;
       const double jump = then.velocity_jump - (1.0 / inputs.mass_soft + 1.0 / inputs.mass_hard) * length * dt * more;
-      if (on && jump * in.velocity_jump > 0.0) {
+      if (on && (jump + shear) * seen > 0.0) {
         sum.shear_stress += length * more;
         sum.velocity_jump_new = then.velocity_jump = jump;
       }

@@ -54,13 +54,12 @@ struct OneStep {
   void pull_by_forces() {
     jump_free = in.velocity_jump + dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
     per_stress = dt * (1.0 / in.mass_soft + 1.0 / in.mass_hard);
-    const double leads = jump_free != 0.0 ? jump_free : old.shear_stress;
-    direction = leads < 0.0 ? -1.0 : 1.0;
-    const double host = options.plastic_layer && leads != 0.0 ? in.soft_plastic_strain_rate : 0.0;
-    drive = kSqrt3 * options.grid.thickness * host;
-    a_trial = (std::abs(jump_free) + drive) / per_stress;
+    const double shear = host_shear(options, in), most = jump_free + shear;
+    direction = (most != 0.0 ? most : old.shear_stress) < 0.0 ? -1.0 : 1.0;
+    drive = direction * shear;
+    a_trial = std::abs(most) / per_stress;
     if (!states_of(options.interface.friction_law).empty())
-      least_slip = least_slip_of_law(direction * in.velocity_jump, std::abs(jump_free) + drive);
+      least_slip = least_slip_of_law(direction * in.velocity_jump + drive, std::abs(most));
   }
   // The line of the layer's own elasticity, DLP (56): what the jump has not sheared elastically is flow and slip.
   void shear_the_layer() {

@@ -62,8 +62,10 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
 // Friction at z = 0 at the end of a step of length dt with this slip velocity, by the law of the options, as its paper
 // prints it; infinity: none limits the stress  [Pa]. `state`: of the law before the step.
 double friction_of(const ModelOptions& options, double pressure, double T0, double slip, double dt, double state);
+// Slip velocity due to the plastic shear of the host's soft zone, sqrt(3) h Ep_dot, signed, DLP (64)  [m/s].
+double host_shear(const ModelOptions& options, const NodeInputs& in);
 // The least slip velocity for which a force-driven step asks a friction law with a state. `jump_old`: before the step,
-// along the slip. `jump_free`: after it without friction, with the host's plastic shear.
+// along the slip. `jump_free`: after it without friction. Both with the host's plastic shear.
 double least_slip_of_law(double jump_old, double jump_free);
 // The state of the law after the step.
 double friction_state_after(const ModelOptions& options, double pressure, double slip, double dt, double state);

@@ -178,7 +178,7 @@ double limit_of_contact(const ModelOptions& options, double dt, const NodeInputs
   const bool yields = options.strategy == Strategy::kForceDriven;  // an interface with a strength of its own, DLP (65)
   if (yields && !states_of(options.interface.friction_law).empty()) {
     // Slower than this share of what moves the bodies is rest, where a law with a state is asked for its friction.
-    const double moves = std::abs(in.velocity_jump) + kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate +
+    const double moves = std::abs(in.velocity_jump) + std::abs(host_shear(options, in)) +
                          dt * (std::abs(in.stress_soft) / in.mass_soft + std::abs(in.stress_hard) / in.mass_hard);
     slip = std::max(slip, 1e-8 * moves);
   }
@@ -469,8 +469,7 @@ NodeOutputs with_inertia(const ModelOptions& options, double dt, const NodeInput
     double momentum = (in.mass_soft - options.soft.density * grid.vertex.back()) * state.layer_velocity[n];
     for (int c = 0; c < n; ++c) momentum += options.soft.density * grid.width[c] * state.layer_velocity[c];
     for (double& v : state.layer_velocity) v += in.velocity_jump - momentum / in.mass_soft;
-    const double free = in.velocity_jump + dt * acceleration, leads = free != 0.0 ? free : state.shear_stress;
-    if (leads != 0.0) drive = std::copysign(kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate, leads);
+    drive = host_shear(options, in);
   }
   const Profile old = profile_of(state);
   const NodeState start = state;

@@ -1,15 +1,12 @@
 // One step of a tile under a tolerance, which may be interrupted between two substeps.
 #pragma once
 
-#include <optional>
-
+#include "server/physics/solver/around/interface_frame.hpp"
 #include "server/physics/solver/around/tolerance.hpp"
-#include "server/physics/solver/around/two_components.hpp"
 
 namespace shearbus::physics {
 
-// The first two links of the chain in pipeline.hpp: components and tolerance. All arguments must live until the step is
-// done.
+// The first two links of the chain in pipeline.hpp: frame and tolerance. All arguments must live until the step is done.
 class DividedTile {
  public:
   // `accepted`: memory of one tile.
@@ -22,11 +19,10 @@ class DividedTile {
  private:
   const Problem& problem_;
   const TileInputs& inputs_;
-  const double* committed_;
   double* trial_;
   TileOutputs& outputs_;
-  std::optional<ScalarStep> scalar_;  // with two tangential components
-  std::optional<ControlledStep> step_;
+  InterfaceFrame frame_;
+  ControlledStep step_;
 };
 
 }  // namespace shearbus::physics

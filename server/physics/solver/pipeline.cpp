@@ -141,15 +141,17 @@ void answer_mean_stress(const Problem& problem, const TileInputs& inputs, TileOu
 
 DividedTile::DividedTile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                          const double* committed, double* trial, TileOutputs& outputs, double* accepted)
-    : problem_(problem), inputs_(inputs), committed_(committed), trial_(trial), outputs_(outputs) {
-  if (problem.options.tangential_components == 2) scalar_.emplace(problem, operators, inputs, committed);
-  step_.emplace(problem, operators, advance_once, first_order_of(problem), scalar_ ? scalar_->inputs() : inputs,
-                committed, trial, outputs, accepted);
-}
+    : problem_(problem),
+      inputs_(inputs),
+      trial_(trial),
+      outputs_(outputs),
+      frame_(problem, operators, inputs, committed),
+      step_(problem, operators, advance_once, first_order_of(problem), frame_.inputs(), committed, trial, outputs,
+            accepted) {}
 
 bool DividedTile::run(double work) {
-  if (!step_->run(work)) return false;
-  if (scalar_) scalar_->turn(problem_, inputs_, committed_, trial_, outputs_);
+  if (!step_.run(work)) return false;
+  frame_.leave(trial_, outputs_);
   answer_mean_stress(problem_, inputs_, outputs_);
   return true;
 }
@@ -162,10 +164,10 @@ void advance_tile(const Problem& problem, const StepOperators& operators, const 
         .run(std::numeric_limits<double>::infinity());
     return;
   }
-  if (problem.options.tangential_components == 2) {
-    const ScalarStep scalar(problem, operators, inputs, committed);
-    advance_once(problem, operators, scalar.inputs(), committed, trial, outputs);
-    scalar.turn(problem, inputs, committed, trial, outputs);
+  if (InterfaceFrame::differs(problem.options)) {
+    const InterfaceFrame frame(problem, operators, inputs, committed);
+    advance_once(problem, operators, frame.inputs(), committed, trial, outputs);
+    frame.leave(trial, outputs);
   } else {
     advance_once(problem, operators, inputs, committed, trial, outputs);
   }

@@ -1,6 +1,6 @@
 // One step of a tile, as a chain of four links of which each calls the next:
 //
-//   components > tolerance > sleep > the solver of the strategy
+//   frame of the interface > tolerance > sleep > the solver of the strategy
 //
 // Only pipeline.cpp asks which links a model has and which solver it uses.
 #pragma once
@@ -15,7 +15,7 @@ namespace shearbus::physics {
 using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
                              double* trial, TileOutputs& outputs);
 
-// Takes one step of a tile through the chain: tangential components, tolerance, sleep, solver. Writes the whole of
+// Takes one step of a tile through the chain: frame, tolerance, sleep, solver. Writes the whole of
 // `trial`; inactive lanes and lanes for which no answer was found (outcome kFailed) keep their state. The step of a
 // model with a tolerance may also be computed in pieces (divided_tile.hpp).
 void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

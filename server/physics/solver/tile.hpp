@@ -36,11 +36,13 @@ struct TileInputs {
   alignas(64) double stress_hard[kLanes] = {};      // shear stress in the hard body, half a zone from z = 0  [Pa]
   alignas(64) double mass_soft[kLanes] = {};        // mass per area of the soft half zone at the interface  [kg/m2]
   alignas(64) double mass_hard[kLanes] = {};        // mass per area of the hard half zone at the interface  [kg/m2]
-  // Plastic strain rate Ep_dot >= 0 of the host's soft zone  [1/s]
+  // Plastic strain rate Ep_dot of the host's soft zone, signed: the interface sees [V] + sqrt(3) h Ep_dot  [1/s]
   alignas(64) double soft_plastic_strain_rate[kLanes] = {};
   alignas(64) double second_velocity_jump[kLanes] = {};  // second tangential component of velocity_jump  [m/s]
   alignas(64) double second_stress_soft[kLanes] = {};    // second tangential component of stress_soft  [Pa]
   alignas(64) double second_stress_hard[kLanes] = {};    // second tangential component of stress_hard  [Pa]
+  // Second tangential component of soft_plastic_strain_rate  [1/s]
+  alignas(64) double second_soft_plastic_strain_rate[kLanes] = {};
 };
 
 // Answers of one step of one tile. Members `second_` are written only where a model has two tangential components.

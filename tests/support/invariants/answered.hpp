@@ -26,9 +26,9 @@ struct Answered {
   double driven = 0.0;
   double driven_size = 0.0;  // the same change with absolute values: dt (|s_soft|/m_soft + |s_hard|/m_hard)  [m/s]
   double per_stress = 0.0;   // decrease of the jump per unit interface stress, dt (1/m_soft + 1/m_hard)  [m/(s Pa)]
-  // slip velocity from the plastic strain rate Ep_dot of the host's zone, sqrt(3) h Ep_dot with the layer thickness h
-  // [m/s]
-  double plastic_drive = 0.0;
+  // slip velocity from the plastic strain rate Ep_dot of the host's zone, sqrt(3) h Ep_dot with the layer thickness h,
+  // and the length of its vector  [m/s]
+  double plastic_drive = 0.0, plastic_drive_size = 0.0;
   double junction_strain = 0.0;
   double friction_state = 0.0;  // state of the friction law before the step
   bool sticks = false;  // the interface sticks at the end of the step; set only for a model with a plastic layer
@@ -41,7 +41,7 @@ struct Answered {
   // final values of the substeps.
   int parts() const { return divided() || controlled ? kMostParts : 1; }
   bool in_parts() const { return parts() > 1; }
-  double size() const { return std::abs(jump_old) + driven_size + std::abs(stress * per_stress); }
+  double size() const { return std::abs(jump_old) + plastic_drive_size + driven_size + std::abs(stress * per_stress); }
 };
 
 // Reads one lane of a rig after a step, when rig.trial holds the state before the step. A vector with two components is
@@ -82,7 +82,12 @@ inline Answered answered(const Rig& rig, int lane, double dt) {
   a.driven = dt * (minus + plus);
   a.driven_size = dt * (std::abs(minus) + std::abs(plus));
   a.per_stress = dt * (1 / in.mass_soft[lane] + 1 / in.mass_hard[lane]);
-  a.plastic_drive = kSqrt3 * rig.model.options().grid.thickness * in.soft_plastic_strain_rate[lane];
+  if (rig.model.options().plastic_layer) {
+    const double per_rate = kSqrt3 * rig.model.options().grid.thickness;
+    a.plastic_drive = per_rate * project(in.soft_plastic_strain_rate[lane], in.second_soft_plastic_strain_rate[lane]);
+    a.plastic_drive_size =
+        per_rate * std::hypot(in.soft_plastic_strain_rate[lane], in.second_soft_plastic_strain_rate[lane]);
+  }
   if (layout.junction_strain != TileLayout::kAbsent) a.junction_strain = rig.junction_strain(lane);
   if (layout.num_friction_states > 0) a.friction_state = rig.trial[layout.friction_state + lane];
   if (layout.sticking != TileLayout::kAbsent) a.sticks = rig.committed[layout.sticking + lane] != 0.0;

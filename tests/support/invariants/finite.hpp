@@ -21,7 +21,7 @@ inline bool may_lack_an_answer(const Rig& rig, const Answered& a, int lane) {
   if (options.strategy == Strategy::kForceDriven) {
     const LeastMasses least = rig.model.least_masses(a.dt);  // the service refuses these
     if (!(rig.inputs.mass_soft[lane] > least.soft && rig.inputs.mass_hard[lane] > least.hard)) return true;
-    fastest += a.driven_size;
+    fastest += a.plastic_drive_size + a.driven_size;
   }
   const Material soft = at_pressure(options.soft, a.pressure);
   const auto& weight = rig.model.grid().weight;

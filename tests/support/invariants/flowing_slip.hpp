@@ -16,8 +16,9 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
   if (a.pressure <= 0.0 || a.in_parts() || a.stress == 0.0) return;
   const double d = std::copysign(1.0, a.stress);
   const double jump_old = d * a.jump_old, jump_new = d * a.jump_new;
+  const double drive = d * a.plastic_drive;
   const double flow = (rig.plastic_slip(lane) - rig.plastic_slip_of(rig.trial, lane)) / a.dt;
-  const double size = std::abs(jump_old) + std::abs(jump_new) + a.plastic_drive + flow + a.driven_size;
+  const double size = std::abs(jump_old) + std::abs(jump_new) + a.plastic_drive_size + flow + a.driven_size;
   const ModelOptions& options = rig.model.options();
   ++figures.flowing;
   if (!is_resolved(options, a, size)) return;
@@ -28,16 +29,15 @@ inline void require_flowing_slip(const Rig& rig, const Answered& a, int lane, Fi
   double tolerance = 1e-9 * size + 1e-14 * rig.plastic_slip(lane) / a.dt +
                      2.0 * kSqrt3 * flow_grain(rig, strain_before(rig, lane), a.stress, lane, a.dt, grain) / a.dt;
   if (a.sticks) {
-    require_near(jump_new + a.plastic_drive, flow, tolerance, "(64) of an interface that sticks");
+    require_near(jump_new + drive, flow, tolerance, "(64) of an interface that sticks");
     require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old - jump_new)), 1e-9 * size, "[v] of an interface that stops");
   } else {
     // An error of the stress limit makes an error of the slip, for two reasons: the stress changes the velocity jump,
     // DLP (61), and stress times slip is the heat on which the limit depends.
     const Limits limit = interface_limits(options, a, size);
     tolerance += (limit.upper - limit.lower) * (a.per_stress + std::abs(a.slip / a.stress));
-    require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old + jump_new) + a.plastic_drive - flow), tolerance, "(64)");
-    require(jump_new + a.plastic_drive - flow >= -tolerance, "friction pulls past rest: {} m/s",
-            jump_new + a.plastic_drive - flow);
+    require_near(d * a.slip, std::max(0.0, 0.5 * (jump_old + jump_new) + drive - flow), tolerance, "(64)");
+    require(jump_new + drive - flow >= -tolerance, "friction pulls past rest: {} m/s", jump_new + drive - flow);
   }
 }
 

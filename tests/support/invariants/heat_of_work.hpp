@@ -33,7 +33,7 @@ inline void require_heat_of_work(const ModelOptions& options, double share, cons
     const double work = a.stress * a.slip * a.dt;
     // Where plastic work heats, its share of what slip leaves of the mean jump.
     const double d = std::copysign(1.0, a.stress);
-    const double left = d * (0.5 * (a.jump_old + a.jump_new) - a.slip) + a.plastic_drive;
+    const double left = d * (0.5 * (a.jump_old + a.jump_new) + a.plastic_drive - a.slip);
     const double plastic = options.taylor_quinney_factor.value_or(0.0) * (d * a.stress) * std::max(0.0, left) * a.dt;
     const double grain = plastic > 0.0 ? 1e-12 * (d * a.stress) * a.size() * a.dt : 0.0;
     require_near(a.heat, share * work + plastic, 1e-13 * (work + plastic) + grain + kProductOfDenormals,

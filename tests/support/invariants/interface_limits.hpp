@@ -46,11 +46,11 @@ inline Limits interface_limits(const ModelOptions& options, const Answered& a, d
   }
   // Friction may depend on the slip, which has that error, too.
   const bool has_state = options.strategy == Strategy::kForceDriven && !states_of(law.friction_law).empty();
-  const double free = a.jump_old + a.driven, along = free < 0.0 ? -1.0 : 1.0;
+  const double seen = a.jump_old + a.plastic_drive, free = seen + a.driven, along = free < 0.0 ? -1.0 : 1.0;
   const double rest = !has_state ? 0.0  // no least slip in its law
                       : options.inertia
-                          ? physics::kAtRest * (std::abs(a.jump_old) + a.plastic_drive + a.driven_size)
-                          : reference::least_slip_of_law(along * a.jump_old, std::abs(free) + a.plastic_drive);
+                          ? physics::kAtRest * (std::abs(a.jump_old) + a.plastic_drive_size + a.driven_size)
+                          : reference::least_slip_of_law(along * seen, std::abs(free));
   const double slip = std::max(std::abs(a.slip), rest), less = std::max(0.0, slip - kDigits * size),
                more = slip + kDigits * size;
   const auto friction = [&](double T, double v) {

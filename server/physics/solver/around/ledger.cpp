@@ -28,19 +28,14 @@ LaneValues plastic_slip(const Problem& problem, const double* ep_old, const doub
   return sum;
 }
 
-// The velocity at which a stress component does work, from the jumps alone (host_shear() gives the rest)  [m/s].
-double working_velocity(const Problem& problem, double jump, double jump_new) {
-  return problem.options.strategy == Strategy::kVelocityDriven ? jump : 0.5 * (jump + jump_new);
-}
-
-// Velocity that the shear of the soft body in the host adds to that of the jump in the work of the stress  [m/s]. In a
-// force-driven model it has the sign of the stress, in a velocity-driven one the sign of the host's shear rate.
-double host_shear(const Problem& problem, const TileInputs& inputs, double stress, int lane) {
-  const double h = problem.options.grid.thickness;
-  if (problem.options.plastic_layer) return std::copysign(kSqrt3 * h * inputs.soft_plastic_strain_rate[lane], stress);
-  const bool slips =
-      problem.options.strategy == Strategy::kVelocityDriven && problem.options.drive == Drive::kInterfaceSlip;
-  return slips ? h * inputs.soft_shear_rate[lane] : 0.0;
+// The velocity at which a stress component does work, with that of the soft body's shear in the host  [m/s].
+double working_velocity(const ModelOptions& options, double jump, double jump_new, double shear_rate,
+                        double plastic_strain_rate) {
+  const double h = options.grid.thickness;
+  if (options.strategy == Strategy::kVelocityDriven)
+    return options.drive == Drive::kInterfaceSlip ? jump + h * shear_rate : jump;
+  const double mean = 0.5 * (jump + jump_new);
+  return options.plastic_layer ? mean + kSqrt3 * h * plastic_strain_rate : mean;
 }
 
 // Share of the plastic work that does not become heat.
@@ -114,16 +109,18 @@ void record_energy(const Problem& problem, double dt, const TileInputs& inputs, 
     const double s_old = committed[layout.shear_stress + lane];
     const double s = trial[layout.shear_stress + lane];
     double size = s;  // two tangential components: magnitude of the stress; one: the signed stress
-    double power = s * working_velocity(problem, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane]);
+    double power = s * working_velocity(options, inputs.velocity_jump[lane], outputs.velocity_jump_new[lane],
+                                        inputs.soft_shear_rate[lane], inputs.soft_plastic_strain_rate[lane]);
     double elastic = spring * (s - s_old) * (s + s_old);
     if (options.tangential_components == 2) {
       const double t_old = committed[layout.second_stress + lane];
       const double t = trial[layout.second_stress + lane];
       size = std::hypot(s, t);
-      power += t * working_velocity(problem, inputs.second_velocity_jump[lane], outputs.second_velocity_jump_new[lane]);
+      power += t * working_velocity(options, inputs.second_velocity_jump[lane], outputs.second_velocity_jump_new[lane],
+                                    0.0, inputs.second_soft_plastic_strain_rate[lane]);
       elastic += spring * (t - t_old) * (t + t_old);
     }
-    const double work = failed ? 0.0 : (power + size * host_shear(problem, inputs, size, lane)) * dt;
+    const double work = failed ? 0.0 : power * dt;
     const double plastic = std::abs(size) * plastic_slips[lane];
     const double heat = outputs.friction_heat[lane];
 

@@ -93,7 +93,7 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
                      const double* committed, const double* trial, const TileOutputs& outputs) {
   const double dt = operators.dt();
   const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
-  const TrialSlip path(forcing_of(problem, inputs, lane), dt, before.jump_new, before.stress);
+  const TrialSlip path(forcing_of(inputs, lane), dt, before.jump_new, before.stress);
   if (outputs.regime[lane] == Regime::kStick) return {1.0 / path.per_stress, 0.0};
 
   const double pressure = inputs.pressure[lane];

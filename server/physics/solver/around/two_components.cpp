@@ -50,17 +50,9 @@ Vector trial_of(const ModelOptions& options, const LaneVectors& lane, const Tile
   return lane.stress_old + (options.soft.shear_modulus * dt / options.grid.thickness) * lane.jump;
 }
 
-constexpr double kFewDigits = 0x1p-960;
-constexpr double kUp = 0x1p+900;
-
 Vector direction_of(const Vector& trial, const Vector& otherwise) {
-  for (const Vector& along : {trial, otherwise}) {
-    // The length of a vector of denormals has no accurate digits; scaling the vector by a power of two restores them.
-    const double scale = std::max(std::abs(along.first), std::abs(along.second)) < kFewDigits ? kUp : 1.0;
-    const Vector scaled = scale * along;
-    const double size = length(scaled);
-    if (size > 0.0) return {scaled.first / size, scaled.second / size};
-  }
+  for (const Vector& along : {trial, otherwise})
+    if (const double size = length(along); size > 0.0) return {along.first / size, along.second / size};
   return {1.0, 0.0};
 }
 

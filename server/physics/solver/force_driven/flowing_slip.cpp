@@ -38,7 +38,7 @@ FlowingSlip::FlowingSlip(const FlowingStart& start)
   const double B0 = start.layer.response(0);
   const double rise = start.heat_partition * B0;
   slipping_ = trial_.slipping(T_ad, rise);
-  // If the interface sticks at the end of the step, the flow of the layer takes all of [V]new + drive there. The mean
+  // If the interface sticks at the end of the step, the flow of the layer takes all of [V]new there. The mean
   // slip velocity of the interface over the step is then [v] = ([V]old - [V]new)/2.
   stopping_ = {T_ad, rise, -0.5 * trial_.direction * start.dt * start.forcing.acceleration, -0.5 * trial_.per_stress};
   // Under a tolerance the flow takes the mean jump, and an interface that sticks does not slip.
@@ -66,7 +66,7 @@ const LaneStep& FlowingSlip::rigid() {
     const double partition = start_.heat_partition, B0 = start_.layer.response(0), T_ad = start_.layer.T(0, 0.0);
     const double guess = std::abs(start_.before.stress);
     rigid_ = rigid_slip(start_.limit, trial_, partition, B0, T_ad, guess, start_.before.sticks);
-    const bool stops = rigid_.sticks || trial_.jump_old + trial_.drive < 0.0;
+    const bool stops = rigid_.sticks || trial_.jump_old < 0.0;
     if (start_.turns_within && stops && !(std::abs(rigid_.stress) >= travel_.rest_stress()))
       rigid_ = travel_.slip_next_to_rigid(start_.limit, partition, B0, T_ad, guess);
     rigid_is_known_ = true;

@@ -150,7 +150,7 @@ struct FlowingLane {
                   B_work != nullptr ? B_work + lane : nullptr},
         .heat_partition = problem.heat_partition,
         .dt = heat.dt,
-        .forcing = forcing_of(problem, inputs, lane),
+        .forcing = forcing_of(inputs, lane),
         .before = before,
         .rise = stress_rate * heat.dt,
         .turns_within = problem.options.tolerance.has_value(),
@@ -159,7 +159,7 @@ struct FlowingLane {
   StressLimit limit_at_start(double dt, const LaneStep& before) const {
     StressLimit limit = contact_limit(problem, soft, pressure(), dt, contact, inputs.effort);
     if (problem.layout.num_friction_states > 0)
-      limit.least_slip = TrialSlip(forcing_of(problem, inputs, lane), dt, before.jump_new, before.stress).least_slip();
+      limit.least_slip = TrialSlip(forcing_of(inputs, lane), dt, before.jump_new, before.stress).least_slip();
     return limit;
   }
 

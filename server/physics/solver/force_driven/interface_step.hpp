@@ -12,14 +12,6 @@
 
 namespace shearbus::physics {
 
-// The forces of the host on one lane, with the host's plastic shear if the model has a plastic layer, DLP (64).
-inline Forcing forcing_of(const Problem& problem, const TileInputs& inputs, int lane) {
-  Forcing forcing = forcing_of(inputs, lane);
-  if (problem.options.plastic_layer)
-    forcing.plastic_drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_strain_rate[lane];
-  return forcing;
-}
-
 // The least slip velocity for which the friction law is asked.
 inline double least_slip(const Problem& problem, const TrialSlip& trial) {
   return problem.layout.num_friction_states > 0 ? trial.least_slip() : 0.0;
@@ -34,7 +26,7 @@ class InterfaceStep {
         soft_(soft),
         pressure_(inputs.pressure[lane]),
         effort_(inputs.effort),
-        forcing_(forcing_of(problem, inputs, lane)) {}
+        forcing_(forcing_of(inputs, lane)) {}
 
   // The state of a lane before the step: its stress, jump, regime, and whether it sticks.
   static LaneStep before(const TileLayout& layout, const TileInputs& inputs, const double* committed, int lane) {

@@ -52,9 +52,9 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
   if (!stick) a = below_melting(strength, heating, heat_partition, B0, a);
 
   // 3. Answer. If the jump changes its sign in the step, a slip against the stress is set to 0: no heat, no work.
-  const double slip = stick ? std::max(0.0, 0.5 * (trial.jump_old + trial.drive)) : heating.slip(a);
+  const double slip = stick ? std::max(0.0, 0.5 * trial.jump_old) : heating.slip(a);
   const double flux = heat_partition * (a * slip);
-  const double jump_new = stick ? 0.0 - trial.direction * trial.drive : trial.jump_new(a);
+  const double jump_new = stick ? 0.0 : trial.jump_new(a);
   const Regime regime = stick ? Regime::kStick : slip_regime(strength, T_ad + flux * B0, slip);
   return {trial.direction * a, trial.direction * slip, jump_new, flux, regime, stick, unique, several};
 }

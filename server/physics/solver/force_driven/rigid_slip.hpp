@@ -12,9 +12,8 @@ namespace shearbus::physics {
 
 // Forces of the host on one lane.
 struct Forcing {
-  double acceleration;         // acceleration of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
-  double mobility;             // deceleration of the jump per stress of the interface: 1/m_soft + 1/m_hard  [m2/kg]
-  double plastic_drive = 0.0;  // slip velocity due to the host's plastic shear, sqrt(3) h Ep_dot, DLP (64)  [m/s]
+  double acceleration;  // acceleration of the jump without friction: s_soft/m_soft + s_hard/m_hard  [m/s2]
+  double mobility;      // deceleration of the jump per stress of the interface: 1/m_soft + 1/m_hard  [m2/kg]
 };
 
 inline Forcing forcing_of(const TileInputs& inputs, int lane) {
@@ -27,13 +26,10 @@ inline Forcing forcing_of(const TileInputs& inputs, int lane) {
 struct TrialSlip {
   TrialSlip(const Forcing& forcing, double dt, double jump_before, double stress_before)
       : jump_free(jump_before + dt * forcing.acceleration), per_stress(dt * forcing.mobility) {
-    // The direction is that of the jump after a step without friction. If this jump is 0, the host's plastic shear acts
-    // along the old stress, or not at all if the old stress is 0 too.
     const double leads = jump_free != 0.0 ? jump_free : stress_before;
     direction = leads < 0.0 ? -1.0 : 1.0;
-    drive = leads != 0.0 ? forcing.plastic_drive : 0.0;
     jump_old = direction * jump_before;
-    stress_stick = (std::abs(jump_free) + drive) / per_stress;
+    stress_stick = std::abs(jump_free) / per_stress;
   }
 
   // The jump [V]new after the step under the stress magnitude a, signed  [m/s].
@@ -42,7 +38,7 @@ struct TrialSlip {
   // The least slip velocity for which a friction law with a state is asked, since it may vanish at rest: that at which
   // the slip before a turn of the jump stops, and what is rest  [m/s].
   double least_slip() const {
-    const double stopping = -0.5 * jump_old, at_rest = kAtRest * (direction * jump_free + drive);
+    const double stopping = -0.5 * jump_old, at_rest = kAtRest * (direction * jump_free);
     return stopping > at_rest ? stopping : at_rest;
   }
 
@@ -50,13 +46,12 @@ struct TrialSlip {
   double per_stress;    // reduction of the velocity jump per stress of the interface           [m/(s Pa)]
   double direction;     // sign (+1 or -1) of the jump without friction, or of the old stress if that jump is 0
   double jump_old;      // jump before the step, along the trial direction             [m/s]
-  double drive;         // slip velocity due to the host's plastic shear, sqrt(3) h Ep_dot, along the direction  [m/s]
   double stress_stick;  // stress at which slip stops at the end of the step          [Pa]
 
   // Heating of an interface that slips with the velocity c - b a under the stress a: the mean of the jumps before and
-  // after the step, plus `drive`.
+  // after the step.
   FrictionHeating slipping(double T_ad, double rise) const {
-    return {T_ad, rise, 0.5 * (jump_old + direction * jump_free) + drive, 0.5 * per_stress};
+    return {T_ad, rise, 0.5 * (jump_old + direction * jump_free), 0.5 * per_stress};
   }
 };
 

@@ -30,7 +30,6 @@ bool moves_far(const TrialSlip& trial, const LaneStep& before, const LaneStep& s
 bool changes_suddenly(const StressLimit& strength, const TrialSlip& trial, const FrictionHeating& heating,
                       const LaneStep& before, const LaneStep& step) {
   if (step.sticks && trial.jump_old >= 0.0) return false;  // it stops under less than the limit
-  if (trial.drive != 0.0) return false;                    // the host's plastic shear drives slip that no jump tells
   const bool far = moves_far(trial, before, step);
   if (!far && trial.jump_old >= 0.0) return false;
   const double free = std::abs(trial.jump_free), size = std::abs(trial.jump_old);

@@ -10,8 +10,7 @@ namespace shearbus::physics {
 
 Travel::Travel(const Forcing& forcing, const TrialSlip& trial, double dt)
     : direction_(trial.direction),
-      drive_(trial.drive),
-      before_(trial.jump_old + trial.drive),
+      before_(trial.jump_old),
       push_(trial.direction * (dt * forcing.acceleration)),
       per_stress_(trial.per_stress) {}
 
@@ -62,7 +61,7 @@ LaneStep Travel::answer(LaneStep moving) const {
   const double stress = std::abs(moving.stress);
   const Path path = under(stress);
   if (path.mean > 0.0) moving.slip *= path.net / path.mean;
-  moving.jump_new = direction_ * (path.end - drive_);
+  moving.jump_new = direction_ * path.end;
   // The difference has the rounding of the velocities, which may be that of many times the stress.
   if (path.end == 0.0 || path.stops)
     moving.stress = direction_ * std::clamp((before_ + push_ - path.end) / per_stress_, -stress, stress);

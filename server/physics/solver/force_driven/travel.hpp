@@ -5,8 +5,8 @@
 
 namespace shearbus::physics {
 
-// The jump over a step, with the host's plastic shear, under a stress of constant magnitude that opposes it: it slows down,
-// may stop, and then rests unless the far stresses are larger.
+// The jump over a step under a stress of constant magnitude that opposes it: it slows down, may stop, and then rests
+// unless the far stresses are larger.
 class Travel {
  public:
   Travel() = default;  // of a step that is not asked for it
@@ -35,8 +35,7 @@ class Travel {
 
  private:
   double direction_;   // trial direction, +1 or -1
-  double drive_;       // the host's plastic shear along it  [m/s]
-  double before_;      // velocity before the step along the trial direction, with the drive  [m/s]
+  double before_;      // velocity before the step along the trial direction  [m/s]
   double push_;        // its change by the far stresses  [m/s]
   double per_stress_;  // its change per stress of the interface  [m/(s Pa)]
 };

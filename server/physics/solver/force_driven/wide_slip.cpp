@@ -109,9 +109,9 @@ std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& tr
     lane.junctions = &junctions.emplace(*limit.junctions.options, limit.junctions.strain_per_slip);
     lane.strain_old = limit.junctions.strain_old;
   }
-  return one::slip_of_lane(
-      lane, {trial.jump_free, trial.per_stress, trial.direction, trial.jump_old, trial.drive, trial.stress_stick},
-      heat_partition, B0, guess, limit.effort);
+  return one::slip_of_lane(lane,
+                           {trial.jump_free, trial.per_stress, trial.direction, trial.jump_old, trial.stress_stick},
+                           heat_partition, B0, guess, limit.effort);
 }
 
 }  // namespace shearbus::physics

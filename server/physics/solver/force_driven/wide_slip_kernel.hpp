@@ -147,7 +147,7 @@ template <bool kPlain>
 
 // The trial slip of the lanes of one register, with the names of TrialSlip.
 struct Trial {
-  Register jump_free, per_stress, direction, jump_old, drive, stress_stick;
+  Register jump_free, per_stress, direction, jump_old, stress_stick;
 };
 
 // The answer of the lanes of one register, with the names of LaneStep.
@@ -167,7 +167,7 @@ template <bool kPlain>
   const Mask sticks = search.ended & (a == trial.stress_stick);
   Mask rubs = search.ended & (a == s.offset + s.coulomb) & without(sticks);
   if (s.is_softened()) rubs |= without(search.ended) & search.rubs;
-  const Register resting = 0.5 * (trial.jump_old + trial.drive);
+  const Register resting = 0.5 * trial.jump_old;
   const Register slip = where(sticks, where(resting > 0.0, resting, all(0.0)), s.slip(a));
   const Register flux = heat_partition * (a * slip);
   const Register T0 = s.T_ad + flux * B0;
@@ -176,7 +176,7 @@ template <bool kPlain>
       where(T0 >= kMeltingShare * s.T_melt, all(number(Regime::kMelting)), all(number(Regime::kTresca)));
   return {trial.direction * a,
           trial.direction * slip,
-          where(sticks, 0.0 - trial.direction * trial.drive, trial.jump_free - trial.direction * a * trial.per_stress),
+          where(sticks, all(0.0), trial.jump_free - trial.direction * a * trial.per_stress),
           flux,
           where(sticks, all(number(Regime::kStick)), where(rubs, all(number(Regime::kCoulomb)), yields)),
           static_cast<Mask>(settled(s, search, trial.stress_stick) & solid)};
@@ -310,7 +310,7 @@ template <bool kPlain>
     const Register leads = where(jump_free != 0.0, jump_free, before);
     const Register direction = where(leads < 0.0, all(-1.0), all(1.0));
     const Register jump_old = direction * jump;
-    trial[p] = {jump_free, per_stress, direction, jump_old, all(0.0), magnitude(jump_free) / per_stress};
+    trial[p] = {jump_free, per_stress, direction, jump_old, magnitude(jump_free) / per_stress};
     lanes[p] =
         interface.template lanes<kPlain>(l, load(in.T_ad + l), in.heat_partition * in.B0,
                                          0.5 * (jump_old + direction * jump_free), 0.5 * per_stress, 1.0, all(0.0));

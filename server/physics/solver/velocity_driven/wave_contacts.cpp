@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "server/physics/solver/flow/root_search.hpp"
-#include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
 
@@ -288,15 +287,14 @@ WaveContacts::WaveContacts(const Problem& problem, const TileInputs& inputs, con
     own.state = contact_before(problem, committed, l);
     own.limit = contact_limit(problem, soft_at_(l), inputs.pressure[l], dt, own.state, inputs.effort);
     own.stuck = sticking != TileLayout::kAbsent && committed[sticking + static_cast<std::size_t>(l)] != 0.0;
-    const double s_old = stress_before(problem.layout, inputs, committed, l);
     double fastest = std::abs(inputs.velocity_jump[l]);  // what moves the bodies  [m/s]
     if (is_forced(problem)) {
-      const TrialSlip slip(forcing_of(problem, inputs, l), dt, inputs.velocity_jump[l], s_old);
-      own.drive = slip.direction * slip.drive;
-      fastest += slip.drive + dt * (std::abs(inputs.stress_soft[l]) / inputs.mass_soft[l] +
-                                    std::abs(inputs.stress_hard[l]) / inputs.mass_hard[l]);
+      own.drive = kSqrt3 * problem.options.grid.thickness * inputs.soft_plastic_strain_rate[l];
+      fastest += std::abs(own.drive) + dt * (std::abs(inputs.stress_soft[l]) / inputs.mass_soft[l] +
+                                             std::abs(inputs.stress_hard[l]) / inputs.mass_hard[l]);
     } else {
-      fastest += std::abs(s_old) * velocity_per_stress(problem.options.soft, problem.grid, dt);
+      fastest += std::abs(stress_before(problem.layout, inputs, committed, l)) *
+                 velocity_per_stress(problem.options.soft, problem.grid, dt);
     }
     // A law with a state may carry nothing at rest: slower than this is rest.
     if (problem.layout.num_friction_states > 0) own.limit.least_slip = kAtRest * fastest;
