@@ -1,4 +1,4 @@
-// The error and the cost of each option of a model: one row for every option of server/physics/solver/parts.cpp and for
+// The error and the cost of each option of a model: one row for every option of server/physics/solver/parts_table.hpp and for
 // every law, with each strategy that allows it. A new option gets its rows without an edit here.
 #pragma once
 

@@ -29,7 +29,7 @@ import fortran_page  # noqa: E402
 
 PAGES = "deploy/docs/pages"
 MEASURED, HOST_ERRORS = "tests/measured.toml", "deploy/docs/pages/howto/host_errors.toml"
-OPTIONS, COLUMNS = "server/physics/solver/parts.cpp", "proto/wire/columns.inc"
+OPTIONS, COLUMNS = "server/physics/solver/parts_table.hpp", "proto/wire/columns.inc"
 # source: the page that shows it
 GENERATED = {MEASURED: "reference/measured", HOST_ERRORS: "howto/host_errors", OPTIONS: "reference/options", COLUMNS: "reference/columns"}
 PYTHON_CLIENT = pathlib.Path(__file__).resolve().parents[2] / "client/python"

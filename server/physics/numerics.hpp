@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 12;
+inline constexpr std::uint16_t kNumericsVersion = 13;
 
 }  // namespace shearbus::physics

@@ -208,7 +208,7 @@ void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {
                                           .longest_time = layer.modes().longest_time_s()};
 }
 
-// Refuses options that exclude each other according to the table of parts in server/physics/solver/parts.cpp.
+// Refuses options that exclude each other according to the table of parts in server/physics/solver/parts_table.hpp.
 void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
   Refused refused;
   for (physics::Refusal& refusal : physics::refusals(options)) {

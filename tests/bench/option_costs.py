@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Counts with callgrind what each option of server/physics/solver/parts.cpp makes of the instructions of a node-step, and compares with
+"""Counts with callgrind what each option of server/physics/solver/parts_table.hpp makes of the instructions of a node-step, and compares with
 the column "cost" of the page of options; fails where a cost is missing or off by more than a tenth. The case is that of the paper, its first
 microsecond on 60 graded cells, with the option and without it, a companion that the option needs being in both."""
 import argparse

@@ -6,7 +6,7 @@
 // plastic_layer_pulled_1e-3, junctions, and the friction laws "weakening" and "softening" with the options that follow in the name;
 // "yields": under the paper's pressure.
 // "velocity_driven: KEY" and "force_driven: KEY" are the steps of a model with one option of
-// server/physics/solver/parts.cpp, force-driven under a jump that melts a film, and "velocity_driven without: KEY" the
+// server/physics/solver/parts_table.hpp, force-driven under a jump that melts a film, and "velocity_driven without: KEY" the
 // same without it; "options" lists these keys, one a line.
 // Ends with 77 on a machine without registers of four doubles, for which the counts are not meant.
 #include <algorithm>

@@ -123,6 +123,42 @@ TEST(PhysicsWavesForced, AnElasticLayerBetweenTwoMassesFollowsTheExactSolution) 
     }
 }
 
+// A contact that closes later: the layer flies with the soft body, without stress, and meets the hard body as one. Until its
+// wave comes back from z = h the hard body follows m V' = s, s = Z (V0 - V).
+TEST(PhysicsWavesForced, ALayerThatFliesMeetsTheHardBodyAtTheSpeedOfItsHost) {
+  ModelOptions options = elastic_layer(1e12);
+  options.grid.cells = 400;
+  Rig rig(options, 1);
+  constexpr double kFarStress = 1e9, kMassSoft = 0.08, kDt = 0.025e-9, kFront = 0.25e-9;
+  constexpr int kFlies = 40, kMeets = 200;
+  const double Z = impedance(options.soft);
+  double jump = 15.0, worst = 0.0;
+  for (int n = 0; n < kFlies + kMeets; ++n) {
+    const bool flies = n < kFlies;
+    rig.set_all(jump, flies ? -1.0 : kPressure);
+    for (int l = 0; l < kLanes; ++l) {
+      rig.inputs.mass_soft[l] = kMassSoft;
+      rig.inputs.mass_hard[l] = kMassHard;
+      rig.inputs.stress_soft[l] = flies ? kFarStress : 0.0;
+    }
+    rig.step(kDt);
+    jump = rig.outputs.velocity_jump_new[0];
+    const double met = 15.0 + kFlies * kDt * kFarStress / kMassSoft, t = (n + 1 - kFlies) * kDt;
+    if (flies) {
+      ASSERT_EQ(rig.outputs.regime[0], Regime::kOpen);
+      ASSERT_EQ(rig.outputs.shear_stress[0], 0.0);
+      for (int c = 0; c <= rig.model.grid().num_cells(); ++c) ASSERT_EQ(velocity_in(rig, c), jump);
+      if (n + 1 == kFlies) {
+        ASSERT_NEAR(jump, met, 1e-12 * met);
+      }
+    } else if (t > kFront) {
+      worst = std::max(worst, std::abs(stress_at(rig, 0) / (Z * met) - std::exp(-Z * t / kMassHard)));
+    }
+  }
+  std::printf("a layer that meets the hard body at 15.5 m/s: s(0) to %.1e of Z V0 in 5 ns\n", worst);
+  EXPECT_LT(worst, 3e-3);
+}
+
 // Without mass and elasticity the layer is that of the force-driven step without inertia, which takes the mean slip of a
 // step where the waves take that of its end: the difference falls with dt.
 TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {

@@ -1,6 +1,6 @@
 // Every pair of options, and every law with every option: each pair is either refused with a reason, or steps through
 // random histories, checked by all invariants and against the scalar reference solver. The pairs are made from the rows
-// of server/physics/solver/parts.cpp and from the lists of laws: a new row or law is tested without an edit here.
+// of server/physics/solver/parts_table.hpp and from the lists of laws: a new row or law is tested without an edit here.
 #include <gtest/gtest.h>
 
 #include <algorithm>

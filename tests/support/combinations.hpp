@@ -1,5 +1,5 @@
 // Combinations of model options for tests. They are built from every option in the table of
-// server/physics/solver/parts.cpp and from every flow law and friction law, so that a new option or law is tested
+// server/physics/solver/parts_table.hpp and from every flow law and friction law, so that a new option or law is tested
 // without an edit here.
 #pragma once
 

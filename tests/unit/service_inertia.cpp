@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <span>
 
 #include "tests/support/service_harness.hpp"
 
@@ -21,8 +22,8 @@ v1::Scene waves() {
   return scene;
 }
 
-wire::Batch closed(int step) {
-  wire::Batch batch = support::step_columns(Strategy::kForceDriven, kNodes, step);
+wire::Batch closed(int step, std::span<const std::uint64_t> nodes = kNodes) {
+  wire::Batch batch = support::step_columns(Strategy::kForceDriven, nodes, step, nodes.size() < kNodes.size());
   std::ranges::fill(batch.f64(Field::kPressure), 5e9);
   std::ranges::fill(batch.f64(Field::kMassSoft), 0.1);
   return batch;
@@ -54,6 +55,62 @@ TEST(ServiceInertia, ASoftHalfZoneNoHeavierThanItsLayerIsRefusedAndChangesNothin
   EXPECT_THAT(lost.reply.status.node_ids, ElementsAre(kNodes[3]));
   const Answer answer = harness.granted(ServiceHarness::step(2, closed(2)));
   EXPECT_EQ(answer.payload(), twin.ask(ServiceHarness::step(2, closed(2))).payload()) << "the refusal changed nothing";
+}
+
+// A part of a step whose half zone is too light is refused alone: the step goes on with the mended part, and has the bits of
+// the undivided one.
+TEST(ServiceInertia, ALightHalfZoneInAPartOfAStepIsRefusedAndTheStepGoesOn) {
+  ServiceHarness harness, whole;
+  for (ServiceHarness* h : {&harness, &whole})
+    ASSERT_TRUE(h->ask(ServiceHarness::opening(waves(), kNodes)).reply.status.ok());
+  const Answer undivided = whole.ask(ServiceHarness::step(1, closed(1)));
+  ASSERT_TRUE(undivided.reply.status.ok());
+  const auto part = [&](std::uint32_t number, wire::Batch batch) {
+    wire::Request request = ServiceHarness::step(number, std::move(batch));
+    std::get<wire::Downscale>(request.body).part = number;
+    std::get<wire::Downscale>(request.body).parts = 2;
+    return harness.ask(request);
+  };
+  constexpr std::size_t kFirst = 5;
+  const auto first = std::span(kNodes).first(kFirst), rest = std::span(kNodes).subspan(kFirst);
+  const Answer one = part(1, closed(1, first));
+  ASSERT_TRUE(one.reply.status.ok());
+  wire::Batch light = closed(1, rest);
+  light.f64(Field::kMassSoft)[2] = 0.054;
+  const Answer refused = part(2, std::move(light));
+  EXPECT_EQ(refused.code(), Code::kInvalidValue);
+  EXPECT_THAT(refused.reply.status.node_ids, ElementsAre(rest[2]));
+  const Answer two = part(2, closed(1, rest));
+  ASSERT_TRUE(two.reply.status.ok()) << two.reply.status.text;
+  const auto stress = undivided.reply.batch.f64(Field::kShearStress);
+  EXPECT_TRUE(std::ranges::equal(one.reply.batch.f64(Field::kShearStress), stress.first(kFirst)));
+  EXPECT_TRUE(std::ranges::equal(two.reply.batch.f64(Field::kShearStress), stress.subspan(kFirst)));
+}
+
+// Nodes with layers of their own thickness: each half zone must be heavier than the layer of its node.
+TEST(ServiceInertia, EachHalfZoneIsHeldToTheLayerOfItsNode) {
+  ServiceHarness harness;
+  wire::Request opening = ServiceHarness::opening(waves(), {});
+  std::get<wire::OpenSession>(opening.body).domain = "of one's own";
+  std::get<wire::OpenSession>(opening.body).parameters = {"layer.thickness_m"};
+  opening.batch = {};
+  const Answer opened = harness.ask(opening);
+  ASSERT_TRUE(opened.reply.status.ok()) << opened.reply.status.text;
+  constexpr Field kColumns[] = {Field::kNodeId, Field::kParameter};
+  wire::Request nodes = ServiceHarness::in_session(wire::RegisterNodes{}, 1);
+  nodes.batch = wire::Batch::of(kColumns, kNodes.size());
+  std::ranges::copy(kNodes, nodes.batch.u64(Field::kNodeId).begin());
+  for (std::size_t i = 0; i < kNodes.size(); ++i)
+    nodes.batch.f64(Field::kParameter)[i] = 10e-6 + 2e-6 * static_cast<double>(i);
+  const Answer registered = harness.ask(nodes);
+  ASSERT_TRUE(registered.reply.status.ok()) << registered.reply.status.text;
+  wire::Batch light = closed(1);
+  std::ranges::fill(light.f64(Field::kMassSoft), 0.06);  // of 22.2 um of aluminium
+  const Answer refused = harness.ask(ServiceHarness::step(2, std::move(light)));
+  EXPECT_EQ(refused.code(), Code::kInvalidValue);
+  EXPECT_THAT(refused.reply.status.node_ids, ElementsAre(kNodes[7], kNodes[8], kNodes[9], kNodes[10]));
+  EXPECT_THAT(refused.reply.status.text, HasSubstr("(4 of 11 rows at fault)"));
+  EXPECT_TRUE(harness.ask(ServiceHarness::step(2, closed(1))).reply.status.ok());
 }
 
 TEST(ServiceInertia, TheStickFormTellsNoMassOfTheSoftBody) {

@@ -362,9 +362,18 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
     Eigen::VectorXd at_rest = amount * power;
     for (int i = 0; i < n; ++i)
       if (!(room[i] > 1e-12 * T_melt)) at_rest[i] = 0.0;
-    const Eigen::VectorXd per_rise = (at_rest.array() > 0.0).select(at_rest.cwiseQuotient(room), 0.0);
-    const Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(n, n) + G * per_rise.asDiagonal();
-    const Eigen::VectorXd rise = matrix.partialPivLu().solve(G * at_rest);
+    Eigen::VectorXd per_rise, rise;
+    for (bool molten = true; molten;) {  // a vertex that its neighbours melt takes no heat
+      per_rise = (at_rest.array() > 0.0).select(at_rest.cwiseQuotient(room), 0.0);
+      const Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(n, n) + G * per_rise.asDiagonal();
+      rise = matrix.partialPivLu().solve(G * at_rest);
+      molten = false;
+      for (int i = 0; i < n; ++i) {
+        if (!(at_rest[i] > 0.0 && rise[i] > room[i] * (1.0 + 1e-12))) continue;
+        at_rest[i] = 0.0;
+        molten = true;
+      }
+    }
     warms = at_rest - per_rise.cwiseProduct(rise);
     Heat warm = heat;
     for (int i = 0; i < n; ++i) warm.T_ad.rows[heat.T_ad.interface + i] += rise[i];

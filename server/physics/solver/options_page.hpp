@@ -1,4 +1,4 @@
-// The page of the options, which `shearbus-ctl options` prints from the tables in parts.cpp and from the lists of laws.
+// The page of the options, which `shearbus-ctl options` prints from the tables in parts_table.hpp and from the lists of laws.
 #pragma once
 
 #include <string>

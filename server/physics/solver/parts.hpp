@@ -1,8 +1,8 @@
 // The parts of which a model can be made, and which of them exclude each other; no other file has such rules. A part is
-// an option of the model or a kind of law, and has one row and one Property. Every pair of rows in parts.cpp must be
+// an option of the model or a kind of law, and has one row and one Property. Every pair of rows in parts_table.hpp must be
 // decided, or that file does not compile: the later row lists the earlier one as compatible, so that the two may be on
 // together; or the pair is excluded with a reason; or the two never meet, because each strategy excludes one of them.
-// What is an option of what is no exclusion: a part names what it needs, and kChoices of parts.cpp lists the parts of
+// What is an option of what is no exclusion: a part names what it needs, and kChoices of parts_table.hpp lists the parts of
 // which a model has one. Model's constructor, the service, the options page and the tests read the same rows.
 #pragma once
 
@@ -18,7 +18,7 @@
 
 namespace shearbus::physics {
 
-// The properties of a model that can exclude each other, in the order of the table in parts.cpp. A new property goes to
+// The properties of a model that can exclude each other, in the order of the table in parts_table.hpp. A new property goes to
 // the end, because its row of the table must say with which of all earlier properties it may be on together.
 enum class Property : std::uint8_t {
   kVelocityDriven,
@@ -71,7 +71,7 @@ class Properties {
   std::uint64_t bits_ = 0;
 };
 
-// The row of one property in the table of parts.cpp. A property of flow or friction laws has an empty `value`, because
+// The row of one property in the table of parts_table.hpp. A property of flow or friction laws has an empty `value`, because
 // a scene gives the name of the law there, and empty texts, because each law declares its own.
 struct Part {
   Property property{};
@@ -89,7 +89,7 @@ struct Part {
   std::string_view adds{};
   std::string_view when{};
   // Instructions of a node-step over those without the option, by strategy; printed by tests/bench/option_costs.py. Every
-  // option has it, or parts.cpp does not compile.
+  // option has it, or parts_table.hpp does not compile.
   std::string_view cost{};
 };
 std::span<const Part> parts();
@@ -126,12 +126,12 @@ struct Refusal {
 
 // All reasons why a model with these options cannot be made; empty if it can.
 std::vector<Refusal> refusals(const ModelOptions& options);
-// For tests: all reasons why a model cannot be made if `parts` and `exclusions` were the tables of parts.cpp.
+// For tests: all reasons why a model cannot be made if `parts` and `exclusions` were the tables of parts_table.hpp.
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions);
 
 // Whether the properties of two parts may be on together: no exclusion names both, and the part that comes later in the
-// table of parts.cpp lists the other property in goes_with.
+// table of parts_table.hpp lists the other property in goes_with.
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions);
 
 Properties properties_of(const ModelOptions& options);

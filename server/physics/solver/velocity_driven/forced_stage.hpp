@@ -1,5 +1,5 @@
-// One stage of the step of layers with inertia under force (MODEL.md, "Layer inertia under force"): the layer lies between
-// the masses of the host, and the slip at z = 0 heats.
+// The bodies behind the faces of layers with inertia: with an imposed velocity, or under force masses of the host
+// (MODEL.md, "Layer inertia under force").
 #pragma once
 
 #include <cstdint>
@@ -17,9 +17,12 @@ LeastMasses least_masses(const Problem& problem, double dt);
 // it since the last step, it has changed of all.
 void follow_host(const Problem& problem, const TileInputs& inputs, double* trial);
 
-// As solve_stage().
-std::uint32_t solve_forced_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                                 std::uint32_t lanes, const WaveContacts& contacts, double* trial,
-                                 Found (&found)[kLanes], const double* guess);
+// Begins a stage: the bodies at its ends, under force each with m dv/dt = (the host's force) - s. Returns the lanes whose
+// host has too little mass.
+std::uint32_t meet_bodies(const InertiaStage& stage, std::uint32_t lanes, WaveEnds& ends);
+
+// Ends it: under force the bodies have the velocities that their impulses leave them, and all are relative to the hard one
+// again.
+void leave_bodies(const InertiaStage& stage, std::uint32_t lanes);
 
 }  // namespace shearbus::physics

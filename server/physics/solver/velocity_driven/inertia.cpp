@@ -14,7 +14,7 @@
 #include "server/physics/solver/sdirk2.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/velocity_driven/forced_stage.hpp"
-#include "server/physics/solver/velocity_driven/inertia_stage.hpp"
+#include "server/physics/solver/velocity_driven/wave_contacts.hpp"
 #include "server/physics/solver/velocity_driven/waves_heat.hpp"
 
 namespace shearbus::physics {
@@ -31,10 +31,6 @@ Found step_of(const Found& first, const Found& second) {
           .interface_slips = second.interface_slips,
           .several = first.several || second.several,
           .stress = {mean(first.stress[0], second.stress[0]), mean(first.stress[1], second.stress[1])}};
-}
-
-bool is_forced(const Problem& problem) {
-  return problem.options.strategy == Strategy::kForceDriven;
 }
 
 // An open contact: the layer moves with the soft body without stress, until the contact closes.
@@ -206,9 +202,9 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
   const std::optional<WaveContacts> contacts = contacts_of(problem, operators, inputs, committed);
   Found found[kLanes];
   const WaveContacts* contact = contacts ? &*contacts : nullptr;
-  const std::uint32_t lost = problem.options.taylor_quinney_factor
-                                 ? solve_heated_stage(problem, operators, inputs, closed, contact, trial, found)
-                                 : solve_stage(problem, operators.heat(), inputs, closed, contact, trial, found);
+  const InertiaStage stage{problem, operators.heat(), inputs, contact, trial, found};
+  const std::uint32_t lost =
+      problem.options.taylor_quinney_factor ? solve_heated_stage(operators, stage, closed) : solve_stage(stage, closed);
   answer_lanes(problem, operators.dt(), inputs, closed & ~lost, found, trial, outputs);
   close_lanes(problem, inputs.active & ~lost, contact, found, trial, outputs);
   for (const int l : lanes_of(lost)) keep_lane(problem, inputs, committed, trial, l, outputs);
@@ -227,14 +223,14 @@ void advance_with_inertia_sdirk2(const Problem& problem, const StepOperators& op
   const std::uint32_t closed = start_lanes(problem, operators.dt(), inputs, committed, trial, outputs);
   const std::optional<WaveContacts> contacts = contacts_of(problem, operators, inputs, committed);
   const WaveContacts* contact = contacts ? &*contacts : nullptr;
-  std::uint32_t lost = solve_stage(problem, stage, inputs, closed, contact, trial, first);
+  std::uint32_t lost = solve_stage({problem, stage, inputs, contact, trial, first}, closed);
 
   // 2. Second stage: the same from the state extrapolated through the first.
   const double no_flux[kLanes] = {};
   sdirk2::begin_second_stage(stage, n, T_old, no_flux, T);
   lost |= sdirk2::lanes_out_of_range(problem, inputs, T_old, T);
   extrapolate_lanes(problem, inputs, closed & ~lost, committed, trial);
-  lost |= solve_stage(problem, stage, inputs, closed & ~lost, contact, trial, second);
+  lost |= solve_stage({problem, stage, inputs, contact, trial, second}, closed & ~lost);
   for (const int l : lanes_of(closed & ~lost)) {
     second[l] = step_of(first[l], second[l]);
     if (is_forced(problem) && second[l].stress[0] * second[l].mean_slip < 0.0) lost |= 1u << l;  // the slip turns

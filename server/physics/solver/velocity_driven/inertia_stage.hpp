@@ -3,9 +3,8 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 
-#include "server/physics/solver/contact.hpp"
+#include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
@@ -21,29 +20,7 @@ struct Found {
   double stress[2] = {};         // stress at z = 0 and at z = h; of a step the means in its balance of momentum  [Pa]
 };
 
-// The contacts of a tile whose limit is more than one friction stress: a contact law, or junctions.
-class WaveContacts {
- public:
-  struct Lane {
-    StressLimit limit;
-    ContactState state;
-    bool stuck = false;  // the interface did not slip at the end of the last step
-    double drive = 0.0;  // force-driven: slip velocity due to the host's plastic shear, signed, DLP (64)  [m/s]
-  };
-  // Of the active lanes, in a step of length dt from the state `committed`.
-  WaveContacts(const Problem& problem, const TileInputs& inputs, const double* committed, double dt);
-  WaveContacts(const WaveContacts&) = delete;
-  WaveContacts& operator=(const WaveContacts&) = delete;
-
-  static bool needed(const Problem& problem);
-
-  Lane& operator[](int lane) { return lanes_[lane]; }
-  const Lane& operator[](int lane) const { return lanes_[lane]; }
-
- private:
-  LaneMaterials soft_at_;
-  Lane lanes_[kLanes];
-};
+class WaveContacts;
 
 // The bodies at the ends of the layers of a tile in one stage.
 struct WaveEnds {
@@ -51,17 +28,32 @@ struct WaveEnds {
   double give_near[kLanes], give_far[kLanes];  // WaveStep
 };
 
-// Solves the waves of several lanes under given limits of the stress at z = 0 from the state in `trial`. `guess`: as in
-// solve_stage(). Returns the lanes that have no answer.
-std::uint32_t solve_waves(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                          const WaveEnds& ends, std::uint32_t lanes, const double (&limit)[kLanes], const double* guess,
-                          double* trial, Found (&found)[kLanes]);
+// One stage: backward Euler over the length of `heat`, from the state in `trial`, whose temperatures have been conducted
+// already.
+struct InertiaStage {
+  const Problem& problem;
+  const HeatOperator& heat;
+  const TileInputs& inputs;
+  const WaveContacts* contacts;  // null where a constant friction stress limits the stress, or none
+  double* trial;
+  Found (&found)[kLanes];
+  const double* guess = nullptr;  // rows of velocities from which the search starts; null: those before the stage
+};
 
-// Backward Euler of `lanes` over the length of `heat`, from the state in `trial`, whose temperatures have been conducted
-// already. `contacts`: null where a constant friction stress limits the stress, or none. `guess`: rows of velocities
-// from which the search starts; null: those before the step. Returns the lanes that have no answer.
-std::uint32_t solve_stage(const Problem& problem, const HeatOperator& heat, const TileInputs& inputs,
-                          std::uint32_t lanes, const WaveContacts* contacts, double* trial, Found (&found)[kLanes],
-                          const double* guess = nullptr);
+// Solves `lanes` and returns those that have no answer.
+std::uint32_t solve_stage(const InertiaStage& stage, std::uint32_t lanes);
+
+// The same between given bodies, under given limits of the stress at z = 0.
+std::uint32_t solve_waves(const InertiaStage& stage, const WaveEnds& ends, std::uint32_t lanes,
+                          const double (&limit)[kLanes]);
+
+// Share of the work at z = 0 that waves (of the stress on the jump) or contacts (of the slip) turn into heat there. Where
+// plastic work heats in place, the temperatures that a stage is given hold all its heat (waves_heat.hpp).
+inline double heat_share(const Problem& problem) {
+  return problem.options.taylor_quinney_factor ? 0.0 : problem.heat_partition;
+}
+inline bool is_forced(const Problem& problem) {
+  return problem.options.strategy == Strategy::kForceDriven;
+}
 
 }  // namespace shearbus::physics

@@ -5,22 +5,17 @@
 #include <limits>
 #include <optional>
 
-#include "server/physics/layer/wide.hpp"
 #include "server/physics/material/flow_laws.hpp"
-#include "server/physics/material/strength.hpp"
 #include "server/physics/solver/velocity_driven/waves_return.hpp"
 
 namespace shearbus::physics {
 namespace {
 
 using Row = WaveFields::Row;
-constexpr int kPacket = WaveFields::kPacket;
 
 constexpr double kConverged = 1e-11;  // Newton's method ends with a step below this fraction of the unknowns' scale
-// A Newton step in the hardening term x of ReturnLaw that is shorter than this, relative to 1 + x, is the last.
-constexpr double kLocallyConverged = 1e-9;
-constexpr double kNothing = 1e-14;  // a change of velocity so small has no effect, for any dt and cell  [m/s]
-constexpr double kUnfelt = 1e-14;   // temperature rise without effect on the strength, relative to T_melt
+constexpr double kNothing = 1e-14;    // a change of velocity so small has no effect, for any dt and cell  [m/s]
+constexpr double kUnfelt = 1e-14;     // temperature rise without effect on the strength, relative to T_melt
 // Line search. A step of the velocities may end beyond the minimum of the energy if the slope of the energy there is at
 // most this fraction of the slope at the start of the step (without signs; slope: derivative in Newton's direction).
 constexpr double kOvershoot = 0.5;
@@ -32,8 +27,6 @@ constexpr double kLeastDescent = 0.25;
 // Share of secants in the slopes of a step of the line search: the least, and its factors after a step that was cut and
 // after one that was not.
 constexpr double kLeastSecant = 1e-4, kMoreSecant = 10.0, kLessSecant = 0.3;
-constexpr int kLocalSteps = 60;          // largest number of iterations of a return to the yield stress; 3 are usual
-constexpr int kLocalNewtonSteps = 12;    // iterations of the return at z = 0 after which every second one bisects
 constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
 constexpr int kGuardedSteps = 400;       // largest number of Newton steps of search() at each heat flux that it tries
 constexpr int kMostGuardedSteps = 4000;  // the same if search() is repeated because its first result was not balanced
@@ -43,107 +36,6 @@ constexpr double kLeastStress = 1e6;
 // Largest accepted residual due to rounding, in units of the stress that one ulp of the largest velocity causes.
 constexpr double kUlps = 1e4;
 
-// ---- Return to the yield stress at every vertex, DLP (42-48) ----
-//
-// In this file t is not the time but a stress: the trial stress t = s_old + G0 dt dv/dz of a vertex, where dt is the
-// length of the step. The function R returns it to the yield stress: s = R(t). R is odd, and its slope lies in [0, 1].
-// For t > 0: s = t below the yield stress; above it
-//   s + sqrt(3) G0 dep = t,   s = min(strength (1 + x)^n, ceiling) g(P, T),   x = beta dep / (1 + beta ep)
-// where strength = Y0 (1 + beta ep)^n / sqrt(3) and ceiling = Y_max / sqrt(3).
-
-struct ReturnLaw {
-  double exponent;  // hardening exponent n
-  double ceiling;   // largest strength in shear, Y_max / sqrt(3)             [Pa]
-  double bracket;   // bracket of the softening g at T = 0 K: 1 + gP P + 300 hT
-  double hT;        // coefficient of -(T - 300 K) in the bracket of the softening g  [1/K]
-  double T_melt;    // melting temperature at P         [K]
-};
-
-// Inputs and results of the returns, one value per vertex.
-struct ReturnRows {
-  alignas(64) Row t;           // trial stress                                    [Pa]
-  alignas(64) Row T;           // temperature                                     [K]
-  alignas(64) Row strength;    // strength before softening, Y0 (1 + beta ep)^n / sqrt(3)  [Pa]
-  alignas(64) Row compliance;  // growth of the hardening term x per stress, beta / (sqrt(3) G0 (1 + beta ep))  [1/Pa]
-  alignas(64) Row slope;       // derivative of the stress s by the trial stress t
-  alignas(64) Row softening;   // derivative of the stress s by the temperature   [Pa/K]
-};
-
-inline bool any_positive(const double (&value)[kPacket]) {
-  double largest = value[0];
-  for (int l = 1; l < kPacket; ++l) largest = value[l] > largest ? value[l] : largest;
-  return largest > 0.0;
-}
-
-SHEARBUS_WIDE void return_to_yield(const ReturnLaw& law, int num_vertices, ReturnRows& rows, double* stress) {
-  const double n = law.exponent;
-  for (int first = 0; first < num_vertices; first += kPacket) {
-    const double* t = rows.t + first;
-    const double* strength = rows.strength + first;
-    const double* compliance = rows.compliance + first;
-    alignas(64) double g[kPacket], g_rate[kPacket], yield[kPacket], over[kPacket];
-    for (int l = 0; l < kPacket; ++l) {
-      const double T = rows.T[first + l];
-      const double to_melting = law.T_melt - T;
-      const double bracket = law.bracket - law.hT * T;
-      const bool warm = to_melting > 0.0 && bracket > 0.0;
-      const double distance = warm ? to_melting : 1.0;
-      const double exponent = SteinbergCochranGuinan::kMeltingFactor * T / distance;
-      const bool solid = warm && exponent < kExponentialRange;
-      g[l] = solid ? bracket * exponential(-exponent) : 0.0;
-      g_rate[l] =
-          solid ? -(law.hT / bracket + SteinbergCochranGuinan::kMeltingFactor * law.T_melt / (distance * distance))
-                : 0.0;
-      yield[l] = strength[l] * g[l];
-      const double least = law.ceiling < strength[l] ? law.ceiling * g[l] : yield[l];
-      over[l] = std::abs(t[l]) - least;
-    }
-    if (!any_positive(over)) {
-      for (int l = 0; l < kPacket; ++l) {
-        stress[first + l] = t[l];
-        rows.slope[first + l] = 1.0;
-        rows.softening[first + l] = 0.0;
-      }
-      continue;
-    }
-    // The equation of the return is concave and increasing in x: Newton's steps from below stay below the root.
-    alignas(64) double x[kPacket], excess[kPacket], hardened[kPacket], still[kPacket];
-    for (int l = 0; l < kPacket; ++l) {
-      const double above = std::abs(t[l]) - yield[l];
-      excess[l] = above > 0.0 ? compliance[l] * above : 0.0;
-      x[l] = excess[l] / (1.0 + n * compliance[l] * yield[l]);
-      hardened[l] = yield[l];
-    }
-    for (int iteration = 0; iteration < kLocalSteps; ++iteration) {
-      for (int l = 0; l < kPacket; ++l) {
-        const double gain = exponential_minus_1(n * logarithm(1.0 + x[l]));
-        const double slope = n * (1.0 + gain) / (1.0 + x[l]);
-        const double stiffness = compliance[l] * yield[l];
-        const double step = (excess[l] - x[l] - stiffness * gain) / (1.0 + stiffness * slope);
-        hardened[l] = yield[l] * ((1.0 + gain) + slope * step);
-        x[l] = x[l] + step > 0.0 ? x[l] + step : 0.0;
-        still[l] = std::abs(step) - kLocallyConverged * (1.0 + x[l]);
-      }
-      if (!any_positive(still)) break;
-    }
-    for (int l = 0; l < kPacket; ++l) {
-      const double limit = law.ceiling * g[l];
-      const bool capped = hardened[l] >= limit;
-      const double s = capped ? limit : hardened[l];
-      // Slope ds/d(dep) divided by sqrt(3) G0.
-      const double hardening = capped ? 0.0 : n * s * compliance[l] / (1.0 + x[l]);
-      const bool yields = over[l] > 0.0;
-      const double size = yields ? s : std::abs(t[l]);
-      stress[first + l] = t[l] < 0.0 ? -size : size;
-      rows.slope[first + l] = yields ? hardening / (1.0 + hardening) : 1.0;
-      const double softens = yields ? s * g_rate[l] / (1.0 + hardening) : 0.0;
-      rows.softening[first + l] = t[l] < 0.0 ? -softens : softens;
-    }
-  }
-}
-
-// ---- The step of one node ----
-
 class Waves {
  public:
   Waves(const WaveStep& step, WaveFields& fields, int evaluations)
@@ -151,10 +43,9 @@ class Waves {
         fields_(fields),
         num_cells_(step.grid->num_cells()),
         kappa_(kSqrt3 * step.soft->shear_modulus),
-        law_{step.soft->hardening_exponent, step.soft->yield_strength_max / kSqrt3,
-             1.0 + step.soft->pressure_coefficient * step.pressure +
-                 step.soft->temperature_coefficient * SteinbergCochranGuinan::kReference,
-             step.soft->temperature_coefficient, step.soft->melting_temperature},
+        law_(return_law_of(*step.soft)),
+        T_melt_(step.soft->melting_temperature),
+        bracket_(SteinbergCochranGuinan::bracket_at(*step.soft, step.pressure)),
         by_law_(*step.soft, step.pressure, step.dt),
         by_law_near_(*step.soft, step.pressure, step.dt, step.give_near),
         by_law_far_(*step.soft, step.pressure, step.dt, step.give_far),
@@ -162,13 +53,14 @@ class Waves {
         evaluations_(evaluations),
         evaluations_left_(evaluations) {
     const Material& soft = *step.soft;
-    const int padded = (num_cells_ / kPacket + 1) * kPacket;
+    const int padded = (num_cells_ / WaveFields::kPacket + 1) * WaveFields::kPacket;
     for (int i = 0; i < padded; ++i) {
       const bool inside = i <= num_cells_;
       const double hardened = 1.0 + (inside ? soft.hardening_coefficient * fields.strain[i] : 0.0);
       rows_.strength[i] = soft.yield_strength * power(hardened, soft.hardening_exponent) / kSqrt3;
       rows_.compliance[i] = soft.hardening_coefficient / (kappa_ * hardened) * give(i);
       rows_.t[i] = 0.0;
+      rows_.x[i] = kUnknown;
       rows_.T[i] = SteinbergCochranGuinan::kReference;
       stress_old_[i] = inside ? fields.stress[i] : 0.0;
       velocity_old_[i] = i < num_cells_ ? fields.velocity[i] : 0.0;
@@ -222,7 +114,7 @@ class Waves {
     --evaluations_left_;
     answer_.flux = flux;
     for (int i = 0; i <= num_cells_; ++i) rows_.T[i] = fields_.T_ad[i] + flux * step_.response[i];
-    has_form_ ? return_to_yield(law_, num_cells_ + 1, rows_, fields_.stress) : return_by_law();
+    has_form_ ? return_to_yield(law_, T_melt_, bracket_, num_cells_ + 1, rows_, fields_.stress) : return_by_law();
     flux_slope_ = 0.0;
     held_ = std::abs(fields_.stress[0]) > step_.coulomb;
     if (!held_) return;
@@ -247,78 +139,17 @@ class Waves {
     if (given) return evaluate_at(*given);
     const double direction = direction_at_interface();
     const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // heat flux per stress [m/s]
-    const InterfaceReturn found = return_at_interface(per_stress);
-    evaluate_at(per_stress * found.stress);
-    held_ = found.held;
-    fields_.stress[0] = std::copysign(found.stress, rows_.t[0]);
-    rows_.slope[0] = found.slope;
-    flux_slope_ = direction * (per_stress * found.slope);
-  }
-
-  struct InterfaceReturn {
-    double stress;  // magnitude of the stress at z = 0  [Pa]
-    double slope;   // derivative of the stress by |t|, where t is the trial stress
-    bool held;      // the friction limit mu P holds the stress
-  };
-
-  // The return to the yield stress at z = 0, with the heat of the stress itself: finds the magnitude a = R(|t|) at the
-  // temperature T_ad + B q, q = per_stress a, where t is the trial stress. The strength falls with that heat, so there
-  // is one root. If T_ad is below melting, the temperature at the root is below melting for any trial stress.
-  InterfaceReturn return_at_interface(double per_stress) {
-    const double t = std::abs(rows_.t[0]);
-    const double rise = per_stress * step_.response[0];
-    const double n = law_.exponent;
-    const double compliance = rows_.compliance[0];
-    // The yield stress at the temperature that a stress a causes, with its derivatives d log(stress)/da and
-    // d stress/d|t|, where t is the trial stress.
-    struct Carried {
-      double stress, log_slope, flow_slope;
-    };
-    const auto carried = [&](double a) -> Carried {
-      const Softening soften = softening(*step_.soft, step_.pressure, fields_.T_ad[0] + rise * a);
-      if (soften.g <= 0.0) return {0.0, 0.0, 0.0};
-      const double flow = 1.0 + compliance * (t - a);
-      const double hardened = rows_.strength[0] * power(flow, n);
-      const double heat_slope = rise * soften.slope / soften.g;
-      if (hardened >= law_.ceiling) return {law_.ceiling * soften.g, heat_slope, 0.0};
-      const double hardening = n * compliance / flow;
-      return {hardened * soften.g, heat_slope - hardening, hardened * soften.g * hardening};
-    };
-    const auto held_or = [&](double a, double slope) -> InterfaceReturn {
-      return a > step_.coulomb ? InterfaceReturn{step_.coulomb, 0.0, true} : InterfaceReturn{a, slope, false};
-    };
-    if (!has_form_) {
-      const ReturnedStress found = by_law_near_.at(fields_.strain[0], t, fields_.T_ad[0], rise);
-      return held_or(found.stress, found.slope);
-    }
-    if (carried(t).stress >= t) return held_or(t, 1.0);
-    double lo = 0.0;
-    double hi = std::min(t, carried(0.0).stress);
-    double a = interface_guess_ > 0.0 && interface_guess_ < hi ? interface_guess_ : hi;
-    double slope = 0.0;
-    for (int iteration = 0; iteration < kBisections && hi > 0.0; ++iteration) {
-      const Carried now = carried(a);
-      (now.stress > a ? lo : hi) = a;
-      double next = -1.0;
-      if (now.stress > 0.0) {
-        slope = now.flow_slope / (1.0 - now.stress * now.log_slope);
-        const double step = logarithm(now.stress / a) / (1.0 / a - now.log_slope);
-        next = a + step;
-        if (std::abs(step) <= kConverged * a) {
-          a = std::clamp(next, lo, hi);
-          break;
-        }
-      }
-      if (hi - lo <= std::numeric_limits<double>::epsilon() * hi) {
-        a = lo;
-        break;
-      }
-      const bool bisect = iteration >= kLocalNewtonSteps && iteration % 2 == 0;
-      a = !bisect && next > lo && next < hi ? next : 0.5 * (lo + hi);
-    }
-    if (hi <= 0.0) a = 0.0;
-    interface_guess_ = a;
-    return held_or(a, slope);
+    // The return at z = 0 with the heat of the stress itself, q = per_stress |s|: the strength falls with that heat, so
+    // there is one root, below melting if T_ad is.
+    const ReturnedStress found =
+        by_law_near_.at(fields_.strain[0], std::abs(rows_.t[0]), fields_.T_ad[0], per_stress * step_.response[0]);
+    const bool held = found.stress > step_.coulomb;
+    const double size = held ? step_.coulomb : found.stress, slope = held ? 0.0 : found.slope;
+    evaluate_at(per_stress * size);
+    held_ = held;
+    fields_.stress[0] = std::copysign(size, rows_.t[0]);
+    rows_.slope[0] = slope;
+    flux_slope_ = direction * (per_stress * slope);
   }
 
   // Newton's step dv of the cell velocities: solves the linearised balance of momentum, one equation (row) per cell.
@@ -381,14 +212,11 @@ class Waves {
     return largest;
   }
 
-  // Whether Newton's step is small relative to the sum of two velocities. One is the largest velocity of the layer. The
-  // other would cause the largest stress of the layer, by a wave or by shearing the layer for one step, whichever is
-  // smaller.
+  // Whether Newton's step is small relative to the sum of the largest velocity of the layer and of what would cause the
+  // largest stress.
   bool small_step() const {
-    const Material& soft = *step_.soft;
     const auto [v, s] = largest();
-    const double per_stress = std::min(1.0 / std::sqrt(soft.density * soft.shear_modulus),
-                                       step_.grid->vertex.back() / (soft.shear_modulus * step_.dt));
+    const double per_stress = velocity_per_stress(*step_.soft, *step_.grid, step_.dt);
     return largest_step() <= kConverged * (v + s * per_stress) + kNothing;
   }
 
@@ -462,11 +290,11 @@ class Waves {
     answer_.guarded = true;
     const double share = step_.heat_share * step_.jump;
     double lo = 0.0;
-    double hi = std::max(0.0, (law_.T_melt - fields_.T_ad[0]) / step_.response[0]);
+    double hi = std::max(0.0, (T_melt_ - fields_.T_ad[0]) / step_.response[0]);
     std::copy_n(velocity_old_, num_cells_, fields_.velocity);
     descend(0.0, steps, true);
     const auto made = [&] { return share * fields_.stress[0]; };  // heat flux q that the stress at z = 0 causes
-    const double unfelt = kUnfelt * law_.T_melt / step_.response[0];
+    const double unfelt = kUnfelt * T_melt_ / step_.response[0];
     const bool heats = made() > unfelt;
     while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
       const double flux = 0.5 * (lo + hi);
@@ -494,18 +322,10 @@ class Waves {
       fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa(i);
     }
     if (!held_) return;
-    if (!has_form_) {
-      const double left = std::abs(rows_.t[0]) - step_.coulomb;
-      const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa(0));
-      fields_.strain_growth[0] = flow;
-      answer_.interface_slip = std::copysign(std::max(0.0, left - kappa(0) * flow) / gain(0), rows_.t[0]);
-      return;
-    }
-    const double yield = rows_.strength[0] * softening(*step_.soft, step_.pressure, rows_.T[0]).g;
-    const HeldVertex held =
-        flow_under_friction(std::abs(rows_.t[0]), step_.coulomb, yield, rows_.compliance[0], kappa(0), law_.exponent);
-    fields_.strain_growth[0] = held.strain_growth;
-    answer_.interface_slip = std::copysign(held.left / gain(0), rows_.t[0]);
+    const double left = std::abs(rows_.t[0]) - step_.coulomb;
+    const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa(0));
+    fields_.strain_growth[0] = flow;
+    answer_.interface_slip = std::copysign(std::max(0.0, left - kappa(0) * flow) / gain(0), rows_.t[0]);
   }
 
   const WaveStep& step_;
@@ -513,15 +333,15 @@ class Waves {
   int num_cells_;
   double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
   ReturnLaw law_;
+  double T_melt_, bracket_;  // return_to_yield()
   // The return of a law that ReturnLaw does not describe, and that of the vertices at z = 0 and z = h.
   LawReturn by_law_, by_law_near_, by_law_far_;
   bool has_form_;  // the law has the form of ReturnLaw
   WaveAnswer answer_;
   int evaluations_;  // largest number of evaluations of the balance in a search
   int evaluations_left_;
-  bool held_ = false;             // the friction limit mu P holds the stress at z = 0
-  double interface_guess_ = 0.0;  // result of the last return at z = 0, start of the next  [Pa]
-  double flux_slope_ = 0.0;       // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
+  bool held_ = false;        // the friction limit mu P holds the stress at z = 0
+  double flux_slope_ = 0.0;  // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
   ReturnRows rows_;
   alignas(64) Row stress_old_;
   alignas(64) Row velocity_old_;
@@ -529,17 +349,6 @@ class Waves {
 };
 
 }  // namespace
-
-HeldVertex flow_under_friction(double trial, double coulomb, double yield, double compliance, double kappa,
-                               double exponent) {
-  const double left = trial - coulomb;
-  double flow = 0.0;
-  if (coulomb > yield) {
-    const double x = exponential_minus_1(logarithm(coulomb / yield) / exponent);
-    flow = std::min(compliance > 0.0 ? x / (compliance * kappa) : 0.0, left / kappa);
-  }
-  return {flow, left - kappa * flow};
-}
 
 WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps, int evaluations) {
   return Waves(step, fields, evaluations).advance(newton_steps);

@@ -1,6 +1,9 @@
 // Shear waves in the layer of one node (MODEL.md, "Layer inertia"): DLP (36-37) with inertia, (42-48) at every vertex.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "server/physics/layer/grid.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/model.hpp"
@@ -36,6 +39,11 @@ struct WaveStep {
   bool forced = false;  // what the host changes in a step, a layer of little mass may follow by any amount
 };
 
+// The velocity that a stress causes, by a wave or by shearing the layer for one step, whichever is less  [m/(s Pa)].
+inline double velocity_per_stress(const Material& soft, const Grid& grid, double dt) {
+  return std::min(1.0 / std::sqrt(soft.density * soft.shear_modulus), grid.vertex.back() / (soft.shear_modulus * dt));
+}
+
 // The fields of one node, with a value per cell for the velocity and per vertex for the others.
 struct WaveFields {
   static constexpr int kPacket = 8;  // vertices per SIMD packet; the length of a Row is a multiple of this number
@@ -56,17 +64,6 @@ struct WaveAnswer {
   bool guarded = false;         // true: Newton's method did not converge, and the guarded search (bisection of q) ran
   bool found = true;            // false: the guarded search ended without balance, and the fields are meaningless
 };
-
-// The vertex at z = 0 while the friction limit holds its stress at mu P: it flows plastically by as much as this stress
-// allows (DLP (48)); the rest of its strain is slip of the interface.
-struct HeldVertex {
-  double strain_growth;  // growth of its plastic strain
-  double left;           // trial stress that is left to the slip  [Pa]
-};
-// `trial`: magnitude of the trial stress; `yield`: yield stress in shear before the step; `compliance`: growth of the
-// hardening term of waves.cpp per stress; `kappa`: sqrt(3) G0; `exponent`: of hardening.
-HeldVertex flow_under_friction(double trial, double coulomb, double yield, double compliance, double kappa,
-                               double exponent);
 
 // Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
 // follows. It bisects the heat flux q and minimises the energy of the step at each q, which works from any start

@@ -27,10 +27,8 @@ constexpr int kMostAmounts = 60;        // of the search for enough heat
 // molten wherever it works does none.
 class HeatedWaves {
  public:
-  HeatedWaves(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-              const WaveContacts* contacts, double* trial, Found (&found)[kLanes])
-      : problem_(problem), operators_(operators), inputs_(inputs), contacts_(contacts), trial_(trial), found_(found) {
-    std::copy_n(trial, problem.layout.doubles, start_);
+  HeatedWaves(const StepOperators& operators, const InertiaStage& stage) : operators_(operators), stage_(stage) {
+    std::copy_n(trial_, problem_.layout.doubles, start_);
   }
 
   std::uint32_t solve(std::uint32_t lanes) {
@@ -93,7 +91,9 @@ class HeatedWaves {
       copy_lane(start_, trial_, problem_.layout.doubles, l);
       lanes_[l].heat = lanes_[l].amount > 0.0 ? warm(l) : 0.0;
     }
-    return solve_stage(problem_, operators_.heat(), inputs_, lanes, contacts_, trial_, found_, guess);
+    InertiaStage from = stage_;
+    from.guess = guess;
+    return solve_stage(from, lanes);
   }
 
   // Finds work and heat of `lanes` at the temperatures of their amounts.
@@ -122,39 +122,53 @@ class HeatedWaves {
     copy_lane(used_, used_at_high_, velocities(), l);
   }
 
-  // Raises the temperatures of the layer in `trial` by the heat of the amount, and returns the sum of this heat. The
-  // matrix is that of the step with a term more in the diagonal of each heated vertex; `excess` is what they add to its
-  // pivots.
+  // Raises the temperatures of the layer in `trial` by the heat of the amount, and returns the sum of this heat. A vertex
+  // that its neighbours melt takes none.
   double warm(int l) {
-    const HeatOperator& heat = operators_.heat();
-    const SpreadHeat& spread = operators_.spread();
     const double T_melt = lanes_[l].T_melt;
     const double* T_ad = start_ + problem_.layout.temperature + l;
-    const auto room = [&](std::ptrdiff_t i) { return T_melt - T_ad[i * kLanes]; };
-    const auto flux = [&](std::ptrdiff_t i) {
-      return room(i) > kLeastRoom * T_melt ? lanes_[l].amount * power_[i * kLanes + l] : 0.0;
-    };
     double* rise = rise_ + l;
+    double room[kMaxInertiaCells + 1], flux[kMaxInertiaCells + 1];
+    for (std::ptrdiff_t i = 0; i < vertices(); ++i) {
+      room[i] = T_melt - T_ad[i * kLanes];
+      flux[i] = room[i] > kLeastRoom * T_melt ? lanes_[l].amount * power_[i * kLanes + l] : 0.0;
+    }
+    for (bool molten = true; molten;) {
+      warm_by(flux, room, rise);
+      molten = false;
+      for (std::ptrdiff_t i = 0; i < vertices(); ++i) {
+        if (!(flux[i] > 0.0 && rise[i * kLanes] > room[i] * (1.0 + kLeastRoom))) continue;
+        flux[i] = 0.0;
+        molten = true;
+      }
+    }
+    double sum = 0.0;
+    for (std::ptrdiff_t i = 0; i < vertices(); ++i) {
+      trial_[problem_.layout.temperature + static_cast<std::size_t>(i * kLanes + l)] += rise[i * kLanes];
+      if (flux[i] > 0.0) sum += flux[i] * std::max(0.0, 1.0 - rise[i * kLanes] / room[i]);
+    }
+    return sum;
+  }
+
+  // The rise of the temperatures of the layer where the vertices take flux (1 - rise/room). The matrix is that of the step
+  // with a term more in the diagonal of each heated vertex; `excess` is what they add to its pivots.
+  void warm_by(const double* flux, const double* room, double* rise) const {
+    const HeatOperator& heat = operators_.heat();
+    const SpreadHeat& spread = operators_.spread();
     double inner[kMaxInertiaCells + 1];
     double excess = 0.0, pivot = 1.0;
     const std::ptrdiff_t last = vertices() - 1;
     for (std::ptrdiff_t i = last; i >= 0; --i) {
       const auto at = static_cast<std::size_t>(heat.interface + i);
       const double plain = 1.0 / heat.inverse_pivot[at], outer = i < last ? heat.inward[at] * plain : 0.0;
-      const double source = spread.gain[static_cast<std::size_t>(i)] * flux(i);
+      const double source = spread.gain[static_cast<std::size_t>(i)] * flux[i];
       excess = i < last ? outer * heat.outward[at + 1] * (excess / pivot) : 0.0;
-      if (source > 0.0) excess += source / room(i);
+      if (source > 0.0) excess += source / room[i];
       pivot = plain + excess;
       rise[i * kLanes] = (source + (i < last ? outer * rise[(i + 1) * kLanes] : 0.0)) / pivot;
       inner[i] = i > 0 ? heat.outward[at] * plain / pivot : 0.0;
     }
-    double sum = 0.0;
-    for (std::ptrdiff_t i = 0; i <= last; ++i) {
-      if (i > 0) rise[i * kLanes] += inner[i] * rise[(i - 1) * kLanes];
-      trial_[problem_.layout.temperature + static_cast<std::size_t>(i * kLanes + l)] += rise[i * kLanes];
-      if (const double q = flux(i); q > 0.0) sum += q * std::max(0.0, 1.0 - rise[i * kLanes] / room(i));
-    }
-    return sum;
+    for (std::ptrdiff_t i = 1; i <= last; ++i) rise[i * kLanes] += inner[i] * rise[(i - 1) * kLanes];
   }
 
   // The work of each vertex that becomes heat, and its sum  [W/m2].
@@ -264,12 +278,12 @@ class HeatedWaves {
         T = std::nextafter(own.T_melt, 0.0);
   }
 
-  const Problem& problem_;
   const StepOperators& operators_;
-  const TileInputs& inputs_;
-  const WaveContacts* contacts_;
-  double* trial_;
-  Found (&found_)[kLanes];
+  const InertiaStage& stage_;
+  const Problem& problem_ = stage_.problem;
+  const TileInputs& inputs_ = stage_.inputs;
+  double* trial_ = stage_.trial;
+  Found (&found_)[kLanes] = stage_.found;
   // The state before the step, with the temperatures without its heat; velocities of the last evaluation, those from which
   // it was searched, and those of the smallest amount that is enough; and rows [vertex][lane]: work that the vertices do,
   // work of which they take heat, the rise of their temperature.
@@ -286,10 +300,8 @@ class HeatedWaves {
 
 }  // namespace
 
-std::uint32_t solve_heated_stage(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                                 std::uint32_t lanes, const WaveContacts* contacts, double* trial,
-                                 Found (&found)[kLanes]) {
-  return HeatedWaves(problem, operators, inputs, contacts, trial, found).solve(lanes);
+std::uint32_t solve_heated_stage(const StepOperators& operators, const InertiaStage& stage, std::uint32_t lanes) {
+  return HeatedWaves(operators, stage).solve(lanes);
 }
 
 }  // namespace shearbus::physics

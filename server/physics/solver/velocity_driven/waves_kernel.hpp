@@ -7,6 +7,58 @@
   return (Register)((Bits)size | ((Bits)sign & kSign));
 }
 
+// Softening g by DLP (15) at a temperature, and its logarithmic derivative; g = 0 where nothing is solid.
+struct Softened {
+  Register g, log_slope;
+};
+[[gnu::always_inline]] inline Softened softened(const ReturnLaw& law, Register T_melt, Register bracket, Register T) {
+  const Register x = larger(T_melt - T, all(kLeastToMelting)), b = larger(bracket - law.hT * T, all(kLeastBracket));
+  const Register inverse = 1.0 / (x * b);
+  const Register inverse_x = b * inverse;
+  const Register exponent = larger(-kMelting * T * inverse_x, all(-kExponentialRange));
+  return {where(exponent > -kExponentialRange, b * Exponential(exponent).value(), all(0.0)),
+          -(law.hT * (x * inverse) + (kMelting * T_melt) * (inverse_x * inverse_x))};
+}
+
+// The return of trial stresses to the yield stress (waves_return.hpp): first whether they exceed it.
+[[gnu::always_inline]] inline Mask yielding(const ReturnLaw& law, Register trial, Softened soft, Register strength) {
+  return magnitude(trial) > smaller(strength * soft.g, law.ceiling * soft.g);
+}
+
+// `known`: the x of the iterate before, or kUnknown.
+struct Returned {
+  Register stress, slope, softening, x;
+};
+[[gnu::always_inline]] inline Returned returned(const ReturnLaw& law, Mask yields, Register trial, Softened soft,
+                                                Register strength, Register compliance, Register known) {
+  const Register t = magnitude(trial), yield = strength * soft.g, limit = law.ceiling * soft.g;
+  // The hardened yield stress: x + stiffness ((1 + x)^n - 1) = excess, by steps r (1 + x) of Newton's method, and close to
+  // the root of Chebyshev's, which is of third order. From below the root steps stay below it.
+  const double n = law.exponent, half_bend = 0.5 * (n - 1.0);
+  const Register excess = compliance * larger(t - yield, all(0.0)), stiffness = compliance * yield;
+  Register x = where(known >= 0.0, known, excess / (1.0 + n * stiffness)), hardened = yield;
+  Mask still = yields;
+  for (int iteration = 0; iteration < kReturnSteps && lanes_where(still) != 0; ++iteration) {
+    const Register q = 1.0 + x;
+    const Register gained = Exponential(n * log_of(q)).minus_1();
+    const Register slope = n * (1.0 + gained);
+    const Register inverse = 1.0 / (q + stiffness * slope);
+    const Register newton = (excess - x - stiffness * gained) * inverse;
+    const Register curved = newton - half_bend * (stiffness * slope * inverse) * (newton * newton);
+    const Register r = where(magnitude(newton) < kNear, curved, newton);
+    hardened = where(still, yield * ((1.0 + gained) + slope * (r + half_bend * (r * r))), hardened);
+    x = where(still, larger(x + q * r, all(0.0)), x);
+    still &= magnitude(r * r * r) * (1.0 + stiffness) > kLocallyConverged;
+  }
+  const Mask capped = hardened >= limit;
+  const Register s = where(capped, limit, hardened);
+  const Register hardening = where(capped, all(0.0), n * s * compliance), q = 1.0 + x;
+  const Register inverse = 1.0 / (q + hardening);
+  const Register softening = where(yields, s * soft.log_slope * (q * inverse), all(0.0));
+  return {where(yields, with_sign_of(s, trial), trial), where(yields, hardening * inverse, all(1.0)),
+          with_sign_of(magnitude(softening), -trial), where(yields, x, known)};
+}
+
 // Newton's method for the lanes of one register.
 class WaveLanes {
  public:
@@ -63,7 +115,7 @@ class WaveLanes {
   }
 
   void start() {
-    const double n = tile_.exponent;
+    const double n = tile_.law.exponent;
     for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
       const Register hardened = 1.0 + tile_.beta * at(tile_.strain, i);
       put(tile_.yield * Exponential(n * log_of(hardened)).value(), rows_.strength, i);
@@ -75,19 +127,7 @@ class WaveLanes {
     held_ = Mask{};
   }
 
-  // Softening g by DLP (15) at a temperature, and its logarithmic derivative; g = 0 where nothing is solid.
-  struct Softened {
-    Register g, log_slope;
-  };
-  [[gnu::always_inline]] Softened softened(Register T) const {
-    const Register x = larger(T_melt_ - T, all(kLeastToMelting)),
-                   b = larger(bracket_ - tile_.hT * T, all(kLeastBracket));
-    const Register inverse = 1.0 / (x * b);
-    const Register inverse_x = b * inverse;
-    const Register exponent = larger(-kMelting * T * inverse_x, all(-kExponentialRange));
-    return {where(exponent > -kExponentialRange, b * Exponential(exponent).value(), all(0.0)),
-            -(tile_.hT * (x * inverse) + (kMelting * T_melt_) * (inverse_x * inverse_x))};
-  }
+  [[gnu::always_inline]] Softened softened_at(Register T) const { return softened(tile_.law, T_melt_, bracket_, T); }
 
   // The stress that the vertex at z = 0 carries at the temperature that the stress a itself causes, where t is its
   // trial stress, with its derivatives d log(stress)/da and d stress/dt.
@@ -95,13 +135,13 @@ class WaveLanes {
     Register stress, log_slope, flow_slope;
   };
   [[gnu::always_inline]] Carried carried(Register a, Register t, Register rise) const {
-    const Softened soft = softened(at(tile_.T_ad, 0) + rise * a);
+    const Softened soft = softened_at(at(tile_.T_ad, 0) + rise * a);
     const Register compliance = at(rows_.compliance, 0);
     const Register flow = 1.0 + compliance * (t - a);
-    const Register hardened = at(rows_.strength, 0) * Exponential(tile_.exponent * log_of(flow)).value();
-    const Mask capped = hardened >= tile_.ceiling;
-    const Register stress = where(capped, all(tile_.ceiling), hardened) * soft.g;
-    const Register hardening = where(capped, all(0.0), tile_.exponent * compliance / flow);
+    const Register hardened = at(rows_.strength, 0) * Exponential(tile_.law.exponent * log_of(flow)).value();
+    const Mask capped = hardened >= tile_.law.ceiling;
+    const Register stress = where(capped, all(tile_.law.ceiling), hardened) * soft.g;
+    const Register hardening = where(capped, all(0.0), tile_.law.exponent * compliance / flow);
     return {stress, rise * soft.log_slope - hardening, stress * hardening};
   }
 
@@ -160,53 +200,29 @@ class WaveLanes {
     return without(lost | todo);
   }
 
-  // The returns to the yield stress of the other vertices, DLP (42-48).
+  // The returns to the yield stress of the other vertices.
   void evaluate() {
-    const double n = tile_.exponent, half_bend = 0.5 * (n - 1.0);
+    const ReturnLaw law = tile_.law;
     Register before = at(rows_.velocity, 0);
     for (std::ptrdiff_t i = 1; i <= tile_.num_cells; ++i) {
       const bool inside = i < tile_.num_cells;
       const Register v = inside ? at(rows_.velocity, i) : jump_, gain = inside ? all(tile_.gain[i]) : gain_far_;
       const Register trial = at(tile_.stress, i) + gain * (v - before);
       before = v;
-      const Softened soft = softened(at(tile_.T_ad, i) + flux_ * tile_.response[i]);
-      const Register t = magnitude(trial);
-      const Register yield = at(rows_.strength, i) * soft.g, limit = tile_.ceiling * soft.g;
-      const Mask yields = t > smaller(yield, limit);
+      const Softened soft = softened(law, T_melt_, bracket_, at(tile_.T_ad, i) + flux_ * tile_.response[i]);
+      const Register strength = at(rows_.strength, i);
+      const Mask yields = yielding(law, trial, soft, strength);
       if (lanes_where(yields) == 0) {
         put(trial, rows_.stress, i);
         put(gain, rows_.stiffness, i);
         put(Register{}, rows_.softening, i);
         continue;
       }
-      // The hardened yield stress: x + stiffness ((1 + x)^n - 1) = excess, from the x of the iterate before, by steps
-      // r (1 + x) of Newton's method, and close to the root of Chebyshev's, which is of third order.
-      const Register compliance = at(rows_.compliance, i);
-      const Register excess = compliance * larger(t - yield, all(0.0)), stiffness = compliance * yield;
-      const Register known = at(rows_.x, i);
-      Register x = where(known >= 0.0, known, excess / (1.0 + n * stiffness)), hardened = yield;
-      Mask still = yields;
-      for (int iteration = 0; iteration < kReturnSteps && lanes_where(still) != 0; ++iteration) {
-        const Register q = 1.0 + x;
-        const Register gained = Exponential(n * log_of(q)).minus_1();
-        const Register slope = n * (1.0 + gained);
-        const Register inverse = 1.0 / (q + stiffness * slope);
-        const Register newton = (excess - x - stiffness * gained) * inverse;
-        const Register curved = newton - half_bend * (stiffness * slope * inverse) * (newton * newton);
-        const Register r = where(magnitude(newton) < kNear, curved, newton);
-        hardened = where(still, yield * ((1.0 + gained) + slope * (r + half_bend * (r * r))), hardened);
-        x = where(still, larger(x + q * r, all(0.0)), x);
-        still &= magnitude(r * r * r) * (1.0 + stiffness) > kLocallyConverged;
-      }
-      put(where(yields, x, known), rows_.x, i);
-      const Mask capped = hardened >= limit;
-      const Register s = where(capped, limit, hardened);
-      const Register hardening = where(capped, all(0.0), n * s * compliance), q = 1.0 + x;
-      const Register inverse = 1.0 / (q + hardening);
-      put(where(yields, with_sign_of(s, trial), trial), rows_.stress, i);
-      put(where(yields, hardening * inverse, all(1.0)) * gain, rows_.stiffness, i);
-      const Register softening = where(yields, s * soft.log_slope * (q * inverse) * tile_.response[i], all(0.0));
-      put(with_sign_of(magnitude(softening), -trial), rows_.softening, i);
+      const Returned now = returned(law, yields, trial, soft, strength, at(rows_.compliance, i), at(rows_.x, i));
+      put(now.stress, rows_.stress, i);
+      put(now.slope * gain, rows_.stiffness, i);
+      put(now.softening * tile_.response[i], rows_.softening, i);
+      put(now.x, rows_.x, i);
     }
   }
 
@@ -311,6 +327,22 @@ inline std::uint32_t solve_waves(const WaveTile& tile, WaveRows& rows, std::uint
     if (wanted != 0) solved |= WaveLanes(tile, rows, lane).solve(wanted) << lane;
   }
   return solved;
+}
+
+inline void return_to_yield(const ReturnLaw& law, double T_melt, double bracket, int num_vertices, ReturnRows& rows,
+                            double* stress) {
+  for (int i = 0; i < num_vertices; i += kWidth) {
+    const Register t = load(rows.t + i), strength = load(rows.strength + i);
+    const Softened soft = softened(law, all(T_melt), all(bracket), load(rows.T + i));
+    const Mask yields = yielding(law, t, soft, strength);
+    const Returned now = lanes_where(yields) == 0
+                             ? Returned{t, all(1.0), Register{}, load(rows.x + i)}
+                             : returned(law, yields, t, soft, strength, load(rows.compliance + i), load(rows.x + i));
+    store(now.stress, stress + i);
+    store(now.slope, rows.slope + i);
+    store(now.softening, rows.softening + i);
+    store(now.x, rows.x + i);
+  }
 }
 
 #endif

@@ -25,7 +25,7 @@ ReturnedStress LawReturn::at(double ep, double trial, double T_ad, double rise) 
   const auto surplus = [&](double dep) { return strength(ep, dep, T_of(dep)) - std::max(0.0, trial - kappa_ * dep); };
   const double at_rest = surplus(0.0);
   if (at_rest >= 0.0) return {trial, 1.0, 0.0};
-  const double most = trial / kappa_, at_most = surplus(most);
+  const double most = trial / kappa_, at_most = strength(ep, most, T_ad);
   if (!(at_most > 0.0)) return {0.0, 0.0, 0.0};  // molten
   // The smaller of strain and stress is the unknown, in parts of the trial stress: the other one follows from it to the
   // last digits. Next to melting the strength magnifies an error of its own heat.
