@@ -10,9 +10,8 @@ namespace {
 
 using support::ServiceHarness;
 using wire::Field;
-using wire::Strategy;
 
-constexpr Strategy kVelocity = Strategy::kVelocityDriven, kForce = Strategy::kForceDriven;
+constexpr wire::Strategy kVelocity = wire::Strategy::kVelocityDriven, kForce = wire::Strategy::kForceDriven;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -30,7 +29,7 @@ Refusal told(std::string name, std::string field, const support::Answer& answer)
 struct BadScene {
   const char* name;
   const char* field;
-  Strategy strategy;
+  wire::Strategy strategy;
   const char* changes;  // of a small scene of the strategy
 };
 constexpr BadScene kBadScenes[] = {
