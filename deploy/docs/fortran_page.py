@@ -11,7 +11,7 @@ def statements(text):
     """Yields (comment lines before, statement, comment behind) of a Fortran source, continued lines joined."""
     before, statement = [], ""
     for line in text.splitlines():
-        code, _, comment = line.partition("!") if "'" not in line else (line, "", "")
+        code, _, comment = line.partition("!") if "'" not in line or line.lstrip().startswith("!") else (line, "", "")
         if not code.strip():
             before = [*before, comment.strip()] if comment else [] if not statement else before
             continue
