@@ -22,7 +22,7 @@ class PaperFigures(served.Served):
         figures, printed = self.figures("12,14,18")
         self.assertEqual(list(figures), [12, 14, 18])
         for number, entry in figures.items():
-            self.assertEqual(set(entry), {"figure", "title", "file", "scene", "agrees", "differs"})
+            self.assertEqual(set(entry), {"figure", "title", "file", "scene", "agrees", "differs", "note"})
             self.assertEqual((self.path / entry["file"]).read_bytes()[:4], b"\x89PNG")
             self.assertIn(entry["title"], printed)
             self.assertTrue(any(letter.isdigit() for letter in " ".join(entry["agrees"])), number)
