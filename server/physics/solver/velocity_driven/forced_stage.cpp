@@ -41,12 +41,14 @@ void follow_host(const Problem& problem, const TileInputs& inputs, double* trial
 }
 
 std::uint32_t meet_bodies(const InertiaStage& stage, std::uint32_t lanes, WaveEnds& ends) {
-  const auto& [problem, heat, inputs, contacts, trial, found, guess] = stage;
+  const Problem& problem = stage.problem;
+  const TileInputs& inputs = stage.inputs;
+  double* trial = stage.trial;
   std::copy_n(inputs.velocity_jump, kLanes, ends.jump);
   std::fill_n(ends.give_near, kLanes, 1.0);
   std::fill_n(ends.give_far, kLanes, 1.0);
   if (!is_forced(problem)) return 0;
-  const double dt = heat.dt;
+  const double dt = stage.heat.dt;
   const std::size_t n = problem.layout.num_stress_vertices - 1;
   const LeastMasses least = least_masses(problem, dt);
   std::uint32_t lost = 0;
@@ -65,7 +67,7 @@ std::uint32_t meet_bodies(const InertiaStage& stage, std::uint32_t lanes, WaveEn
     };
     ends.give_near[l] = meet(0, inputs.mass_hard[l], inputs.stress_hard[l]);
     ends.give_far[l] = meet(n, mass_behind_layer(problem, inputs.mass_soft[l]), inputs.stress_soft[l]);
-    ends.jump[l] = trial[problem.layout.layer_velocity + n * kLanes + lane] + (*contacts)[l].drive;
+    ends.jump[l] = trial[problem.layout.layer_velocity + n * kLanes + lane] + (*stage.contacts)[l].drive;
   }
   return lost;
 }
