@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cstdint>
-#include <source_location>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -55,12 +54,11 @@ struct ServiceHarness {
   }
 
   // Asks what is not refused; a refusal is a fault of the test.
-  Answer granted(const wire::Request& request, const service::Caller& caller = {},
-                 std::source_location asked = std::source_location::current()) {
+  Answer granted(const wire::Request& request, const service::Caller& caller = {}, const char* file = __builtin_FILE(),
+                 int line = __builtin_LINE()) {
     Answer answer = ask(request, caller);
     if (answer.code() != wire::Code::kOk)
-      throw std::runtime_error(std::string(asked.file_name()) + ":" + std::to_string(asked.line()) + ": " +
-                               describe(answer.reply.status));
+      throw std::runtime_error(std::string(file) + ":" + std::to_string(line) + ": " + describe(answer.reply.status));
     return answer;
   }
 
