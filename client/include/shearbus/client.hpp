@@ -485,7 +485,7 @@ class Session {
     if (opening(&handle_, &given, &status) == SHEARBUS_OK) return;
     const Error fault(status, shearbus_fault_text());
     shearbus_leave(&handle_);
-    throw fault;
+    throw Error(fault);
   }
   shearbus_result run(const Step& step, int mode) {
     const shearbus_request request = step.request(mode);
