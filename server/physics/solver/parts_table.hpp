@@ -66,7 +66,8 @@ inline constexpr Properties kStepOfALayer =
     kEitherStrategy | kEitherHardBody |
     Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
 
-inline constexpr std::array kParts = {
+// Not inline: next to sanitizers GCC finds no address in what other files may define to be constant.
+constexpr std::array kParts = {
     Part{.property = kVelocityDriven,
          .key = "strategy",
          .value = "\"velocity_driven\"",
@@ -388,7 +389,7 @@ inline constexpr std::array kChoices = {Properties{kVelocityDriven, kForceDriven
                                         Properties{kMeltingCurve, kSimonMelting}};
 inline constexpr std::size_t kWholeChoices = 2;
 
-inline constexpr std::array kExclusions = {
+constexpr std::array kExclusions = {
     Exclusion{{kPlasticHeating, kInertia},
               {kInterfaceSlip},
               "with that drive the jump is slip at z = 0: it crosses no layer, and all its work is friction there"},
