@@ -155,8 +155,7 @@ std::string Summary2d::text() const {
     if (time.law.bus.count() > 0)
       out += fmt::format(
           "\n  exchange                {:.2f} s ({:.1f} %) in calls of the client library; from sending to the answer "
-          "passed "
-          "{:.2f} s",
+          "passed {:.2f} s",
           seconds(time.law.waited), 100.0 * time.share(time.law.waited), seconds(time.law.bus + time.law.solver));
   }
   return out + fmt::format("\n  output                  {:.2f} s\n", seconds(time.output));

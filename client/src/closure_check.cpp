@@ -156,14 +156,15 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
 
 void ClosureCheck::judge(const Batch& request, const wire::Upscale& upscale, const StepOptions& step) {
   if (mode_ == CheckClosure::kOff || warned_of_jumps_) return;
+  if (!(upscale.largest_closure_m_per_s > closure::tolerance({}))) return;  // of no jump: spares a look at all of them
   double largest = 0.0;  // jump of a node, which bounds what is accepted
   for (std::size_t c = 0; c < components_of(request); ++c)
     for (const double jump : column(request, Field::kVelocityJump, c)) largest = std::max(largest, std::abs(jump));
   if (!(upscale.largest_closure_m_per_s > closure::tolerance({.now = largest}))) return;
   std::string text = fmt::format(
       "closure: the host brought a jump for node {} that is {:.3g} m/s from the one that the node's last step was "
-      "answered "
-      "with. The layer's own time is now {:.9g} s{}. A host that goes back to a dump goes back in its session, too "
+      "answered with. The layer's own time is now {:.9g} s{}. A host that goes back to a dump goes back in its "
+      "session, too "
       "(rollback_to its mark)",
       upscale.closure_node, upscale.largest_closure_m_per_s, upscale.layer_time_s,
       step.time_s != 0.0 ? fmt::format(", the host's {:.9g} s", step.time_s) : "");

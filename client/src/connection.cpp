@@ -3,8 +3,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/socket.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -109,21 +107,6 @@ void check_endpoint(const ClientOptions& options) {
 // The call of a host that makes a request of this verb: "step" for downscale, "open" for open_session.
 std::string_view call_of(std::string_view verb) {
   return verb == wire::Downscale::kBody.name ? "step" : verb.substr(0, verb.find('_'));
-}
-
-// Whether a process listens on an ipc endpoint, even if it does not answer. False for other endpoints.
-bool is_listened_to(std::string_view endpoint) {
-  constexpr std::string_view kIpc = "ipc://";
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  if (!endpoint.starts_with(kIpc) || endpoint.size() - kIpc.size() >= sizeof address.sun_path) return false;
-  endpoint.remove_prefix(kIpc.size());
-  std::memcpy(address.sun_path, endpoint.data(), endpoint.size());
-  const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  const bool listened =
-      ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
-  ::close(probe);
-  return listened;
 }
 
 }  // namespace
@@ -720,7 +703,8 @@ void SocketConnection::give_up(bool sent, Clock::duration waited) const {
                    .text = fmt::format("no server was found at {} within {:.1f} s: {}", where_, seconds, fault),
                    .remedy = "Write the address of the server's machine, or a name that \"getent ahostsv4 NAME\" knows "
                              "here."});
-    if (is_listened_to(server_.endpoint))
+    constexpr std::string_view kIpc = "ipc://";
+    if (server_.endpoint.starts_with(kIpc) && wire::is_served(std::string_view(server_.endpoint).substr(kIpc.size())))
       throw Error({.code = Code::kUnreachable,
                    .text = fmt::format("the server at {} lives, and did not answer within {:.1f} s", where_, seconds),
                    .remedy = "Is its process stopped (SIGSTOP, a debugger) or its machine overloaded? Let it go on, or "

@@ -8,8 +8,7 @@ namespace {
 
 constexpr double kRelative = 1e-6;  // accepted error of a velocity jump, relative to the jump
 constexpr double kAbsolute = 1e-6;  // accepted error of a velocity jump in addition to kRelative  [m/s]
-constexpr double kRounding =
-    1e-8;  // error of a velocity jump that a difference of velocities far larger leaves, relative
+constexpr double kRounding = 1e-8;  // relative error of a velocity jump as a difference of far larger velocities
 
 // A mistake of a host, described by wrong factors on the terms from which it computes its new velocity jump; a correct
 // host has only factors of 1. `crossed`: each far stress acts on the mass of the other body.

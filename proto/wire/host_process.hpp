@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <type_traits>
 
@@ -82,6 +83,9 @@ class Event {
 };
 
 inline constexpr std::size_t kLongestSocketPath = 107;  // [bytes] of an ipc socket in the file system
+
+// True if a process listens at the path of a socket, even if it does not answer.
+bool is_served(std::string_view path);
 
 // libzmq ends the process if it cannot make the threads and the files of a context, or gets no memory. Called before the first socket of
 // each context: throws std::runtime_error, which names the limit, if there is no room for them.

@@ -4,9 +4,7 @@
 #include <linux/posix_acl.h>
 #include <linux/posix_acl_xattr.h>
 #include <sys/file.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/un.h>
 #include <sys/xattr.h>
 #include <unistd.h>
 
@@ -18,6 +16,8 @@
 #include <cstring>
 #include <stdexcept>
 #include <utility>
+
+#include "proto/wire/host_process.hpp"
 
 namespace shearbus::transport {
 namespace {
@@ -77,20 +77,6 @@ void check_directory(const std::string& path, bool private_to_owner) {
         (is_shared(directory, found.st_mode) ? "Choose a directory of the server's own" : "chmod go-w " + directory));
 }
 
-// True if a process accepts connections at the path. The lock file alone does not tell this: someone may have removed
-// it while its server listens.
-bool is_served(const std::string& path) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  if (path.size() >= sizeof address.sun_path) return false;  // too long for a socket: the bind will fail and say so
-  std::memcpy(address.sun_path, path.data(), path.size());
-  const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  const bool served =
-      ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
-  ::close(probe);
-  return served;
-}
-
 // Refuses a path at which a file is that is no socket, or a socket at which a process listens.
 void refuse_other_socket(const std::string& path) {
   struct stat existing {};
@@ -98,7 +84,8 @@ void refuse_other_socket(const std::string& path) {
     throw std::runtime_error("ipc://" + path +
                              " is a file or directory, not a socket: listening there would delete it; "
                              "choose another path");
-  if (is_served(path))
+  // The lock file alone does not tell this: someone may have removed it while its server listens.
+  if (wire::is_served(path))
     throw std::runtime_error("another process listens on ipc://" + path + ", and does not hold the lock file " + path +
                              ".lock; stop it first, or choose another path");
 }
