@@ -151,7 +151,7 @@ SceneModel SessionPairs::model_of(const std::vector<double>& values) const {
   v1::Scene scene = scenes_->scenes[number];
   for (std::size_t i = 0; i < parameters_.size(); ++i)
     if (values[i + 1] != scenes_->parameters[number][i]) scene::set_value(scene, parameters_[i], values[i + 1]);
-  return scene_model(scene);
+  return scene_model(scene, false);
 }
 
 std::string SessionPairs::scene_of(const shard::Pair& pair) const {

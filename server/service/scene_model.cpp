@@ -264,6 +264,18 @@ std::string strength_warning(const v1::Scene& scene, const physics::ModelOptions
       strength, most);
 }
 
+// What a user should know about the tables of a scene or of one of its pairs.
+std::vector<std::string> warnings_of(const v1::Scene& scene, const physics::ModelOptions& options) {
+  std::vector<std::string> warnings;
+  if (const auto caution = physics::caution_of(scene.soft().material(), options.soft); !caution.empty())
+    warnings.push_back(
+        fmt::format("soft.material = \"{}\": {}. If you have hot data, give {} constants of your own in [soft], or "
+                    "another flow_law",
+                    scene.soft().material(), caution, physics::FlowLaws::name_of(options.soft.flow_law)));
+  if (std::string warning = strength_warning(scene, options); !warning.empty()) warnings.push_back(std::move(warning));
+  return warnings;
+}
+
 // Converts a checked scene without its pairs, whose defaults have been filled in. Also fills in the constants that the
 // scene leaves to the server.
 SceneModel convert_tables(v1::Scene& scene) {
@@ -315,13 +327,6 @@ SceneModel convert_tables(v1::Scene& scene) {
         "friction_energy",
         "friction_energy sums the energy ledger, which a layer with inertia or with an isothermal face does not have",
         "Leave it out.");
-  if (const auto caution = physics::caution_of(scene.soft().material(), options.soft); !caution.empty())
-    made.warnings.push_back(
-        fmt::format("soft.material = \"{}\": {}. If you have hot data, give {} constants of your own in [soft], or "
-                    "another flow_law",
-                    scene.soft().material(), caution, physics::FlowLaws::name_of(options.soft.flow_law)));
-  if (std::string warning = strength_warning(scene, options); !warning.empty())
-    made.warnings.push_back(std::move(warning));
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
   return made;
@@ -379,16 +384,10 @@ Refused of_pair(const Refused& refused, const v1::Pair& pair) {
   return found;
 }
 
-SceneModel convert(v1::Scene& scene) {
-  if (scene.pair().empty()) {
-    SceneModel made = convert_tables(scene);
-    made.effective = scene::to_toml(scene);
-    made.scene = std::make_shared<v1::Scene>(scene);
-    std::ranges::copy(scene::unusual_values(scene), std::back_inserter(made.warnings));
-    return made;
-  }
-  const v1::Scene given = scene::without_pairs(scene);
-  SceneModel made = convert_tables(scene);
+// Adds the pairs of a scene to the model of the tables outside, and fills in their constants. `given` is the scene as it
+// was given, without its pairs.
+void add_pairs(const v1::Scene& given, v1::Scene& scene, SceneModel& made) {
+  if (scene.pair().empty()) return;
   const v1::Scene outside = scene::without_pairs(scene);  // with all constants
   const physics::Model outside_model(made.options);
   const auto is_given_for_the_scene = [&](const std::string& warning) {
@@ -401,7 +400,7 @@ SceneModel convert(v1::Scene& scene) {
       const SceneModel model = convert_tables(whole);
       std::vector<std::string> warnings =
           check_shape(outside, outside_model, whole, model.options, "pair." + pair.name());
-      std::ranges::copy(model.warnings, std::back_inserter(warnings));
+      std::ranges::copy(warnings_of(whole, model.options), std::back_inserter(warnings));
       std::erase_if(warnings, is_given_for_the_scene);
       made.pairs.push_back({pair.name(), model.options, std::move(warnings)});
     } catch (const Refused& refused) {
@@ -410,14 +409,22 @@ SceneModel convert(v1::Scene& scene) {
     }
     scene::set_pair(outside, whole, pair);
   }
+}
+
+// Converts a checked scene.
+SceneModel convert(v1::Scene& scene, bool warn) {
+  const v1::Scene given = scene::without_pairs(scene);
+  SceneModel made = convert_tables(scene);
+  if (warn) made.warnings = warnings_of(scene, made.options);
+  add_pairs(given, scene, made);
   made.effective = scene::to_toml(scene);
-  if (made.effective.size() > wire::kMaxSceneBytes)
+  if (!made.pairs.empty() && made.effective.size() > wire::kMaxSceneBytes)
     refuse("pair",
            fmt::format("the scene with all constants of its pairs has {} bytes, at most {} are allowed",
                        made.effective.size(), wire::kMaxSceneBytes),
            "Divide the pairs over several sessions.");
   made.scene = std::make_shared<v1::Scene>(scene);
-  std::ranges::copy(scene::unusual_values(scene), std::back_inserter(made.warnings));
+  if (warn) std::ranges::copy(scene::unusual_values(scene), std::back_inserter(made.warnings));
   return made;
 }
 
@@ -455,19 +462,19 @@ SceneModel scene_model(std::string_view text, const std::string& file) {
   return wire::with_message<v1::Scene>([&](v1::Scene& message) {
     const scene::Document document = scene::read(text, file, message, add_unknown_materials);
     try {
-      return convert(message);
+      return convert(message, true);
     } catch (const Refused& refused) {
       document.refuse(refused.faults, refused.remedy);
     }
   });
 }
 
-SceneModel scene_model(const v1::Scene& given) {
+SceneModel scene_model(const v1::Scene& given, bool warn) {
   return wire::with_message<v1::Scene>([&](v1::Scene& message) {
     message = given;
     Refused refused{scene::faults_of(message), {}};
     try {
-      if (refused.faults.empty()) return convert(message);
+      if (refused.faults.empty()) return convert(message, warn);
     } catch (Refused& found) {
       refused = std::move(found);
     }

@@ -36,8 +36,9 @@ struct SceneModel {
 // each fault; the field of the error is the path of the first key at fault ("soft.yield_strength_pa").
 SceneModel scene_model(std::string_view text, const std::string& file);
 
-// Checks and converts a scene that is not from a text: its faults are reported without line numbers.
-SceneModel scene_model(const v1::Scene& scene);
+// Checks and converts a scene that is not from a text: its faults are reported without line numbers. Without `warn` it
+// has no warnings, which take longer than the rest: for sets of parameters, of which a request may bring thousands.
+SceneModel scene_model(const v1::Scene& scene, bool warn = true);
 
 // Whether the model has the energy ledger, which friction_energy sums: one stress, and no heat that leaves.
 bool has_ledger(const physics::ModelOptions& options);
