@@ -575,6 +575,7 @@ void SocketConnection::post(const wire::Request& request) {
   posted_.reset();
   behind_.reset();
   try {
+    look();
     if (!socket_ && !connect()) return;
     const auto now = Clock::now();
     header_ = wire::encode_header(request, std::move(header_), payload_sum());

@@ -82,9 +82,8 @@ class OverTime(served.Served):
         self.step(other)
         # The states are as they were, and the key may come back.
         self.authorise("operator", "user")
-        time.sleep(1.5)
+        served.until(self, lambda: "is authorised again" in server.text(), server)
         self.step(user)
-        self.assertIn("is authorised again", server.text())
 
     def test_a_list_that_cannot_be_used_revokes_nothing_and_says_so(self):
         server = self.serve("tcp://127.0.0.1:*", *self.keys())

@@ -132,6 +132,22 @@ TEST(ServerProgram, NoAnswerIsLostToAClientThatReads) {
   }
 }
 
+// The client never finds its socket empty while it waits for an answer, as the answers are there when it asks.
+TEST(ServerProgram, NoStepIsSentTwiceThatTheHostCollectsLate) {
+  const ScratchDirectory scratch;
+  ServerProcess server({"--bind", scratch.ipc()});
+  ASSERT_TRUE(server.ready()) << server.log();
+  Client client({.endpoint = scratch.ipc()});
+  Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
+  for (int step = 0; step < 200; ++step) {
+    const auto columns = support::step_columns(Strategy::kForceDriven, kNodes, step);
+    session.start_advance(columns, {.dt_s = 1e-9});
+    std::this_thread::sleep_for(2ms);
+    session.finish_trial();
+  }
+  EXPECT_EQ(client.server_status().replayed, 0u);
+}
+
 TEST(ServerProgram, NothingIsLoggedPerStep) {
   const ScratchDirectory scratch;
   ServerProcess server({"--bind", scratch.ipc()});
