@@ -104,7 +104,8 @@ bool compare_logs(const fs::path& file_a, const fs::path& file_b, const Names& n
 
 // Python compares two tables; what it reads of a file in HDF5 is checked before.
 [[noreturn]] void compare_tables(const fs::path& file_a, const fs::path& file_b, double rtol) {
-  std::vector<std::string> command = {script("replay", "tables.py"), "compare", fmt::format("--rtol={}", rtol)};
+  std::vector<std::string> command = {program::script("replay", "tables.py"), "compare",
+                                      fmt::format("--rtol={}", rtol)};
   for (const fs::path& file : {file_a, file_b}) {
     command.push_back(is_text(file) ? "--kind=text" : "--kind=hdf5");
     if (is_text(file)) continue;

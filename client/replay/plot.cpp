@@ -25,7 +25,7 @@ constexpr files::FileKind kPictureFile = {
 }  // namespace
 
 void plot(const PlotOptions& options) {
-  std::vector<std::string> words = {script("report", "plot_history.py"), "--out", options.out.string()};
+  std::vector<std::string> words = {program::script("report", "plot_history.py"), "--out", options.out.string()};
   if (options.node) words.insert(words.end(), {"--node", std::to_string(*options.node)});
   std::vector<files::InputFile> inputs;
   for (const fs::path& file : options.files) {

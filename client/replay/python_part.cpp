@@ -16,13 +16,6 @@ namespace shearbus::replay {
 
 namespace fs = std::filesystem;
 
-fs::path script(const char* room, const char* name) {
-  std::error_code ignored;
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  const fs::path installed = program.parent_path().parent_path() / "share" / "shearbus" / room / name;
-  return fs::exists(installed, ignored) ? installed : fs::path(SHEARBUS_REPLAY_SOURCE) / ".." / room / name;
-}
-
 files::HistoryReader read_text(const fs::path& file, const std::string& columns, bool points) {
   const char* const place = std::getenv("TMPDIR");
   std::string made = fs::path(place != nullptr ? place : "/tmp") / "shearbus-history-XXXXXX";
@@ -32,8 +25,8 @@ files::HistoryReader read_text(const fs::path& file, const std::string& columns,
   ::close(descriptor);
   const auto remove = [](const std::string* name) { ::unlink(name->c_str()); };  // its reader keeps it open
   const std::unique_ptr<std::string, decltype(remove)> removed(&made, remove);
-  if (program::run_python({script("replay", "tables.py"), "read", points ? "--points" : "--steps", "--out", made,
-                           "--parent=" + std::to_string(::getpid()), "--columns=" + columns, "--", file}))
+  if (program::run_python({program::script("replay", "tables.py"), "read", points ? "--points" : "--steps", "--out",
+                           made, "--parent=" + std::to_string(::getpid()), "--columns=" + columns, "--", file}))
     return files::HistoryReader(made);
   if (program::interrupted()) throw std::runtime_error("interrupted; no result is written");
   throw Told();

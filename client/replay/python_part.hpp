@@ -9,9 +9,6 @@
 
 namespace shearbus::replay {
 
-// A program in Python of this installation, or of the sources; `room` is that of its sources below client/.
-std::filesystem::path script(const char* room, const char* name);
-
 // Thrown where Python has told the user why it ended.
 class Told final : public std::exception {};
 

@@ -33,6 +33,14 @@ std::vector<char*> command(std::vector<std::string>& words) {
 
 }  // namespace
 
+std::filesystem::path script(const char* room, const char* name) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
+  const fs::path installed = program.parent_path().parent_path() / "share" / "shearbus" / room / name;
+  return fs::exists(installed, ignored) ? installed : fs::path(SHEARBUS_CLIENT_SOURCE) / room / name;
+}
+
 bool run_python(std::vector<std::string> words) {
   pid_t child = 0;
   if (const int fault = ::posix_spawn(&child, SHEARBUS_PYTHON, nullptr, nullptr, command(words).data(), environ))
