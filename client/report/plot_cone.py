@@ -8,8 +8,7 @@ contact. Runs with free slip or stick appear only in the first picture, unless t
     plot_cone.py RUN [RUN ...] --out DIRECTORY       RUN: a directory that shearbus-hydro wrote
 """
 import pathlib
-import sys
-from terminal import Parser, complain, printable
+from terminal import Parser, end_with, printable
 import begin  # noqa: F401
 
 import numpy as np
@@ -285,18 +284,13 @@ def main():
     parser.add_argument("runs", nargs="+", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
     options = parser.parse_args()
-    try:
-        runs = read(options.runs)
-        if flat := [run for run in runs if not run.two_dimensions]:
-            raise Fault(f"{flat[0].path}: expected a run in two dimensions")
-    except Fault as fault:
-        complain("plot_cone.py", fault)
-        return 1
+    runs = read(options.runs)
+    if flat := [run for run in runs if not run.two_dimensions]:
+        raise Fault(f"{flat[0].path}: expected a run in two dimensions")
     for name, figure in pictures(runs):
         style.save(figure, options.out / name, style_text(*runs), colours=64 if name in OF_LINES else None)
         print(f"  picture                 {printable(options.out / name)}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    end_with(main, Fault, OSError)

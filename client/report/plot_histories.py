@@ -6,9 +6,8 @@ side by side.
     plot_histories.py RUN [RUN ...] --out DIRECTORY      RUN: a directory that shearbus-hydro wrote, or a file of results
 """
 import pathlib
-import sys
 import warnings
-from terminal import Parser, complain, printable
+from terminal import Parser, end_with, printable
 import begin  # noqa: F401
 
 import matplotlib.pyplot as plt
@@ -158,16 +157,11 @@ def main():
     parser.add_argument("runs", nargs="+", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="directory for the pictures")
     options = parser.parse_args()
-    try:
-        runs = read(options.runs)
-    except Fault as fault:
-        complain("plot_histories.py", fault)
-        return 1
+    runs = read(options.runs)
     for name, figure, left_out in pictures(runs):
         style.save(figure, options.out / name, style_text(*runs))
         print(f"  picture                 {printable(options.out / name)}" + (f" ({left_out} panels left out)" if left_out else ""))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    end_with(main, Fault, OSError)

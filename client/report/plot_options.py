@@ -11,7 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from terminal import Parser, complain
+from terminal import Parser, end_with
 import begin  # noqa: F401
 
 import h5py
@@ -200,20 +200,15 @@ def main():
         work = options.keep or pathlib.Path(scratch)
         work.mkdir(parents=True, exist_ok=True)
         replay = Replays(options.bin.resolve(), work.resolve())
-        try:
-            for name, panels in PICTURES.items():
-                made, axes = style.figure(1, len(panels), (3.4 * len(panels), 3.2))
-                for axis, panel in zip(axes, panels):
-                    axis.set_title(panel(axis, replay), fontsize=9.5)
-                    axis.grid()
-                    axis.legend(fontsize=8)
-                style.save(made, options.out / f"{name}.png", "shearbus-replay of shipped scenes, by plot_options.py", colours=32)
-                print(f"written: {options.out / name}.png")
-        except (Fault, OSError) as fault:
-            complain("plot_options.py", fault)
-            return 1
-    return 0
+        for name, panels in PICTURES.items():
+            made, axes = style.figure(1, len(panels), (3.4 * len(panels), 3.2))
+            for axis, panel in zip(axes, panels):
+                axis.set_title(panel(axis, replay), fontsize=9.5)
+                axis.grid()
+                axis.legend(fontsize=8)
+            style.save(made, options.out / f"{name}.png", "shearbus-replay of shipped scenes, by plot_options.py", colours=32)
+            print(f"written: {options.out / name}.png")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    end_with(main, Fault, OSError)

@@ -9,8 +9,7 @@ The temperature across the interface is that of the heat which friction gave to 
 the slip distance as recorded, conducted into two half-spaces (exact for heat that is constant between two rows). The script ends with an error where
 this differs at z = 0 from the recorded interface temperature by more than 3 %."""
 import pathlib
-import sys
-from terminal import Parser, complain, printable, real_number
+from terminal import Parser, end_with, printable, real_number
 import begin  # noqa: F401
 
 import numpy as np
@@ -126,18 +125,12 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, required=True)
     parser.add_argument("--time", type=real_number, default=4.0, help="µs, of the left picture (default 4)")
     options = parser.parse_args()
-    try:
-        runs = read([options.subgrid, options.other])
-        if flat := [run for run in runs if not run.two_dimensions or run.table is None]:
-            raise Fault(f"{flat[0].path}: expected a run of cone_target")
-        figure = overview(runs, options.time)
-    except Fault as fault:
-        complain("plot_overview.py", fault)
-        return 1
-    style.save(figure, options.out, style_text(*runs))
+    runs = read([options.subgrid, options.other])
+    if flat := [run for run in runs if not run.two_dimensions or run.table is None]:
+        raise Fault(f"{flat[0].path}: expected a run of cone_target")
+    style.save(overview(runs, options.time), options.out, style_text(*runs))
     print(f"  picture                 {printable(options.out)}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    end_with(main, Fault, OSError)

@@ -44,6 +44,15 @@ def complain(program, fault):
     print((printable_lines if several else printable)(f"{program}: {fault}"), file=sys.stderr)
 
 
+def end_with(main, *faults):
+    """Ends the program with what main() returns; a fault of its input is one line and exit code 1."""
+    try:
+        sys.exit(main())
+    except faults as fault:
+        complain(os.path.basename(sys.argv[0]), fault)
+        sys.exit(1)
+
+
 def end_by_signals():
     """An interrupt or a reader that has gone ends the program without a word of Python's."""
     for number in (signal.SIGINT, signal.SIGPIPE):
