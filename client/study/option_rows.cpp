@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "client/study/precision.hpp"
 #include "tests/support/combinations.hpp"
 
 namespace shearbus::study {
@@ -16,7 +16,6 @@ namespace {
 using namespace testing;  // NOLINT(google-build-using-namespace): rigs and combinations of tests/support
 
 constexpr double kEnd = 1e-6;
-constexpr int kSamples = 10;
 constexpr double kPressure = 11.2e9;
 // The jump of either strategy, under which the interface comes to melting.
 constexpr double kJump = 100.0, kForcedJump = 300.0;
@@ -28,20 +27,11 @@ constexpr int kReferenceCells = 480, kReferenceSteps = 8000;
 // Cells and steps of a layer with inertia, whose step costs a hundred times as much.
 constexpr int kWaveCells = 240, kWaveSteps = 2000;
 
-using Temperatures = std::array<double, kSamples>;
-
-Temperatures solve(const ModelOptions& options, int steps) {
+Answer solve(const ModelOptions& options, int steps) {
   Rig rig(options, 1);
-  rig.set_all(options.strategy == Strategy::kForceDriven ? kForcedJump : kJump, kPressure);
-  std::fill_n(rig.inputs.mass_soft, kLanes, 1e9);  // bodies that friction does not brake
-  std::fill_n(rig.inputs.mass_hard, kLanes, 1e9);
-  Temperatures T{};
-  for (int n = 0, sample = 0; n < steps; ++n) {
-    rig.step(kEnd / steps);
-    if ((n + 1) * kSamples >= (sample + 1) * steps)
-      T[static_cast<std::size_t>(sample++)] = rig.outputs.interface_temperature[0];
-  }
-  return T;
+  const double jump = options.strategy == Strategy::kForceDriven ? kForcedJump : kJump;
+  const std::vector<double> lengths(static_cast<std::size_t>(steps), kEnd / steps);
+  return run(case_of({}, jump, kPressure, 1.0, kEnd), rig, lengths);
 }
 
 ModelOptions with_cells(ModelOptions options, int cells, double grading) {
@@ -56,18 +46,6 @@ ModelOptions with_cells(ModelOptions options, int cells, double grading) {
   return options;
 }
 
-double apart(const Temperatures& a, const Temperatures& b, double range) {
-  double most = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) most = std::max(most, std::abs(a[i] - b[i]));
-  return most / range;
-}
-
-Temperatures extrapolated(const Temperatures& fine, const Temperatures& coarse, double weight) {
-  Temperatures limit{};
-  for (std::size_t i = 0; i < limit.size(); ++i) limit[i] = fine[i] + weight * (fine[i] - coarse[i]);
-  return limit;
-}
-
 // The row of options without a tolerance. All references are of backward Euler, which every option allows.
 OptionRow row_of(const ModelOptions& given, bool quick) {
   ModelOptions options = given;
@@ -79,26 +57,25 @@ OptionRow row_of(const ModelOptions& given, bool quick) {
   const int steps = (options.inertia ? kWaveSteps : kReferenceSteps) / coarser;
   const auto in_space = [&](double growth) {
     const auto at = [&](int n) { return solve(with_cells(options, n, std::pow(growth, 1.0 / n)), steps / 4); };
-    const Temperatures fine = at(cells);
-    return options.modes ? fine : extrapolated(fine, at(cells / 2), 1.0 / 3.0);
+    const Answer fine = at(cells);
+    return options.modes ? fine : limit(fine, at(cells / 2), 2);
   };
   const ModelOptions finest = with_cells(options, cells, std::pow(kGrowth, 1.0 / cells));
-  const Temperatures whole = solve(finest, steps), half = solve(finest, steps / 2), quarter = solve(finest, steps / 4);
-  const Temperatures in_time = extrapolated(whole, half, 1.0), limit = in_space(kGrowth);
-  Temperatures reference = in_time;
-  for (std::size_t i = 0; i < reference.size(); ++i) reference[i] += limit[i] - quarter[i];
+  const Answer whole = solve(finest, steps), half = solve(finest, steps / 2), quarter = solve(finest, steps / 4);
+  const Answer in_time = limit(whole, half, 1), of_space = in_space(kGrowth);
+  const Answer reference = combined(combined(in_time, 1.0, of_space, 1.0), 1.0, quarter, -1.0);
 
   const double range = at_pressure(options.soft, kPressure).melting_temperature - options.initial_temperature;
   OptionRow row;
-  row.space_error = options.modes ? options.modes->accuracy : apart(limit, in_space(kOtherGrowth), range);
-  row.time_error = apart(in_time, extrapolated(half, quarter, 1.0), range);
+  row.space_error = options.modes ? options.modes->accuracy : apart(of_space, in_space(kOtherGrowth)) / range;
+  row.time_error = apart(in_time, limit(half, quarter, 1)) / range;
   for (const bool sdirk2 : {false, true}) {
     ModelOptions own = given;
     own.time_integrator = sdirk2 ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler;
     if (own.modes) own.modes = {.accuracy = 1e-3, .shortest_step = 0.1 * kEnd / 1000, .longest_time = kEnd};
     if (!refusals(own).empty()) continue;
     for (const int count : {100, 1000}) {
-      row.errors.push_back({sdirk2, count, apart(solve(own, count), reference, range)});
+      row.errors.push_back({sdirk2, count, apart(solve(own, count), reference) / range});
     }
   }
   return row;

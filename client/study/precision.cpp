@@ -98,27 +98,6 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// Runs one tile whose lanes all have the same inputs, and calls `watch` after each step.
-template <class Watch>
-void run_tile(const StudyCase& study_case, const physics::Model& model, double dt, int steps, const Watch& watch) {
-  std::vector<double> committed(model.layout().doubles), trial(model.layout().doubles);
-  double temperature[kLanes];
-  std::fill_n(temperature, kLanes, model.options().initial_temperature);
-  model.initialise(committed.data(), temperature);
-  physics::TileInputs inputs;
-  inputs.active = (1u << kLanes) - 1u;
-  physics::TileOutputs outputs{};
-  const auto operators = model.operators(dt);
-  const auto host = study_case.host(study_case, dt);
-  for (int n = 0; n < steps; ++n) {
-    host->load(n * dt, dt, inputs);
-    model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
-    std::swap(committed, trial);
-    host->take(outputs);
-    watch(n, outputs);
-  }
-}
-
 double relative(double value, double reference) {
   return reference != 0.0 ? std::abs(value / reference - 1.0) : std::abs(value);
 }
@@ -147,50 +126,85 @@ std::string Setting::text() const {
   return fmt::format("{} cells x{:g}, {}, {} steps", cells, grading, integrator, steps);
 }
 
-Answer run(const StudyCase& study_case, const Setting& setting, Outcome* outcome, int repeats) {
-  const physics::Model model(service::scene_model(scene_with(study_case, setting)).options);
-  const double dt = study_case.end / setting.steps;
+Answer run(const StudyCase& study_case, testing::Rig& rig, std::span<const double> lengths,
+           const std::function<void(const physics::TileOutputs&)>& watch) {
+  const auto host = study_case.host(study_case, lengths.front());
+  const double share = rig.conducted_share();
+  const auto& stress = rig.inputs.wants_mean_stress ? rig.outputs.mean_shear_stress : rig.outputs.shear_stress;
   Answer answer;
-  const double share =
-      model.options().hard_grid ? 1.0 : physics::heat_partition(model.options().soft, model.options().hard);
+  double time = 0.0;
+  for (const double dt : lengths) {
+    host->load(time, dt, rig.inputs);
+    rig.step(dt);
+    host->take(rig.outputs);
+    time += dt;
+    answer.impulse += std::abs(stress[0]) * dt;
+    answer.work += rig.outputs.friction_heat[0] / share;
+    if (watch) watch(rig.outputs);
+    const double next = static_cast<double>(answer.time.size() + 1) / kSamples;
+    if (time < study_case.end * (next - 1e-9)) continue;
+    answer.time.push_back(time);
+    answer.temperature.push_back(rig.outputs.interface_temperature[0]);
+  }
+  return answer;
+}
+
+Answer run(const StudyCase& study_case, const Setting& setting, Outcome& outcome, int repeats) {
+  testing::Rig rig(service::scene_model(scene_with(study_case, setting)).options);
+  const std::vector<double> lengths(static_cast<std::size_t>(setting.steps), study_case.end / setting.steps);
+  const std::vector<double> at_rest = rig.committed;
   int first_order = 0, divided = 0;
-  int next_sample = 1;
   bool failed = false;
   double estimate = 0.0;
-  run_tile(study_case, model, dt, setting.steps, [&](int n, const physics::TileOutputs& out) {
-    answer.impulse += std::abs(out.shear_stress[0]) * dt;
-    answer.work += out.friction_heat[0] / share;
+  const Answer answer = run(study_case, rig, lengths, [&](const physics::TileOutputs& out) {
     first_order += (out.outcome[0] & physics::kFirstOrder) != 0;
     divided += (out.outcome[0] & physics::kSubstepped) != 0;
     if (setting.tolerance > 0.0) estimate = std::max(estimate, out.error_estimate[0]);
     failed = failed || (out.outcome[0] & physics::kFailed) != 0;
-    if ((n + 1) * kSamples >= next_sample * setting.steps) {
-      answer.time.push_back((n + 1) * dt);
-      answer.temperature.push_back(out.interface_temperature[0]);
-      ++next_sample;
-    }
   });
-  if (outcome == nullptr) return answer;
 
   std::vector<double> seconds;
   for (int i = 0; i < repeats && (i == 0 || seconds.front() < kLongRun); ++i) {
+    rig.committed = at_rest;
+    rig.operators.reset();  // their making is part of a run
     const double started = cpu_seconds();
-    run_tile(study_case, model, dt, setting.steps, [](int, const physics::TileOutputs&) {});
+    run(study_case, rig, lengths);
     seconds.push_back(cpu_seconds() - started);
   }
-  outcome->setting = setting;
-  outcome->estimate = estimate;
-  outcome->ns_per_node = 1e9 * median(seconds) / kLanes;
-  outcome->ns_per_node_step = outcome->ns_per_node / setting.steps;
-  outcome->state_bytes = shard::Shard::bytes_per_node({model, false});
-  const auto& layout = model.layout();
-  outcome->solves_per_step =
+  outcome.setting = setting;
+  outcome.estimate = estimate;
+  outcome.ns_per_node = 1e9 * median(seconds) / kLanes;
+  outcome.ns_per_node_step = outcome.ns_per_node / setting.steps;
+  outcome.state_bytes = shard::Shard::bytes_per_node({rig.model, false});
+  const auto& layout = rig.model.layout();
+  outcome.solves_per_step =
       static_cast<double>(layout.num_vertices + layout.num_hard_vertices + layout.num_heat_modes) *
       (setting.sdirk2 ? 2 : 1);
-  outcome->first_order_share = static_cast<double>(first_order) / setting.steps;
-  outcome->divided_share = static_cast<double>(divided) / setting.steps;
-  if (failed) outcome->failure = "the solver gave no answer";
+  outcome.first_order_share = static_cast<double>(first_order) / setting.steps;
+  outcome.divided_share = static_cast<double>(divided) / setting.steps;
+  if (failed) outcome.failure = "the solver gave no answer";
   return answer;
+}
+
+Answer combined(const Answer& a, double wa, const Answer& b, double wb) {
+  Answer sum = a;
+  for (std::size_t i = 0; i < a.temperature.size(); ++i)
+    sum.temperature[i] = wa * a.temperature[i] + wb * b.temperature[i];
+  sum.impulse = wa * a.impulse + wb * b.impulse;
+  sum.work = wa * a.work + wb * b.work;
+  return sum;
+}
+
+double apart(const Answer& a, const Answer& b) {
+  double most = 0.0;
+  for (std::size_t i = 0; i < a.temperature.size(); ++i)
+    most = std::max(most, std::abs(a.temperature[i] - b.temperature[i]));
+  return most;
+}
+
+Answer limit(const Answer& fine, const Answer& coarse, int order) {
+  const double weight = order == 2 ? 1.0 / 3.0 : 1.0;
+  return combined(fine, 1.0 + weight, coarse, -weight);
 }
 
 void set_errors(const StudyCase& study_case, const Answer& answer, const Reference& reference, Outcome& outcome) {
@@ -227,7 +241,7 @@ Result sweep(const StudyCase& study_case, const SweepOptions& options) {
       setting.steps = count;
       try {
         Outcome outcome;
-        set_errors(study_case, run(study_case, setting, &outcome, options.repeats), result.reference, outcome);
+        set_errors(study_case, run(study_case, setting, outcome, options.repeats), result.reference, outcome);
         if (!std::isfinite(outcome.temperature_error)) outcome.failure = "not a number";
         result.outcomes.push_back(outcome);
       } catch (const wire::Error&) {

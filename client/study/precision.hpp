@@ -7,10 +7,12 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "client/study/study_case.hpp"
+#include "tests/support/physics_rig.hpp"
 
 namespace shearbus::study {
 
@@ -66,7 +68,17 @@ bool second_order(const StudyCase& study_case);
 double melting_range(const StudyCase& study_case);
 std::function<double(double)> at_samples(const Answer& answer, double end);
 
-Answer run(const StudyCase& study_case, const Setting& setting, Outcome* outcome, int repeats);
+// Runs the host of a case against the layer of a rig in steps of these lengths, and calls `watch`, if any, after each.
+Answer run(const StudyCase& study_case, testing::Rig& rig, std::span<const double> lengths,
+           const std::function<void(const physics::TileOutputs&)>& watch = {});
+Answer run(const StudyCase& study_case, const Setting& setting, Outcome& outcome, int repeats);
+
+// Linear combinations of the answers of two runs, and the largest difference of their temperatures [K].
+Answer combined(const Answer& a, double wa, const Answer& b, double wb);
+double apart(const Answer& a, const Answer& b);
+// The limit for an error in proportion to the resolution to this power, from two resolutions of ratio 2.
+Answer limit(const Answer& fine, const Answer& coarse, int order);
+
 // Sets the errors of `outcome` from the differences between an answer and a reference.
 void set_errors(const StudyCase& study_case, const Answer& answer, const Reference& reference, Outcome& outcome);
 Reference by_extrapolation(const StudyCase& study_case, bool quick);  // for a case without an exact reference

@@ -2,20 +2,14 @@
 // their errors in space and in time are measured one by one.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <memory>
-#include <utility>
 #include <vector>
 
 #include "client/study/precision.hpp"
-#include "server/physics/material/strength.hpp"
 #include "server/service/scene_model.hpp"
 
 namespace shearbus::study {
 namespace {
-
-using physics::kLanes;
 
 // A way to solve a case finely.
 struct Fine {
@@ -65,52 +59,9 @@ std::vector<double> step_lengths(const StudyCase& study_case, int steps) {
 }
 
 Answer solve(const StudyCase& study_case, const Fine& fine) {
-  const physics::Model model(options_of(study_case, fine));
-  const std::vector<double> lengths = step_lengths(study_case, fine.steps);
-  std::vector<double> committed(model.layout().doubles), trial(model.layout().doubles);
-  double temperature[kLanes];
-  std::fill_n(temperature, kLanes, model.options().initial_temperature);
-  model.initialise(committed.data(), temperature);
-  physics::TileInputs inputs;
-  inputs.active = 1;
-  inputs.wants_mean_stress = model.options().strategy == physics::Strategy::kVelocityDriven;
-  physics::TileOutputs outputs{};
-  const auto host = study_case.host(study_case, lengths.front());
-  const double share =
-      model.options().hard_grid ? 1.0 : physics::heat_partition(model.options().soft, model.options().hard);
-  Answer answer;
-  std::shared_ptr<const physics::StepOperators> operators;
-  double time = 0.0, last = 0.0;
-  for (const double dt : lengths) {
-    if (dt != last) operators = model.operators(last = dt);
-    host->load(time, dt, inputs);
-    model.advance(*operators, inputs, committed.data(), trial.data(), outputs);
-    std::swap(committed, trial);
-    host->take(outputs);
-    time += dt;
-    answer.impulse += std::abs((inputs.wants_mean_stress ? outputs.mean_shear_stress : outputs.shear_stress)[0]) * dt;
-    answer.work += outputs.friction_heat[0] / share;
-    const double next = static_cast<double>(answer.time.size() + 1) / kSamples;
-    if (time < study_case.end * (next - 1e-9)) continue;
-    answer.time.push_back(time);
-    answer.temperature.push_back(outputs.interface_temperature[0]);
-  }
-  return answer;
-}
-
-Answer combined(const Answer& a, double wa, const Answer& b, double wb) {
-  Answer sum = a;
-  for (std::size_t i = 0; i < a.temperature.size(); ++i)
-    sum.temperature[i] = wa * a.temperature[i] + wb * b.temperature[i];
-  sum.impulse = wa * a.impulse + wb * b.impulse;
-  sum.work = wa * a.work + wb * b.work;
-  return sum;
-}
-
-// The limit for an error in proportion to the resolution to this power, from two resolutions of ratio 2.
-Answer limit(const Answer& fine, const Answer& coarse, int order) {
-  const double weight = order == 2 ? 1.0 / 3.0 : 1.0;
-  return combined(fine, 1.0 + weight, coarse, -weight);
+  testing::Rig rig(options_of(study_case, fine), 1);
+  rig.inputs.wants_mean_stress = rig.model.options().strategy == physics::Strategy::kVelocityDriven;
+  return run(study_case, rig, step_lengths(study_case, fine.steps));
 }
 
 Answer limit_in_space(const StudyCase& study_case, Fine fine) {
@@ -124,13 +75,6 @@ Answer limit_in_time(const StudyCase& study_case, Fine fine) {
   const Answer finest = solve(study_case, fine);
   fine.steps /= 2;
   return limit(finest, solve(study_case, fine), fine.sdirk2 ? 2 : 1);
-}
-
-double apart(const StudyCase& study_case, const Answer& a, const Answer& b) {
-  double most = 0.0;
-  for (std::size_t i = 0; i < a.temperature.size(); ++i)
-    most = std::max(most, std::abs(a.temperature[i] - b.temperature[i]));
-  return most / melting_range(study_case);
 }
 
 // The grids of a reference: `own`, and `other`, on which the error in space of `own` is measured.
@@ -190,8 +134,9 @@ Reference by_extrapolation(const StudyCase& study_case, bool quick) {
   const Answer best = combined(combined(in_time, 1.0, in_space, 1.0), 1.0, few, -1.0);
   Reference reference = study_case.reference(study_case);
   reference.method = grids.text;
-  reference.space_error = apart(study_case, in_space, limit_in_space(study_case, grids.other));
-  reference.time_error = apart(study_case, in_time, limit_in_time(study_case, otherwise));
+  const double range = melting_range(study_case);
+  reference.space_error = apart(in_space, limit_in_space(study_case, grids.other)) / range;
+  reference.time_error = apart(in_time, limit_in_time(study_case, otherwise)) / range;
   reference.uncertainty = reference.space_error + reference.time_error;
   reference.impulse = best.impulse;
   reference.work = best.work;

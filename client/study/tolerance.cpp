@@ -77,10 +77,7 @@ Reference solved_finely(const StudyCase& study_case, int steps, bool quick) {
   const int times = quick ? kQuickCoarser : 1;
   const Answer best = coarser(times), other = coarser(2 * times);
   Reference reference{.temperature = at_samples(best, study_case.end), .impulse = best.impulse, .work = best.work};
-  for (std::size_t i = 0; i < best.temperature.size(); ++i) {
-    const double apart = std::abs(best.temperature[i] - other.temperature[i]) / melting_range(study_case);
-    reference.uncertainty = std::max(reference.uncertainty, apart);
-  }
+  reference.uncertainty = apart(best, other) / melting_range(study_case);
   reference.method = fmt::format("{} in {} substeps{}; {:.0e} from half as many", modes ? "modes" : "cells",
                                  (modes ? kFineModes : kFineCells).substeps / times,
                                  study_case.coupled ? ", the same steps of the host" : "", reference.uncertainty);
@@ -112,7 +109,7 @@ std::vector<Tracked> track_tolerances(const std::vector<StudyCase>& cases, const
       for (const double request : requests) {
         const Setting setting{.steps = count, .tolerance = request};
         Outcome outcome;
-        set_errors(study_case, run(study_case, setting, &outcome, options.repeats), reference, outcome);
+        set_errors(study_case, run(study_case, setting, outcome, options.repeats), reference, outcome);
         tracked.outcomes.push_back(outcome);
       }
     }
