@@ -19,7 +19,14 @@ enum { NAME_BYTES = 128, COLUMNS_AT_MOST = 64 };
 #define SHEARBUS_MPI_OFFERS_PER_ROUND 128
 #endif
 
+/* Memory that is freed as a whole: a block knows the one before it. */
+typedef union block {
+  union block* before;
+  double aligned; /* as what follows the block must be */
+} block;
+
 struct shearbus_mpi {
+  block* held;   /* what lives as long as the ranks: they themselves, `idle` and `rows` */
   MPI_Comm comm; /* a duplicate of the host's */
   int rank, size;
   int mpi_fault; /* the first error code of MPI */
@@ -47,13 +54,25 @@ static void name_node(shearbus_status* status, uint64_t node) {
   if (status->n_nodes < SHEARBUS_NODES_NAMED) status->nodes[status->n_nodes++] = node;
 }
 
-/* Memory for n elements, set to 0. After the first fault nothing is allocated any more. */
-static void* zeros(size_t n, size_t size, int* code, shearbus_status* status) {
-  void* memory = *code == SHEARBUS_OK ? calloc(n == 0 ? 1 : n, size) : NULL;
-  if (memory == NULL && *code == SHEARBUS_OK)
+/* Memory for n elements, set to 0, until `held` is released. After the first fault nothing is allocated any more. */
+static void* zeros(block** held, size_t n, size_t size, int* code, shearbus_status* status) {
+  if (*code != SHEARBUS_OK) return NULL;
+  block* made = n > (SIZE_MAX - sizeof *made) / size ? NULL : calloc(1, sizeof *made + n * size);
+  if (made == NULL) {
     *code = refuse(status, SHEARBUS_NO_MEMORY, "", "Free memory and make the same call again.",
                    "the host's process has no memory left");
-  return memory;
+    return NULL;
+  }
+  made->before = *held;
+  *held = made;
+  return made + 1;
+}
+static void release(block* held) {
+  while (held != NULL) {
+    block* const before = held->before;
+    free(held);
+    held = before;
+  }
 }
 
 static void mpi(shearbus_mpi* ranks, int code) {
@@ -110,9 +129,7 @@ static int missing(const shearbus_mpi* ranks, shearbus_status* status) {
 static void drop(shearbus_mpi** ranks) {
   if (*ranks == NULL) return;
   for (size_t i = 0; i < (*ranks)->n_idle; ++i) shearbus_leave(&(*ranks)->idle[i]);
-  free((*ranks)->idle);
-  free((*ranks)->rows);
-  free(*ranks);
+  release((*ranks)->held);
   *ranks = NULL;
 }
 
@@ -129,7 +146,7 @@ static int start(shearbus_mpi** ranks, MPI_Comm comm, shearbus_session** session
   else if (!again && (*ranks != NULL || *session != NULL))
     code = refuse(status, SHEARBUS_INVALID_VALUE, "", "Close them first, or use other handles.",
                   "these ranks or this session are open already");
-  shearbus_mpi* made = again ? NULL : zeros(1, sizeof *made, &code, status);
+  shearbus_mpi* made = again ? NULL : zeros(&now.held, 1, sizeof *made, &code, status);
   code = agree(&now, code, status);
   if (code == SHEARBUS_OK && !again) {
     mpi(&now, MPI_Comm_dup(comm, &now.comm));
@@ -137,7 +154,7 @@ static int start(shearbus_mpi** ranks, MPI_Comm comm, shearbus_session** session
     *ranks = made;
     return SHEARBUS_OK;
   }
-  free(made);
+  release(now.held);
   return code;
 }
 
@@ -284,26 +301,6 @@ typedef struct transfer {
   uint8_t id[SHEARBUS_TRANSFER_BYTES];
 } transfer;
 
-/* What one rank offers in a round, and what it is offered, by rank of the other side. */
-typedef struct exchange {
-  int *n_given, *given_at, *n_taken, *taken_at;
-  shearbus_session** giver; /* of each offer of this rank */
-  transfer *given, *taken;
-  unsigned char *refused, *returned; /* of what this rank was offered, and of its own offers */
-} exchange;
-
-static void free_exchange(exchange* x) {
-  free(x->n_given);
-  free(x->given_at);
-  free(x->n_taken);
-  free(x->taken_at);
-  free(x->giver);
-  free(x->given);
-  free(x->taken);
-  free(x->refused);
-  free(x->returned);
-}
-
 static int offsets(int size, const int* counts, int* at) {
   int total = 0;
   for (int i = 0; i < size; total += counts[i++]) at[i] = total;
@@ -317,56 +314,56 @@ static int move_round(shearbus_mpi* ranks, int first, int n, size_t n_parcels, c
   const int size = ranks->size;
   const size_t s = (size_t)size, most = (size_t)n * n_parcels;
   int code = SHEARBUS_OK, n_given = 0, n_taken = 0;
-  exchange x;
-  memset(&x, 0, sizeof x);
-  x.n_given = zeros(s, sizeof(int), &code, status);
-  x.given_at = zeros(s, sizeof(int), &code, status);
-  x.n_taken = zeros(s, sizeof(int), &code, status);
-  x.taken_at = zeros(s, sizeof(int), &code, status);
-  x.giver = zeros(most, sizeof *x.giver, &code, status);
-  x.given = zeros(most, sizeof *x.given, &code, status);
-  x.returned = zeros(most, 1, &code, status);
+  block* held = NULL;
+  int* given_to = zeros(&held, s, sizeof(int), &code, status);
+  int* given_at = zeros(&held, s, sizeof(int), &code, status);
+  int* taken_from = zeros(&held, s, sizeof(int), &code, status);
+  int* taken_at = zeros(&held, s, sizeof(int), &code, status);
+  shearbus_session** giver = zeros(&held, most, sizeof *giver, &code, status);
+  transfer* given = zeros(&held, most, sizeof *given, &code, status);
+  unsigned char *refused = NULL, *returned = zeros(&held, most, 1, &code, status);
+  transfer* taken = NULL;
   for (int d = 0; d < size && code == SHEARBUS_OK; ++d) {
     const int distance = (d - ranks->rank + size) % size;
     if (distance < first || distance >= first + n) continue;
     for (size_t p = 0; p < n_parcels && code == SHEARBUS_OK; ++p) {
       const size_t count = parcels[p].at[d + 1] - parcels[p].at[d];
       if (count == 0 || (d == ranks->rank && parcels[p].from == to)) continue;
-      code = shearbus_offer(parcels[p].from, count, parcels[p].ids + parcels[p].at[d], x.given[n_given].id, status);
+      code = shearbus_offer(parcels[p].from, count, parcels[p].ids + parcels[p].at[d], given[n_given].id, status);
       if (code != SHEARBUS_OK) break;
-      x.giver[n_given++] = parcels[p].from;
-      ++x.n_given[d];
+      giver[n_given++] = parcels[p].from;
+      ++given_to[d];
     }
   }
   code = agree(ranks, code, status);
   if (code == SHEARBUS_OK) {
-    mpi(ranks, MPI_Alltoall(x.n_given, 1, MPI_INT, x.n_taken, 1, MPI_INT, ranks->comm));
-    offsets(size, x.n_given, x.given_at);
-    n_taken = offsets(size, x.n_taken, x.taken_at);
-    x.taken = zeros((size_t)n_taken, sizeof *x.taken, &code, status);
-    x.refused = zeros((size_t)n_taken, 1, &code, status);
+    mpi(ranks, MPI_Alltoall(given_to, 1, MPI_INT, taken_from, 1, MPI_INT, ranks->comm));
+    offsets(size, given_to, given_at);
+    n_taken = offsets(size, taken_from, taken_at);
+    taken = zeros(&held, (size_t)n_taken, sizeof *taken, &code, status);
+    refused = zeros(&held, (size_t)n_taken, 1, &code, status);
     code = agree(ranks, code, status);
   }
   if (code != SHEARBUS_OK) { /* every giver takes back what it has offered */
-    for (int i = 0; i < n_given; ++i) shearbus_accept(x.giver[i], x.given[i].id, NULL);
-    free_exchange(&x);
+    for (int i = 0; i < n_given; ++i) shearbus_accept(giver[i], given[i].id, NULL);
+    release(held);
     return code;
   }
 
   MPI_Datatype bytes;
   mpi(ranks, MPI_Type_contiguous((int)sizeof(transfer), MPI_BYTE, &bytes));
   mpi(ranks, MPI_Type_commit(&bytes));
-  mpi(ranks, MPI_Alltoallv(x.given, x.n_given, x.given_at, bytes, x.taken, x.n_taken, x.taken_at, bytes, ranks->comm));
+  mpi(ranks, MPI_Alltoallv(given, given_to, given_at, bytes, taken, taken_from, taken_at, bytes, ranks->comm));
   mpi(ranks, MPI_Type_free(&bytes));
   for (int i = 0; i < n_taken; ++i) {
-    if (code == SHEARBUS_OK) code = shearbus_accept(to, x.taken[i].id, status);
-    x.refused[i] = code != SHEARBUS_OK;
+    if (code == SHEARBUS_OK) code = shearbus_accept(to, taken[i].id, status);
+    refused[i] = code != SHEARBUS_OK;
   }
-  mpi(ranks, MPI_Alltoallv(x.refused, x.n_taken, x.taken_at, MPI_BYTE, x.returned, x.n_given, x.given_at, MPI_BYTE,
-                           ranks->comm));
+  mpi(ranks,
+      MPI_Alltoallv(refused, taken_from, taken_at, MPI_BYTE, returned, given_to, given_at, MPI_BYTE, ranks->comm));
   for (int i = 0; i < n_given; ++i)
-    if (x.returned[i]) shearbus_accept(x.giver[i], x.given[i].id, NULL);
-  free_exchange(&x);
+    if (returned[i]) shearbus_accept(giver[i], given[i].id, NULL);
+  release(held);
   return agree(ranks, code, status);
 }
 
@@ -374,11 +371,12 @@ static int move_round(shearbus_mpi* ranks, int first, int n, size_t n_parcels, c
 static int move(shearbus_mpi* ranks, size_t n_from, shearbus_session** from, int** owner, shearbus_session* to,
                 shearbus_status* status) {
   int code = SHEARBUS_OK;
-  parcel* parcels = zeros(n_from, sizeof *parcels, &code, status);
+  block* held = NULL;
+  parcel* parcels = zeros(&held, n_from, sizeof *parcels, &code, status);
   for (size_t i = 0; i < n_from && code == SHEARBUS_OK; ++i) {
     parcels[i].from = from[i];
-    parcels[i].ids = zeros(shearbus_node_count(from[i]), sizeof(uint64_t), &code, status);
-    parcels[i].at = zeros((size_t)ranks->size + 1, sizeof(size_t), &code, status);
+    parcels[i].ids = zeros(&held, shearbus_node_count(from[i]), sizeof(uint64_t), &code, status);
+    parcels[i].at = zeros(&held, (size_t)ranks->size + 1, sizeof(size_t), &code, status);
     if (code == SHEARBUS_OK) sort_by_owner(&parcels[i], owner[i], ranks->size);
   }
   code = agree(ranks, code, status);
@@ -387,11 +385,7 @@ static int move(shearbus_mpi* ranks, size_t n_from, shearbus_session** from, int
     code = move_round(ranks, first, left < SHEARBUS_MPI_OFFERS_PER_ROUND ? left : SHEARBUS_MPI_OFFERS_PER_ROUND, n_from,
                       parcels, to, status);
   }
-  for (size_t i = 0; i < n_from && parcels != NULL; ++i) {
-    free(parcels[i].ids);
-    free(parcels[i].at);
-  }
-  free(parcels);
+  release(held);
   return code;
 }
 
@@ -401,6 +395,7 @@ int shearbus_mpi_redistribute(shearbus_mpi* ranks, shearbus_session* session, co
   status = usable(status, &own);
   int code = missing(ranks, status);
   if (code != SHEARBUS_OK) return code;
+  block* held = NULL;
   const size_t n = shearbus_node_count(session);
   if (session == NULL)
     code = refuse(status, SHEARBUS_INVALID_VALUE, "", "Open a session on every rank.", "there is no session");
@@ -414,26 +409,25 @@ int shearbus_mpi_redistribute(shearbus_mpi* ranks, shearbus_session* session, co
                   new_owner[i], ranks->size - 1);
     name_node(status, shearbus_node_ids(session)[i]);
   }
-  int* owner = zeros(n, sizeof *owner, &code, status);
+  int* owner = zeros(&held, n, sizeof *owner, &code, status);
   if (code == SHEARBUS_OK && n > 0) memcpy(owner, new_owner, n * sizeof *owner);
   code = agree(ranks, code, status);
   if (code == SHEARBUS_OK) code = move(ranks, 1, &session, &owner, session, status);
-  free(owner);
+  release(held);
   return code;
 }
 
 /* ---- the manifest ---- */
 
-/* Tickets of the sessions of this rank, one line each, gathered on rank 0 in the order of the ranks: *text is theirs
- * to free. */
-static int gather_tickets(shearbus_mpi* ranks, const char* word, int wanted, size_t n,
+/* Tickets of the sessions of this rank, one line each, gathered on rank 0 in the order of the ranks. */
+static int gather_tickets(shearbus_mpi* ranks, block** held, const char* word, int wanted, size_t n,
                           shearbus_session* const* sessions, const int* marked, char** text, int* count,
                           shearbus_status* status) {
   enum { LINE_BYTES = 16 + SHEARBUS_TICKET_BYTES };
   int code = SHEARBUS_OK, length = 0, lines = 0;
-  char* mine = zeros(n * LINE_BYTES + 1, 1, &code, status);
-  int* lengths = zeros((size_t)ranks->size, sizeof(int), &code, status);
-  int* at = zeros((size_t)ranks->size, sizeof(int), &code, status);
+  char* mine = zeros(held, n * LINE_BYTES + 1, 1, &code, status);
+  int* lengths = zeros(held, (size_t)ranks->size, sizeof(int), &code, status);
+  int* at = zeros(held, (size_t)ranks->size, sizeof(int), &code, status);
   for (size_t i = 0; i < n && code == SHEARBUS_OK; ++i) {
     char ticket[SHEARBUS_TICKET_BYTES];
     if (marked[i] != wanted) continue;
@@ -448,14 +442,11 @@ static int gather_tickets(shearbus_mpi* ranks, const char* word, int wanted, siz
   if (code == SHEARBUS_OK) {
     mpi(ranks, MPI_Reduce(&lines, count, 1, MPI_INT, MPI_SUM, 0, ranks->comm));
     mpi(ranks, MPI_Gather(&length, 1, MPI_INT, lengths, 1, MPI_INT, 0, ranks->comm));
-    *text = zeros((size_t)offsets(ranks->size, lengths, at) + 1, 1, &code, status);
+    *text = zeros(held, (size_t)offsets(ranks->size, lengths, at) + 1, 1, &code, status);
     code = agree(ranks, code, status);
   }
   if (code == SHEARBUS_OK)
     mpi(ranks, MPI_Gatherv(mine, length, MPI_CHAR, *text, lengths, at, MPI_CHAR, 0, ranks->comm));
-  free(mine);
-  free(lengths);
-  free(at);
   return code;
 }
 
@@ -502,17 +493,17 @@ static int write_manifest(shearbus_mpi* ranks, const char* mark, const char* pat
                           shearbus_session* const* sessions, const int* marked, shearbus_status* status) {
   char head[3 * NAME_BYTES], *with_mark = NULL, *without = NULL;
   int n_with = 0, n_without = 0;
-  int code = gather_tickets(ranks, "marked", 1, n, sessions, marked, &with_mark, &n_with, status);
+  block* held = NULL;
+  int code = gather_tickets(ranks, &held, "marked", 1, n, sessions, marked, &with_mark, &n_with, status);
   if (code == SHEARBUS_OK)
-    code = gather_tickets(ranks, "unmarked", 0, n, sessions, marked, &without, &n_without, status);
+    code = gather_tickets(ranks, &held, "unmarked", 0, n, sessions, marked, &without, &n_without, status);
   if (code == SHEARBUS_OK) {
     snprintf(head, sizeof head, "shearbus manifest 1\nmark %s\ndomain %s\nsessions %d\n", mark, ranks->domain,
              n_with + n_without);
     if (ranks->rank == 0) code = write_whole(path, head, with_mark, without, status);
     code = agree(ranks, code, status);
   }
-  free(with_mark);
-  free(without);
+  release(held);
   return code;
 }
 
@@ -535,9 +526,10 @@ int shearbus_mpi_dump(shearbus_mpi* ranks, shearbus_session* session, const char
   if (code == SHEARBUS_OK && (manifest == NULL || *manifest == '\0'))
     code =
         refuse(status, SHEARBUS_INVALID_VALUE, "manifest", "Name a file beside the dump.", "the manifest has no name");
+  block* held = NULL;
   const size_t n = ranks->n_idle + 1;
-  shearbus_session** sessions = zeros(n, sizeof *sessions, &code, status);
-  int* marked = zeros(n, sizeof *marked, &code, status);
+  shearbus_session** sessions = zeros(&held, n, sizeof *sessions, &code, status);
+  int* marked = zeros(&held, n, sizeof *marked, &code, status);
   code = agree(ranks, code, status);
   if (code == SHEARBUS_OK) code = agree(ranks, shearbus_mark(session, mark, status), status);
   if (code == SHEARBUS_OK) {
@@ -552,14 +544,14 @@ int shearbus_mpi_dump(shearbus_mpi* ranks, shearbus_session* session, const char
     for (size_t i = 0; i < ranks->n_idle; ++i) shearbus_close(&ranks->idle[i], NULL);
     ranks->n_idle = 0;
   }
-  free(sessions);
-  free(marked);
+  release(held);
   return code;
 }
 
 /* ---- restart ---- */
 
 typedef struct dump_file {
+  block* held; /* all that is pointed to */
   char* text;
   const char *mark, *domain;
   int n;
@@ -567,13 +559,13 @@ typedef struct dump_file {
   int* marked;
 } dump_file;
 
-static char* read_file(const char* path, long* length, int* code, shearbus_status* status) {
+static char* read_file(block** held, const char* path, long* length, int* code, shearbus_status* status) {
   FILE* file = path == NULL ? NULL : fopen(path, "rb");
   char* text = NULL;
   *length = -1;
   if (file != NULL && fseek(file, 0, SEEK_END) == 0) *length = ftell(file);
   if (*length >= 0 && *length < INT_MAX && fseek(file, 0, SEEK_SET) == 0) {
-    text = zeros((size_t)*length + 1, 1, code, status);
+    text = zeros(held, (size_t)*length + 1, 1, code, status);
     if (text != NULL && fread(text, 1, (size_t)*length, file) != (size_t)*length) *length = -1;
   }
   if (*code == SHEARBUS_OK && (*length < 0 || text == NULL))
@@ -604,8 +596,8 @@ static int parse(dump_file* to, const char* path, shearbus_status* status) {
     const long n = strtol(count, &end, 10);
     to->n = *end == '\0' && n > 0 && n < 1000000 ? (int)n : 0;
   }
-  to->tickets = zeros((size_t)to->n, sizeof *to->tickets, &code, status);
-  to->marked = zeros((size_t)to->n, sizeof *to->marked, &code, status);
+  to->tickets = zeros(&to->held, (size_t)to->n, sizeof *to->tickets, &code, status);
+  to->marked = zeros(&to->held, (size_t)to->n, sizeof *to->marked, &code, status);
   if (code != SHEARBUS_OK) return code;
   for (; read < to->n; ++read) {
     to->tickets[read] = value_of_line(&at, "marked ");
@@ -622,11 +614,11 @@ static int parse(dump_file* to, const char* path, shearbus_status* status) {
 static int read_manifest(shearbus_mpi* ranks, const char* path, dump_file* to, shearbus_status* status) {
   int code = SHEARBUS_OK;
   long length = 0;
-  if (ranks->rank == 0) to->text = read_file(path, &length, &code, status);
+  if (ranks->rank == 0) to->text = read_file(&to->held, path, &length, &code, status);
   code = agree(ranks, code, status);
   if (code != SHEARBUS_OK) return code;
   mpi(ranks, MPI_Bcast(&length, 1, MPI_LONG, 0, ranks->comm));
-  if (ranks->rank != 0) to->text = zeros((size_t)length + 1, 1, &code, status);
+  if (ranks->rank != 0) to->text = zeros(&to->held, (size_t)length + 1, 1, &code, status);
   code = agree(ranks, code, status);
   if (code != SHEARBUS_OK) return code;
   mpi(ranks, MPI_Bcast(to->text, (int)length, MPI_CHAR, 0, ranks->comm));
@@ -640,9 +632,10 @@ static int open_empty(shearbus_mpi* ranks, shearbus_session** session, const she
                       const shearbus_options* options, shearbus_status* status) {
   shearbus_options mine = SHEARBUS_OPTIONS_INIT;
   int code = SHEARBUS_OK;
+  block* held = NULL;
   long length = ranks->rank == 0 ? (long)strlen(shearbus_effective_scene(of_rank_0)) : 0;
   mpi(ranks, MPI_Bcast(&length, 1, MPI_LONG, 0, ranks->comm));
-  char* scene = zeros((size_t)length + 1, 1, &code, status);
+  char* scene = zeros(&held, (size_t)length + 1, 1, &code, status);
   if (scene != NULL && ranks->rank == 0) memcpy(scene, shearbus_effective_scene(of_rank_0), (size_t)length);
   code = agree(ranks, code, status);
   if (code == SHEARBUS_OK) {
@@ -656,28 +649,28 @@ static int open_empty(shearbus_mpi* ranks, shearbus_session** session, const she
     code = agree(ranks, code, status);
     if (code != SHEARBUS_OK && opened) shearbus_close(session, NULL);
   }
-  free(scene);
+  release(held);
   return code;
 }
 
 /* Takes the nodes out of a session: its waiting offers first, which hold nodes, too. */
 static int empty(shearbus_session* session, shearbus_status* status) {
   int code = SHEARBUS_OK;
+  block* held = NULL;
   const size_t n_offers = shearbus_offers(session, 0, NULL);
-  uint8_t(*offers)[SHEARBUS_TRANSFER_BYTES] = zeros(n_offers, sizeof *offers, &code, status);
+  uint8_t(*offers)[SHEARBUS_TRANSFER_BYTES] = zeros(&held, n_offers, sizeof *offers, &code, status);
   if (offers != NULL) shearbus_offers(session, n_offers, offers);
   for (size_t i = 0; i < n_offers && code == SHEARBUS_OK; ++i) {
     code = shearbus_accept(session, offers[i], status);
     if (code == SHEARBUS_UNKNOWN_TRANSFER) code = SHEARBUS_OK; /* another session has accepted it since */
   }
   const size_t n = shearbus_node_count(session);
-  uint64_t* ids = zeros(n, sizeof *ids, &code, status);
+  uint64_t* ids = zeros(&held, n, sizeof *ids, &code, status);
   if (code == SHEARBUS_OK && n > 0) {
     memcpy(ids, shearbus_node_ids(session), n * sizeof *ids);
     code = shearbus_retire(session, n, ids, status);
   }
-  free(offers);
-  free(ids);
+  release(held);
   return code;
 }
 
@@ -686,7 +679,8 @@ static int empty(shearbus_session* session, shearbus_status* status) {
 static int roll_back(shearbus_mpi* ranks, const char* mark, size_t n, shearbus_session** sessions, int* marked,
                      shearbus_status* status) {
   int code = SHEARBUS_OK;
-  int* blocked = zeros(n, sizeof *blocked, &code, status);
+  block* held = NULL;
+  int* blocked = zeros(&held, n, sizeof *blocked, &code, status);
   for (size_t i = 0; i < n && code == SHEARBUS_OK; ++i) {
     blocked[i] = !marked[i];
     if (marked[i]) code = shearbus_rollback_to(sessions[i], mark, status);
@@ -701,7 +695,7 @@ static int roll_back(shearbus_mpi* ranks, const char* mark, size_t n, shearbus_s
   code = agree(ranks, code, status);
   for (size_t i = 0; i < n && code == SHEARBUS_OK; ++i)
     if (blocked[i] && marked[i]) code = shearbus_rollback_to(sessions[i], mark, status);
-  free(blocked);
+  release(held);
   return agree(ranks, code, status);
 }
 
@@ -716,8 +710,8 @@ static int by_id(const void* a, const void* b) {
 }
 
 /* The nodes that the ranks ask for, of all ranks, sorted by id. Each rank holds the whole list, once a run. */
-static claim* gather_claims(shearbus_mpi* ranks, size_t n, const uint64_t* node_ids, size_t* total, int* code,
-                            shearbus_status* status) {
+static claim* gather_claims(shearbus_mpi* ranks, block** held, size_t n, const uint64_t* node_ids, size_t* total,
+                            int* code, shearbus_status* status) {
   const size_t s = (size_t)ranks->size;
   const long long mine = (long long)n;
   long long all = 0;
@@ -729,10 +723,10 @@ static claim* gather_claims(shearbus_mpi* ranks, size_t n, const uint64_t* node_
   if (*code == SHEARBUS_OK && all > INT_MAX)
     *code = refuse(status, SHEARBUS_LIMIT, "node_ids", "Divide the interface between several domains.",
                    "the ranks ask for %lld nodes, expected at most %d", all, INT_MAX);
-  int* counts = zeros(s, sizeof *counts, code, status);
-  int* at = zeros(s, sizeof *at, code, status);
-  uint64_t* ids = zeros((size_t)all, sizeof *ids, code, status);
-  claim* claims = zeros((size_t)all, sizeof *claims, code, status);
+  int* counts = zeros(held, s, sizeof *counts, code, status);
+  int* at = zeros(held, s, sizeof *at, code, status);
+  uint64_t* ids = zeros(held, (size_t)all, sizeof *ids, code, status);
+  claim* claims = zeros(held, (size_t)all, sizeof *claims, code, status);
   *code = agree(ranks, *code, status);
   if (*code == SHEARBUS_OK) {
     mpi(ranks, MPI_Allgather(&count, 1, MPI_INT, counts, 1, MPI_INT, ranks->comm));
@@ -755,21 +749,18 @@ static claim* gather_claims(shearbus_mpi* ranks, size_t n, const uint64_t* node_
       }
     *code = agree(ranks, *code, status);
   }
-  free(counts);
-  free(at);
-  free(ids);
   return claims;
 }
 
 /* Finds the rank that asks for each node of the sessions, which must be the nodes that are asked for, each once. */
-static int find_owners(shearbus_mpi* ranks, size_t n_sessions, shearbus_session* const* sessions, const claim* claims,
-                       size_t total, int** owner, shearbus_status* status) {
+static int find_owners(shearbus_mpi* ranks, block** held, size_t n_sessions, shearbus_session* const* sessions,
+                       const claim* claims, size_t total, int** owner, shearbus_status* status) {
   int code = SHEARBUS_OK;
-  unsigned char* found = zeros(total, 1, &code, status);
+  unsigned char* found = zeros(held, total, 1, &code, status);
   for (size_t i = 0; i < n_sessions; ++i) {
     const size_t n = shearbus_node_count(sessions[i]);
     const uint64_t* ids = shearbus_node_ids(sessions[i]);
-    owner[i] = zeros(n, sizeof(int), &code, status);
+    owner[i] = zeros(held, n, sizeof(int), &code, status);
     for (size_t j = 0; j < n && (code == SHEARBUS_OK || code == SHEARBUS_UNKNOWN_NODE); ++j) {
       const claim key = {ids[j], 0, 0};
       const claim* hit = total == 0 ? NULL : bsearch(&key, claims, total, sizeof *claims, by_id);
@@ -799,7 +790,6 @@ static int find_owners(shearbus_mpi* ranks, size_t n_sessions, shearbus_session*
     }
     code = agree(ranks, code, status);
   }
-  free(found);
   return code;
 }
 
@@ -811,12 +801,12 @@ static int restart(shearbus_mpi* ranks, shearbus_session** session, const shearb
   int code = read_manifest(ranks, path, &from, status);
   size_t total = 0;
   claim* claims = NULL;
-  if (code == SHEARBUS_OK) claims = gather_claims(ranks, n, node_ids, &total, &code, status);
+  if (code == SHEARBUS_OK) claims = gather_claims(ranks, &from.held, n, node_ids, &total, &code, status);
   const int share = code != SHEARBUS_OK ? 0 : (from.n - ranks->rank + ranks->size - 1) / ranks->size;
   const size_t most = share > 0 ? (size_t)share : 0;
-  int* marked = zeros(most + 1, sizeof *marked, &code, status);
-  int** owner = zeros(most + 1, sizeof *owner, &code, status);
-  *mine = zeros(most + 1, sizeof **mine, &code, status);
+  int* marked = zeros(&from.held, most + 1, sizeof *marked, &code, status);
+  int** owner = zeros(&from.held, most + 1, sizeof *owner, &code, status);
+  *mine = zeros(&ranks->held, most + 1, sizeof **mine, &code, status);
   for (size_t i = 0; i < most && code == SHEARBUS_OK; ++i) { /* session i of the manifest goes to rank i modulo size */
     const size_t at = (size_t)ranks->rank + i * (size_t)ranks->size;
     marked[*n_mine] = from.marked[at];
@@ -836,16 +826,10 @@ static int restart(shearbus_mpi* ranks, shearbus_session** session, const shearb
     }
   }
   if (code == SHEARBUS_OK) code = roll_back(ranks, from.mark, *n_mine, *mine, marked, status);
-  if (code == SHEARBUS_OK) code = find_owners(ranks, *n_mine, *mine, claims, total, owner, status);
+  if (code == SHEARBUS_OK) code = find_owners(ranks, &from.held, *n_mine, *mine, claims, total, owner, status);
   if (code == SHEARBUS_OK) code = move(ranks, *n_mine, *mine, owner, (*mine)[0], status);
   if (code == SHEARBUS_OK) *session = (*mine)[0];
-  for (size_t i = 0; i < *n_mine && owner != NULL; ++i) free(owner[i]);
-  free(owner);
-  free(marked);
-  free(claims);
-  free(from.text);
-  free(from.tickets);
-  free(from.marked);
+  release(from.held);
   return code;
 }
 
@@ -865,8 +849,7 @@ int shearbus_mpi_restart(shearbus_mpi** ranks, MPI_Comm comm, shearbus_session**
     memmove(mine, mine + 1, (n_mine - 1) * sizeof *mine);
     return code;
   }
-  for (size_t i = 0; i < n_mine && mine != NULL; ++i) shearbus_leave(&mine[i]);
-  free(mine);
+  for (size_t i = 0; i < n_mine; ++i) shearbus_leave(&mine[i]);
   MPI_Comm_free(&(*ranks)->comm);
   drop(ranks);
   return code;
@@ -885,6 +868,7 @@ int shearbus_mpi_open_on_root(shearbus_mpi** ranks, MPI_Comm comm, shearbus_sess
   const int with_temperatures = initial_temperature_k != NULL, mine = n > INT_MAX ? INT_MAX : (int)n;
   int any[2] = {with_temperatures, !with_temperatures};
   long long rows = (long long)n, total = 0;
+  block* held = NULL;
   if (n > 0 && node_ids == NULL)
     code = refuse(status, SHEARBUS_INVALID_VALUE, "node_ids", "Give one id per node.", "node_ids is NULL for %zu nodes",
                   n);
@@ -898,11 +882,10 @@ int shearbus_mpi_open_on_root(shearbus_mpi** ranks, MPI_Comm comm, shearbus_sess
     code = refuse(status, SHEARBUS_LIMIT, "node_ids", "Use shearbus_mpi_open().",
                   "the ranks have %lld nodes, expected at most %d", total, INT_MAX);
   const size_t on_root = all->rank == 0 && total <= INT_MAX ? (size_t)total : 0;
-  int* at = zeros((size_t)all->size, sizeof *at, &code, status);
-  uint64_t* ids = zeros(on_root, sizeof *ids, &code, status);
-  double* temperatures = zeros(on_root, sizeof *temperatures, &code, status);
-  free(all->rows);
-  all->rows = zeros((size_t)all->size, sizeof *all->rows, &code, status);
+  int* at = zeros(&held, (size_t)all->size, sizeof *at, &code, status);
+  uint64_t* ids = zeros(&held, on_root, sizeof *ids, &code, status);
+  double* temperatures = zeros(&held, on_root, sizeof *temperatures, &code, status);
+  all->rows = zeros(&all->held, (size_t)all->size, sizeof *all->rows, &code, status);
   code = agree(all, code, status);
   const int ready = code == SHEARBUS_OK;
   if (ready) {
@@ -914,9 +897,7 @@ int shearbus_mpi_open_on_root(shearbus_mpi** ranks, MPI_Comm comm, shearbus_sess
           MPI_Gatherv(initial_temperature_k, mine, MPI_DOUBLE, temperatures, all->rows, at, MPI_DOUBLE, 0, all->comm));
     if (all->rank == 0) code = shearbus_open(session, options, on_root, ids, any[0] ? temperatures : NULL, status);
   }
-  free(at);
-  free(ids);
-  free(temperatures);
+  release(held);
   return settle(ranks, session, code, status);
 }
 
@@ -977,17 +958,12 @@ typedef struct columns {
   double* in;
   char* out;
 } columns;
-static columns make_columns(size_t rows, const plan* of, int* code, shearbus_status* status) {
+static columns make_columns(block** held, size_t rows, const plan* of, int* code, shearbus_status* status) {
   columns made;
-  made.ids = zeros(of->with_node_ids ? rows : 0, sizeof(uint64_t), code, status);
-  made.in = zeros(rows * of->n_inputs, sizeof(double), code, status);
-  made.out = zeros(rows * of->n_outputs, sizeof(double), code, status);
+  made.ids = zeros(held, of->with_node_ids ? rows : 0, sizeof(uint64_t), code, status);
+  made.in = zeros(held, rows * of->n_inputs, sizeof(double), code, status);
+  made.out = zeros(held, rows * of->n_outputs, sizeof(double), code, status);
   return made;
-}
-static void free_columns(columns* of) {
-  free(of->ids);
-  free(of->in);
-  free(of->out);
 }
 
 /* Rank 0: the step of all rows. */
@@ -1050,12 +1026,12 @@ int shearbus_mpi_step_on_root(shearbus_mpi* ranks, shearbus_session* session, co
   if (code == SHEARBUS_OK && request->n > INT_MAX)
     code =
         refuse(status, SHEARBUS_LIMIT, "n", "Step fewer rows.", "n is %zu, expected at most %d", request->n, INT_MAX);
-  int* rows = zeros((size_t)ranks->size, sizeof *rows, &code, status);
-  int* at = zeros((size_t)ranks->size, sizeof *at, &code, status);
+  block* held = NULL;
+  int* rows = zeros(&held, (size_t)ranks->size, sizeof *rows, &code, status);
+  int* at = zeros(&held, (size_t)ranks->size, sizeof *at, &code, status);
   code = agree(ranks, code, status);
   if (code != SHEARBUS_OK) {
-    free(rows);
-    free(at);
+    release(held);
     return code;
   }
 
@@ -1070,7 +1046,8 @@ int shearbus_mpi_step_on_root(shearbus_mpi* ranks, shearbus_session* session, co
   else
     offsets(ranks->size, rows, at);
   const size_t on_root = ranks->rank == 0 && total <= INT_MAX ? (size_t)total : 0;
-  columns own_rows = make_columns(size, &mine, &code, status), all = make_columns(on_root, &mine, &code, status);
+  columns own_rows = make_columns(&held, size, &mine, &code, status),
+          all = make_columns(&held, on_root, &mine, &code, status);
   code = agree(ranks, code, status);
   if (code == SHEARBUS_OK) {
     if (mine.with_node_ids)
@@ -1104,10 +1081,7 @@ int shearbus_mpi_step_on_root(shearbus_mpi* ranks, shearbus_session* session, co
     if (result != NULL && result->size == sizeof answer) *result = answer;
     code = agree(ranks, code, status);
   }
-  free(rows);
-  free(at);
-  free_columns(&own_rows);
-  free_columns(&all);
+  release(held);
   return code;
 }
 
