@@ -8,14 +8,14 @@ history of inputs alone completes those that have its steps.
 import pathlib
 import sys
 import textwrap
-from terminal import Parser, complain, read_toml, whole_number
+from terminal import Parser, complain, whole_number
 import begin  # noqa: F401
 
 import h5py
 import numpy as np
 import style
 from matplotlib.lines import Line2D
-from runs import check_texts, tell_apart, text_of
+from runs import check_texts, chunks, meta_of, provenance_of, regimes_of, scene_of, tell_apart
 
 MOST_ROWS = 4000  # more would be finer than the pixels of the picture
 PANELS = [  # label, lines: (quantity, label in a legend)
@@ -46,27 +46,18 @@ class File:
                 raise ValueError(f"{path}: not a history or a result, it has no time and node_id")
             self.ids, self.time = file["node_id"][:], file["time"][:]
             self.answers = any(name in file for name in ("interface_temperature", "sliding_velocity", "shear_stress"))
-            meta = file.get("meta")
-            facts = {key: text_of(value) for key, value in meta.attrs.items()} if meta is not None else {}
-            self.scene_text = text_of(meta["scene"][()]) if meta is not None and "scene" in meta else facts.get("scene", "")
-        try:
-            self.scene = read_toml(self.scene_text)
-        except ValueError:
-            self.scene = {}
-        self.law, self.name = facts.get("interface_law", "subgrid"), self.scene.get("name", self.path.stem)
+            meta, text = meta_of(file)
+        self.scene = scene_of(text)
+        self.law, self.name = meta.get("interface_law", "subgrid"), self.scene.get("name", self.path.stem)
         self.label = style.law_label(self.law)
-        names = {"scene": "scene_name", "program": "producer", "version": "server_version", "commit": "commit", "date": "created", "machine": "machine"}
-        self.provenance = {key: facts[name][: 10 if key == "date" else None] for key, name in names.items() if name in facts}
-        if "name" in self.scene:  # the table of an event log has the scene alone
-            self.provenance.setdefault("scene", str(self.scene["name"]))
+        self.provenance = provenance_of(meta, meta.get("scene_name") or self.scene.get("name"))  # the table of an event log has the scene alone
 
     def hottest(self):
         """Returns the id of the hottest node, of the first one where no temperature is known."""
         with h5py.File(self.path) as file:
             if "interface_temperature" not in file or not len(self.time):
                 return int(self.ids[0])
-            temperature = file["interface_temperature"]
-            peaks = [temperature[i:i + 1000].max(axis=0) for i in range(0, len(self.time), 1000)]
+            peaks = [part.max(axis=0) for part in chunks(file["interface_temperature"])]
             return int(self.ids[np.argmax(np.max(peaks, axis=0))])
 
     def take(self, node):
@@ -79,12 +70,7 @@ class File:
             self.values = {name: file[name][:, column][self.rows] for name in ["regime", *(name for _, lines in PANELS for name, _ in lines)]
                            if name in file and file[name].ndim == 2}
             if "regime" in self.values:
-                names = list(style.REGIMES)
-                codes = h5py.check_enum_dtype(file["regime"].dtype) or {name: code for code, name in enumerate(names)}
-                position = np.zeros(256, dtype="u1")
-                for name, code in codes.items():
-                    position[code] = names.index(name) if name in names else 0
-                self.values["regime"] = position[self.values["regime"]]
+                self.values["regime"] = regimes_of(self.values["regime"], file["regime"])
         if "sliding_velocity" in self.values and "regime" in self.values:  # nothing slides on an open contact
             self.values["sliding_velocity"] = np.where(self.values["regime"] > 0, self.values["sliding_velocity"], np.nan)
 

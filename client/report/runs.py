@@ -64,6 +64,38 @@ def text_of(value):
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
+def meta_of(file):
+    """Returns the attributes of a history's /meta as texts, and the text of its scene."""
+    meta = file.get("meta")
+    found = {key: text_of(value) for key, value in meta.attrs.items()} if meta is not None else {}
+    return found, text_of(meta["scene"][()]) if meta is not None and "scene" in meta else found.pop("scene", "")
+
+
+def scene_of(text):
+    """Returns the scene of a text; one that is no TOML is empty."""
+    try:
+        return read_toml(text)
+    except ValueError:
+        return {}
+
+
+def provenance_of(meta, scene, known=()):
+    """Returns the facts of a footer: those of /meta, or those that are known otherwise."""
+    facts = {"program": "producer", "version": "server_version", "commit": "commit", "date": "created", "machine": "machine"}
+    found = {"scene": scene, **{key: meta.get(name, "") for key, name in facts.items()}, **dict(known)}
+    return {**found, "date": found["date"][:10]}
+
+
+def regimes_of(values, data):
+    """Returns the regimes that a dataset names as positions in style.REGIMES."""
+    names = list(REGIMES)
+    codes = h5py.check_enum_dtype(data.dtype) or {name: code for code, name in enumerate(names)}
+    position = np.zeros(256, dtype="u1")
+    for name, code in codes.items():
+        position[code] = names.index(name) if name in names else 0
+    return position[values]
+
+
 def table_of(path):
     """Returns a history or a result as {name: array} with time (s), node_id, regime as positions in style.REGIMES,
     and meta."""
@@ -80,16 +112,8 @@ def table_of(path):
             if isinstance(data, h5py.Dataset) and data.ndim == 2 and data.shape == (steps, found["node_id"].size):
                 found[name] = thinned(data, rows)
         if "regime" in found:
-            names = list(REGIMES)
-            codes = h5py.check_enum_dtype(file["regime"].dtype) or {name: code for code, name in enumerate(names)}
-            position = np.zeros(256, dtype="u1")
-            for name, code in codes.items():
-                position[code] = names.index(name)
-            found["regime"] = position[found["regime"]]
-        meta = file.get("meta")
-        found["meta"] = {key: text_of(value) for key, value in meta.attrs.items()} if meta is not None else {}
-        scene = meta["scene"][()] if meta is not None and "scene" in meta else found["meta"].pop("scene", "")
-        found["scene"] = text_of(scene)
+            found["regime"] = regimes_of(found["regime"], file["regime"])
+        found["meta"], found["scene"] = meta_of(file)
         found["outcomes"] = outcome_counts(file) if "outcome" in file else {}
         found["hottest"] = max(part.max() for part in chunks(file["interface_temperature"]))
         found["heat"] = sum(part.sum(axis=0) for part in chunks(file["friction_heat"])) if "friction_heat" in file else None
@@ -196,18 +220,12 @@ class Run:
                 with h5py.File(path / "free_surface.h5") as file:
                     self.surface = (file["time"][:] * 1e6, file["axial_velocity"][:][:, np.argsort(file["radius"][0], kind="stable")])
         meta = self.table["meta"] if self.table else {}
-        text = self.table["scene"] if self.table else self._scene_of_mesh()
-        try:
-            self.scene_text, self.scene = text, read_toml(text)
-        except ValueError:
-            self.scene_text, self.scene = text, {}
+        self.scene_text = self.table["scene"] if self.table else self._scene_of_mesh()
+        self.scene = scene_of(self.scene_text)
         self.law = meta.get("interface_law") or self.summary.get("interface_law") or "subgrid"
         self.label, self.colour = law_label(self.law), law_colour(self.law)
         self.name = self.scene.get("name") or meta.get("scene_name") or path.stem
-        known = self.summary.get("provenance", {})
-        self.provenance = {"scene": known.get("scene", self.name), "program": known.get("program", meta.get("producer", "")),
-                           "version": known.get("version", meta.get("server_version", "")), "commit": known.get("commit", meta.get("commit", "")),
-                           "date": known.get("date", meta.get("created", ""))[:10], "machine": known.get("machine", meta.get("machine", ""))}
+        self.provenance = provenance_of(meta, self.name, self.summary.get("provenance", {}))
         if self.table:
             self.time, self.nodes = self.table["time"] * 1e6, self.table["node_id"]
             self.place, self.place_name = None, ""
