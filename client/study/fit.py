@@ -41,6 +41,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/report"))
 sys.path.insert(0, str(ROOT / "proto"))
 import contract  # noqa: E402
+from runs import flat  # noqa: E402
+from scene_text import with_value  # noqa: E402
 from terminal import Parser, complain, positive_count, read_text, read_toml, real_number  # noqa: E402
 
 STEP = 2e-3  # of a derivative, as a part of the parameter's range
@@ -212,35 +214,6 @@ class Run:
         return self.time - (0.5 * self.step if quantity in self.of_step else 0.0), self.of[quantity][:, place]
 
 
-def with_value(text, key, value):
-    """Returns the text of a scene in which a key has a number, at its place where the text has it."""
-    table, _, name = key.rpartition(".")
-    lines, at, begin = text.splitlines(), None, 0 if not table else None
-    current = ""
-    for i, line in enumerate(lines):
-        if header := re.match(r"\s*\[\s*([\w.]+)\s*\]", line):
-            current = header[1]
-            begin = i + 1 if current == table else begin
-        elif current == table and re.match(rf"\s*{re.escape(name)}\s*=", line):
-            at = i
-    row = f"{name} = {value!r}"
-    if at is not None:
-        lines[at] = row
-    elif begin is not None:
-        lines.insert(begin, row)
-    else:
-        lines += ["", f"[{table}]", row]
-    return "\n".join(lines) + "\n"
-
-
-def numbers_of(table, prefix=""):
-    """Returns {key: value} of a scene's tables."""
-    found = {}
-    for name, value in table.items():
-        found |= numbers_of(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
-    return found
-
-
 def write_ensemble(source, path, sets):
     """Writes a history in which every node of `source` comes once for each set {key: value} of parameters. Returns the nodes' ids in `source`."""
     with h5py.File(source) as file, h5py.File(path, "w") as made:
@@ -309,7 +282,7 @@ class Model:
             made = subprocess.run([self.check, "check", path], capture_output=True, text=True, check=False)
             if made.returncode != 0:
                 return None
-            scenes.append(numbers_of(tomllib.loads(made.stdout)))
+            scenes.append(flat(tomllib.loads(made.stdout)))
         first = scenes[0]
         keys = [key for key in first if any(scene.get(key) != first[key] for scene in scenes)]
         if any(set(scene) != set(first) for scene in scenes) or any(key.startswith("pair.") or not isinstance(first[key], (int, float)) for key in keys):

@@ -13,7 +13,6 @@ error). first_zone_m is scaled with the zones. Writes mesh.json and mesh.png to 
 import json
 import math
 import pathlib
-import re
 import subprocess
 import sys
 import tempfile
@@ -21,48 +20,32 @@ from argparse import SUPPRESS
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/report"))
+from scene_text import value_of, with_value  # noqa: E402
 from terminal import Parser, complain, positive_numbers  # noqa: E402
 
 ANSWERS = (("displacement_1mm", "metal over +-1 mm", "mm", 1e3), ("displacement_0.5mm", "over +-0.5 mm", "mm", 1e3), ("slip", "slip", "mm", 1e3),
            ("impulse", "friction impulse", "Pa s", 1.0), ("free_surface", "free surface, highest", "m/s", 1.0))
+CONE = "hydro.cone_target."
 
 
 class Fault(Exception):
     pass
 
 
-def number(text, key):
-    """Returns the value of a key that the scene has once, or None if it has none."""
-    found = re.findall(rf"(?m)^{key} = (\S+)", text)
-    if len(found) > 1:
-        raise Fault(f"the scene has {key} {len(found)} times, expected once; use a scene of one problem")
-    return float(found[0]) if found else None
-
-
-def put(text, key, value, table=None):
-    """Returns the scene with a key set; a key that is absent is added to its table."""
-    text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value:.9g}", text)
-    if not found:
-        text, found = re.subn(rf"(?m)^(\[{re.escape(table)}\].*)$", rf"\1\n{key} = {value:.9g}", text)
-    if not found:
-        raise Fault(f"the scene has no table [{table}] for {key}; add it")
-    return text
-
-
 def on_mesh(text, zone):
-    width, first = number(text, "zone_width_m"), number(text, "first_zone_m")
-    if width is None or "[hydro.cone_target]" not in text:
+    width, first = (value_of(text, CONE + key) for key in ("zone_width_m", "first_zone_m"))
+    if width is None:
         raise Fault("the scene has no [hydro.cone_target] with zone_width_m, expected a cone; see hydro_stub/problems/cone_al_steel.toml")
-    text = put(text, "zone_width_m", zone)
-    return put(text, "first_zone_m", first * zone / width) if first is not None else text
+    text = with_value(text, CONE + "zone_width_m", zone)
+    return with_value(text, CONE + "first_zone_m", first * zone / width) if first is not None else text
 
 
 def finer_layer(text):
-    accuracy = number(text, "accuracy")
+    accuracy = value_of(text, "layer.modes.accuracy")
     if accuracy is not None:
-        return put(text, "accuracy", 0.1 * accuracy)
-    cells, grading = number(text, "cells") or 500.0, number(text, "grading") or 1.0
-    return put(put(text, "cells", int(2 * cells), "layer"), "grading", math.sqrt(grading), "layer")
+        return with_value(text, "layer.modes.accuracy", 0.1 * accuracy)
+    cells, grading = value_of(text, "layer.cells") or 500, value_of(text, "layer.grading") or 1.0
+    return with_value(with_value(text, "layer.cells", 2 * cells), "layer.grading", math.sqrt(grading))
 
 
 def run(hydro, text, law, out):
@@ -104,7 +87,7 @@ def study(options):
         print(f"  zones of {zone * 1e3:g} mm: {runs[-1]['zones']} zones, {runs[-1]['steps']} steps, {runs[-1]['cpu_s']:.1f} s", flush=True)
     middle = len(zones) // 2 if len(zones) > 2 else 0
     at_middle = on_mesh(text, zones[middle])
-    half_dt = run(options.hydro, put(at_middle, "courant", 0.5 * (number(text, "courant") or 0.5), "hydro.cone_target"), options.law, options.out / "half_dt")
+    half_dt = run(options.hydro, with_value(at_middle, CONE + "courant", 0.5 * (value_of(text, CONE + "courant") or 0.5)), options.law, options.out / "half_dt")
     layer = run(options.hydro, finer_layer(at_middle), options.law, options.out / "layer") if options.law == "subgrid" else None
     rows = []
     for key, label, unit, scale in ANSWERS:
@@ -163,7 +146,7 @@ def main():
         options.out = options.out or pathlib.Path(scratch)
         try:
             found = study(options)
-        except (Fault, OSError) as fault:
+        except (Fault, OSError, ValueError) as fault:  # ValueError: the scene is no TOML
             complain("shearbus-study: mesh", fault)
             return 1
         except KeyboardInterrupt:
