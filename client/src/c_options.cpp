@@ -40,12 +40,8 @@ CheckClosure check_of(int option) {
 }
 
 std::string text_of_file(const std::string& path) try {
-  const files::RegularFile file(path);
-  std::string text(wire::kMaxSceneBytes + 1, '\0');
-  std::size_t size = 0;
-  while (const std::size_t taken = file.read(text.data() + size, text.size() - size, path)) size += taken;
-  text.resize(size);
-  if (size > wire::kMaxSceneBytes)
+  std::string text = files::RegularFile(path).head(wire::kMaxSceneBytes + 1);
+  if (text.size() > wire::kMaxSceneBytes)
     refuse(Code::kLimit, fmt::format("the scene {} has more than {} bytes", in_message(path), wire::kMaxSceneBytes),
            "Is it a TOML file?", "scene_file");
   return text;

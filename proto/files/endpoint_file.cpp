@@ -3,16 +3,15 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <stdexcept>
 #include <utility>
 
+#include "proto/files/input_file.hpp"
 #include "proto/files/key_file.hpp"
 #include "proto/wire/status.hpp"
 
@@ -38,24 +37,13 @@ constexpr const char* kFirstLine = "# The server writes this file when it listen
   throw std::runtime_error(fmt::format("{}: {}", file.string(), fault));
 }
 
-std::string read_small(const std::filesystem::path& file) {
-  // Does not wait for the writer of a fifo.
-  const int opened = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (opened < 0) refuse(file, fmt::format("cannot be opened: {}", std::strerror(errno)));
-  struct stat found {};
-  std::string text(kMaxFileBytes + 1, '\0');
-  std::size_t size = 0;
-  ssize_t taken = -1;
-  const bool regular = ::fstat(opened, &found) == 0 && S_ISREG(found.st_mode);
-  while (regular && size < text.size() && (taken = ::read(opened, text.data() + size, text.size() - size)) > 0)
-    size += static_cast<std::size_t>(taken);
-  const int fault = errno;
-  ::close(opened);
-  if (!regular) refuse(file, "is not a regular file");
-  if (taken < 0) refuse(file, fmt::format("cannot be read: {}", std::strerror(fault)));
-  if (size > kMaxFileBytes) refuse(file, fmt::format("has more than {} bytes; it is no endpoint file", kMaxFileBytes));
-  text.resize(size);
+std::string read_small(const std::filesystem::path& file) try {
+  std::string text = RegularFile(file).head(kMaxFileBytes + 1);
+  if (text.size() > kMaxFileBytes)
+    refuse(file, fmt::format("has more than {} bytes; it is no endpoint file", kMaxFileBytes));
   return text;
+} catch (const wire::Error& fault) {
+  throw std::runtime_error(fault.status().text);
 }
 
 bool can_stand_in_quotes(const std::string& value) {

@@ -14,6 +14,7 @@
 #include <system_error>
 #include <utility>
 
+#include "proto/wire/host_process.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
 
@@ -23,15 +24,15 @@ namespace shearbus::files {
 class RegularFile {
  public:
   explicit RegularFile(const std::filesystem::path& file)
-      : descriptor_(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {
+      : RegularFile(file, ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {
     struct stat found {};
-    if (descriptor_ < 0 || ::fstat(descriptor_, &found) != 0)
-      refuse(file, fmt::format("cannot be opened: {}", std::generic_category().message(errno)));
+    if (descriptor_ < 0 || ::fstat(descriptor_, &found) != 0) refuse("cannot be opened");
     size_ = static_cast<std::uintmax_t>(found.st_size);
-    if (S_ISREG(found.st_mode)) return;
-    refuse(file, fmt::format("is {}, expected a regular file", S_ISDIR(found.st_mode)    ? "a directory"
-                                                               : S_ISFIFO(found.st_mode) ? "a pipe"
-                                                                                         : "a device or a socket"));
+    if (!S_ISREG(found.st_mode))
+      refuse(S_ISDIR(found.st_mode)    ? "is a directory, expected a regular file"
+             : S_ISFIFO(found.st_mode) ? "is a pipe, expected a regular file"
+                                       : "is a device or a socket, expected a regular file",
+             0);
   }
   RegularFile(const RegularFile&) = delete;
   RegularFile& operator=(const RegularFile&) = delete;
@@ -41,29 +42,33 @@ class RegularFile {
 
   std::uintmax_t size() const { return size_; }
   // Reads on, up to `most` bytes, into `to`. Returns the number of bytes; 0 at the end. Throws Error.
-  std::size_t read(char* to, std::size_t most, const std::filesystem::path& file) const {
-    for (;;) {
-      const ssize_t taken = ::read(descriptor_, to, most);
-      if (taken >= 0) return static_cast<std::size_t>(taken);
-      if (errno != EINTR) refuse(file, fmt::format("cannot be read: {}", std::generic_category().message(errno)));
-    }
+  std::size_t read(char* to, std::size_t most) const {
+    const ssize_t taken = wire::uninterrupted([&] { return ::read(descriptor_, to, most); });
+    if (taken < 0) refuse("cannot be read");
+    return static_cast<std::size_t>(taken);
+  }
+  // Returns the file, or its first `most` bytes. Throws Error.
+  std::string head(std::size_t most) const {
+    std::string text(most, '\0');
+    std::size_t size = 0;
+    while (const std::size_t taken = read(text.data() + size, most - size)) size += taken;
+    text.resize(size);
+    return text;
   }
 
  private:
   static constexpr std::size_t kLongestName = 4096;  // of a file, in messages
 
-  [[noreturn]] void refuse(const std::filesystem::path& file, const std::string& what) {
-    if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
-    throw_fault(file, what);
-  }
-  [[noreturn]] void refuse(const std::filesystem::path& file, const std::string& what) const {
-    throw_fault(file, what);
-  }
-  [[noreturn]] static void throw_fault(const std::filesystem::path& file, const std::string& what) {
-    throw wire::Error({.code = wire::Code::kInvalidValue,
-                       .text = fmt::format("{}: {}", wire::printable(file.string(), kLongestName), what)});
+  RegularFile(std::filesystem::path file, int descriptor) : file_(std::move(file)), descriptor_(descriptor) {}
+
+  [[noreturn]] void refuse(const char* what, int fault = errno) const {
+    throw wire::Error(
+        {.code = wire::Code::kInvalidValue,
+         .text = fmt::format("{}: {}{}{}", wire::printable(file_.string(), kLongestName), what, fault == 0 ? "" : ": ",
+                             fault == 0 ? "" : std::generic_category().message(fault))});
   }
 
+  std::filesystem::path file_;
   int descriptor_;
   std::uintmax_t size_ = 0;
 };

@@ -490,7 +490,7 @@ std::string hash_of_file(const fs::path& file) {
   const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(), XXH3_freeState);
   XXH3_64bits_reset(state.get());
   std::vector<char> block(1 << 20);
-  while (const std::size_t size = input.read(block.data(), block.size(), file))
+  while (const std::size_t size = input.read(block.data(), block.size()))
     XXH3_64bits_update(state.get(), block.data(), size);
   return fmt::format("xxh3-64:{:016x}", XXH3_64bits_digest(state.get()));
 }

@@ -14,6 +14,7 @@
 #include <system_error>
 #include <utility>
 
+#include "proto/files/input_file.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::files {
@@ -109,19 +110,10 @@ void refuse_inputs_as_output(const std::string& option, const fs::path& out, std
   }
 }
 
-std::string head_of(const fs::path& file, std::size_t most) {
-  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-  std::string text(descriptor < 0 ? 0 : most, '\0');
-  std::size_t size = 0;
-  while (size < text.size()) {
-    const ssize_t taken = ::read(descriptor, text.data() + size, text.size() - size);
-    if (taken < 0 && errno == EINTR) continue;
-    if (taken <= 0) break;
-    size += static_cast<std::size_t>(taken);
-  }
-  if (descriptor >= 0) ::close(descriptor);
-  text.resize(size);
-  return text;
+std::string head_of(const fs::path& file, std::size_t most) try {
+  return RegularFile(file).head(most);
+} catch (const wire::Error&) {
+  return {};
 }
 
 fs::path target_of_output(const fs::path& file) {

@@ -7,7 +7,6 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <locale>
 #include <memory>
@@ -456,19 +455,13 @@ std::string read_file(const std::filesystem::path& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored))
     refuse(fmt::format("{}: is a directory, expected a scene file", shown()));
-  std::string text;
   try {
-    const files::RegularFile file(path);
-    std::array<char, 65536> block{};
-    while (const std::size_t size = file.read(block.data(), block.size(), path)) {
-      text.append(block.data(), size);
-      if (text.size() > wire::kMaxSceneBytes)
-        refuse(fmt::format("{}: larger than {} bytes: not a scene", shown(), wire::kMaxSceneBytes));
-    }
+    std::string text = files::RegularFile(path).head(wire::kMaxSceneBytes + 1);
+    if (text.size() <= wire::kMaxSceneBytes) return text;
   } catch (const wire::Error& fault) {
     refuse(fault.status().text);
   }
-  return text;
+  refuse(fmt::format("{}: larger than {} bytes: not a scene", shown(), wire::kMaxSceneBytes));
 }
 
 std::string Document::where(std::string_view path) const {

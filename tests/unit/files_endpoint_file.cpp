@@ -64,9 +64,9 @@ TEST_F(EndpointFiles, WhatIsNoEndpointFileIsRefusedWithTheReason) {
     return support::said_by<std::runtime_error>([&] { read_endpoint_file(path); });
   };
   EXPECT_THAT(fault_of_path(scratch_ / "absent"), HasSubstr("No such file"));
-  EXPECT_THAT(fault_of_path(scratch_.path()), HasSubstr("not a regular file"));
+  EXPECT_THAT(fault_of_path(scratch_.path()), HasSubstr("expected a regular file"));
   ASSERT_EQ(::mkfifo((scratch_ / "fifo").c_str(), 0600), 0);
-  EXPECT_THAT(fault_of_path(scratch_ / "fifo"), HasSubstr("not a regular file"));
+  EXPECT_THAT(fault_of_path(scratch_ / "fifo"), HasSubstr("expected a regular file"));
 }
 
 TEST_F(EndpointFiles, AValueThatWouldNotBeReadBackIsNotWritten) {
