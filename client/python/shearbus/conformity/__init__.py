@@ -37,7 +37,7 @@ def play(scenario, client, delay):
     with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
         endpoint = back = f"ipc://{directory}/mock"
         threads = [threading.Thread(target=server.serve, args=(back, over.is_set, False))]
-        proxy = lossy_proxy.LossyProxy(delay=delay)
+        proxy = lossy_proxy.LossyProxy(delay)
         if scenario == "losses":
             endpoint = f"ipc://{directory}/proxy"
             threads.append(threading.Thread(target=proxy.serve, args=(endpoint, back, over.is_set)))

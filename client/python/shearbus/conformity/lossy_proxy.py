@@ -1,28 +1,19 @@
-#!/usr/bin/python3
 """A proxy between a client and a server that loses, doubles and delays messages. A client must come through without
-noticing.
-
-lossy_proxy.py --bind ENDPOINT --server ENDPOINT [--plan NUMBER:FAULT,...] [--delay SECONDS]
-
-FAULT is lose_request, lose_reply, double_request, double_reply or delay_reply (by --delay seconds); NUMBER counts the
-requests that the client sends for the first time, hello being 0."""
-import re
+noticing."""
 import time
 
 import zmq
 
-from .._terminal import Parser, positive_number
-
 FAULTS = ("lose_request", "lose_reply", "double_request", "double_reply", "delay_reply")
-PLAN = {
+PLAN = {  # by the number of a request that the client sends for the first time, hello being 0
     2: "lose_reply", 5: "lose_request", 8: "lose_reply", 11: "double_request", 14: "double_reply", 17: "delay_reply",
     20: "double_reply", 23: "lose_request"
 }
 
 
 class LossyProxy:
-    def __init__(self, plan=None, delay=1.0):
-        self.plan, self.delay = dict(PLAN if plan is None else plan), delay
+    def __init__(self, delay):
+        self.delay = delay  # of a delayed reply, s
         self.done = []  # faults that were made
         self._seen = set()
 
@@ -66,7 +57,7 @@ class LossyProxy:
 
         fault = None
         if tuple(frames) not in self._seen:
-            fault = self.plan.get(len(self._seen))
+            fault = PLAN.get(len(self._seen))
             self._seen.add(tuple(frames))
             if fault:
                 self.done.append(fault)
@@ -83,19 +74,3 @@ class LossyProxy:
         """Returns the bytes of field 4, request_id (fixed64), which headers have near their beginning."""
         at = frames[0].find(b"\x21")
         return frames[0][at + 1 : at + 9]
-
-
-if __name__ == "__main__":
-    parser = Parser(description=__doc__)
-    parser.add_argument("--bind", required=True)
-    parser.add_argument("--server", required=True)
-    parser.add_argument("--plan", help="such as 2:lose_reply,5:lose_request")
-    parser.add_argument("--delay", type=positive_number, default=8.0)
-    options = parser.parse_args()
-    chosen = None
-    if options.plan:
-        found = [re.fullmatch(rf"([0-9]{{1,9}}):({'|'.join(FAULTS)})", item) for item in options.plan.split(",")]
-        if None in found:
-            parser.error(f"--plan: expected NUMBER:FAULT with the faults {', '.join(FAULTS)}, and commas between two of them")
-        chosen = {int(item[1]): item[2] for item in found}
-    LossyProxy(chosen, options.delay).serve(options.bind, options.server, lambda: False)

@@ -1,23 +1,17 @@
-#!/usr/bin/python3
 """A server for the tests of a host: it answers the friction and the temperature of a problem, for whatever a host sends, and holds the
 client to the protocol (proto/WIRE.md) and to closure: the jump that it answered is the jump that the host sends next.
 
-mock_server.py --bind ENDPOINT [--problem NAME] [--restart-after N]
-
-It serves until a session is closed, then prints every check that failed and the line "N of M". Of the scene it reads
-tangential_components alone. Needs numpy, pyzmq and libxxhash (or the package xxhash); of the protocol it knows what a
+Of the scene it reads tangential_components alone. Needs numpy, pyzmq and libxxhash (or the package xxhash); of the protocol it knows what a
 step needs: hello, open_session, downscale, commit, rollback, resume_session, close_session."""
 import cmath
 import ctypes
 import os
 import struct
-import sys
 import tomllib
 
 import zmq
 
-from .._terminal import Parser, complain, whole_number
-from ._door import Refused, listening
+from ._door import listening
 from .problems import Heat, Problem
 
 MAGIC = 0x31425353
@@ -684,28 +678,3 @@ class MockServer:
             if other == peer and more != frames:
                 self.report.check("one_in_flight", False, "a request came before the answer to the one before")
             socket.send_multipart([other, *self.answer(more, other)])
-
-
-def main():
-    parser = Parser(description=__doc__)
-    parser.add_argument("--bind", required=True)
-    parser.add_argument("--problem", choices=Problem.NAMES, default=Problem.NAMES[0])
-    parser.add_argument("--restart-after", type=whole_number)
-    options = parser.parse_args()
-    server = MockServer(options.problem, options.restart_after)
-    try:
-        server.serve(options.bind)
-    except Refused as fault:
-        complain(parser.prog, fault)
-        return 1
-    results = server.report.results(PROTOCOL + RESTARTED * (options.restart_after is not None))
-    for name, why in results.items():
-        if why:
-            print(f"failed: {name}: expected: {CHECKS[name]}; found: {why}")
-    good = sum(why is None for why in results.values())
-    print(f"{good} of {len(results)}")
-    return good < len(results)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
