@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <array>
+
 #include "proto/wire/encoding.hpp"
 
 namespace shearbus::wire {
@@ -13,24 +15,11 @@ constexpr std::uint32_t kLastOnce = 47;  // no field up to this number may occur
 
 // Returns the wire type of a field of the envelope; none for an unknown number, which may have any type.
 std::optional<WireType> wire_type_of(std::uint32_t number) {
-  switch (number) {
-    case 1:
-      return WireType::kFixed32;
-    case 2:
-    case 3:
-    case 6:
-    case 10:
-      return WireType::kVarint;
-    case 4:
-    case 7:
-      return WireType::kFixed64;
-    case 5:
-    case 8:
-    case 9:
-      return WireType::kLength;
-    default:
-      return number >= kFirstBody && number <= kLastOnce ? std::optional(WireType::kLength) : std::nullopt;
-  }
+  using enum WireType;
+  constexpr std::array kTypes = {kFixed32, kVarint,  kVarint, kFixed64, kLength,
+                                 kVarint,  kFixed64, kLength, kLength,  kVarint};
+  if (number >= 1 && number <= kTypes.size()) return kTypes[number - 1];
+  return number >= kFirstBody && number <= kLastOnce ? std::optional(kLength) : std::nullopt;
 }
 
 void keep(const EncodedField& field, EnvelopeScan& scan) {
